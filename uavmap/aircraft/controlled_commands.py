@@ -15,21 +15,26 @@ import contextlib
 import math
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon
-from uavmap.aircraft.control import HEARTBEAT_WAIT_S, Holder
+from uavmap.aircraft.control import HEARTBEAT_WAIT_S, Control, Holder
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.mavlink.session import Session, position_target
 
+PAUSE_S: Final = 0.1
+"""Pause before a command without an acknowledgement, or unsent, is sent again, s."""
+MODE_S: Final = 2.5
+"""Maximum time until a new mode is reported, s."""
 _STAMP_WRAPS_S: Final = 250.0
 """Before a time of transmission loses its milliseconds in a float, it begins anew."""
 _LEAPS_WITHIN_S: Final = 1.0
 """Time after a place was taken in which the reported position leaps to it, s."""
+Copy = Callable[[Control, float], Control]
+"""The control after a copy of a command for a mode was sent at a time of the loop's clock."""
 _PLACE_ALONE: Final = 0b1101_1111_1000
 """The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
@@ -86,9 +91,8 @@ class ControlledCommands:
         _, wire_m = kind.altitude_on_wire(height_m, self._view.home_amsl_m)
         unused = kind.unused_param
 
-        def copy() -> None:
-            self._monitor.asks(kind.takes_off_in)
-            self._monitor.takes_off()
+        def copy(control: Control, now_s: float) -> Control:
+            return control.asking(kind.takes_off_in, now_s).takes_off(now_s)
 
         params = (0, 0, 0, unused, unused, unused, wire_m)
         await self._into(copy, mav.MAV_CMD_NAV_TAKEOFF, *params, done=done)
@@ -171,32 +175,32 @@ class ControlledCommands:
 
     async def _into(
         self,
-        mode: int | Callable[[], None],
+        mode: int | Copy,
         command: int,
         *params: float,
         done: Callable[[], bool] = _never,
     ) -> None:
-        """Command a mode, which `mode` notes before each copy. Raises `LinkError` where the present
+        """Command a mode, which is noted before each copy. Raises `LinkError` where the present
         mode is not reported."""
-        copy = mode if callable(mode) else partial(self._monitor.asks, mode)
+        copy: Copy = mode if callable(mode) else lambda control, now_s: control.asking(mode, now_s)
         permit = _KnownMode(self, self._session, self._monitor, copy)
         async with self._while_ours():
             try:
                 await self._session.command(command, *params, done=done, permit=permit)
             except CommandRefusedError:
-                self._monitor.refused()
+                self._monitor.control = self._monitor.control.refused()
                 raise
 
 
 @dataclass(frozen=True, slots=True)
 class _KnownMode:
     """Permits a copy of a command while the vehicle is under our control by a mode that was just
-    reported; calls `copy` before each."""
+    reported; notes it in the control before each."""
 
     commands: ControlledCommands
     session: Session
     monitor: Monitor
-    copy: Callable[[], None]
+    copy: Copy
 
     async def granted(self) -> None:
         if not await self.session.until(self.grants, HEARTBEAT_WAIT_S):
@@ -207,5 +211,5 @@ class _KnownMode:
         known = self.monitor.control.knows_mode(now_s) and not self.session.view.gate.clock.late
         granted = self.commands.may_send and known
         if granted:
-            self.copy()
+            self.monitor.control = self.copy(self.monitor.control, now_s)
         return granted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Final
 
 from missions.flight.setting import Setting
@@ -30,30 +31,27 @@ class TasksOf:
 
     def task(self, order: Order) -> Task:
         """What an order asks that is given now."""
-        since_s = self._reporter.now_s()
-        name = type(order).__name__
         if not isinstance(order, FlyPath):
             self._course = None
+        task = Task("ground", self._reporter.now_s(), name=type(order).__name__)
         match order:
             case FlyPath():
                 return self._along(order)
             case TakeOff(height_m):
                 here = self._reporter.position()
-                return Task("climb", since_s, (here,), height_m=height_m, name=name)
+                return replace(task, doing="climb", path=(here,), height_m=height_m)
             case Land():
-                return Task("land", since_s, name=name)
+                return replace(task, doing="land")
             case FlyTo():
                 return self.leg(order)
             case Hold():  # it flies on until it has heard of it
-                return Task("hold", since_s, height_m=self._view.height_m, name=name)
-            case Look() | Sweep():  # a sweep begins with its camera
-                height_m = order.height_m
-                here = self._reporter.position()
-                drift_m_s = self._setting.grid.drift_speed_m_s
-                return Task(
-                    "hold", since_s, (here,), height_m=height_m, drift_m_s=drift_m_s, name=name
+                return replace(task, doing="hold", height_m=self._view.height_m)
+            case Look(height_m=height_m) | Sweep(height_m=height_m):  # which begins with its camera
+                here, drift_m_s = self._reporter.position(), self._setting.grid.drift_speed_m_s
+                return replace(
+                    task, doing="hold", path=(here,), height_m=height_m, drift_m_s=drift_m_s
                 )
-        return Task("ground", since_s, name=name)
+        return task
 
     def begun(self, order: Order, target: GridPoint) -> Task:
         """What an order asks whose first target was acknowledged now."""
@@ -68,17 +66,13 @@ class TasksOf:
     def _along(self, order: FlyPath) -> Task:
         """A path that is flown from its beginning on, and until then the one before it."""
         since_s = self._reporter.now_s()
-        plan = order.trajectory
-        before = self._course
+        plan, before = order.trajectory, self._course
         self._course = Course((plan,)) if before is None else before.then(plan, since_s)
+        drift_m_s = self._setting.grid.drift_speed_m_s
         return Task(
-            "path",
-            since_s,
-            height_m=order.height_m,
-            drift_m_s=self._setting.grid.drift_speed_m_s,
-            name=type(order).__name__,
-            course=self._course,
-        )
+            "path", since_s, height_m=order.height_m, drift_m_s=drift_m_s,
+            name=type(order).__name__, course=self._course,
+        )  # fmt: skip
 
     def leg(self, order: Order) -> Task:
         """A leg that begins now."""
@@ -93,16 +87,12 @@ class TasksOf:
                 points = (*points, grid.to_fixed(grid.centre_of(order.cell), since_s))
         path = (self._reporter.position(), *points)
         climb_s = abs(height_m - self._view.height_m) / CLIMB_SPEED_M_S
+        homeward = isinstance(order, FlyTo) and order.cell is None and order.stop
+        estimate_s = self._flown_in_s(path) + climb_s + SETTLE_S
         return Task(
-            "leg",
-            since_s,
-            path,
-            isinstance(order, FlyTo) and order.cell is None and order.stop,
-            height_m,
-            self._flown_in_s(path) + climb_s + SETTLE_S,
-            grid.drift_speed_m_s,
+            "leg", since_s, path, homeward, height_m, estimate_s, grid.drift_speed_m_s,
             type(order).__name__,
-        )
+        )  # fmt: skip
 
     def _flown_in_s(self, path: tuple[GridPoint, ...]) -> float:
         energy = self._setting.energy

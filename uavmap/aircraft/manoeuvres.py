@@ -30,13 +30,13 @@ from missions.orders import (
 )
 from missions.units import Cell, GridPoint
 from uavmap.aircraft.control import AirState
-from uavmap.aircraft.controlled_commands import ControlledCommands
+from uavmap.aircraft.controlled_commands import MODE_S, ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.imaging.frames import Frames
 from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.legs import OTHER_LAYER_M, SpeedWatch, aim_over_ground, at_height
 from uavmap.aircraft.map_navigation import Navigation
-from uavmap.aircraft.pad import MODE_S, Crew, Pad, insist
+from uavmap.aircraft.pad import Crew, Pad, insist
 from uavmap.aircraft.path_stream import PathStream, StreamTimeout
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import Session

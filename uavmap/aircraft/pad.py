@@ -13,7 +13,7 @@ from missions.errors import CommandRefusedError, LinkError
 from missions.events import Airborne, BatterySwapped
 from missions.orders import TakeOff
 from uavmap.aircraft.control import LIFT_S, AirState
-from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
+from uavmap.aircraft.controlled_commands import MODE_S, PAUSE_S, ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import Session
@@ -64,10 +64,6 @@ READY_S: Final = 120.0
 ARM_TRIES: Final = 10
 ARM_PAUSE_S: Final = 3.0
 CLIMB_TOLERANCE_M: Final = 0.4
-PAUSE_S: Final = 0.1
-"""Pause before a command without an acknowledgement, or unsent, is sent again, s."""
-MODE_S: Final = 2.5
-"""Maximum time until a new mode is reported, s."""
 HOME_S: Final = 5.0
 """A position above the home that arming has set comes within this time."""
 FULL: Final = 0.9

@@ -23,7 +23,7 @@ from missions.errors import LinkError
 from missions.geo.braking import Course
 from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
-from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
+from uavmap.aircraft.controlled_commands import MODE_S, ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.parameters import Parameter, Parameters
@@ -36,8 +36,6 @@ SMOOTH_S: Final = 0.5
 SAMPLES: Final = 10
 FIRST_S: Final = 0.6
 """PX4 wants to see a stream for half a second before it changes to OFFBOARD."""
-MODE_S: Final = 2.5
-"""A mode that was asked for is seen in a heartbeat within this time."""
 MODE_TRIES: Final = 4
 BRAKE_S: Final = 6.0
 """A real one comes to rest from 10 m/s in 4.2 s."""

@@ -63,18 +63,16 @@ class Reporter:
 
     def position(self) -> GridPoint:
         """Where the vehicle is, in the fixed frame. Raises `LinkError` if it is not reported."""
-        if self._view.position is None:
-            raise LinkError(f"{self.name}: the vehicle has not said where it is")
-        return self.place(self._view.position)
+        return self._place(self._view.position, "it is")
 
     def home(self) -> GridPoint:
         """Where its home is, in the fixed frame. Raises `LinkError` if it is not reported."""
-        if self._view.home is None:
-            raise LinkError(f"{self.name}: the vehicle has not said where its home is")
-        return self.place(self._view.home)
+        return self._place(self._view.home, "its home is")
 
-    def place(self, position: LatLon) -> GridPoint:
+    def _place(self, position: LatLon | None, what: str) -> GridPoint:
         """A position in the fixed frame, to a centimetre."""
+        if position is None:
+            raise LinkError(f"{self.name}: the vehicle has not said where {what}")
         point = self.grid.fixed(position)
         return GridPoint(round(point.east_m, 2), round(point.north_m, 2))
 

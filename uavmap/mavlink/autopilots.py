@@ -24,16 +24,10 @@ Field = tuple[str, str, int]
 
 
 def add_message(message_id: int, name: str, crc_extra: int, *fields: Field) -> Any:
-    """Add a message to the dialect.
+    """Add a message to the dialect; return its class, as pymavlink's generator would make it.
 
-    Args:
-        message_id: MAVLink's number of the message.
-        name: MAVLink's name of it.
-        crc_extra: What its definition adds to the checksum.
-        fields: Its fields in the order of the wire, which is that of the constructor, too.
-
-    Returns:
-        The class of the message, as pymavlink's generator would make it.
+    `crc_extra` is what its definition adds to the checksum; the fields are in the order of the
+    wire, which is that of the constructor, too.
     """
     names, kinds, arrays = (list(column) for column in zip(*fields, strict=True))
     layout = struct.Struct("<" + "".join(f"{n or ''}{_LETTERS[kind]}" for _, kind, n in fields))

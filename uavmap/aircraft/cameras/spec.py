@@ -36,18 +36,19 @@ def parse_camera(text: str) -> CameraSpec:
     ('0', 'url')
     """
     name, colon, rest = text.strip().partition(":")
-    if name in ("mavlink", "libcamera") and not colon:
-        return CameraSpec("mavlink" if name == "mavlink" else "libcamera", "0", text)
     if text.strip().lower().startswith(_URLS):
         return CameraSpec("url", text.strip(), text)
-    if name == "v4l2" and rest.startswith("/dev/"):
-        return CameraSpec("device", rest, text)
-    if name == "libcamera" and rest.isdecimal():
-        return CameraSpec("libcamera", rest, text)
-    if name == "gstreamer" and rest.strip():
-        return CameraSpec("gstreamer", rest.strip(), text)
-    if name == "folder" and rest:
-        return CameraSpec("folder", str(Path(rest).expanduser()), text)
-    if name == "triggered" and rest:
-        return CameraSpec("triggered", str(Path(rest).expanduser()), text)
+    match name:
+        case "mavlink" if not colon:
+            return CameraSpec("mavlink", "0", text)
+        case "libcamera" if rest.isdecimal() or not colon:
+            return CameraSpec("libcamera", rest or "0", text)
+        case "v4l2" if rest.startswith("/dev/"):
+            return CameraSpec("device", rest, text)
+        case "gstreamer" if rest.strip():
+            return CameraSpec("gstreamer", rest.strip(), text)
+        case "folder" if rest:
+            return CameraSpec("folder", str(Path(rest).expanduser()), text)
+        case "triggered" if rest:
+            return CameraSpec("triggered", str(Path(rest).expanduser()), text)
     raise LinkError(f"{text!r} is not a camera; write {HELP}")

@@ -111,19 +111,6 @@ class Monitor:
         """Whether its autopilot does not know where it is, and its pictures do."""
         return self.navigation is not None and self.navigation.by_map
 
-    # --- what we do --------------------------------------------------------------------------
-    def asks(self, mode: int) -> None:
-        """A mode is asked for now."""
-        self.control = self.control.asking(mode, self._reporter.loop_s())
-
-    def refused(self) -> None:
-        """The autopilot refused the mode that was asked for."""
-        self.control = self.control.refused()
-
-    def takes_off(self) -> None:
-        """NAV_TAKEOFF is sent now."""
-        self.control = self.control.takes_off(self._reporter.loop_s())
-
     @contextlib.contextmanager
     def ends_with_control(self, scope: asyncio.Timeout) -> Iterator[None]:
         """End a scope of asyncio as soon as the vehicle is not under our control."""

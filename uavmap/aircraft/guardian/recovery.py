@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from missions.guardian import DOWN_M, HASTE_M_S, Action, Limits, corners_home, quick_aim_m
 from missions.units import GridPoint
-from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
+from uavmap.aircraft.controlled_commands import PAUSE_S, ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.legs import aim_over_ground
 from uavmap.aircraft.reporter import Reporter
@@ -36,8 +36,6 @@ STOP_MOTORS_S: Final = 60.0
 """Time after a mission that is waited for the motors of a vehicle which is down, s."""
 FORCED: Final = 21196.0
 """Parameter of MAV_CMD_COMPONENT_ARM_DISARM that disarms whatever the autopilot thinks."""
-PAUSE_S: Final = 0.1
-"""Pause before a command without an acknowledgement, or unsent, is sent again, s."""
 
 
 class RecoveryFlight:

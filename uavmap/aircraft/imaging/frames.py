@@ -64,7 +64,8 @@ class Frames:
         self._anywhere = anywhere
         self._most = most
         self._burst_size = burst_size
-        self._interval_s = interval_s
+        self.interval_s = interval_s
+        """Between two pictures."""
         self._announced: asyncio.Queue[Announcement] = asyncio.Queue()
         self._next_index: int | None = None
         self._seen: set[int] = set()
@@ -106,14 +107,9 @@ class Frames:
         while self._pending and await self._moved_on():
             pass
 
-    @property
-    def interval_s(self) -> float:
-        """Between two pictures."""
-        return self._interval_s
-
     async def go_on(self, interval_s: float) -> None:
         """Take further pictures, at an interval, after `finish` or while they are taken."""
-        self._interval_s = interval_s
+        self.interval_s = interval_s
         await self.start()
 
     async def start(self) -> None:
@@ -125,13 +121,13 @@ class Frames:
         """Have pictures taken; a count of 0 goes on until stopped. Raises `LinkError` where nothing
         answers and none comes, or the camera refuses."""
         self.capturing, before = True, self.heard
-        await self._source.start(self._interval_s, count, lambda: self.heard > before)
+        await self._source.start(self.interval_s, count, lambda: self.heard > before)
 
     async def _moved_on(self) -> bool:
         """Whether another picture is judged, or lost, within the time for one."""
         self._progress.clear()
         try:
-            async with asyncio.timeout(self._interval_s + PICTURE_WAIT_S):
+            async with asyncio.timeout(self.interval_s + PICTURE_WAIT_S):
                 await self._progress.wait()
         except TimeoutError:
             return False
@@ -169,7 +165,7 @@ class Frames:
         """The next picture of a stream. When none comes for long, one is lost, and the camera is
         started again: it may have restarted, or missed the start."""
         try:
-            async with asyncio.timeout(2.0 * self._interval_s + PICTURE_WAIT_S):
+            async with asyncio.timeout(2.0 * self.interval_s + PICTURE_WAIT_S):
                 picture = await self._announced.get()
         except TimeoutError:
             if self.capturing:
@@ -213,8 +209,8 @@ class Frames:
         given up. Where none was heard at all, begin the burst once more."""
         clock = asyncio.get_running_loop()
         begin_s = clock.time()
-        due_s = begin_s + 2.0 * (self._interval_s + PICTURE_WAIT_S)
-        wait_s, again = self._interval_s + FIRST_ASK_S, False
+        due_s = begin_s + 2.0 * (self.interval_s + PICTURE_WAIT_S)
+        wait_s, again = self.interval_s + FIRST_ASK_S, False
         while (left_s := due_s - clock.time()) > 0.0:
             try:
                 async with asyncio.timeout(min(wait_s, left_s)):

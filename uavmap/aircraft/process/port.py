@@ -22,12 +22,9 @@ LAST_REPORT: Final = (
 
 
 class Port:
-    """Stands between a mission and its aircraft; `connect` says how its messages are sent.
+    """Stands between a mission and its aircraft; sends its messages when `connect` has said how.
 
     Args:
-        vehicles: The numbers of the vehicles.
-        now_s: Mission time.
-        judge: Judges pictures.
         post: Takes an event to the mission.
         taken_in: Returns when all that was posted was taken in, and its orders given.
         swap: Returns when the crew has swapped a battery.

@@ -332,7 +332,7 @@ async def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode: int
 @by(flown)
 async def test_a_px4_goes_back_into_hold_while_the_stream_goes_on() -> None:
     wire = Wire(px4=True)
-    wire.monitor.asks(OFFBOARD)
+    wire.monitor.control = wire.monitor.control.asking(OFFBOARD, wire.now_s())
     wire.tell(OFFBOARD, speed_m_s=6.0)
 
     def answer(message: Message) -> None:
