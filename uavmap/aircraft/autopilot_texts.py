@@ -135,8 +135,7 @@ class Spoken:
         view.hear = self.hear
 
     def why(self, mode_name: str) -> str | None:
-        """Why the vehicle is in a mode that nobody commanded, by its texts of now; one within
-        `EXPLAINS_S` from now still explains it."""
+        """Why the vehicle is in a mode, by its texts of `EXPLAINS_S` before, and after, now."""
         self._open_s = float("-inf")
         if not may_be_a_failsafe(mode_name):
             return None

@@ -180,8 +180,7 @@ class ControlledCommands:
         *params: float,
         done: Callable[[], bool] = _never,
     ) -> None:
-        """Command a mode, which is noted before each copy. Raises `LinkError` where the present
-        mode is not reported."""
+        """Command a mode, noted before each copy. Raises `LinkError` where none is reported."""
         copy: Copy = mode if callable(mode) else lambda control, now_s: control.asking(mode, now_s)
         permit = _KnownMode(self, self._session, self._monitor, copy)
         async with self._while_ours():

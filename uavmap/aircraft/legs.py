@@ -15,8 +15,7 @@ from missions.units import GridPoint
 from uavmap.mavlink.vehicle_view import VehicleView
 
 HEIGHT_M: Final = 1.0
-"""Error of its height within which a vehicle has arrived over ground, m: above its place it may
-still descend."""
+"""Error of its height within which a vehicle, still descending, has arrived over ground, m."""
 OTHER_LAYER_M: Final = 1.5
 """An order whose height is farther from the vehicle's changes its layer."""
 FULL_SPEED_S: Final = 5.0
@@ -32,8 +31,8 @@ MOST_RESENT: Final = 2
 def aim_over_ground(
     view: VehicleView, here: GridPoint, target: GridPoint, height_m: float
 ) -> tuple[GridPoint, float]:
-    """The target to send on a leg to `target` at `height_m` above ground, and its height; over flat
-    ground `target` itself."""
+    """The target to send on a leg at a height above ground, and its height, as far ahead as may
+    be."""
     if view.ground is None:
         return target, height_m
     return view.ground.terrain.told(here, view.height_m, target, height_m)

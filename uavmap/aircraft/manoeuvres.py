@@ -191,8 +191,7 @@ class Manoeuvres:
         return self.navigation is not None and self.navigation.by_map
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
-        """Command a target, and behind it the speed: the first target after a change of mode puts
-        an ArduCopter's own speed back."""
+        """Command a target, and then the speed, which an ArduCopter resets at its first target."""
         aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
         await self._commands.fly_to(self._grid.position(aim), aim_m)
         if not self._aimed and self._order is not None:

@@ -215,8 +215,7 @@ class PathStream:
         return begun[-1] if begun else self._orders[0]
 
     def _message(self, point: Setpoint, order: FlyPath, height_m: float) -> Message:
-        """SET_POSITION_TARGET_GLOBAL_INT of a setpoint at a height above home. Raises `LinkError`
-        if a number is not finite."""
+        """SET_POSITION_TARGET_GLOBAL_INT of a setpoint. Raises `LinkError` if it is not finite."""
         if not all(map(math.isfinite, point)):
             raise LinkError(f"no place to send a vehicle to: {point}")
         view, grid = self._view, self._grid

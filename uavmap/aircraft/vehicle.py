@@ -293,8 +293,7 @@ class MavlinkVehicle:
             self._reporter.line(f"vehicle {self.number}: {wrong}")
 
     async def _heard_anew(self) -> None:
-        """Wait for the next position and heartbeat: orders begin where it is, and only under our
-        control. Raises `LinkError`."""
+        """Wait for the next position and heartbeat, where orders begin. Raises `LinkError`."""
         begin_s, view = asyncio.get_running_loop().time(), self._view
         if not await self._session.until(
             lambda: min(view.position_s, view.heard_s) >= begin_s, HEARD_ANEW_S

@@ -178,8 +178,8 @@ class MissionTransfer:
 
     # --- download -----------------------------------------------------------------------------
     async def download(self, kind: Kind) -> tuple[Item, ...]:
-        """The vehicle's list. Raises `CommandRefusedError` where it has no such list, `LinkError`
-        when it is silent."""
+        """The vehicle's list. Raises `CommandRefusedError` if it has none, `LinkError` if
+        silent."""
         view = self._session.view
         address = view.system_id, view.autopilot_component
         self._begin(kind, None)

@@ -122,9 +122,8 @@ class VehicleView:
     told: LatLon | None = None
     """Where it reports to be."""
     off_deg: tuple[float, float] = (0.0, 0.0)
-    """By how much the position that its autopilot tells is off, degrees of latitude and longitude:
-    what `uavmap.aircraft.map_navigation` has found out by its pictures. Targets are told with it,
-    for the autopilot is to be where it believes that to be."""
+    """Error of the position that its autopilot reports, degrees of latitude and longitude, by its
+    pictures (`uavmap.aircraft.map_navigation`); added to targets, too."""
     aided_until_s: float = float("-inf")
     """Until when its reported place may leap because it was sent its place."""
     position_s: float = float("-inf")
@@ -133,9 +132,8 @@ class VehicleView:
     ground: GroundBelow | None = None
     """What a mission flies above, if that is not flat."""
     home_amsl_m: float = 0.0
-    """What heights are above, over the sea: home as it was at take-off where commands are above
-    the sea (a PX4 corrects its home for minutes, and heights above it leap by metres), else home
-    as it is told, which is what the autopilot reckons commands from."""
+    """Height above the sea that heights are above: home at take-off where commands are above the
+    sea (a PX4 corrects its home for minutes, by metres), else home as reported."""
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     whereabouts: Whereabouts = field(default_factory=Whereabouts)
     attitudes: Attitudes = field(default_factory=Attitudes)
@@ -204,8 +202,7 @@ class VehicleView:
         return LatLon(place.lat_deg + self.off_deg[0], place.lon_deg + self.off_deg[1])
 
     def follow_leap(self, told: LatLon, boot_s: float, now_s: float) -> None:
-        """Take off the error what its reported place leaps by after it was sent its place, before
-        the next picture shows it."""
+        """Take off the error what the reported place leaps by after the vehicle was sent it."""
         before = self.whereabouts.at(boot_s)
         if now_s > self.aided_until_s or before is None or before.gap_s > LEAP_GAP_S:
             return
@@ -227,8 +224,7 @@ class VehicleView:
 
     @property
     def by_dead_reckoning(self) -> bool:
-        """Whether its filter goes on without satellites: by optical flow, or by its place as
-        sent."""
+        """Whether its filter goes on without satellites: by optical flow, or by a place sent."""
         known = self.ekf_flags & EKF_RELATIVE and not self.ekf_flags & EKF_CONSTANT
         return bool(known) and not self.by_satellites
 

@@ -135,8 +135,7 @@ class Cadence:
         self._first = True
 
     def start(self, now_s: float, interval_s: float, count: int) -> None:
-        """Begin anew: none older than now, `interval_s` apart, `count` of them, or 0 until
-        stopped."""
+        """Begin anew: none older than now, `interval_s` apart, `count` or, at 0, until stopped."""
         self._interval_s = interval_s
         self._left = count if count > 0 else None
         self._due_s, self._early_s, self._first = now_s, SLACK_S, True

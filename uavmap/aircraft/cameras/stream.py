@@ -91,8 +91,7 @@ class Grabbed:
 
 
 class ThreadReader:
-    """Reads a capture in a thread of its own: grabs every frame, decodes those wanted, and keeps
-    the newest."""
+    """Reads a capture in a thread: grabs every frame, decodes those wanted, keeps the newest."""
 
     def __init__(self, open_capture: Open) -> None:
         self._open_capture = open_capture
@@ -105,8 +104,7 @@ class ThreadReader:
         self._heard_s = 0.0
 
     async def open(self, wants: Wants) -> None:
-        """Open it, in its thread; `wants` decides by its time whether a frame is decoded. Raises
-        `LinkError`."""
+        """Open it, in its thread; `wants` selects frames to decode by time. Raises `LinkError`."""
         loop = asyncio.get_running_loop()
         opened: asyncio.Future[None] = loop.create_future()
         over = self._over = threading.Event()

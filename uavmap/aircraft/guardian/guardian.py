@@ -53,8 +53,7 @@ _WORDS: Final = {"rtl": "return by its autopilot", "land": "land where it is"}
 
 
 class Guardian:
-    """Keeps one aircraft from being left alone; calls `stand_aside` when it takes the vehicle, to
-    end the mission's order."""
+    """Keeps one aircraft from being left alone; `stand_aside` ends the mission's order."""
 
     def __init__(
         self,

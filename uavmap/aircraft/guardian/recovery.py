@@ -58,8 +58,7 @@ class RecoveryFlight:
         self._speed_m_s = limits.energy.speed_m_s
 
     def descent_aim_m(self) -> float | None:
-        """How high to aim in a quick descent; None where it should land from, on the ground, and
-        when a pilot has it."""
+        """How high to aim in a quick descent; None where it lands, stands, or a pilot has it."""
         ours = self._monitor.control.off_ground and self._monitor.control.is_ours
         return quick_aim_m(self._view.height_m) if ours else None
 
@@ -110,8 +109,7 @@ class RecoveryFlight:
         await self._commands.fly_to(self._reporter.grid.position(aim), aim_m)
 
     async def _send_towards(self, point: GridPoint, height_m: float) -> bool | None:
-        """Command a target and a speed; False where it is refused, None, after a pause, where there
-        is no answer."""
+        """Command target and speed; False if refused, None, after a pause, without an answer."""
         try:
             await self.aim_at(point, height_m)
             await self._commands.speed(self._speed_m_s)

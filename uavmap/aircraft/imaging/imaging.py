@@ -69,8 +69,7 @@ class CameraDriver:
 
     @contextlib.asynccontextmanager
     async def every(self, interval_s: float, *, anywhere: bool = False) -> AsyncIterator[Frames]:
-        """Pictures at an interval while the context lasts. `anywhere`: evidence of all that they
-        show, and of no vantage."""
+        """Pictures at an interval while the context lasts; `anywhere`: of no vantage."""
         look = partial(self.judged, anywhere=anywhere)
         async with self._heard_by(
             Frames(self._source, look, self.lost, interval_s, anywhere=anywhere)
@@ -115,8 +114,7 @@ class CameraDriver:
                 self._source.stop()
 
     async def judged(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> bool:
-        """Have an announced picture judged; return whether it counts. Raises `ImageError`,
-        `LinkError` where it cannot be had."""
+        """Have a picture judged; return whether it counts. Raises `ImageError`, `LinkError`."""
         return await self._judge(await self._taken(picture, vantage, anywhere=anywhere))
 
     async def _taken(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> Taken:

@@ -82,8 +82,7 @@ class Begin:
 
 @dataclass(frozen=True, slots=True)
 class Fly:
-    """Report, and carry out orders from now on; the loop's clock was zero at mission time
-    `start_s`."""
+    """Report, and carry out orders; the loop's clock was zero at mission time `start_s`."""
 
     start_s: float
     kind: Literal["fly"] = "fly"

@@ -96,8 +96,7 @@ class Port:
         return self.ready.result()
 
     def fly(self, start_s: float) -> None:
-        """Have the vehicles report, and carry out orders; the clock of the loop was zero at the
-        mission time `start_s`."""
+        """Have vehicles report and fly; the loop's clock was zero at mission time `start_s`."""
         self._fly = say.Fly(start_s)
         self.send(self._fly)
 

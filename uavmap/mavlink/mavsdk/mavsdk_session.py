@@ -194,8 +194,7 @@ _NOT_SENT: Final = ("", "NO_SYSTEM")
 
 
 class MavsdkSession(Session):
-    """One vehicle at the other end of a link, by MAVSDK (`opened_session`). Errors are those of a
-    session."""
+    """One vehicle at the other end of a link, by MAVSDK (`opened_session`)."""
 
     def __init__(
         self,
@@ -216,8 +215,8 @@ class MavsdkSession(Session):
 
     # --- frames ---------------------------------------------------------------------------
     def _take(self, message: Message, now_s: float) -> bool:
-        """Hand a frame of the link to MAVSDK, from which the view hears it; return whether our
-        vehicle sent it."""
+        """Hand a frame to MAVSDK, by which the view hears it; return whether it is our
+        vehicle's."""
         ours = self._is_ours(message)
         self.process.feed(bytes(message.get_msgbuf()), ours=ours)
         return ours
@@ -296,8 +295,7 @@ class MavsdkSession(Session):
     async def asked(
         self, command: int, what: str, permit: Permit | None = None, **more: Any
     ) -> Words:
-        """Have MAVSDK do something; meanwhile the command for it may go over the link, each copy by
-        the permit."""
+        """Have MAVSDK do something; its command may go over the link meanwhile, by the permit."""
         if permit is not None:
             await permit.granted()
         with self.outbox.asked(command, permit):
