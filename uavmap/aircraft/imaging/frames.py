@@ -112,6 +112,11 @@ class Frames:
         self.interval_s = interval_s
         await self.start()
 
+    async def begin(self) -> None:
+        """Begin a stream; bursts are begun one by one, as they are judged."""
+        if self._most is None:
+            await self.start()
+
     async def start(self) -> None:
         """Have pictures taken until stopped; a silent camera shows by missing ones."""
         with suppressed_silence():

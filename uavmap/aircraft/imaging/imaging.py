@@ -24,6 +24,7 @@ from uavmap.base.printable import printable
 from vision.plausible import implausible
 from vision.projection import Frame
 
+_Pictures = contextlib.AbstractAsyncContextManager[Frames]
 Judge = Callable[[Taken], Awaitable[bool]]
 """Judges a picture; returns, when all that follows from it was ordered, whether it counts."""
 
@@ -67,45 +68,34 @@ class CameraDriver:
         if self._frames is not None:
             self._frames.announced(picture)
 
-    @contextlib.asynccontextmanager
-    async def every(self, interval_s: float, *, anywhere: bool = False) -> AsyncIterator[Frames]:
+    def every(self, interval_s: float, *, anywhere: bool = False) -> _Pictures:
         """Pictures at an interval while the context lasts; `anywhere`: of no vantage."""
         look = partial(self.judged, anywhere=anywhere)
-        async with self._heard_by(
-            Frames(self._source, look, self.lost, interval_s, anywhere=anywhere)
-        ) as frames:
-            await frames.start()
-            yield frames
+        return self._heard_by(Frames(self._source, look, self.lost, interval_s, anywhere=anywhere))
 
-    @contextlib.asynccontextmanager
-    async def to_navigate(self, interval_s: float) -> AsyncIterator[Frames]:
+    def to_navigate(self, interval_s: float) -> _Pictures:
         """Pictures at an interval to find the position by, which the mission does not get."""
 
         async def look(picture: Announcement, vantage: Cell | None) -> bool:
             await self._taken(picture, vantage, anywhere=True)
             return True
 
-        async with self._heard_by(
-            Frames(self._source, look, self.lost, interval_s, anywhere=True)
-        ) as frames:
-            await frames.start()
-            yield frames
+        return self._heard_by(Frames(self._source, look, self.lost, interval_s, anywhere=True))
 
-    @contextlib.asynccontextmanager
-    async def burst(self, most: int) -> AsyncIterator[Frames]:
+    def burst(self, most: int) -> _Pictures:
         """Pictures in bursts of `votes.frames`, at most `most`."""
         look, interval_s = partial(self.judged, anywhere=False), self._mission.camera.interval_s
         size = self._mission.votes.frames
-        async with self._heard_by(
+        return self._heard_by(
             Frames(self._source, look, self.lost, interval_s, most=most, burst_size=size)
-        ) as frames:
-            yield frames
+        )
 
     @contextlib.asynccontextmanager
     async def _heard_by(self, frames: Frames) -> AsyncIterator[Frames]:
         self._frames = frames
         self._source.listen(self._announced)  # others may have, before the flight
         try:
+            await frames.begin()
             yield frames
         finally:
             if self._frames is frames:
