@@ -143,8 +143,7 @@ def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         return None
     need_wh = LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
     return Verdict(
-        "land",
-        f"{seen.remaining_wh:.1f} Wh are left, and landing from here takes {need_wh:.1f}",
+        "land", f"{seen.remaining_wh:.1f} Wh are left, and landing from here takes {need_wh:.1f}"
     )
 
 

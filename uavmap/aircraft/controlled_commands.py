@@ -174,11 +174,7 @@ class ControlledCommands:
             raise
 
     async def _into(
-        self,
-        mode: int | Copy,
-        command: int,
-        *params: float,
-        done: Callable[[], bool] = _never,
+        self, mode: int | Copy, command: int, *params: float, done: Callable[[], bool] = _never
     ) -> None:
         """Command a mode, noted before each copy. Raises `LinkError` where none is reported."""
         copy: Copy = mode if callable(mode) else lambda control, now_s: control.asking(mode, now_s)

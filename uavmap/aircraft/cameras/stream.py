@@ -194,12 +194,7 @@ class StreamSource(LocalSource):
     """Frames of a stream, dated by when they were there, less `latency_s`."""
 
     def __init__(
-        self,
-        name: str,
-        reader: ThreadReader,
-        latency_s: float,
-        size_px: tuple[int, int],
-        say: Say,
+        self, name: str, reader: ThreadReader, latency_s: float, size_px: tuple[int, int], say: Say
     ) -> None:
         super().__init__(latency_s)
         self._name = name

@@ -56,11 +56,7 @@ class Guardian:
     """Keeps one aircraft from being left alone; `stand_aside` ends the mission's order."""
 
     def __init__(
-        self,
-        session: Session,
-        reporter: Reporter,
-        monitor: Monitor,
-        limits: Limits,
+        self, session: Session, reporter: Reporter, monitor: Monitor, limits: Limits
     ) -> None:
         self._session = session
         commands = ControlledCommands(session, monitor, guardian=True)

@@ -14,14 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.events import Connected, Landed, LiftedOff, Overridden, Released, Tracked
 from missions.guardian import HARD_M_S
 from missions.units import GridPoint
-from uavmap.aircraft.control import (
-    AirState,
-    Beat,
-    Control,
-    FlownMode,
-    Ground,
-    Holder,
-)
+from uavmap.aircraft.control import AirState, Beat, Control, FlownMode, Ground, Holder
 from uavmap.aircraft.guardian.estimates import FALLS_S, Impact, Leaps, WindEstimate
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message
