@@ -451,7 +451,9 @@ def test_texts_are_made_safe_and_old_ones_left_out() -> None:
 
 
 # --- two links to one aircraft ---------------------------------------------------------------
-def told(uid: int = 0, uid2: int = 0, system: int = 1, north_m: float = 0.0) -> VehicleView:
+def told(
+    uid: int = 0, uid2: int = 0, system: int = 1, north_m: float = 0.0, boot_s: float = 1.0
+) -> VehicleView:
     vehicle = Vehicle()
     if system != 1:
         vehicle.view = VehicleView()
@@ -460,7 +462,7 @@ def told(uid: int = 0, uid2: int = 0, system: int = 1, north_m: float = 0.0) -> 
         0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, uid, [uid2] * 18
     )
     vehicle.hear(version, 1.0, system=system)
-    vehicle.hear(position(LAT + north_m / M_PER_DEG, t_s=1.0), 1.0, system=system)
+    vehicle.hear(position(LAT + north_m / M_PER_DEG, t_s=boot_s), 1.0, system=system)
     return vehicle.view
 
 
@@ -474,6 +476,7 @@ def told(uid: int = 0, uid2: int = 0, system: int = 1, north_m: float = 0.0) -> 
         (told(), told(), True),
         (told(), told(uid=7), True),
         (told(), told(north_m=2.0), False),
+        (told(), told(boot_s=4.0), False),
         (told(), told(system=2), False),
         (told(uid2=5), told(uid2=5, system=2), False),  # simulators share a made-up number
         (VehicleView(), VehicleView(), False),
@@ -482,13 +485,6 @@ def told(uid: int = 0, uid2: int = 0, system: int = 1, north_m: float = 0.0) -> 
 def test_same_aircraft(a: VehicleView, b: VehicleView, same: bool) -> None:
     assert same_aircraft(a, b) is same
     assert same_aircraft(b, a) is same
-
-
-def test_another_boot_time_is_another_aircraft() -> None:
-    a, b = Vehicle(), Vehicle()
-    a.hear(position(t_s=1.0), 1.0)
-    b.hear(position(t_s=4.0), 1.0)
-    assert not same_aircraft(a.view, b.view)
 
 
 # --- whatever comes ----------------------------------------------------------------------------

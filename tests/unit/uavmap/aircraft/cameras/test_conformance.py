@@ -156,6 +156,7 @@ def test_picture_whose_feedback_is_lost_gets_no_neighbours_place(tmp_path: Path)
             await asyncio.sleep(8.0)
             had = [p for p, good in zip(bench.heard, await bench.load(), strict=True) if good]
             assert len(had) == 14
+            assert any("no CAMERA_FEEDBACK of its time" in line for line in bench.told)
             for picture in had:
                 number = int("".join(filter(str.isdigit, Path(picture.name).stem)))
                 assert picture.taken_s == pytest.approx(times[number], abs=RIGHT_S)

@@ -24,7 +24,6 @@ from tests.unit.uavmap.aircraft.cameras.conformance import (
     folder_bench,
     jpeg,
     running,
-    triggered_bench,
 )
 from uavmap.aircraft.cameras.pose import Mount, Poses
 from uavmap.aircraft.cameras.source import Announcement, ToldPose
@@ -131,8 +130,7 @@ async def test_what_a_camera_tells_comes_first(peer: Peer, poses: Poses, /) -> N
 
 
 @pytest.mark.parametrize(
-    ("late_s", "fault"),
-    [(100.0, None), (3.0, "in the future"), (0.0, "its time cannot be right")],
+    ("late_s", "fault"), [(100.0, None), (3.0, "in the future"), (0.0, "its time cannot be right")]
 )
 def test_time_that_cannot_be_right_is_refused(late_s: float, fault: str | None) -> None:
     async def body(peer: Peer, poses: Poses) -> None:
@@ -202,21 +200,3 @@ async def test_a_camera_that_writes_irregularly_is_dated_by_its_own_clock(tmp_pa
         assert len(bench.heard) == 6
         for picture, exposed_s in zip(bench.heard, times, strict=True):
             assert picture.taken_s == pytest.approx(exposed_s, abs=0.05)
-
-
-@by(on_virtual_time)
-async def test_a_feedback_that_was_lost_costs_its_picture_and_no_other(tmp_path) -> None:
-    async with triggered_bench(tmp_path) as bench:
-        await bench.source.start(1.0, 0)
-        await bench.shoot(2)
-        feed = bench.hardware.peer.say
-        bench.hardware.peer.say = lambda *messages, **how: None
-        times = await bench.shoot(1, first=2)
-        bench.hardware.peer.say = feed
-        times = await bench.shoot(3, first=3)
-        await asyncio.sleep(7.0)
-        assert len(bench.heard) == 5
-        assert await bench.load() == [True] * 5
-        assert [p.name[-5] for p in bench.heard] == ["0", "1", "3", "4", "5"]
-        assert [p.taken_s for p in bench.heard[2:]] == pytest.approx(times, abs=0.05)
-        assert any("no CAMERA_FEEDBACK of its time" in line for line in bench.told)

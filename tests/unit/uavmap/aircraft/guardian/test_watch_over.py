@@ -66,10 +66,7 @@ async def test_a_mission_that_fails_ends_when_everybody_is_home() -> None:
 def test_who_is_not_at_home_at_the_end_is_named() -> None:
     kept = [Kept(), Kept(fate="on the ground 40 m from home")]
     with pytest.raises(AircraftError, match="vehicle 2: on the ground 40 m from home"):
-        run(
-            watched(kept, failing(1.0, JournalError("full")), leave=True),
-            VirtualClock(),
-        )
+        run(watched(kept, failing(1.0, JournalError("full")), leave=True), VirtualClock())
 
 
 class Defective(Kept):
@@ -154,9 +151,6 @@ async def test_a_third_interruption_still_has_the_aircraft_named() -> None:
 def test_a_bug_keeps_its_traceback_and_names_who_is_not_at_home() -> None:
     kept = [Kept(), Kept(fate="on the ground 40 m from home")]
     with pytest.raises(ZeroDivisionError) as caught:
-        run(
-            watched(kept, failing(1.0, ZeroDivisionError()), leave=True),
-            VirtualClock(),
-        )
+        run(watched(kept, failing(1.0, ZeroDivisionError()), leave=True), VirtualClock())
     assert caught.value.__notes__ == ["vehicle 2: on the ground 40 m from home"]
     assert all(guardian.home for guardian in kept)

@@ -59,14 +59,7 @@ def test_both_styles(url: str, transport: str, host: str, port: int) -> None:
         ("/dev/ttyACM0,0", "positive"),
         *(
             (f"udpin://0.0.0.0:14550?{which}", "system=N")
-            for which in (
-                "system=0",
-                "system=256",
-                "system=",
-                "sys=1",
-                "",
-                "system=1&x=2",
-            )
+            for which in ("system=0", "system=256", "system=", "sys=1", "", "system=1&x=2")
         ),
     ],
 )
@@ -81,12 +74,7 @@ def test_what_is_refused_says_what_to_write(url: str, remedy: str) -> None:
 names = st.from_regex(r"[a-z0-9]([a-z0-9.-]{0,20}[a-z0-9])?", fullmatch=True)
 addresses = st.one_of(st.ip_addresses(v=4).map(str), st.ip_addresses(v=6).map(str), names)
 endpoints = st.one_of(
-    st.builds(
-        Endpoint,
-        st.sampled_from(["udpin", "tcpin"]),
-        addresses,
-        st.integers(1, 65535),
-    ),
+    st.builds(Endpoint, st.sampled_from(["udpin", "tcpin"]), addresses, st.integers(1, 65535)),
     st.builds(
         Endpoint,
         st.sampled_from(["udpout", "tcpout"]),
