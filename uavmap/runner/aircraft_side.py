@@ -203,18 +203,9 @@ async def in_this_process(
     port: Port, plan: FlightPlan, setting: Setting, folder: Path, links: Sequence[Link]
 ) -> AsyncIterator[None]:
     """The aircraft in the process of their mission: the same messages, as the same bytes."""
-    to_port, to_host = say.Decoder(), say.Decoder()
-
-    def from_aircraft(message: say.Message) -> None:
-        for copy in to_port.feed(say.encode(message)):
-            port.receive(copy)
-
-    def from_mission(message: say.Message) -> None:
-        for copy in to_host.feed(say.encode(message)):
-            side.host.receive(copy)
-
-    side = AircraftSide(plan, setting, folder, links, MissionClock(0.0), from_aircraft)
-    port.connect(from_mission)
+    to_mission = say.as_bytes(port.receive)
+    side = AircraftSide(plan, setting, folder, links, MissionClock(0.0), to_mission)
+    port.connect(say.as_bytes(side.host.receive))
     running = asyncio.create_task(side.run())
     try:
         yield

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Final, Literal
 
@@ -324,6 +324,17 @@ class Decoder:
             content = bytes(self._buffer[begin + text_size : end])
             del self._buffer[:end]
             yield _decoded(text, content)
+
+
+def as_bytes(receive: Callable[[Message], None]) -> Callable[[Message], None]:
+    """Return what sends messages to `receive` inside a process, as the bytes of two processes."""
+    decoder = Decoder()
+
+    def send(message: Message) -> None:
+        for copy in decoder.feed(encode(message)):
+            receive(copy)
+
+    return send
 
 
 def _decoded(text: bytes, data: bytes) -> Message:
