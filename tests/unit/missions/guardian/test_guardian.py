@@ -1,7 +1,5 @@
 """The guardian's rules, one situation at a time: what it sees, and the rung that follows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -10,7 +8,6 @@ from missions.geo.braking import Course
 from missions.geo.fence import Fence
 from missions.geo.trajectory import rounded_path
 from missions.guardian import Guard, Limits, Seen, Task, watch
-from missions.guardian.guardian_state import Verdict
 from missions.guardian.rules import landing_wh
 from missions.guardian.thresholds import OFF_PLAN_M
 from missions.mission.energy import EnergyModel
@@ -33,20 +30,20 @@ IN_AIR = Seen(0.0, HOME, 12.0, 0.0, HOME, True, True, "follow", 50.0)
 
 
 class Watched:
-    def __init__(self, task: Task, seen: Seen = IN_AIR) -> None:
+    def __init__(self, task, seen=IN_AIR):
         self.seen = seen
         self.guard = Guard().told(task)
-        self.verdicts: list[tuple[float, Verdict]] = []
+        self.verdicts = []
         self.look()
 
-    def look(self, **changes: object) -> Verdict | None:
-        self.seen = replace(self.seen, **changes)  # type: ignore[arg-type]
+    def look(self, **changes):
+        self.seen = replace(self.seen, **changes)
         self.guard, verdict = watch(LIMITS, self.guard, self.seen)
         if verdict is not None:
             self.verdicts.append((self.seen.t_s, verdict))
         return verdict
 
-    def pass_time(self, seconds: int, **each: float) -> list[str]:
+    def pass_time(self, seconds, **each):
         before = len(self.verdicts)
         for _ in range(seconds):
             here = self.seen.position
@@ -60,12 +57,12 @@ class Watched:
         return [verdict.rung for _, verdict in self.verdicts[before:]]
 
 
-def leg(*, homeward: bool = False, since_s: float = 0.0) -> Task:
+def leg(*, homeward=False, since_s=0.0):
     path = (FAR, HOME) if homeward else (HOME, FAR)
     return Task("leg", since_s, path, homeward, 12.0, estimate_s=16.0, name="FlyTo")
 
 
-def hold() -> Task:
+def hold():
     return Task("hold", 0.0, (HOME,), False, 12.0, name="Look")
 
 
@@ -75,7 +72,7 @@ LANDING = replace(IN_AIR, mode="land")
 RETURNING = replace(IN_AIR, position=FAR, mode="rtl")
 ON_GROUND = replace(IN_AIR, height_m=0.0, airborne=False)
 Moves = dict[str, float]
-SITUATIONS: dict[str, tuple[Task, Seen, list[tuple[int, Moves, list[str]]], str]] = {
+SITUATIONS = {
     # how long, what changes in each second, and the rungs that follow; what the first verdict says
     "no progress is told once and then climbs the ladder": (
         leg(), IN_AIR, [(15, {}, []), (2, {}, ["report"]), (4, {}, []), (2, {}, ["rtl"])], "",
@@ -180,7 +177,7 @@ SITUATIONS: dict[str, tuple[Task, Seen, list[tuple[int, Moves, list[str]]], str]
 
 
 @pytest.mark.parametrize("situation", SITUATIONS)
-def test_what_is_seen_leads_to_a_rung_of_the_ladder(situation: str) -> None:
+def test_what_is_seen_leads_to_a_rung_of_the_ladder(situation):
     task, seen, passes, says = SITUATIONS[situation]
     watched = returning(seen) if situation.startswith("a return") else Watched(task, seen)
     for seconds, moves, rungs in passes:
@@ -191,14 +188,14 @@ def test_what_is_seen_leads_to_a_rung_of_the_ladder(situation: str) -> None:
         assert verdict.hurry is (verdict.rung == "land" and is_carried)
 
 
-def test_a_leg_that_is_flown_is_left_alone() -> None:
+def test_a_leg_that_is_flown_is_left_alone():
     watched = Watched(leg())
     assert watched.pass_time(12, east_m=5.0) == []
     watched.guard = watched.guard.told(Task("hold", 12.0, (FAR,), False, 12.0))
     assert watched.pass_time(600) == []
 
 
-def test_a_new_order_after_the_report_begins_anew() -> None:
+def test_a_new_order_after_the_report_begins_anew():
     watched = Watched(leg())
     watched.pass_time(17)
     home = Task("leg", 17.0, (HOME, GridPoint(-40.0, 0.0)), True, 12.0, estimate_s=16.0)
@@ -207,31 +204,31 @@ def test_a_new_order_after_the_report_begins_anew() -> None:
     assert watched.pass_time(3) == ["rtl"], "on the way home there is nobody to tell"
 
 
-def test_a_hopeless_wind_lands_it_before_it_is_carried_away() -> None:
+def test_a_hopeless_wind_lands_it_before_it_is_carried_away():
     assert Watched(hold(), replace(IN_AIR, wind_m_s=18.5)).verdicts[0][1].rung == "land"
 
 
-def test_a_new_order_does_not_hide_that_it_is_carried_away() -> None:
+def test_a_new_order_does_not_hide_that_it_is_carried_away():
     watched = Watched(leg())
     watched.pass_time(3, east_m=-4.0)
     watched.guard = watched.guard.told(Task("hold", 3.0, (watched.seen.position,), False, 12.0))
     assert watched.pass_time(3, east_m=-4.0) == ["report"]
 
 
-def returning(seen: Seen) -> Watched:
+def returning(seen):
     watched = Watched(leg(homeward=True), seen)
     watched.guard = watched.guard.acting("rtl", 0.0)
     return watched
 
 
-def test_what_it_has_taken_over_no_order_takes_back() -> None:
+def test_what_it_has_taken_over_no_order_takes_back():
     watched = returning(replace(IN_AIR, mode="rtl"))
     assert watched.guard.told(leg()).action == "rtl"
     assert watched.guard.released().action is None
 
 
 @pytest.mark.parametrize("task", [leg(), hold(), LAND])
-def test_with_the_last_energy_for_it_it_lands(task: Task) -> None:
+def test_with_the_last_energy_for_it_it_lands(task):
     """Also one that was told to land, and hovers; but not by a single message that is wrong."""
     need_wh = 1.25 * landing_wh(ENERGY, 12.0)
     enough = Watched(task, replace(IN_AIR, remaining_wh=need_wh + 0.1))
@@ -245,28 +242,26 @@ def test_with_the_last_energy_for_it_it_lands(task: Task) -> None:
 
 
 # --- down ------------------------------------------------------------------------------------
-def test_motors_off_away_from_home_is_a_crash() -> None:
+def test_motors_off_away_from_home_is_a_crash():
     watched = Watched(leg(), replace(IN_AIR, position=FAR))
     verdict = watched.look(t_s=1.0, armed=False, airborne=False, height_m=0.1)
-    assert verdict is not None
     assert verdict.rung == "crashed"
     assert watched.look(t_s=2.0) is None, "it is told once"
 
 
 @pytest.mark.parametrize("mode", ["follow", "other", "rtl", "land"])
-def test_a_fall_is_a_crash_whoever_flies(mode: str) -> None:
+def test_a_fall_is_a_crash_whoever_flies(mode):
     watched = Watched(LAND, replace(IN_AIR, mode=mode))
     assert watched.pass_time(2, height_m=-9.0) == ["crashed"]
 
 
 @pytest.mark.parametrize("mode", ["follow", "other", "rtl", "land"])
 @pytest.mark.parametrize("armed", [True, False])
-def test_who_struck_its_pad_has_crashed_whoever_flew(mode: str, armed: bool) -> None:
+def test_who_struck_its_pad_has_crashed_whoever_flew(mode, armed):
     watched = Watched(LAND, replace(IN_AIR, mode=mode, height_m=3.0))
     stands = {"height_m": 0.1, "armed": armed, "airborne": False}
     assert watched.look(t_s=1.0, struck_m_s=2.4, **stands) is None
     verdict = watched.look(t_s=2.0, struck_m_s=2.6)
-    assert verdict is not None
     assert verdict.rung == "crashed"
     assert "2.6 m/s, 0 m from home" in verdict.reason
     assert watched.look(t_s=3.0, struck_m_s=0.0) is None
@@ -276,16 +271,14 @@ def test_who_struck_its_pad_has_crashed_whoever_flew(mode: str, armed: bool) -> 
     ("task", "seen", "seconds", "sinks_m_s"),
     [(leg(), replace(IN_AIR, mode="other", position=FAR), 8, -2.0), (LAND, LANDING, 24, -0.5)],
 )
-def test_landing_of_pilot_or_by_order_is_no_crash(
-    task: Task, seen: Seen, seconds: int, sinks_m_s: float
-) -> None:
+def test_landing_of_pilot_or_by_order_is_no_crash(task, seen, seconds, sinks_m_s):
     watched = Watched(task, seen)
     assert watched.pass_time(seconds, height_m=sinks_m_s) == []
     assert watched.look(t_s=seconds + 2.0, armed=False, airborne=False) is None
 
 
 # --- carried off -----------------------------------------------------------------------------
-def test_a_home_that_is_moved_after_the_landing_is_no_fall() -> None:
+def test_a_home_that_is_moved_after_the_landing_is_no_fall():
     """A real PX4 1.17: told 0.17, 1.02 and -0.35 m within a second, on its pad, motors off."""
     watched = Watched(LAND, replace(LANDING, home_amsl_m=535.0))
     watched.pass_time(24, height_m=-0.5)
@@ -297,7 +290,7 @@ def test_a_home_that_is_moved_after_the_landing_is_no_fall() -> None:
     assert not watched.guard.down
 
 
-def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour() -> None:
+def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour():
     """No wind is known: only the air can do that."""
     watched = Watched(hold())
     assert watched.pass_time(3, east_m=8.0) == []
@@ -306,10 +299,10 @@ def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour() -> Non
     assert "carried off" in watched.verdicts[0][1].reason
 
 
-def test_orders_that_follow_one_another_faster_than_looks_hide_nothing() -> None:
+def test_orders_that_follow_one_another_faster_than_looks_hide_nothing():
     """A vehicle that looks from cell to cell is told a new place each second."""
     watched = Watched(hold())
-    verdicts: list[str] = []
+    verdicts = []
     for _ in range(4):
         here = watched.seen.position
         watched.guard = watched.guard.told(replace(hold(), since_s=watched.seen.t_s, path=(here,)))
@@ -317,7 +310,7 @@ def test_orders_that_follow_one_another_faster_than_looks_hide_nothing() -> None
     assert verdicts == ["land"]
 
 
-def test_a_landing_by_its_guardian_that_is_carried_off_is_hastened_once() -> None:
+def test_a_landing_by_its_guardian_that_is_carried_off_is_hastened_once():
     slowly = Watched(hold())
     slowly.guard = slowly.guard.acting("land", 0.0)
     assert slowly.pass_time(8, east_m=8.0, height_m=-0.5) == ["land"]
@@ -327,14 +320,13 @@ def test_a_landing_by_its_guardian_that_is_carried_off_is_hastened_once() -> Non
 LANES = [HOME, FAR, GridPoint(60, 12), GridPoint(0, 12), GridPoint(0, 24), GridPoint(40, 24)]
 
 
-def along(begin_s: float = 2.0) -> Task:
+def along(begin_s=2.0):
     course = Course((rounded_path(LANES, begin_s, speed_m_s=6.0),))
     return Task("path", 0.0, height_m=12.0, name="FlyPath", course=course)
 
 
-def fly_path(watched: Watched, until_s: float, late_s: float = 0.0, off_m: float = 0.0) -> None:
+def fly_path(watched, until_s, late_s=0.0, off_m=0.0):
     course = watched.guard.task.course
-    assert course is not None
     while watched.seen.t_s < until_s:
         t_s = watched.seen.t_s + 1.0
         place = course.at(t_s - late_s).place
@@ -342,20 +334,18 @@ def fly_path(watched: Watched, until_s: float, late_s: float = 0.0, off_m: float
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.5])
-def test_a_path_that_is_followed_is_left_alone(late_s: float) -> None:
+def test_a_path_that_is_followed_is_left_alone(late_s):
     watched = Watched(along())
     course = watched.guard.task.course
-    assert course is not None
     fly_path(watched, course.end_s + 10.0, late_s)
     assert not watched.verdicts
 
 
-def test_a_path_that_replaces_another_is_left_alone() -> None:
+def test_a_path_that_replaces_another_is_left_alone():
     """Until it begins the older one is flown; it is some way off by then."""
     watched = Watched(along())
     fly_path(watched, 6.0)
     course = watched.guard.task.course
-    assert course is not None
     here = course.at(9.0)
     corners = [here.place, GridPoint(50, 0), GridPoint(50, 40)]
     plan = rounded_path(corners, 9.0, speed_m_s=6.0, begin_speed_m_s=here.v_east_m_s)
@@ -365,7 +355,7 @@ def test_a_path_that_replaces_another_is_left_alone() -> None:
     assert not watched.verdicts
 
 
-def test_who_does_not_follow_a_path_is_reported_within_seconds_and_not_taken_for_swept() -> None:
+def test_who_does_not_follow_a_path_is_reported_within_seconds_and_not_taken_for_swept():
     watched = Watched(along())
     watched.pass_time(20)  # it hovers
     t_s, verdict = watched.verdicts[0]
@@ -374,7 +364,7 @@ def test_who_does_not_follow_a_path_is_reported_within_seconds_and_not_taken_for
     assert [v.rung for _, v in watched.verdicts] == ["report", "rtl"]
 
 
-def test_beside_a_path_is_off_it_and_a_strong_wind_explains_some_of_it() -> None:
+def test_beside_a_path_is_off_it_and_a_strong_wind_explains_some_of_it():
     watched = Watched(along())
     fly_path(watched, 15.0, off_m=OFF_PLAN_M + 1.0)
     assert watched.verdicts[0][1].rung == "report"
@@ -383,7 +373,7 @@ def test_beside_a_path_is_off_it_and_a_strong_wind_explains_some_of_it() -> None
     assert not windy.verdicts
 
 
-def test_who_is_carried_away_from_a_path_is_known() -> None:
+def test_who_is_carried_away_from_a_path_is_known():
     watched = Watched(along())
     fly_path(watched, 5.0)
     rungs = watched.pass_time(8, north_m=-8.0)
@@ -391,16 +381,15 @@ def test_who_is_carried_away_from_a_path_is_known() -> None:
     assert watched.verdicts[-1][1].rung == "land"
 
 
-def test_a_path_that_never_comes_to_rest_is_reported() -> None:
+def test_a_path_that_never_comes_to_rest_is_reported():
     watched = Watched(along())
     course = watched.guard.task.course
-    assert course is not None
     fly_path(watched, course.end_s + 25.0)
     assert [v.rung for _, v in watched.verdicts] == ["report"]
     assert "has not come to rest" in watched.verdicts[0][1].reason
 
 
-def test_height_that_is_lost_on_a_path_is_known() -> None:
+def test_height_that_is_lost_on_a_path_is_known():
     watched = Watched(along())
     fly_path(watched, 6.0)
     watched.seen = replace(watched.seen, height_m=6.0)
@@ -408,7 +397,7 @@ def test_height_that_is_lost_on_a_path_is_known() -> None:
     assert "lost height" in watched.verdicts[0][1].reason
 
 
-def test_a_movement_that_nobody_saw_for_long_has_not_lasted() -> None:
+def test_a_movement_that_nobody_saw_for_long_has_not_lasted():
     """Telemetry is late while it moves away, an order calls it home, and 20 s later it is seen."""
     watched = Watched(leg())
     assert watched.pass_time(2, east_m=-4.0) == []

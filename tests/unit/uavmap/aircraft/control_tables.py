@@ -3,12 +3,8 @@
 python -m tests.unit.uavmap.aircraft.control_tables      # writes them into the page
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -25,31 +21,29 @@ from uavmap.aircraft.control import (
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4, Autopilot
 from uavmap.mavlink.vehicle_view import OFF_GROUND_M
 
-PAGE: Final = Path(__file__).parents[4] / "docs" / "safety.md"
-BEGIN: Final = "<!-- tables of uavmap.aircraft.control -->"
-END: Final = "<!-- end of the tables -->"
+PAGE = Path(__file__).parents[4] / "docs" / "safety.md"
+BEGIN = "<!-- tables of uavmap.aircraft.control -->"
+END = "<!-- end of the tables -->"
 GUIDED, LOITER, RTL, LAND = ARDUPILOT.follows, 5, ARDUPILOT.rtl, ARDUPILOT.land
-NOW_S: Final = PUT_BACK_S + 0.1
+NOW_S = PUT_BACK_S + 0.1
 
-FLYING: Final = Control(
-    air=AirState.AIRBORNE, mode=GUIDED, armed=True, heard_s=LIFT_S, took_off_s=0.0
-)
-ASKED: Final = replace(FLYING, request=Request(RTL, 0.0, before=GUIDED))
+FLYING = Control(air=AirState.AIRBORNE, mode=GUIDED, armed=True, heard_s=LIFT_S, took_off_s=0.0)
+ASKED = replace(FLYING, request=Request(RTL, 0.0, before=GUIDED))
 """It flies in GUIDED, and RTL was asked for."""
-SEEN: Final = replace(FLYING, mode=RTL, request=Request(RTL, 0.0, confirmed=True))
-STREAM: Final = replace(
+SEEN = replace(FLYING, mode=RTL, request=Request(RTL, 0.0, confirmed=True))
+STREAM = replace(
     FLYING,
     mode=PX4.follows,
     request=Request(PX4.stream_mode, 0.0, before=PX4.follows, acknowledged_s=0.0),
 )
-CLIMB: Final = replace(
+CLIMB = replace(
     FLYING, mode=PX4.takes_off_in, request=Request(PX4.takes_off_in, 0.0, confirmed=True)
 )
-STANDING: Final = Control(air=AirState.ON_GROUND, mode=LAND)
-TAKEN: Final = replace(STANDING, taken_on_ground=True)
+STANDING = Control(air=AirState.ON_GROUND, mode=LAND)
+TAKEN = replace(STANDING, taken_on_ground=True)
 
 Case = tuple[str, Control, Autopilot, int, bool, bool]
-CASES: Final[tuple[Case, ...]] = (
+CASES = (
     ("the mode asked for", ASKED, ARDUPILOT, RTL, True, False),
     ("the mode before the request", ASKED, ARDUPILOT, GUIDED, True, False),
     (
@@ -66,12 +60,12 @@ CASES: Final[tuple[Case, ...]] = (
 )  # fmt: skip
 
 
-def holder_after(case: Case, holder: Holder) -> Holder:
+def holder_after(case, holder):
     _, start, kind, mode, armed, failsafe = case
     return replace(start, holder=holder).heard(kind, Beat(mode, armed, failsafe, NOW_S)).holder
 
 
-def stood(armed: bool, landed_state: int, height_m: float) -> Callable[[Control], Control]:
+def stood(armed, landed_state, height_m):
     """A report of the ground, long after NAV_TAKEOFF."""
     ground = Ground(armed, landed_state, height_m)
     return lambda start: start.stood(ground, ARDUPILOT, LIFT_S + 1.0)
@@ -79,7 +73,7 @@ def stood(armed: bool, landed_state: int, height_m: float) -> Callable[[Control]
 
 ON, UP = mav.MAV_LANDED_STATE_ON_GROUND, mav.MAV_LANDED_STATE_IN_AIR
 UNSAID = mav.MAV_LANDED_STATE_UNDEFINED
-STEPS: Final[tuple[tuple[str, Callable[[Control], Control]], ...]] = (
+STEPS = (
     ("we send NAV_TAKEOFF", lambda start: start.takes_off(0.0)),
     ("armed, off the ground", stood(True, UP, 5.0)),
     ("the same in LAND", lambda start: stood(True, UP, 5.0)(replace(start, mode=LAND))),
@@ -97,12 +91,12 @@ STEPS: Final[tuple[tuple[str, Callable[[Control], Control]], ...]] = (
 )
 
 
-def air_after(step: Callable[[Control], Control], air: AirState) -> AirState:
+def air_after(step, air):
     """The state of flight after a step, of a vehicle that took off at 0 s."""
     return step(replace(FLYING, air=air)).air
 
 
-def tables() -> str:
+def tables():
     held = [(case[0], *(holder_after(case, h).value for h in Holder)) for case in CASES]
     flown = [(name, *(air_after(step, a).value for a in AirState)) for name, step in STEPS]
     return "\n\n".join(
@@ -113,7 +107,7 @@ def tables() -> str:
     )
 
 
-def table(first: str, columns: list[str], rows: list[tuple[str, ...]]) -> str:
+def table(first, columns, rows):
     lines = [(first, *(f"{column}" for column in columns)), ("---",) * (len(columns) + 1), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 

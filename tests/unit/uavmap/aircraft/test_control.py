@@ -1,7 +1,5 @@
 """Control and flight as values: the page's tables, and what holds for every sequence of reports."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -11,19 +9,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.unit.uavmap.aircraft.control_tables import BEGIN, END, PAGE, tables
 from uavmap.aircraft.control import LATE_S, AirState, Beat, Control, Holder, Request
-from uavmap.mavlink.autopilots import ARDUPILOT, PX4, Autopilot
+from uavmap.mavlink.autopilots import ARDUPILOT, PX4
 
 GUIDED, RTL, LAND, LOITER = 4, 6, 9, 5
 FLYING = Control(air=AirState.AIRBORNE, mode=GUIDED, armed=True)
 
 
-def test_safety_page_holds_the_tables_of_the_module() -> None:
+def test_safety_page_holds_the_tables_of_the_module():
     """`python -m tests.unit.uavmap.aircraft.control_tables` writes them."""
     page = PAGE.read_text(encoding="utf-8")
     assert page.partition(BEGIN)[2].partition(END)[0].strip() == tables()
 
 
-def in_air(kind: Autopilot) -> Control:
+def in_air(kind):
     confirmed = Request(kind.follows, 0.0, confirmed=True)
     return Control(air=AirState.AIRBORNE, mode=kind.follows, armed=True, request=confirmed)
 
@@ -32,9 +30,7 @@ def in_air(kind: Autopilot) -> Control:
     kind=st.sampled_from([ARDUPILOT, PX4]),
     steps=st.lists(st.tuples(st.booleans(), st.integers(0, 30), st.floats(0.1, 2.0)), max_size=12),
 )
-def test_control_mode_not_asked_for_is_never_ours(
-    kind: Autopilot, steps: list[tuple[bool, int, float]]
-) -> None:
+def test_control_mode_not_asked_for_is_never_ours(kind, steps):
     modes = sorted(kind.mode_names)
     control, now_s = in_air(kind), 0.0
     asked, asked_s, seen = kind.follows, 0.0, True
@@ -62,13 +58,13 @@ def test_control_mode_not_asked_for_is_never_ours(
 
 
 @pytest.mark.parametrize(("after_s", "holder"), [(1.0, Holder.OURS), (4.0, Holder.PILOT)])
-def test_control_late_request_is_ours_for_a_while(after_s: float, holder: Holder) -> None:
+def test_control_late_request_is_ours_for_a_while(after_s, holder):
     control = FLYING.asking(RTL, 0.0).asking(LAND, 0.5)
     assert control.heard(ARDUPILOT, Beat(RTL, True, False, 0.5 + after_s)).holder is holder
     assert LATE_S == 3.0
 
 
-def test_control_refused_request_leaves_the_mode_before_it() -> None:
+def test_control_refused_request_leaves_the_mode_before_it():
     control = FLYING.asking(RTL, 0.0).refused()
     assert control.heard(ARDUPILOT, Beat(GUIDED, True, False, 9.0)).holder is Holder.OURS
     assert control.heard(ARDUPILOT, Beat(RTL, True, False, 9.0)).holder is Holder.PILOT
@@ -83,7 +79,7 @@ def test_control_refused_request_leaves_the_mode_before_it() -> None:
         (LOITER, True, Holder.PILOT),
     ],
 )
-def test_control_found_in_air_is_ours_by_mode(mode: int, resumed: bool, holder: Holder) -> None:
+def test_control_found_in_air_is_ours_by_mode(mode, resumed, holder):
     found = Control(air=AirState.AIRBORNE).noted(Beat(mode, True, False, 1.0))
     assert found.connected(ARDUPILOT, resumed=resumed).holder is holder
 
@@ -92,7 +88,7 @@ STANDS, LANDING = mav.MAV_LANDED_STATE_ON_GROUND, mav.MAV_LANDED_STATE_LANDING
 HOLD = PX4.follows
 
 
-def lands(mode: int, holder: Holder) -> Control:
+def lands(mode, holder):
     confirmed = Request(mode, 0.0, confirmed=True) if holder is Holder.OURS else None
     return Control(
         air=AirState.LANDING, mode=mode, armed=True, heard_s=9.0, request=confirmed, holder=holder
@@ -101,7 +97,7 @@ def lands(mode: int, holder: Holder) -> Control:
 
 @pytest.mark.parametrize("mode", [PX4.rtl, PX4.land])
 @pytest.mark.parametrize("holder", [Holder.OURS, Holder.PILOT, Holder.FAILSAFE])
-def test_px4_that_disarms_into_hold_is_judged_by_its_heartbeat(mode: int, holder: Holder) -> None:
+def test_px4_that_disarms_into_hold_is_judged_by_its_heartbeat(mode, holder):
     """CURRENT_MODE reports Hold up to a second before a heartbeat reports the motors off: it was
     taken for a pilot's, and where a pilot or a failsafe had landed it, for given back.
     """
@@ -112,7 +108,7 @@ def test_px4_that_disarms_into_hold_is_judged_by_its_heartbeat(mode: int, holder
 
 
 @pytest.mark.parametrize("mode", [PX4.rtl, PX4.land])
-def test_pilots_hold_in_a_landing_is_his_at_once_and_given_back_by_a_heartbeat(mode: int) -> None:
+def test_pilots_hold_in_a_landing_is_his_at_once_and_given_back_by_a_heartbeat(mode):
     ours = lands(mode, Holder.OURS)
     assert ours.heard(PX4, Beat(HOLD, True, False, 9.1, LANDING)).holder is Holder.PILOT
     told = lands(mode, Holder.PILOT).heard(PX4, Beat(HOLD, True, False, 9.1, LANDING))
@@ -120,7 +116,7 @@ def test_pilots_hold_in_a_landing_is_his_at_once_and_given_back_by_a_heartbeat(m
     assert told.heard(PX4, Beat(HOLD, True, False, 9.9)).holder is Holder.OURS
 
 
-def test_another_mode_in_current_mode_is_the_pilots_at_once() -> None:
+def test_another_mode_in_current_mode_is_the_pilots_at_once():
     flying = replace(lands(PX4.stream_mode, Holder.OURS), air=AirState.AIRBORNE)
     for mode in (HOLD, 3 << 16, PX4.rtl):
         for state in (STANDS, LANDING):

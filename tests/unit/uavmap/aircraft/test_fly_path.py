@@ -1,59 +1,56 @@
 """Paths that are flown without stopping, by the driver against simulated vehicles, as bytes."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import math
 import random
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions import events as ev
 from missions.flight.strategy.sweep_passes import NOTICE_S
-from missions.geo.trajectory import Trajectory, rounded_path
+from missions.geo.trajectory import rounded_path
 from missions.mission.sim_section import SimQuirks
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, StandDown, Sweep, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.benchmarks.path_following import followed, mean, most
-from tests.support.flights import Flight, Message, fly, fly_up, small_mission
+from tests.support.flights import fly, fly_up, small_mission
 from tests.support.running import by
 
 UP_M = 12.0
 EVERY_S = 0.2
 LEAST_M_S = 3.0
 SETPOINT = "SET_POSITION_TARGET_GLOBAL_INT"
-START_CAPTURE: int = mav.MAV_CMD_IMAGE_START_CAPTURE
+START_CAPTURE = mav.MAV_CMD_IMAGE_START_CAPTURE
 
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
-def corner(begin_s: float, **how: Any) -> Trajectory:
+def corner(begin_s, **how):
     points = [GridPoint(0, 0), GridPoint(30, 0), GridPoint(30, 30)]
     return rounded_path(points, begin_s, speed_m_s=6.0, cut_m=2.5, **how)
 
 
-def order(plan: Trajectory, every_s: float = EVERY_S) -> FlyPath:
+def order(plan, every_s=EVERY_S):
     return FlyPath(plan, UP_M, 0.0, every_s)
 
 
-def straight(flight: Flight, end: GridPoint) -> FlyPath:
+def straight(flight, end):
     return order(rounded_path([where(flight), end], flight.now_s() + NOTICE_S, speed_m_s=6.0))
 
 
-def speed_of(flight: Flight) -> float:
+def speed_of(flight):
     return math.hypot(*flight.vehicle.truth.velocity_m_s[:2])
 
 
-def where(flight: Flight) -> GridPoint:
+def where(flight):
     return flight.setting.grid.fixed(flight.vehicle.truth.position)
 
 
-async def on_the_way(flight: Flight, seconds: float = 5.5) -> Trajectory:
+async def on_the_way(flight, seconds=5.5):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     plan = corner(flight.now_s() + NOTICE_S)
     flight.driver.give(order(plan))
@@ -61,7 +58,7 @@ async def on_the_way(flight: Flight, seconds: float = 5.5) -> Trajectory:
     return plan
 
 
-def turned_off(plan: Trajectory, begin_s: float) -> Trajectory:
+def turned_off(plan, begin_s):
     """From where a plan is then, on for some metres, and back over the region beside it."""
     here = plan.at(begin_s)
     speed_m_s = math.hypot(here.v_east_m_s, here.v_north_m_s)
@@ -71,21 +68,21 @@ def turned_off(plan: Trajectory, begin_s: float) -> Trajectory:
     return rounded_path(points, begin_s, speed_m_s=6.0, cut_m=2.5, begin_speed_m_s=speed_m_s)
 
 
-def count(flight: Flight, command: int) -> int:
+def count(flight, command):
     return sum(getattr(m, "command", None) == command for _, m in flight.sent)
 
 
-def kinds(flight: Flight, kind: str) -> list[tuple[float, Message]]:
+def kinds(flight, kind):
     return [(t_s, m) for t_s, m in flight.sent if m.get_type() == kind]
 
 
 @both
 @by(fly, small_mission)
-async def test_path_replaced_on_the_way_is_flown_on(flight: Flight, /, autopilot: str) -> None:
-    speeds: list[float] = []
-    announced: set[int] = set()
+async def test_path_replaced_on_the_way_is_flown_on(flight, /, autopilot):
+    speeds = []
+    announced = set()
 
-    def note(message: Message) -> bool:
+    def note(message):
         if message.get_type() == "CAMERA_IMAGE_CAPTURED":
             announced.add(message.image_index)
         return True
@@ -123,7 +120,7 @@ async def test_path_replaced_on_the_way_is_flown_on(flight: Flight, /, autopilot
     assert not flight.said
 
 
-def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one() -> None:
+def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one():
     """At 6 m/s: 0.18 m in the mean, 0.54 in 95 % of the time, and as long as planned."""
     flown = followed("ardupilot", 6.0)
     assert not flown.failed
@@ -134,8 +131,8 @@ def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one() -> Non
 
 @both
 @by(fly, small_mission)
-async def test_path_link_loses_setpoints_stays_near(flight: Flight, /, autopilot: str) -> None:
-    errors: list[float] = []
+async def test_path_link_loses_setpoints_stays_near(flight, /, autopilot):
+    errors = []
     dice = random.Random(7)
     flight.to_vehicle = lambda m: m.get_type() != SETPOINT or dice.random() > 0.2
     plan = await on_the_way(flight, 1.5)
@@ -149,7 +146,7 @@ async def test_path_link_loses_setpoints_stays_near(flight: Flight, /, autopilot
 
 
 @by(fly)
-async def test_the_timeout_is_short_while_paths_are_flown(flight: Flight, /) -> None:
+async def test_the_timeout_is_short_while_paths_are_flown(flight, /):
     parameters = flight.vehicle._ap.parameters
     assert parameters["GUID_TIMEOUT"] == 3.0
     await on_the_way(flight)
@@ -158,7 +155,7 @@ async def test_the_timeout_is_short_while_paths_are_flown(flight: Flight, /) -> 
 
 @both
 @by(fly_up, lambda autopilot: small_mission(autopilot=autopilot))
-async def test_path_telemetry_read_late_is_not_off(flight: Flight, /, autopilot: str) -> None:
+async def test_path_telemetry_read_late_is_not_off(flight, /, autopilot):
     """A busy computer read a real vehicle's telemetry 3.4 s late for 12 s, and took it for now:
     "12 m off its path by now" ended the mission of a vehicle that was 2.6 m off.
     """
@@ -168,14 +165,14 @@ async def test_path_telemetry_read_late_is_not_off(flight: Flight, /, autopilot:
     flight.driver.give(order(rounded_path(points, begin_s, speed_m_s=6.0, cut_m=2.5)))
     await asyncio.sleep(3.0)
     deliver, held = flight._deliver, list[bytes]()
-    flight._deliver = lambda data, later=False: held.append(data)  # type: ignore[method-assign]
+    flight._deliver = lambda data, later=False: held.append(data)
     late = round(3.4 / 0.04)
     for _ in range(300):
         await asyncio.sleep(0.04)
         while len(held) > late:
             deliver(held.pop(0))
     assert flight.driver.view.age_s(flight.now_s()) > 2.5
-    flight._deliver = deliver  # type: ignore[method-assign]
+    flight._deliver = deliver
     deliver(b"".join(held))
     assert flight.driver.view.age_s(flight.now_s()) < 0.5
     await flight.sees(ev.Arrived)
@@ -184,7 +181,7 @@ async def test_path_telemetry_read_late_is_not_off(flight: Flight, /, autopilot:
 
 # --- what ends a stream --------------------------------------------------------------------------
 @by(fly)
-async def test_copter_stream_lost_stops_and_is_reported(flight: Flight, /) -> None:
+async def test_copter_stream_lost_stops_and_is_reported(flight, /):
     await on_the_way(flight, 5.0)
     assert speed_of(flight) > 5.0
     lost_s, lost_at = flight.now_s(), where(flight)
@@ -199,7 +196,7 @@ async def test_copter_stream_lost_stops_and_is_reported(flight: Flight, /) -> No
 
 
 @by(fly, lambda: small_mission(autopilot="px4", quirks=SimQuirks(stick=False)))
-async def test_px4_stream_lost_returns_and_is_left_alone(flight: Flight, /) -> None:
+async def test_px4_stream_lost_returns_and_is_left_alone(flight, /):
     await on_the_way(flight, 5.0)
     flight.to_vehicle = lambda m: m.get_type() != SETPOINT
     lost_s = flight.now_s()
@@ -213,7 +210,7 @@ async def test_px4_stream_lost_returns_and_is_left_alone(flight: Flight, /) -> N
 
 
 @by(fly)
-async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight: Flight, /) -> None:
+async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight, /):
     await on_the_way(flight, 5.0)
     lost_at = where(flight)
     flight.to_driver = flight.to_vehicle = lambda message: False
@@ -241,9 +238,7 @@ async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight: Flight, /) -
     ],
 )
 @by(fly, small_mission)
-async def test_a_pilot_takes_over_on_a_path(
-    flight: Flight, /, autopilot: str, mode: Mode | Px4Mode
-) -> None:
+async def test_a_pilot_takes_over_on_a_path(flight, /, autopilot, mode):
     await on_the_way(flight)
     if isinstance(mode, Px4Mode):
         flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
@@ -259,7 +254,7 @@ async def test_a_pilot_takes_over_on_a_path(
 # --- other orders on the way ---------------------------------------------------------------------
 @both
 @by(fly, small_mission)
-async def test_hold_brakes_on_the_shortest_way_and_stays(flight: Flight, /, autopilot: str) -> None:
+async def test_hold_brakes_on_the_shortest_way_and_stays(flight, /, autopilot):
     await on_the_way(flight, 5.0)
     begin, farthest = where(flight), 0.0
     assert speed_of(flight) > 5.0
@@ -278,7 +273,7 @@ async def test_hold_brakes_on_the_shortest_way_and_stays(flight: Flight, /, auto
 
 @both
 @by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
-async def test_path_any_order_may_follow_midway(flight: Flight, /, autopilot: str) -> None:
+async def test_path_any_order_may_follow_midway(flight, /, autopilot):
     await on_the_way(flight)
     await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), ev.Arrived)
     for following, ends in (
@@ -297,9 +292,9 @@ async def test_path_any_order_may_follow_midway(flight: Flight, /, autopilot: st
 
 @both
 @by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
-async def test_leg_after_path_has_speed_of_mission(flight: Flight, /, autopilot: str) -> None:
+async def test_leg_after_path_has_speed_of_mission(flight, /, autopilot):
     """A change of the kind of target puts an ArduCopter's own speed back, 10 m/s."""
-    fastest: list[float] = []
+    fastest = []
     await on_the_way(flight)
     await flight.sees(ev.Arrived, within_s=20.0)
     flight.driver.give(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M))
@@ -314,10 +309,10 @@ async def test_leg_after_path_has_speed_of_mission(flight: Flight, /, autopilot:
     ("autopilot", "after_end_s"),
     [("ardupilot", -0.5), ("px4", -0.5), ("px4", 0.3), ("ardupilot", 0.8), ("px4", 1.5)],
 )
-def test_path_given_at_the_end_loses_no_picture(autopilot: str, after_end_s: float) -> None:
+def test_path_given_at_the_end_loses_no_picture(autopilot, after_end_s):
     """Whether the camera takes pictures still, is being stopped, or is done."""
 
-    async def body(flight: Flight) -> None:
+    async def body(flight):
         plan = await on_the_way(flight, 0.0)
         await asyncio.sleep(plan.end_s + after_end_s - flight.now_s())
         here = plan.at(plan.end_s).place
@@ -337,7 +332,7 @@ def test_path_given_at_the_end_loses_no_picture(autopilot: str, after_end_s: flo
 
 
 @by(fly)
-async def test_path_with_another_interval_changes_pace_of_pictures(flight: Flight, /) -> None:
+async def test_path_with_another_interval_changes_pace_of_pictures(flight, /):
     plan = await on_the_way(flight)
     second = turned_off(plan, flight.now_s() + NOTICE_S)
     flight.driver.give(order(second, every_s=0.5))
@@ -349,7 +344,7 @@ async def test_path_with_another_interval_changes_pace_of_pictures(flight: Fligh
 
 
 @by(fly)
-async def test_a_path_that_was_called_off_is_not_gone_on_with(flight: Flight, /) -> None:
+async def test_a_path_that_was_called_off_is_not_gone_on_with(flight, /):
     """Two orders in one breath: the path after them begins anew."""
     await on_the_way(flight)
     flight.driver.give(Hold())
@@ -361,7 +356,7 @@ async def test_a_path_that_was_called_off_is_not_gone_on_with(flight: Flight, /)
 
 @both
 @by(fly_up, lambda autopilot: small_mission(autopilot=autopilot, drift_m_s=0.4, toward_deg=60.0))
-async def test_path_over_drifting_region_moves(flight: Flight, /, autopilot: str) -> None:
+async def test_path_over_drifting_region_moves(flight, /, autopilot):
     grid = flight.setting.grid
     drift = (grid.drift_east_m_s, grid.drift_north_m_s)
     begin_s = flight.now_s() + NOTICE_S
@@ -376,7 +371,7 @@ async def test_path_over_drifting_region_moves(flight: Flight, /, autopilot: str
 
 
 @by(fly_up)
-async def test_a_camera_that_refuses_ends_the_order_and_the_stream(flight: Flight, /) -> None:
+async def test_a_camera_that_refuses_ends_the_order_and_the_stream(flight, /):
     flight.vehicle.fail.reject(START_CAPTURE)
     plan = corner(flight.now_s() + NOTICE_S)
     flight.driver.give(order(plan))

@@ -3,10 +3,7 @@
 Each of these was taken back from its pilot by an earlier version.
 """
 
-from __future__ import annotations
-
 import asyncio
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -14,12 +11,11 @@ from shapely.geometry import Point, Polygon
 
 from missions import events as ev
 from missions.geo.trajectory import rounded_path
-from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
-from tests.support.flights import UP_M, Flight, Message, fly, fly_up, small_mission, to
+from tests.support.flights import UP_M, fly, fly_up, small_mission, to
 from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by
 from tests.support.small_missions import square
@@ -30,26 +26,26 @@ HOUSE = square(-20, 28, 60, 6)
 """No-fly area between the far side and home."""
 
 
-def behind_a_house() -> Mission:
+def behind_a_house():
     return small_mission(holes=[HOUSE])
 
 
-def on_px4(**how: Any) -> Mission:
+def on_px4(**how):
     return small_mission(autopilot="px4", **how)
 
 
-async def fly_behind_the_house(flight: Flight) -> None:
+async def fly_behind_the_house(flight):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     for place in (GridPoint(45.0, 20.0), GridPoint(45.0, 45.0), GridPoint(10.0, 50.0)):
         await flight.after(FlyTo((place,), None, stop=True, height_m=UP_M), ev.Arrived)
 
 
-async def fly_out(flight: Flight, height_m: float = UP_M) -> None:
+async def fly_out(flight, height_m=UP_M):
     await flight.after(TakeOff(height_m), ev.Airborne)
     await flight.after(to(20.0, 30.0, height_m), ev.Arrived)
 
 
-async def keeps(flight: Flight, mode: int, seconds: float = 6.0) -> None:
+async def keeps(flight, mode, seconds=6.0):
     """The pilot takes it and keeps it: nothing is sent from then on."""
     flight.pilot_mode(mode)
     await flight.hears_nothing(seconds)
@@ -61,7 +57,7 @@ async def keeps(flight: Flight, mode: int, seconds: float = 6.0) -> None:
 # --- whoever of ours acts ------------------------------------------------------------------------
 @pytest.mark.parametrize("mode", [Mode.LAND, Mode.RTL, Mode.LOITER])
 @by(fly, lambda mode: behind_a_house())
-async def test_pilot_takes_it_on_way_around_hole_keeps_it(flight: Flight, /, mode: Mode) -> None:
+async def test_pilot_takes_it_on_way_around_hole_keeps_it(flight, /, mode):
     await fly_behind_the_house(flight)
     flight.driving.cancel()
     home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
@@ -71,7 +67,7 @@ async def test_pilot_takes_it_on_way_around_hole_keeps_it(flight: Flight, /, mod
 
 
 @by(fly, behind_a_house)
-async def test_pilot_lands_it_on_way_around_avoids_the_hole(flight: Flight, /) -> None:
+async def test_pilot_lands_it_on_way_around_avoids_the_hole(flight, /):
     await fly_behind_the_house(flight)
     flight.driver.give(ReturnToLaunch())
     await asyncio.sleep(4.0)
@@ -85,7 +81,7 @@ async def test_pilot_lands_it_on_way_around_avoids_the_hole(flight: Flight, /) -
 
 
 @by(fly)
-async def test_pilot_lands_it_while_rtl_is_commanded_keeps_it(flight: Flight, /) -> None:
+async def test_pilot_lands_it_while_rtl_is_commanded_keeps_it(flight, /):
     await fly_out(flight)
     flight.to_vehicle = lambda message: message.get_type() == "HEARTBEAT"
     flight.driver.guardian.take_over("rtl", "it has made no progress")
@@ -102,7 +98,7 @@ async def test_pilot_lands_it_while_rtl_is_commanded_keeps_it(flight: Flight, /)
 
 @pytest.mark.parametrize("mode", [Mode.RTL, Mode.LAND, Mode.LOITER])
 @by(fly)
-async def test_pilot_takes_it_in_a_quick_descent_keeps_it(flight: Flight, /, mode: Mode) -> None:
+async def test_pilot_takes_it_in_a_quick_descent_keeps_it(flight, /, mode):
     await fly_out(flight, 30.0)
     flight.driver.guardian.take_over("land", "the wind carries it away", hurry=True)
     await asyncio.sleep(2.0)
@@ -114,15 +110,15 @@ class ByMap:
 
     by_map = True
 
-    def leapt(self, how: str) -> bool:
+    def leapt(self, how):
         return True
 
-    def look(self, *, airborne: bool) -> None:
+    def look(self, *, airborne):
         pass
 
 
 @by(fly)
-async def test_failsafe_lands_it_on_way_home_by_map_is_left_alone(flight: Flight, /) -> None:
+async def test_failsafe_lands_it_on_way_home_by_map_is_left_alone(flight, /):
     """An ArduCopter shows no difference between its EKF failsafe's LAND and a pilot's."""
     await fly_out(flight, 20.0)
     flight.driver._monitor.navigation = ByMap()
@@ -132,7 +128,7 @@ async def test_failsafe_lands_it_on_way_home_by_map_is_left_alone(flight: Flight
 
 
 @by(fly)
-async def test_link_back_and_pilot_has_it_guardian_reports_nothing(flight: Flight, /) -> None:
+async def test_link_back_and_pilot_has_it_guardian_reports_nothing(flight, /):
     await fly_out(flight)
     flight.driver.guardian.take_over("rtl", "it has made no progress")
     await asyncio.sleep(2.0)
@@ -149,12 +145,12 @@ async def test_link_back_and_pilot_has_it_guardian_reports_nothing(flight: Fligh
 
 
 # --- a PX4, which shows its mode only now and then -----------------------------------------------
-def path(flight: Flight) -> FlyPath:
+def path(flight):
     north = [GridPoint(0.0, 0.0), GridPoint(0.0, 50.0)]
     return FlyPath(rounded_path(north, flight.now_s() + 1.0, speed_m_s=4.0), UP_M, 0.0, 0.5)
 
 
-async def on_path(flight: Flight, seconds: float = 6.0) -> None:
+async def on_path(flight, seconds=6.0):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(path(flight))
     await asyncio.sleep(seconds)
@@ -163,7 +159,7 @@ async def on_path(flight: Flight, seconds: float = 6.0) -> None:
 
 @pytest.mark.parametrize("after_s", [0.25, 0.3, 0.5, 0.9])
 @by(fly, lambda after_s: on_px4())
-async def test_px4_pilot_position_before_order_keeps_it(flight: Flight, /, after_s: float) -> None:
+async def test_px4_pilot_position_before_order_keeps_it(flight, /, after_s):
     """A PX4 sends a heartbeat a second: Hold was asked for by one from before the pilot."""
     await on_path(flight)
     flight.vehicle._ap.fail_to(Px4Mode.POSITION)
@@ -176,14 +172,12 @@ async def test_px4_pilot_position_before_order_keeps_it(flight: Flight, /, after
 
 @pytest.mark.parametrize("lost_ack", [None, 0, 1])
 @by(fly_up, lambda lost_ack: on_px4())
-async def test_px4_pilot_hold_after_offboard_keeps_it(
-    flight: Flight, /, lost_ack: int | None
-) -> None:
+async def test_px4_pilot_hold_after_offboard_keeps_it(flight, /, lost_ack):
     """Seen: OFFBOARD asked for at 58.81 s, the pilot's Hold at 59.0, ours again at 61.53."""
-    at_s: list[float] = []
+    at_s = []
     real = flight.vehicle._ap._change
 
-    def change(mode: Px4Mode) -> None:
+    def change(mode):
         real(mode)
         if mode == Px4Mode.OFFBOARD:
             at_s.append(flight.now_s())
@@ -191,9 +185,9 @@ async def test_px4_pilot_hold_after_offboard_keeps_it(
             asyncio.get_running_loop().call_later(0.01, flight.vehicle._ap.set_mode, Px4Mode.HOLD)
 
     flight.vehicle._ap._change = change
-    acks: list[Message] = []
+    acks = []
 
-    def lossy(message: Message) -> bool:
+    def lossy(message):
         """The service does not see OFFBOARD, and may lose one of the two acknowledgements."""
         if message.get_type() in ("HEARTBEAT", "CURRENT_MODE"):
             return int(message.custom_mode) != Px4Mode.OFFBOARD
@@ -212,7 +206,7 @@ async def test_px4_pilot_hold_after_offboard_keeps_it(
 
 
 @by(fly, on_px4)
-async def test_px4_back_in_offboard_after_failsafe_is_not_ours(flight: Flight, /) -> None:
+async def test_px4_back_in_offboard_after_failsafe_is_not_ours(flight, /):
     """Seen: RTL by a failsafe for 1.0 s, then OFFBOARD by itself; the flight went on."""
     await on_path(flight)
     autopilot = flight.vehicle._ap
@@ -231,7 +225,7 @@ async def test_px4_back_in_offboard_after_failsafe_is_not_ours(flight: Flight, /
 
 
 @by(fly, on_px4)
-async def test_px4_in_failsafe_when_link_is_back_is_not_put_into_hold(flight: Flight, /) -> None:
+async def test_px4_in_failsafe_when_link_is_back_is_not_put_into_hold(flight, /):
     """Seen: a new position came before a new heartbeat, and the mode of before was believed."""
     await on_path(flight)
     flight.to_driver = lambda message: False
@@ -251,11 +245,11 @@ async def test_px4_in_failsafe_when_link_is_back_is_not_put_into_hold(flight: Fl
 
 # --- in the air from the first NAV_TAKEOFF on ----------------------------------------------------
 @by(fly)
-async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight: Flight, /) -> None:
+async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight, /):
     """An arming that browns a radio out: it was given up as "on the ground", 12 m up."""
-    cut: list[float] = []
+    cut = []
 
-    def to_vehicle(message: Message) -> bool:
+    def to_vehicle(message):
         if getattr(message, "command", None) == mav.MAV_CMD_NAV_TAKEOFF and not cut:
             cut.append(flight.now_s())
             flight.to_driver = lambda message: False
@@ -278,10 +272,10 @@ async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight: Flight,
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_without_a_landed_state_it_is_guarded_and_brought_home(autopilot: str) -> None:
+def test_without_a_landed_state_it_is_guarded_and_brought_home(autopilot):
     """EXTENDED_SYS_STATE does not come: no rule of the guardian looked at it, nobody was there."""
 
-    async def body(flight: Flight) -> None:
+    async def body(flight):
         flight.to_driver = lambda message: message.get_type() != "EXTENDED_SYS_STATE"
         await asyncio.sleep(6.0)
         flight.vehicle.fail.link()
@@ -298,7 +292,7 @@ def test_without_a_landed_state_it_is_guarded_and_brought_home(autopilot: str) -
 
 
 @by(fly)
-async def test_take_off_is_held_until_it_is_known_to_be_on_the_ground(flight: Flight, /) -> None:
+async def test_take_off_is_held_until_it_is_known_to_be_on_the_ground(flight, /):
     """Armed, low, and without a landed state: it may stand, or hover."""
     monitor = flight.driver._monitor
     flight.to_driver = lambda message: message.get_type() not in (
@@ -324,7 +318,7 @@ async def test_take_off_is_held_until_it_is_known_to_be_on_the_ground(flight: Fl
 
 # --- a crash -------------------------------------------------------------------------------------
 @by(fly)
-async def test_crash_leaves_motors_running_they_are_stopped_by_force(flight: Flight, /) -> None:
+async def test_crash_leaves_motors_running_they_are_stopped_by_force(flight, /):
     """A real ArduCopter with a dead motor stayed armed in LAND on the ground for 138 s."""
     await fly_out(flight)
     stops = only_forced_disarms(flight)
@@ -339,7 +333,7 @@ async def test_crash_leaves_motors_running_they_are_stopped_by_force(flight: Fli
 
 
 @by(fly)
-async def test_crash_under_pilot_with_motors_running_is_reported_only(flight: Flight, /) -> None:
+async def test_crash_under_pilot_with_motors_running_is_reported_only(flight, /):
     await fly_out(flight)
     flight.pilot_mode(Mode.LOITER)
     sent = len(flight.sent)
@@ -353,12 +347,12 @@ async def test_crash_under_pilot_with_motors_running_is_reported_only(flight: Fl
     assert flight.driver.guardian.fate().endswith("and its motors still run")
 
 
-def only_forced_disarms(flight: Flight) -> list[float]:
+def only_forced_disarms(flight):
     """Its landing detector does not fire where it lies; the second forced disarming is obeyed."""
     autopilot, stops = flight.vehicle._ap, []  # type: Any, list[float]
     real = autopilot.disarm
 
-    def to_vehicle(message: Message) -> bool:
+    def to_vehicle(message):
         if getattr(message, "command", None) == mav.MAV_CMD_COMPONENT_ARM_DISARM:
             assert (message.param1, message.param2) == (0.0, 21196.0)
             stops.append(flight.now_s())

@@ -1,21 +1,15 @@
 """A battery that the autopilot calls low is not flown on."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
-import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, BatterySwapped, Landed, Told, Tracked
-from sitl.vehicle import SimVehicle
-from tests.support.flights import Flight, fly, flying
+from tests.support.flights import fly, flying
 from tests.support.plans import plan_of
 from tests.support.running import by
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
-from uavmap.mavlink.session import Session
 from uavmap.runner.flight import fly as fly_plan
 from uavmap.runner.simulation import Simulation
 
@@ -23,13 +17,13 @@ LOW_MAH = 2500.0
 """Charge below which the autopilot reports it as low, mAh, some 40 s after lift-off."""
 
 
-def put(vehicle: SimVehicle, name: bytes, value: float) -> bytes:
+def put(vehicle, name, value):
     codec = mav.MAVLink(None, srcSystem=255, srcComponent=190)
     return bytes(vehicle.receive(mav.MAVLink_param_set_message(1, 1, name, value, 9).pack(codec)))
 
 
 @by(fly)
-async def test_low_battery_in_flight_counts_as_empty_and_is_reported(flight: Flight, /) -> None:
+async def test_low_battery_in_flight_counts_as_empty_and_is_reported(flight, /):
     """A real ArduCopter 4.6.2 with 64 % and 9.9 V was given back in GUIDED 0.4 m over its pad: it
     climbed and went on searching.
     """
@@ -43,12 +37,10 @@ async def test_low_battery_in_flight_counts_as_empty_and_is_reported(flight: Fli
     assert "its battery is reported as low" in [told.text for told in flight.seen(Told)]
 
 
-def test_mission_low_battery_swaps_and_flies_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mission_low_battery_swaps_and_flies_on(tmp_path, monkeypatch):
     open_session = Simulation.open_session
 
-    def warned(self: Simulation, index: int, record: Any) -> Session:
+    def warned(self, index, record):
         put(self._vehicles[index], b"BATT_LOW_MAH", LOW_MAH)
         return open_session(self, index, record)
 

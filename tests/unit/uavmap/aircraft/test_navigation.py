@@ -32,7 +32,7 @@ class Craft:
     acts: list[tuple[str, str]] = field(default_factory=list)
     fails: list[str] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         clock, grid = lambda: self.now_s, Grid.at(START, CELL_M)
         reporter = Reporter(
             1, "one", self.view, 60.0, grid, clock, clock, operator=self.told.append
@@ -45,29 +45,29 @@ class Craft:
         self.view.ekf_flags = GOOD
         self.at(0.0, 0.0)
 
-    def at(self, east_m: float, north_m: float) -> None:
+    def at(self, east_m, north_m):
         self.view.told = self.reporter.grid.position(GridPoint(east_m, north_m))
         self.view.position = self.view.corrected(self.view.told)
 
-    def pass_s(self, seconds: float, *, airborne: bool = True) -> None:
+    def pass_s(self, seconds, *, airborne=True):
         for _ in range(round(10 * seconds)):
             self.now_s = round(self.now_s + 0.1, 3)
             self.navigation.look(airborne=airborne)
 
 
-def craft(**navigation: object) -> Craft:
+def craft(**navigation):
     text = mission_text(square(10, 10, 40, 40), square(-20, -20, 90, 90))
     made = parse_mission(text, "test.toml")
     section = NavigationSection.model_validate(navigation)
     return Craft(made.model_copy(update={"navigation": section}))
 
 
-def gnss(craft: Craft) -> list[str]:
+def gnss(craft):
     return [event.gnss for event in craft.events if isinstance(event, Navigated)]
 
 
 @pytest.mark.parametrize("action", ["rtl", "land"])
-def test_lost_satellites_end_the_flight_as_the_mission_says(action: str) -> None:
+def test_lost_satellites_end_the_flight_as_the_mission_says(action):
     flown = craft(gnss_loss=action)
     flown.pass_s(5.0)
     assert not flown.acts
@@ -79,7 +79,7 @@ def test_lost_satellites_end_the_flight_as_the_mission_says(action: str) -> None
     assert gnss(flown) == ["lost"]
 
 
-def test_a_flicker_begins_anew() -> None:
+def test_a_flicker_begins_anew():
     flown = craft()
     for _ in range(5):
         flown.view.ekf_flags = LOST
@@ -100,7 +100,7 @@ def test_a_flicker_begins_anew() -> None:
     ],
     ids=["a filter that holds still", "on the ground", "a receiver alone"],
 )
-def test_what_is_no_loss_changes_nothing(loss: str, said: dict[str, int], airborne: bool) -> None:
+def test_what_is_no_loss_changes_nothing(loss, said, airborne):
     flown = craft(gnss_loss=loss)
     for name, value in said.items():
         setattr(flown.view, name, value)
@@ -109,7 +109,7 @@ def test_what_is_no_loss_changes_nothing(loss: str, said: dict[str, int], airbor
     assert not flown.events
 
 
-def test_a_receiver_without_a_fix_is_believed_before_the_filter() -> None:
+def test_a_receiver_without_a_fix_is_believed_before_the_filter():
     flown = craft(gnss_loss="map")
     assert mav.MAVLINK_MSG_ID_GPS_RAW_INT in flown.navigation.streams
     flown.view.gps_fix = 1
@@ -123,7 +123,7 @@ def test_a_receiver_without_a_fix_is_believed_before_the_filter() -> None:
     assert gnss(flown)[-1] == "good"
 
 
-def test_without_pictures_it_knows_less_with_every_metre_and_comes_home() -> None:
+def test_without_pictures_it_knows_less_with_every_metre_and_comes_home():
     flown = craft(gnss_loss="map")
     flown.view.ekf_flags = LOST
     flown.pass_s(LOST_S + 0.2)
@@ -141,7 +141,7 @@ def test_without_pictures_it_knows_less_with_every_metre_and_comes_home() -> Non
 
 
 @pytest.mark.parametrize("asked", ['gnss_loss = "map"', "watch = true"])
-def test_ground_that_moves_leads_nobody(asked: str) -> None:
+def test_ground_that_moves_leads_nobody(asked):
     text = mission_text(square(10, 10, 40, 40), square(-20, -20, 90, 90), drift_m_s=0.3)
     parse_mission(text, "film.toml")
     with pytest.raises(MissionFileError, match=f"navigation.{asked} does not go with drift"):

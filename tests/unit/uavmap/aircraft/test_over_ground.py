@@ -1,9 +1,6 @@
 """The border between heights above the ground and heights above home, by bytes, in both ways."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -12,10 +9,9 @@ from missions.events import Airborne, Arrived, Crashed, Landed
 from missions.flight.setting_of import setting_of
 from missions.geo.terrain import FOLLOW_M
 from missions.geo.trajectory import rounded_path
-from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, TakeOff
 from missions.units import GridPoint
-from tests.support.flights import Flight, fly, small_mission
+from tests.support.flights import fly, small_mission
 from tests.support.hills import over, slope
 from tests.support.running import by
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4
@@ -26,12 +22,12 @@ FAR = GridPoint(0.0, 45.0)
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
-def sloped(autopilot: str, percent: float, **how: Any) -> Mission:
+def sloped(autopilot, percent, **how):
     made = over(small_mission(autopilot=autopilot, altitude_m=UP_M, **how), slope(percent, 0.0))
     return made.model_copy(update={"sim": made.sim.model_copy(update={"gps_sigma_m": 0.0})})
 
 
-def wire_heights_m(flight: Flight) -> list[float]:
+def wire_heights_m(flight):
     """The heights above home of all targets and setpoints that were sent."""
     found = []
     for _, message in flight.sent:
@@ -49,8 +45,8 @@ def wire_heights_m(flight: Flight) -> list[float]:
     ("autopilot", "percent"), [("ardupilot", 20.0), ("px4", 20.0), ("px4", -20.0)]
 )
 @by(fly, lambda autopilot, percent: sloped(autopilot, percent, speed_m_s=5.0))
-async def test_leg_follows_the_ground_up_and_down(flight: Flight, /, autopilot, percent) -> None:
-    heights: list[float] = []
+async def test_leg_follows_the_ground_up_and_down(flight, /, autopilot, percent):
+    heights = []
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(FlyTo((FAR,), None, stop=True, height_m=UP_M))
     while not flight.seen(Arrived):
@@ -71,8 +67,8 @@ async def test_leg_follows_the_ground_up_and_down(flight: Flight, /, autopilot, 
 
 @both
 @by(fly, lambda autopilot: sloped(autopilot, 20.0, speed_m_s=5.0))
-async def test_setpoints_carry_height_and_climb(flight: Flight, /, autopilot) -> None:
-    heights: list[float] = []
+async def test_setpoints_carry_height_and_climb(flight, /, autopilot):
+    heights = []
     await flight.after(TakeOff(UP_M), Airborne)
     plan = rounded_path([GridPoint(0, 0), FAR], flight.now_s() + 1.0, speed_m_s=5.0)
     flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))

@@ -1,12 +1,9 @@
 """What a path is on the wire: setpoints as bytes, their times, leads and modes, and its end."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import itertools
 import math
-from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
 
 import pytest
@@ -14,10 +11,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.geo.grid import Grid
-from missions.geo.trajectory import Trajectory, rounded_path
+from missions.geo.trajectory import rounded_path
 from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
-from tests.support.mavlink_peer import Message, Peer, ack, heartbeat, position
+from tests.support.mavlink_peer import Peer, ack, heartbeat, position
 from tests.support.running import by
 from uavmap.aircraft.control import MODE_KNOWN_S, Holder
 from uavmap.aircraft.controlled_commands import ControlledCommands
@@ -37,11 +34,11 @@ from uavmap.mavlink.autopilots import ARDUPILOT, PX4
 GRID = Grid.at(LatLon(47.4, 10.8), 4.0)
 AMSL_M = 488.0
 HOLD, OFFBOARD = PX4.follows, PX4.stream_mode
-SET_MODE: int = mav.MAV_CMD_DO_SET_MODE
+SET_MODE = mav.MAV_CMD_DO_SET_MODE
 
 
 class Wire:
-    def __init__(self, *, px4: bool = False, by_places: bool = False) -> None:
+    def __init__(self, *, px4=False, by_places=False):
         self.peer = Peer()
         session = self.peer.session
         self.reporter = Reporter(1, "sim", session.view, 60.0, GRID, self.now_s, self.now_s)
@@ -53,14 +50,14 @@ class Wire:
             session, commands, self.reporter, self.monitor, by_places=by_places
         )
         self.mode = 0
-        self.autopilot: int = mav.MAV_AUTOPILOT_PX4 if px4 else mav.MAV_AUTOPILOT_ARDUPILOTMEGA
+        self.autopilot = mav.MAV_AUTOPILOT_PX4 if px4 else mav.MAV_AUTOPILOT_ARDUPILOTMEGA
         self.tell(HOLD if px4 else 4)
 
     @staticmethod
-    def now_s() -> float:
+    def now_s():
         return asyncio.get_running_loop().time()
 
-    def tell(self, mode: int, speed_m_s: float = 0.0) -> None:
+    def tell(self, mode, speed_m_s=0.0):
         self.mode = mode
         here = GRID.position(GridPoint(0.0, 0.0))
         velocity = (round(100 * speed_m_s), 0, 0)
@@ -69,10 +66,10 @@ class Wire:
             self.peer.session.feed(self.peer.frame(message))
 
     @contextlib.asynccontextmanager
-    async def beating(self) -> AsyncIterator[None]:
+    async def beating(self):
         """Heartbeats in its mode, five times a second."""
 
-        async def beat() -> None:
+        async def beat():
             while True:
                 beat = heartbeat(self.mode, armed=True, autopilot=self.autopilot)
                 self.peer.session.feed(self.peer.frame(beat))
@@ -82,34 +79,34 @@ class Wire:
         yield
         task.cancel()
 
-    def answers_twice(self, *, refused: bool) -> None:
+    def answers_twice(self, *, refused):
         """A PX4's receiver says yes to any mode, then its commander what it does."""
         self.peer.say(ack(SET_MODE, mav.MAV_RESULT_ACCEPTED))
         self.peer.say(ack(SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED * refused), after_s=0.02)
 
-    def changes(self, mode: int, after_s: float) -> None:
+    def changes(self, mode, after_s):
         asyncio.get_running_loop().call_later(after_s, setattr, self, "mode", mode)
 
-    def setpoints(self) -> list[tuple[float, Message]]:
+    def setpoints(self):
         kind = "SET_POSITION_TARGET_GLOBAL_INT"
         return [(t_s, m) for t_s, m in self.peer.heard if m.get_type() == kind]
 
 
-def flown(body: Callable[[], Awaitable[None]]) -> None:
-    run(body(), VirtualClock())  # type: ignore[arg-type]
+def flown(body):
+    run(body(), VirtualClock())
 
 
-def plan(begin_s: float = 1.0) -> Trajectory:
+def plan(begin_s=1.0):
     corners = [GridPoint(0, 0), GridPoint(0, 60), GridPoint(30, 60)]
     return rounded_path(corners, begin_s, speed_m_s=6.0, cut_m=2.5)
 
 
-def place_of(message: Message) -> GridPoint:
+def place_of(message):
     return GRID.fixed(LatLon(message.lat_int / 1e7, message.lon_int / 1e7))
 
 
 @by(flown)
-async def test_place_and_velocity_ten_times_a_second_the_velocity_half_a_second_ahead() -> None:
+async def test_place_and_velocity_ten_times_a_second_the_velocity_half_a_second_ahead():
     wire = Wire()
     wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))
     streaming = asyncio.create_task(wire.stream.run())
@@ -140,7 +137,7 @@ async def test_place_and_velocity_ten_times_a_second_the_velocity_half_a_second_
 
 
 @by(flown)
-async def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump() -> None:
+async def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump():
     wire = Wire()
     first = plan()
     wire.stream.begin(FlyPath(first, 12.0, None, 0.2))
@@ -169,13 +166,13 @@ async def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump() -> None:
     assert min(moving) > 3.0
 
 
-def test_what_is_told_depends_on_time_alone() -> None:
+def test_what_is_told_depends_on_time_alone():
     """Telemetry that stops, or lies, changes nothing."""
 
-    def sent(*, lies: bool) -> list[bytes]:
-        frames: list[bytes] = []
+    def sent(*, lies):
+        frames = []
 
-        async def body() -> None:
+        async def body():
             wire = Wire()
             wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
             streaming = asyncio.create_task(wire.stream.run())
@@ -193,11 +190,11 @@ def test_what_is_told_depends_on_time_alone() -> None:
 
 
 @by(flown)
-async def test_px4_sees_a_stream_first_and_then_changes_to_offboard() -> None:
+async def test_px4_sees_a_stream_first_and_then_changes_to_offboard():
     wire = Wire(px4=True)
-    asked: list[float] = []
+    asked = []
 
-    def answer(message: Message) -> None:
+    def answer(message):
         if getattr(message, "command", None) == SET_MODE:
             asked.append(wire.now_s())
             assert (message.param1, message.param2) == (1.0, 6.0)
@@ -223,10 +220,10 @@ async def test_px4_sees_a_stream_first_and_then_changes_to_offboard() -> None:
 
 
 @by(flown)
-async def test_a_px4_that_does_not_change_its_mode_ends_the_order() -> None:
+async def test_a_px4_that_does_not_change_its_mode_ends_the_order():
     wire = Wire(px4=True)
 
-    def answer(message: Message) -> None:
+    def answer(message):
         if getattr(message, "command", None) == SET_MODE:
             wire.answers_twice(refused=True)
 
@@ -240,7 +237,7 @@ async def test_a_px4_that_does_not_change_its_mode_ends_the_order() -> None:
 
 
 @by(flown)
-async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots() -> None:
+async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots():
     """Seen over a link that lost 40 %: the second acknowledgement and each report of OFFBOARD were
     lost, and after 5.1 s the pilot's Hold was taken back.
     """
@@ -256,12 +253,12 @@ async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots() -> 
 
 
 @by(flown)
-async def test_no_copy_of_a_mode_is_sent_on_a_report_of_before_it_waited() -> None:
+async def test_no_copy_of_a_mode_is_sent_on_a_report_of_before_it_waited():
     """Another command kept it waiting, and copies followed each second."""
     wire, told_s = Wire(px4=True), []
     other = asyncio.create_task(wire.peer.session.command(mav.MAV_CMD_DO_CHANGE_SPEED))
 
-    async def beat() -> None:
+    async def beat():
         while True:
             told_s.append(wire.now_s())
             wire.tell(HOLD)
@@ -280,7 +277,7 @@ async def test_no_copy_of_a_mode_is_sent_on_a_report_of_before_it_waited() -> No
 
 
 @by(flown)
-async def test_take_off_that_is_refused_leaves_the_mode_before_it_asked_for() -> None:
+async def test_take_off_that_is_refused_leaves_the_mode_before_it_asked_for():
     wire = Wire(px4=True)
     wire.peer.answer = lambda message: (
         wire.peer.say(ack(message.command, mav.MAV_RESULT_DENIED))
@@ -298,7 +295,7 @@ async def test_take_off_that_is_refused_leaves_the_mode_before_it_asked_for() ->
 
 # --- leaving -------------------------------------------------------------------------------------
 @by(flown)
-async def test_an_ardupilot_is_braked_by_a_velocity_of_zero() -> None:
+async def test_an_ardupilot_is_braked_by_a_velocity_of_zero():
     wire = Wire()
     assert await wire.stream.leave() is False
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
@@ -318,7 +315,7 @@ async def test_an_ardupilot_is_braked_by_a_velocity_of_zero() -> None:
 
 @pytest.mark.parametrize("mode", [4, 5])
 @by(flown)
-async def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode: int) -> None:
+async def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode):
     wire = Wire()
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
     wire.tell(mode, speed_m_s=6.0)
@@ -330,12 +327,12 @@ async def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode: int
 
 
 @by(flown)
-async def test_a_px4_goes_back_into_hold_while_the_stream_goes_on() -> None:
+async def test_a_px4_goes_back_into_hold_while_the_stream_goes_on():
     wire = Wire(px4=True)
     wire.monitor.control = wire.monitor.control.asking(OFFBOARD, wire.now_s())
     wire.tell(OFFBOARD, speed_m_s=6.0)
 
-    def answer(message: Message) -> None:
+    def answer(message):
         if getattr(message, "command", None) == SET_MODE:
             assert (message.param2, message.param3) == (4.0, 3.0)
             wire.peer.say(ack(SET_MODE, 0))
@@ -349,21 +346,21 @@ async def test_a_px4_goes_back_into_hold_while_the_stream_goes_on() -> None:
 
 
 # --- the parameter -------------------------------------------------------------------------------
-def value(name: str, number: float) -> Message:
+def value(name, number):
     return mav.MAVLink_param_value_message(name.encode(), number, 9, 1, 0)
 
 
 class Keeper:
     """A vehicle with one parameter, over a link that loses every other message."""
 
-    def __init__(self, number: float, *, lossy: bool = False, stubborn: bool = False) -> None:
+    def __init__(self, number, *, lossy=False, stubborn=False):
         self.wire = Wire()
         self.number, self.told = number, []  # type: tuple[float, list[str]]
         self.timeout = StreamTimeout("sim", self.wire.peer.session, self.told.append)
         self._lossy, self._stubborn, self._heard = lossy, stubborn, 0
         self.wire.peer.answer = self._answer
 
-    def _answer(self, message: Message) -> None:
+    def _answer(self, message):
         if not message.get_type().startswith("PARAM_"):
             return
         assert message.param_id == "GUID_TIMEOUT"
@@ -376,7 +373,7 @@ class Keeper:
 
 @pytest.mark.parametrize("lossy", [False, True])
 @by(flown)
-async def test_the_timeout_is_shortened_once_for_the_flight(lossy: bool) -> None:
+async def test_the_timeout_is_shortened_once_for_the_flight(lossy):
     keeper = Keeper(3.0, lossy=lossy)
     await keeper.timeout.shorten()
     assert keeper.number == 1.0
@@ -388,14 +385,14 @@ async def test_the_timeout_is_shortened_once_for_the_flight(lossy: bool) -> None
 
 @pytest.mark.parametrize(("found", "flown_with"), [(0.5, 0.5), (0.8, 0.8), (0.1, 1.0), (0.0, 1.0)])
 @by(flown)
-async def test_timeout_short_enough_is_left_alone(found: float, flown_with: float) -> None:
+async def test_timeout_short_enough_is_left_alone(found, flown_with):
     keeper = Keeper(found)
     await keeper.timeout.shorten()
     assert keeper.number == pytest.approx(flown_with)
 
 
 @by(flown)
-async def test_a_timeout_that_cannot_be_had_is_told_once_and_is_no_failure() -> None:
+async def test_a_timeout_that_cannot_be_had_is_told_once_and_is_no_failure():
     keeper = Keeper(3.0, stubborn=True)
     await keeper.timeout.shorten()
     await keeper.timeout.shorten()
@@ -410,7 +407,7 @@ async def test_a_timeout_that_cannot_be_had_is_told_once_and_is_no_failure() -> 
 
 
 @by(flown)
-async def test_a_px4_keeps_its_parameters() -> None:
+async def test_a_px4_keeps_its_parameters():
     wire = Wire(px4=True)
     timeout = StreamTimeout("sim", wire.peer.session, lambda text: None)
     await timeout.shorten()
@@ -418,7 +415,7 @@ async def test_a_px4_keeps_its_parameters() -> None:
 
 
 @by(flown)
-async def test_a_place_that_is_none_is_not_sent() -> None:
+async def test_a_place_that_is_none_is_not_sent():
     wire = Wire()
     lost = replace(plan(), drift_m_s=(math.nan, 0.0))
     wire.stream.begin(FlyPath(lost, 12.0, None, 0.2))
@@ -429,7 +426,7 @@ async def test_a_place_that_is_none_is_not_sent() -> None:
 # --- on a fast clock -----------------------------------------------------------------------------
 @pytest.mark.parametrize("px4", [False, True])
 @by(flown)
-async def test_places_ahead_instead_of_a_stream(px4: bool) -> None:
+async def test_places_ahead_instead_of_a_stream(px4):
     """A vehicle stops at the last of them by itself: there is no velocity that runs on."""
     wire = Wire(px4=px4, by_places=True)
     wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))

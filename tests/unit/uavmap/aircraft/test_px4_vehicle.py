@@ -1,16 +1,11 @@
 """The driver against a simulated PX4: the same orders, and who has the last word there."""
 
-from __future__ import annotations
-
 import asyncio
-from collections.abc import Callable, Coroutine
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions import events as ev
-from missions.mission.schema import Mission
 from missions.orders import AwaitBattery, Land, Look, StandDown, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.px4.modes import Px4Mode
@@ -18,7 +13,6 @@ from sitl.px4.params import bytewise
 from tests.support.flights import (
     UP_M,
     Flight,
-    Phase,
     climbing,
     fly,
     fly_up,
@@ -35,28 +29,28 @@ from uavmap.base.clock import VirtualClock, run
 HEARTBEAT_S = 1.1
 
 
-def on_px4(amsl_m: float = 488.0, **how: Any) -> Mission:
+def on_px4(amsl_m=488.0, **how):
     made = small_mission(autopilot="px4", **how)
     return made.model_copy(update={"start": made.start.model_copy(update={"amsl_m": amsl_m})})
 
 
-def pilot_mode(flight: Flight, mode: Px4Mode) -> None:
+def pilot_mode(flight, mode):
     flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
     assert flight.vehicle.truth.mode == mode
 
 
-def set_param(flight: Flight, name: str, value: int) -> None:
+def set_param(flight, name, value):
     message = mav.MAVLink_param_set_message(1, 1, name.encode(), bytewise(value), 6)
     flight.vehicle.receive(message.pack(mav.MAVLink(None, 255, 190)))
 
 
-def modes_of(flight: Flight) -> list[int]:
+def modes_of(flight):
     return [m.param2 for _, m in flight.sent if getattr(m, "command", 0) == 176]
 
 
 @pytest.mark.parametrize("amsl_m", [0.0, 1800.0, -20.0])
 @by(fly_up, on_px4)
-async def test_every_order_ends_with_its_event(flight: Flight, /, amsl_m: float) -> None:
+async def test_every_order_ends_with_its_event(flight, /, amsl_m):
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
     arrived = await flight.after(to(10.0, 16.0), ev.Arrived)
@@ -72,14 +66,14 @@ async def test_every_order_ends_with_its_event(flight: Flight, /, amsl_m: float)
 
 
 @by(fly_up, lambda: on_px4(speed_m_s=3.0))
-async def test_the_wanted_speed_is_flown(flight: Flight, /) -> None:
+async def test_the_wanted_speed_is_flown(flight, /):
     flight.driver.give(to(0.0, 60.0))
     await asyncio.sleep(7.0)
     assert flight.vehicle.truth.velocity_m_s[1] == pytest.approx(3.0, abs=0.3)
 
 
 @by(fly, on_px4)
-async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> None:
+async def test_home_that_moves_on_arming_is_no_surprise(flight, /):
     """Its height, too: by the barometer it has climbed since home was set."""
     before_m = flight.session.view.home_amsl_m
     flight.vehicle._ap.error.up += 4.0
@@ -92,7 +86,7 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
 
 
 @by(fly, on_px4)
-async def test_home_moves_before_lift_off_height_stays_as_ordered(flight: Flight, /) -> None:
+async def test_home_moves_before_lift_off_height_stays_as_ordered(flight, /):
     """A real PX4 moved its home by 1 m as its propellers turned: "did not climb to 12 m"."""
     flight.driver.give(TakeOff(UP_M))
     view = flight.session.view
@@ -107,13 +101,13 @@ async def test_home_moves_before_lift_off_height_stays_as_ordered(flight: Flight
     assert not flight.seen(ev.OrderFailed)
 
 
-def found_in_offboard(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission) -> Flight:
+def found_in_offboard(body, made):
     """Run a test with a PX4 on the ground that an earlier process left in OFFBOARD."""
     flight = Flight(made)
     flight.vehicle.step(6.0)
     into(flight.vehicle, Px4Mode.OFFBOARD)
 
-    async def main() -> None:
+    async def main():
         async with under_way(flight):
             await body(flight)
 
@@ -122,7 +116,7 @@ def found_in_offboard(body: Callable[[Flight], Coroutine[Any, Any, None]], made:
 
 
 @by(found_in_offboard, on_px4)
-async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight: Flight, /) -> None:
+async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight, /):
     """A real PX4 stood disarmed in OFFBOARD and was "not ready to arm" as often as resumed."""
     await asyncio.sleep(3.0)
     assert not flight.session.view.prearm_ok
@@ -131,9 +125,7 @@ async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight: Flight
 
 
 @by(found_in_offboard, on_px4)
-async def test_prearm_wait_names_the_mode(
-    flight: Flight, /, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_prearm_wait_names_the_mode(flight, /, monkeypatch):
     await asyncio.sleep(3.0)
     monkeypatch.setattr(type(flight.vehicle._ap), "prearm_refusal", lambda ap: "a check fails")
     failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=150.0)
@@ -142,7 +134,7 @@ async def test_prearm_wait_names_the_mode(
 
 
 # --- who has the last word -----------------------------------------------------------------------
-async def landing(flight: Flight) -> None:
+async def landing(flight):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(Land())
     await asyncio.sleep(3.0)
@@ -159,9 +151,7 @@ async def landing(flight: Flight) -> None:
     ids=lambda value: getattr(value, "__name__", None),
 )
 @by(fly, on_px4)
-async def test_pilot_takes_over_in_every_phase(
-    flight: Flight, /, phase: Phase, turned: Px4Mode
-) -> None:
+async def test_pilot_takes_over_in_every_phase(flight, /, phase, turned):
     await phase(flight)
     if turned == Px4Mode.OFFBOARD:
         flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
@@ -176,7 +166,7 @@ async def test_pilot_takes_over_in_every_phase(
 
 
 @by(fly, on_px4)
-async def test_pilots_mission_ending_in_hold_gives_nothing_back(flight: Flight, /) -> None:
+async def test_pilots_mission_ending_in_hold_gives_nothing_back(flight, /):
     await flying(flight)
     pilot = mav.MAVLink(None, 255, 190)
     place = (round(48.0 * 1e7), round(11.0 * 1e7), 15.0, 0)
@@ -191,7 +181,7 @@ async def test_pilots_mission_ending_in_hold_gives_nothing_back(flight: Flight, 
 
 
 @by(fly, on_px4)
-async def test_a_failsafe_is_not_ours_although_it_waits_in_hold(flight: Flight, /) -> None:
+async def test_a_failsafe_is_not_ours_although_it_waits_in_hold(flight, /):
     await flying(flight)
     flight.vehicle.fail.rc(for_s=2.0)
     overridden = await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
@@ -202,7 +192,7 @@ async def test_a_failsafe_is_not_ours_although_it_waits_in_hold(flight: Flight, 
 
 
 @by(fly, on_px4)
-async def test_a_return_for_the_battery_is_let_alone(flight: Flight, /) -> None:
+async def test_a_return_for_the_battery_is_let_alone(flight, /):
     set_param(flight, "COM_LOW_BAT_ACT", 2)
     await flying(flight)
     flight.vehicle.fail.battery_sag(8.0)
@@ -212,13 +202,13 @@ async def test_a_return_for_the_battery_is_let_alone(flight: Flight, /) -> None:
     assert flight.commands_after(index) == []
 
 
-def silence(message: object) -> bool:
+def silence(message):
     return False
 
 
 @pytest.mark.parametrize("meanwhile", [None, Px4Mode.RTL])
 @by(fly, on_px4)
-async def test_link_lost_and_back(flight: Flight, /, meanwhile: Px4Mode | None) -> None:
+async def test_link_lost_and_back(flight, /, meanwhile):
     await flying(flight)
     flight.to_driver = flight.to_vehicle = silence
     await flight.sees(ev.LinkLost, within_s=6.0)
@@ -236,7 +226,7 @@ async def test_link_lost_and_back(flight: Flight, /, meanwhile: Px4Mode | None) 
 
 
 @by(fly, on_px4)
-async def test_the_heartbeat_of_a_camera_reports_no_mode(flight: Flight, /) -> None:
+async def test_the_heartbeat_of_a_camera_reports_no_mode(flight, /):
     """It came between two of the autopilot, and the mode of before counted as reported just now."""
     await flying(flight)
     flight.to_driver = silence
@@ -248,7 +238,7 @@ async def test_the_heartbeat_of_a_camera_reports_no_mode(flight: Flight, /) -> N
 
 
 @by(fly, on_px4)
-async def test_a_refused_arming_is_said_with_its_reason(flight: Flight, /) -> None:
+async def test_a_refused_arming_is_said_with_its_reason(flight, /):
     flight.vehicle._ap.arm = lambda force=False: "Arming denied! Compass"
     failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=200.0)
     assert "COMPONENT_ARM_DISARM was refused: temporarily rejected" in failed.reason
@@ -256,7 +246,7 @@ async def test_a_refused_arming_is_said_with_its_reason(flight: Flight, /) -> No
 
 
 @by(fly_up, on_px4)
-async def test_mode_in_flight_is_changed_by_landing_only(flight: Flight, /) -> None:
+async def test_mode_in_flight_is_changed_by_landing_only(flight, /):
     before = len(modes_of(flight))
     await flight.after(to(10.0, 10.0), ev.Arrived)
     assert len(modes_of(flight)) == before
@@ -266,12 +256,12 @@ async def test_mode_in_flight_is_changed_by_landing_only(flight: Flight, /) -> N
 
 
 @by(fly_up, on_px4)
-async def test_stand_down_after_landing_away_is_no_crash(flight: Flight, /) -> None:
+async def test_stand_down_after_landing_away_is_no_crash(flight, /):
     """A spare pad: it is told to stand by while its motors still run, and it holds by itself."""
     await flight.after(to(-11.0, -11.0), ev.Arrived)
     report = flight.driver._reporter.report
 
-    def standing_by(event: ev.Event) -> None:
+    def standing_by(event):
         report(event)
         if isinstance(event, ev.Landed):
             flight.driver.give(StandDown())
@@ -285,7 +275,7 @@ async def test_stand_down_after_landing_away_is_no_crash(flight: Flight, /) -> N
 
 @pytest.mark.parametrize("after_s", [1.75, 4.5, 5.0, 6.0])
 @by(fly, on_px4)
-async def test_take_off_called_off_on_slow_link_is_ours(flight: Flight, /, after_s: float) -> None:
+async def test_take_off_called_off_on_slow_link_is_ours(flight, /, after_s):
     """Of its arming, its climb and its landing it is heard when other things were asked for."""
     flight.vehicle.fail.link(delay_s=0.6)
     flight.driver.give(TakeOff(UP_M))
@@ -299,7 +289,7 @@ async def test_take_off_called_off_on_slow_link_is_ours(flight: Flight, /, after
 
 
 @by(fly, on_px4)
-async def test_taken_before_take_off_and_disarmed_has_landed(flight: Flight, /) -> None:
+async def test_taken_before_take_off_and_disarmed_has_landed(flight, /):
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF, for_s=20.0)
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.session.view.armed)
@@ -311,7 +301,7 @@ async def test_taken_before_take_off_and_disarmed_has_landed(flight: Flight, /) 
 
 
 @by(fly, on_px4)
-async def test_a_pilot_who_has_it_land_is_seen_once_it_follows_us_again(flight: Flight, /) -> None:
+async def test_a_pilot_who_has_it_land_is_seen_once_it_follows_us_again(flight, /):
     """In the descent of its guardian it flies to targets: landing is the pilot's word there."""
     await flying(flight)
     flight.driver.guardian.take_over("land", "a test", hurry=True)

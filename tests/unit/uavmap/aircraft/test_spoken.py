@@ -1,7 +1,5 @@
 """Words of a vehicle: put together, made harmless, told within limits; failsafes by name."""
 
-from __future__ import annotations
-
 import asyncio
 import struct
 from typing import Any
@@ -11,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Overridden, Told
 from missions.flight.operator_orders import UNTOLD
-from tests.support.flights import Flight, fly
+from tests.support.flights import fly
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD, failsafe_of, may_be_a_failsafe
@@ -24,12 +22,12 @@ CRITICAL, WARNING, INFO, DEBUG = (
 )  # fmt: skip
 
 
-def statustext(words: bytes, severity: int = WARNING, number: int = 0, chunk: int = 0) -> Any:
+def statustext(words, severity=WARNING, number=0, chunk=0):
     return mav.MAVLink_statustext_message(severity, words, number, chunk)
 
 
 # --- putting together --------------------------------------------------------------------------
-def test_a_text_of_many_chunks() -> None:
+def test_a_text_of_many_chunks():
     words = b"PreArm: " + b"x" * 60 + b"y" * 60
     texts, said = Texts(), []
     for k in range(0, len(words), 50):
@@ -37,7 +35,7 @@ def test_a_text_of_many_chunks() -> None:
     assert [text.words.encode() for text in said] == [words]
 
 
-def test_chunks_of_two_texts_and_two_components_between_each_other() -> None:
+def test_chunks_of_two_texts_and_two_components_between_each_other():
     texts, said = Texts(), []
     for component, number, chunk, words in (
         (1, 3, 0, b"a" * 50), (1, 4, 0, b"b" * 50), (100, 3, 0, b"c" * 50),
@@ -47,7 +45,7 @@ def test_chunks_of_two_texts_and_two_components_between_each_other() -> None:
     assert [text.words for text in said] == ["c" * 50 + "!", "a" * 50 + "?", "b" * 50]
 
 
-def test_a_chunk_that_is_lost_leaves_a_gap() -> None:
+def test_a_chunk_that_is_lost_leaves_a_gap():
     texts = Texts()
     texts.take(1, statustext(b"a" * 50, number=5, chunk=0), 0.0)
     assert texts.take(1, statustext(b"end", number=5, chunk=2), 0.1) == []
@@ -58,7 +56,7 @@ def test_a_chunk_that_is_lost_leaves_a_gap() -> None:
     assert [text.words for text in texts.late(20.0)] == ["a" * 50 + "[...]"]
 
 
-def test_what_is_half_told_is_bounded() -> None:
+def test_what_is_half_told_is_bounded():
     texts, said = Texts(), 0
     for number in range(1, 1000):
         said += len(texts.take(1, statustext(b"z" * 50, number=number, chunk=0), 0.0))
@@ -67,7 +65,7 @@ def test_what_is_half_told_is_bounded() -> None:
 
 
 # --- told and kept -----------------------------------------------------------------------------
-def said_by(flight: Flight, *messages: Any) -> None:
+def said_by(flight, *messages):
     codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     codec.seq = flight.session.losses._last[1, 1]  # as the latest, and not overtaken
     for message in messages:
@@ -75,7 +73,7 @@ def said_by(flight: Flight, *messages: Any) -> None:
 
 
 @by(fly)
-async def test_words_are_told_with_severity_and_kept(flight: Flight, /) -> None:
+async def test_words_are_told_with_severity_and_kept(flight, /):
     said_by(flight, statustext(b"Compass not calibrated", WARNING), statustext(b"x", DEBUG))
     await asyncio.sleep(1.0)
     assert "[vehicle 1, warning] Compass not calibrated" in flight.told
@@ -84,7 +82,7 @@ async def test_words_are_told_with_severity_and_kept(flight: Flight, /) -> None:
 
 
 @by(fly)
-async def test_a_repeated_text_is_counted(flight: Flight, /) -> None:
+async def test_a_repeated_text_is_counted(flight, /):
     for _ in range(140):
         said_by(flight, statustext(b"PreArm: no"))
         await asyncio.sleep(1.0)
@@ -93,7 +91,7 @@ async def test_a_repeated_text_is_counted(flight: Flight, /) -> None:
 
 
 @by(fly)
-async def test_a_flood_fills_neither_screen_nor_disk(flight: Flight, /) -> None:
+async def test_a_flood_fills_neither_screen_nor_disk(flight, /):
     for k in range(2000):
         said_by(flight, statustext(f"flood {k}".encode(), k % 8))
     await asyncio.sleep(10.0)
@@ -129,25 +127,25 @@ async def test_a_flood_fills_neither_screen_nor_disk(flight: Flight, /) -> None:
         ([], None),
     ],
 )
-def test_failsafes_by_name(words: list[str], named: str | None) -> None:
+def test_failsafes_by_name(words, named):
     found = failsafe_of(words)
     assert (found or "").startswith(named or "")
     assert (found is None) == (named is None)
 
 
 @pytest.mark.parametrize("mode", ["LOITER", "STABILIZE", "POSHOLD", "POSITION", "AUTO"])
-def test_a_pilots_mode_is_no_failsafe(mode: str) -> None:
+def test_a_pilots_mode_is_no_failsafe(mode):
     assert not may_be_a_failsafe(mode)
 
 
-def overridden(flight: Flight) -> Overridden:
+def overridden(flight):
     (event,) = flight.seen(Overridden)
     assert isinstance(event, Overridden)
     return event
 
 
 @by(fly)
-async def test_a_failsafe_is_named_in_the_event(flight: Flight, /) -> None:
+async def test_a_failsafe_is_named_in_the_event(flight, /):
     said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
     said_by(flight, heartbeat(6, armed=True))
     await asyncio.sleep(0.2)
@@ -155,7 +153,7 @@ async def test_a_failsafe_is_named_in_the_event(flight: Flight, /) -> None:
 
 
 @by(fly)
-async def test_the_cause_may_come_after_the_mode(flight: Flight, /) -> None:
+async def test_the_cause_may_come_after_the_mode(flight, /):
     said_by(flight, heartbeat(6, armed=True))
     await asyncio.sleep(0.3)
     said_by(flight, statustext(b"Fence Breached", CRITICAL))
@@ -166,9 +164,7 @@ async def test_the_cause_may_come_after_the_mode(flight: Flight, /) -> None:
 
 @pytest.mark.parametrize(("mode", "after_s"), [(5, 0.1), (6, 6.0)])
 @by(fly)
-async def test_pilot_and_old_texts_are_no_cause(
-    flight: Flight, /, mode: int, after_s: float
-) -> None:
+async def test_pilot_and_old_texts_are_no_cause(flight, /, mode, after_s):
     said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
     await asyncio.sleep(after_s)
     said_by(flight, heartbeat(mode, armed=True))
@@ -177,7 +173,7 @@ async def test_pilot_and_old_texts_are_no_cause(
 
 
 @by(fly)
-async def test_a_state_that_is_critical_says_that_much(flight: Flight, /) -> None:
+async def test_a_state_that_is_critical_says_that_much(flight, /):
     beat = heartbeat(9, armed=True)
     beat.system_status = mav.MAV_STATE_CRITICAL
     said_by(flight, beat)
@@ -195,7 +191,7 @@ async def test_a_state_that_is_critical_says_that_much(flight: Flight, /) -> Non
     ],
 )
 @by(on_virtual_time)
-async def test_px4_takes_us_for_a_ground_station(autopilot: int, onboard: bool, type_: int) -> None:
+async def test_px4_takes_us_for_a_ground_station(autopilot, onboard, type_):
     peer = Peer()
     peer.session.onboard = onboard
     mode = 4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 4 << 16 | 3 << 24
@@ -207,14 +203,14 @@ async def test_px4_takes_us_for_a_ground_station(autopilot: int, onboard: bool, 
 OFFBOARD, HOLD, RTL, ALTITUDE = 6 << 16, 4 << 16 | 3 << 24, 4 << 16 | 5 << 24, 2 << 16
 
 
-def event(name: str, arguments: bytes = b"", levels: int = 0x42) -> Any:
+def event(name, arguments=b"", levels=0x42):
     number = 1 << 24 | number_of(name)
     return EventMessage(number, 1234, 7, 0, 0, levels, list(arguments.ljust(40, b"\0")))
 
 
 @pytest.mark.parametrize(("onboard", "garbled"), [(True, False), (True, True), (False, False)])
 @by(on_virtual_time)
-async def test_event_without_text_is_shown_by_number(onboard: bool, garbled: bool) -> None:
+async def test_event_without_text_is_shown_by_number(onboard, garbled):
     peer, heard = Peer(), list[Any]()
     peer.session.onboard = onboard
     peer.session.view.hear = heard.append
@@ -228,7 +224,7 @@ async def test_event_without_text_is_shown_by_number(onboard: bool, garbled: boo
     assert peer.session.view.system_id == 1
 
 
-def px4(mode: int = OFFBOARD, *, armed: bool = True, failsafe: bool = False) -> Any:
+def px4(mode=OFFBOARD, *, armed=True, failsafe=False):
     beat = heartbeat(mode, armed=armed, autopilot=mav.MAV_AUTOPILOT_PX4)
     beat.system_status = mav.MAV_STATE_CRITICAL if failsafe else mav.MAV_STATE_ACTIVE
     return beat
@@ -258,9 +254,7 @@ ENTER = "commander_failsafe_enter"
     ],
 )  # fmt: skip
 @by(on_virtual_time)
-async def test_event_of_failsafe_names_its_cause_on_every_link(
-    name: str, arguments: bytes, words: str, cause: str
-) -> None:
+async def test_event_of_failsafe_names_its_cause_on_every_link(name, arguments, words, cause):
     """A real PX4's text is "Failsafe activated" for all; "battery failsafe: Preflight Fail: Battery
     unhealthy" was guessed, and wrong: the cause is an argument of its EVENT.
     """
@@ -276,7 +270,7 @@ async def test_event_of_failsafe_names_its_cause_on_every_link(
 
 
 @by(on_virtual_time)
-async def test_current_mode_shows_mode_and_failsafe_between_heartbeats() -> None:
+async def test_current_mode_shows_mode_and_failsafe_between_heartbeats():
     """A real PX4 was in RTL by a failsafe for 1.0 s, then in OFFBOARD again by itself: heartbeats
     at 1 Hz showed neither.
     """
@@ -295,7 +289,7 @@ async def test_current_mode_shows_mode_and_failsafe_between_heartbeats() -> None
 
 
 @by(on_virtual_time)
-async def test_current_mode_leaves_to_the_heartbeat_what_it_cannot_show() -> None:
+async def test_current_mode_leaves_to_the_heartbeat_what_it_cannot_show():
     """A PX4 that waits in HOLD for a failsafe (COM_FAIL_ACT_T), and was asked to hold, is in the
     mode asked for.
     """

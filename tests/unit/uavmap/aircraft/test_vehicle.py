@@ -1,10 +1,7 @@
 """The driver against a simulated vehicle: orders, and who has the last word."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -14,12 +11,10 @@ from missions.errors import LinkError
 from missions.orders import Hold, Land, Look, StandDown, Sweep, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode
-from tests.support.field import BOTH, Field, mission_of, on_field
+from tests.support.field import BOTH, mission_of, on_field
 from tests.support.flights import (
     UP_M,
     Flight,
-    Message,
-    Phase,
     climbing,
     fly,
     fly_up,
@@ -40,7 +35,7 @@ GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL
 
 # --- the straight path -----------------------------------------------------------------------
 @by(fly)
-async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> None:
+async def test_home_that_moves_on_arming_is_no_surprise(flight, /):
     """ArduPilot sets home anew when it arms; heights are then above the new one."""
     before = flight.session.view.home
     flight.vehicle._ap.error.east += 3.0
@@ -53,7 +48,7 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
 
 
 @by(fly_up)
-async def test_an_order_replaces_the_last_midway(flight: Flight, /) -> None:
+async def test_an_order_replaces_the_last_midway(flight, /):
     flight.driver.give(to(60.0, 0.0))
     await asyncio.sleep(3.0)
     await flight.after(to(0.0, 20.0), ev.Arrived)
@@ -69,7 +64,7 @@ async def test_an_order_replaces_the_last_midway(flight: Flight, /) -> None:
 
 
 @by(fly)
-async def test_a_take_off_that_is_replaced_on_the_way_up(flight: Flight, /) -> None:
+async def test_a_take_off_that_is_replaced_on_the_way_up(flight, /):
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.vehicle.truth.height_m > 4.0)
     await flight.after(Land(), ev.Landed)
@@ -77,7 +72,7 @@ async def test_a_take_off_that_is_replaced_on_the_way_up(flight: Flight, /) -> N
 
 
 @by(fly_up)
-async def test_hold_stays(flight: Flight, /) -> None:
+async def test_hold_stays(flight, /):
     flight.driver.give(to(40.0, 0.0))
     await asyncio.sleep(4.0)
     flight.driver.give(Hold())
@@ -91,30 +86,30 @@ async def test_hold_stays(flight: Flight, /) -> None:
 
 
 # --- the pilot has the last word -------------------------------------------------------------
-async def taking_off(flight: Flight) -> None:
+async def taking_off(flight):
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.vehicle.truth.armed)
 
 
-async def sweeping(flight: Flight) -> None:
+async def sweeping(flight):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(Sweep(GridPoint(60.0, 0.0), 4.0, UP_M))
     await flight.sees(ev.FrameSeen, 2)
 
 
-async def holding(flight: Flight) -> None:
+async def holding(flight):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(Hold())
     await asyncio.sleep(2.0)
 
 
-async def landing(flight: Flight) -> None:
+async def landing(flight):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(Land())
     await flight.until(lambda: flight.vehicle.truth.height_m < 9.0)
 
 
-async def idle(flight: Flight) -> None:
+async def idle(flight):
     await flight.after(TakeOff(UP_M), ev.Airborne)
 
 
@@ -127,9 +122,7 @@ PHASES = [taking_off, climbing, flying, sweeping, looking, holding, landing, idl
     ids=lambda value: getattr(value, "__name__", None),
 )
 @by(fly)
-async def test_a_pilot_takes_over_at_once_in_every_phase(
-    flight: Flight, /, phase: Phase, mode: int
-) -> None:
+async def test_a_pilot_takes_over_at_once_in_every_phase(flight, /, phase, mode):
     await phase(flight)
     flight.pilot_mode(mode)
     index, t_s = len(flight.sent), flight.now_s()
@@ -149,7 +142,7 @@ async def test_a_pilot_takes_over_at_once_in_every_phase(
 
 
 @by(fly_up, lambda: small_mission(drift_m_s=0.1, interval_s=1.0))
-async def test_a_drifting_look_yields_too(flight: Flight, /) -> None:
+async def test_a_drifting_look_yields_too(flight, /):
     """Here two tasks send commands: one follows the cell, one takes the pictures."""
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(ev.FrameSeen, 2)
@@ -159,7 +152,7 @@ async def test_a_drifting_look_yields_too(flight: Flight, /) -> None:
 
 @pytest.mark.parametrize("phase", [taking_off, flying, looking], ids=lambda f: f.__name__)
 @by(fly)
-async def test_a_pilot_takes_over_while_an_ack_is_awaited(flight: Flight, /, phase: Phase) -> None:
+async def test_a_pilot_takes_over_while_an_ack_is_awaited(flight, /, phase):
     """The commands are lost on the way: they would be repeated each second."""
     await phase(flight)
     flight.to_vehicle = lambda message: not message.get_type().startswith("COMMAND_")
@@ -169,7 +162,7 @@ async def test_a_pilot_takes_over_while_an_ack_is_awaited(flight: Flight, /, pha
 
 
 @by(fly)
-async def test_a_mode_that_flaps(flight: Flight, /) -> None:
+async def test_a_mode_that_flaps(flight, /):
     await flying(flight)
     for _ in range(3):
         flight.pilot_mode(LOITER)
@@ -181,7 +174,7 @@ async def test_a_mode_that_flaps(flight: Flight, /) -> None:
 
 
 @by(fly_up)
-async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight: Flight, /) -> None:
+async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight, /):
     """Between two sorties the pilot switches the mode, then arms, and flies by hand."""
     await flight.after(Land(), ev.Landed)
     flight.pilot_mode(LOITER)
@@ -193,7 +186,7 @@ async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight: Flight, 
 
 
 @by(fly_up)
-async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight, /) -> None:
+async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight, /):
     flight.driver.give(to(40.0, 0.0))
     for _ in range(20):  # denied by the vehicle, acknowledged to its sender
         flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
@@ -205,7 +198,7 @@ async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight,
 
 # --- refusals --------------------------------------------------------------------------------
 @by(fly)
-async def test_a_vehicle_that_never_gets_ready(flight: Flight, /) -> None:
+async def test_a_vehicle_that_never_gets_ready(flight, /):
     flight.to_driver = lambda message: message.get_type() != "EKF_STATUS_REPORT"
     flight.session.view.ekf_flags = 0
     failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=150.0)
@@ -215,12 +208,12 @@ async def test_a_vehicle_that_never_gets_ready(flight: Flight, /) -> None:
 
 
 # --- the link --------------------------------------------------------------------------------
-def silence(message: Message) -> bool:
+def silence(message):
     return False
 
 
 @by(fly)
-async def test_silent_vehicle_is_given_up_until_it_is_heard(flight: Flight, /) -> None:
+async def test_silent_vehicle_is_given_up_until_it_is_heard(flight, /):
     await flying(flight)
     flight.to_driver = flight.to_vehicle = silence
     await flight.sees(ev.LinkLost)
@@ -233,7 +226,7 @@ async def test_silent_vehicle_is_given_up_until_it_is_heard(flight: Flight, /) -
 
 
 @by(fly)
-async def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes(flight: Flight, /) -> None:
+async def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes(flight, /):
     flight.to_driver = flight.to_vehicle = silence
     lost = await flight.sees(ev.LinkLost)
     given_up = await flight.sees(ev.GivenUp, within_s=200.0)
@@ -242,7 +235,7 @@ async def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes(flight: 
 
 
 @by(on_virtual_time)
-async def test_nobody_answers() -> None:
+async def test_nobody_answers():
     flight = Flight(small_mission())
     with pytest.raises(LinkError, match="no vehicle answered within 10 s"):
         await flight.driver.connect()
@@ -251,7 +244,7 @@ async def test_nobody_answers() -> None:
 
 
 @by(on_virtual_time)
-async def test_another_autopilot_is_refused_by_name() -> None:
+async def test_another_autopilot_is_refused_by_name():
     flight = Flight(small_mission())
     other = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     flight.session.feed(heartbeat(autopilot=mav.MAV_AUTOPILOT_PPZ).pack(other))
@@ -260,7 +253,7 @@ async def test_another_autopilot_is_refused_by_name() -> None:
 
 
 @by(on_virtual_time)
-async def test_a_battery_that_tells_nothing_is_not_waited_for_in_silence() -> None:
+async def test_a_battery_that_tells_nothing_is_not_waited_for_in_silence():
     flight = Flight(small_mission())
     unknown = ("BATTERY_STATUS", "SYS_STATUS")
     flight.to_driver = lambda message: message.get_type() not in unknown
@@ -273,7 +266,7 @@ async def test_a_battery_that_tells_nothing_is_not_waited_for_in_silence() -> No
 
 
 @by(fly)
-async def test_positions_that_cease_are_a_lost_link(flight: Flight, /) -> None:
+async def test_positions_that_cease_are_a_lost_link(flight, /):
     """Heartbeats alone: it restarted in the air and forgot the streams, or a router drops them."""
     await flying(flight)
     flight.to_driver = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
@@ -281,7 +274,7 @@ async def test_positions_that_cease_are_a_lost_link(flight: Flight, /) -> None:
 
 
 @by(fly)
-async def test_streams_that_were_forgotten_are_asked_for_again(flight: Flight, /) -> None:
+async def test_streams_that_were_forgotten_are_asked_for_again(flight, /):
     await flying(flight)
     streams = flight.vehicle._streams
     for message_id in list(streams._interval_s):
@@ -294,11 +287,11 @@ async def test_streams_that_were_forgotten_are_asked_for_again(flight: Flight, /
 
 @pytest.mark.parametrize("caught_up", [False, True])
 @by(fly, lambda caught_up: small_mission())
-async def test_link_with_backlog_stays_lost(flight: Flight, /, caught_up: bool) -> None:
+async def test_link_with_backlog_stays_lost(flight, /, caught_up):
     """A radio that buffers: a vehicle of a minute ago was taken for one that answers."""
     await flying(flight)
     deliver, held = flight._deliver, list[bytes]()
-    flight._deliver = lambda data, later=False: held.append(data)  # type: ignore[method-assign]
+    flight._deliver = lambda data, later=False: held.append(data)
     await asyncio.sleep(60.0)
     assert len(flight.seen(ev.LinkLost)) == 1
     flight.driver.give(StandDown())
@@ -317,7 +310,7 @@ async def test_link_with_backlog_stays_lost(flight: Flight, /, caught_up: bool) 
     assert len(flight.seen(ev.Connected)) == 1
     assert len(flight.seen(ev.Tracked)) == tracked
     assert not flight.seen(ev.GivenUp)
-    flight._deliver = deliver  # type: ignore[method-assign]
+    flight._deliver = deliver
     if caught_up:
         deliver(b"".join(held))
     await flight.sees(ev.Connected, 2, within_s=5.0)
@@ -325,14 +318,14 @@ async def test_link_with_backlog_stays_lost(flight: Flight, /, caught_up: bool) 
 
 
 @by(fly)
-async def test_clock_stood_still_vehicle_that_answers_is_connected(flight: Flight, /) -> None:
+async def test_clock_stood_still_vehicle_that_answers_is_connected(flight, /):
     """A simulator that was stopped sends what a radio sends that has kept it."""
     await flying(flight)
     step = flight.vehicle.step
-    flight.vehicle.step = lambda passed_s: b""  # type: ignore[method-assign]
+    flight.vehicle.step = lambda passed_s: b""
     await flight.sees(ev.LinkLost)
     await asyncio.sleep(5.0)
-    flight.vehicle.step = step  # type: ignore[method-assign]
+    flight.vehicle.step = step
     await asyncio.sleep(0.5)
     assert flight.driver.view.gate.clock.late
     await flight.sees(ev.Connected, 2, within_s=5.0)
@@ -341,7 +334,7 @@ async def test_clock_stood_still_vehicle_that_answers_is_connected(flight: Fligh
 
 # --- pictures --------------------------------------------------------------------------------
 @by(fly_up)
-async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight: Flight, /) -> None:
+async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight, /):
     flight.to_driver = lambda message: message.get_type() != "CAMERA_IMAGE_CAPTURED"
     await flight.after(Look(Cell(0, 0), 5, UP_M), ev.LookEnded, within_s=300.0)
     assert len(flight.seen(ev.FrameLost)) == 5
@@ -350,10 +343,10 @@ async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight: Flight
 
 
 @by(fly_up)
-async def test_a_lost_announcement_is_asked_for_again(flight: Flight, /) -> None:
-    heard: list[int] = []
+async def test_a_lost_announcement_is_asked_for_again(flight, /):
+    heard = []
 
-    def lossy(message: Message) -> bool:
+    def lossy(message):
         """The second and the last announcement are lost once."""
         if message.get_type() != "CAMERA_IMAGE_CAPTURED":
             return True
@@ -368,7 +361,7 @@ async def test_a_lost_announcement_is_asked_for_again(flight: Flight, /) -> None
 
 @pytest.mark.parametrize("part", [0.0, 0.5])
 @by(fly_up)
-async def test_a_corrupt_picture_is_a_lost_frame(flight: Flight, /, part: float) -> None:
+async def test_a_corrupt_picture_is_a_lost_frame(flight, /, part):
     flight.change = lambda picture: picture[: int(len(picture) * part)]
     await flight.after(Look(Cell(0, 0), 3, UP_M), ev.LookEnded)
     assert len(flight.seen(ev.FrameLost)) == 3
@@ -379,7 +372,7 @@ async def test_a_corrupt_picture_is_a_lost_frame(flight: Flight, /, part: float)
 
 
 @by(fly_up)
-async def test_a_camera_without_an_answer_loses_its_pictures(flight: Flight, /) -> None:
+async def test_a_camera_without_an_answer_loses_its_pictures(flight, /):
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
     lost = await flight.after(Look(Cell(0, 0), 3, UP_M), ev.FrameLost)
     assert "the camera is silent" in lost.reason
@@ -387,7 +380,7 @@ async def test_a_camera_without_an_answer_loses_its_pictures(flight: Flight, /) 
 
 
 @by(fly_up)
-async def test_a_wild_picture_number_is_not_asked_for_a_million_times(flight: Flight, /) -> None:
+async def test_a_wild_picture_number_is_not_asked_for_a_million_times(flight, /):
     camera = mav.MAVLink(None, srcSystem=1, srcComponent=100)
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(ev.FrameSeen, 1)
@@ -400,33 +393,33 @@ async def test_a_wild_picture_number_is_not_asked_for_a_million_times(flight: Fl
 
 
 # --- who carries out orders ------------------------------------------------------------------
-def test_no_orders_before_it_runs() -> None:
+def test_no_orders_before_it_runs():
     flight = Flight(small_mission())
     with pytest.raises(RuntimeError, match="only while it runs"):
         flight.driver.give(Hold())
 
 
 @by(fly)
-async def test_the_driver_speaks_once_a_second_while_it_is_alive(flight: Flight, /) -> None:
+async def test_the_driver_speaks_once_a_second_while_it_is_alive(flight, /):
     await asyncio.sleep(30.0)
     beats = [t_s for t_s, m in flight.sent if m.get_type() == "HEARTBEAT"]
     assert len(beats) == pytest.approx(31, abs=2)
 
 
-def test_a_report_that_fails_ends_the_driver() -> None:
+def test_a_report_that_fails_ends_the_driver():
     """The journal's disk is full: to fly on without a journal would be worse."""
 
     class FullError(Exception):
         pass
 
-    async def main() -> None:
+    async def main():
         flight = Flight(small_mission())
 
-        def report(event: object) -> None:
+        def report(event):
             if isinstance(event, ev.Tracked) and event.t_s > 20.0:
                 raise FullError
 
-        flight.report = report  # type: ignore[method-assign]
+        flight.report = report
         async with under_way(flight):
             await asyncio.sleep(60.0)
 
@@ -437,7 +430,7 @@ def test_a_report_that_fails_ends_the_driver() -> None:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_streams_refused_one_is_not_missed(field: Field, /, autopilot: str) -> None:
+async def test_streams_refused_one_is_not_missed(field, /, autopilot):
     """An older PX4 has no CURRENT_MODE: its link returns without all streams asked for anew."""
     session = field.links[0].session
     rates = {**session.view.kind.streams, 12_900: 5.0}  # an identifier that nobody sends
@@ -448,10 +441,10 @@ async def test_streams_refused_one_is_not_missed(field: Field, /, autopilot: str
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_heartbeat_of_ardupilot_is_heard_at_5_hz(field: Field, /) -> None:
+async def test_heartbeat_of_ardupilot_is_heard_at_5_hz(field, /):
     session, beats = field.links[0].session, []
 
-    def hear(message: Any) -> None:
+    def hear(message):
         if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == 1:
             beats.append(message)
 

@@ -1,14 +1,11 @@
 """What a vehicle cannot mean is refused, counted, told: real MAVLink frames with its own ids."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import random
 import struct
 import tracemalloc
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -35,27 +32,27 @@ M_PER_DEG = 111_195.0
 TLOG = Path(__file__).parents[5] / "shared" / "data" / "arducopter" / "flight-4.6.tlog"
 
 
-def position(lat: float = LAT, lon: float = LON, **how: Any) -> Message:
+def position(lat=LAT, lon=LON, **how):
     return position_at(LatLon(lat, lon), **how)
 
 
-def home(lat: float = LAT, lon: float = LON, amsl_m: float = 500.0) -> Message:
+def home(lat=LAT, lon=LON, amsl_m=500.0):
     return mav.MAVLink_home_position_message(
         round(lat * 1e7), round(lon * 1e7), round(amsl_m * 1e3), 0, 0, 0, [1, 0, 0, 0], 0, 0, 0
     )
 
 
-def battery(percent: int, number: int = 0, consumed_hj: int = -1, charge: int = 1) -> Message:
+def battery(percent, number=0, consumed_hj=-1, charge=1):
     return mav.MAVLink_battery_status_message(
         number, 0, 1, 0, [4000] * 10, 100, 0, consumed_hj, percent, 0, charge
     )
 
 
-def sys_status(percent: int) -> Message:
+def sys_status(percent):
     return mav.MAVLink_sys_status_message(0, 0, 0, 0, 11_000, -1, percent, 0, 0, 0, 0, 0, 0)
 
 
-def captured(t_s: float, index: int = 0, lat: float = LAT) -> Message:
+def captured(t_s, index=0, lat=LAT):
     return mav.MAVLink_camera_image_captured_message(
         round(t_s * 1000), 0, 0, round(lat * 1e7), round(LON * 1e7), 512_000, 12_000,
         [1.0, 0.0, 0.0, 0.0], index, 1, b"http://127.0.0.1/0.jpg",
@@ -63,18 +60,18 @@ def captured(t_s: float, index: int = 0, lat: float = LAT) -> Message:
 
 
 class Vehicle:
-    def __init__(self, first: Message | None = None) -> None:
+    def __init__(self, first=None):
         self.view = VehicleView()
-        self.said: list[str] = []
+        self.said = []
         self.view.gate.say = self.said.append
         self.hear(first or heartbeat(), 0.0)
 
-    def hear(self, message: Message, now_s: float, component: int = 1, system: int = 1) -> bool:
+    def hear(self, message, now_s, component=1, system=1):
         out = mav.MAVLink(None, srcSystem=system, srcComponent=component)
         (decoded,) = mav.MAVLink(None).parse_buffer(message.pack(out))
         return update(self.view, decoded, now_s)
 
-    def at(self, t_s: float, north_m: float = 0.0, **how: Any) -> bool:
+    def at(self, t_s, north_m=0.0, **how):
         return self.hear(position(LAT + north_m / M_PER_DEG, t_s=t_s, **how), t_s)
 
 
@@ -116,7 +113,7 @@ class Vehicle:
     ],
     ids=lambda m: m.get_type(),
 )
-def test_what_cannot_be_changes_nothing(message: Message) -> None:
+def test_what_cannot_be_changes_nothing(message):
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     assert vehicle.hear(home(), 1.0)
@@ -128,7 +125,7 @@ def test_what_cannot_be_changes_nothing(message: Message) -> None:
     assert (kind, count) == (message.get_type(), 1)
 
 
-def seen(view: VehicleView) -> tuple[object, ...]:
+def seen(view):
     return (
         view.mode, view.armed, view.heard_s, view.position, view.position_s, view.height_m,
         view.home_amsl_m, view.velocity_ned_m_s, view.home, view.battery_percent, view.battery_s,
@@ -136,7 +133,7 @@ def seen(view: VehicleView) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def test_a_second_component_does_not_speak_for_the_autopilot() -> None:
+def test_a_second_component_does_not_speak_for_the_autopilot():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     for message in (
@@ -159,7 +156,7 @@ def test_a_second_component_does_not_speak_for_the_autopilot() -> None:
     }  # fmt: skip
 
 
-def test_pictures_are_announced_by_the_camera_that_was_heard_first() -> None:
+def test_pictures_are_announced_by_the_camera_that_was_heard_first():
     vehicle = Vehicle()
     beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_CAMERA, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
     assert vehicle.hear(captured(1.0), 1.0, component=100)
@@ -174,7 +171,7 @@ def test_pictures_are_announced_by_the_camera_that_was_heard_first() -> None:
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
-def test_home_height_of_px4_in_air_is_known_in_any_order(order: tuple[int, ...]) -> None:
+def test_home_height_of_px4_in_air_is_known_in_any_order(order):
     """A real PX4 sends state and estimator before its position. Its home was taken to lie at sea
     level then, and it was landed where it was: "55.8 Wh are left, and landing takes 132.2".
     """
@@ -201,7 +198,7 @@ def test_home_height_of_px4_in_air_is_known_in_any_order(order: tuple[int, ...])
     ],
     ids=["a second one", "the lowest number", "two messages"],
 )
-def test_charge_is_that_of_the_battery_it_flies_on(told: list[tuple[Message, float]]) -> None:
+def test_charge_is_that_of_the_battery_it_flies_on(told):
     vehicle = Vehicle()
     for second, (message, left_wh) in enumerate(told):
         vehicle.hear(message, 1.0 + second)
@@ -209,7 +206,7 @@ def test_charge_is_that_of_the_battery_it_flies_on(told: list[tuple[Message, flo
     assert (vehicle.view.battery_percent is None) == (len(told) == 3)
 
 
-def test_a_message_without_a_charge_does_not_keep_an_old_one_alive() -> None:
+def test_a_message_without_a_charge_does_not_keep_an_old_one_alive():
     vehicle = Vehicle()
     vehicle.hear(battery(-1, consumed_hj=1080), 1.0)
     assert vehicle.view.remaining_wh(60.0) == pytest.approx(30.0)
@@ -219,7 +216,7 @@ def test_a_message_without_a_charge_does_not_keep_an_old_one_alive() -> None:
     assert vehicle.view.remaining_wh(60.0) is None
 
 
-def test_two_messages_that_round_differently_are_one_battery() -> None:
+def test_two_messages_that_round_differently_are_one_battery():
     """A real PX4 said 78 % in BATTERY_STATUS and 79 % in SYS_STATUS for seconds at each percent."""
     vehicle, told = Vehicle(), []
     for n in range(100):
@@ -237,7 +234,7 @@ def test_two_messages_that_round_differently_are_one_battery() -> None:
 
 
 @pytest.mark.parametrize(("charge", "reported"), [(0, ""), (1, ""), (2, "low"), (7, "")])
-def test_charge_state_of_the_flown_battery_is_read(charge: int, reported: str) -> None:
+def test_charge_state_of_the_flown_battery_is_read(charge, reported):
     vehicle = Vehicle()
     vehicle.hear(battery(64, number=1, charge=4), 0.5)
     vehicle.hear(battery(64, charge=charge), 1.0)
@@ -246,7 +243,7 @@ def test_charge_state_of_the_flown_battery_is_read(charge: int, reported: str) -
     assert vehicle.view.grounded_by == (reported and "its autopilot reports its battery as low")
 
 
-def test_critical_state_of_an_ardupilot_is_reported_and_grounds_nobody() -> None:
+def test_critical_state_of_an_ardupilot_is_reported_and_grounds_nobody():
     vehicle = Vehicle()
     beat = heartbeat(armed=True)
     beat.system_status = mav.MAV_STATE_CRITICAL
@@ -256,7 +253,7 @@ def test_critical_state_of_an_ardupilot_is_reported_and_grounds_nobody() -> None
 
 
 # --- leaps -----------------------------------------------------------------------------------
-def test_a_leap_is_not_believed_at_once() -> None:
+def test_a_leap_is_not_believed_at_once():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     assert not vehicle.at(1.1, 500.0)
@@ -265,7 +262,7 @@ def test_a_leap_is_not_believed_at_once() -> None:
     assert vehicle.view.gate.track.jumps == 0
 
 
-def test_a_leap_that_stays_is_believed_and_told() -> None:
+def test_a_leap_that_stays_is_believed_and_told():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     taken = [vehicle.at(2.0 + 0.1 * n, 500.0) for n in range(40)]
@@ -275,7 +272,7 @@ def test_a_leap_that_stays_is_believed_and_told() -> None:
     assert any("jumped by 500 m" in line for line in vehicle.said)
 
 
-def test_a_stranger_between_the_true_positions_never_wins() -> None:
+def test_a_stranger_between_the_true_positions_never_wins():
     vehicle = Vehicle()
     for n in range(200):
         assert vehicle.at(1.0 + 0.1 * n)
@@ -284,12 +281,12 @@ def test_a_stranger_between_the_true_positions_never_wins() -> None:
 
 @pytest.mark.parametrize("speed_m_s", [0.0, 12.0, 30.0])
 @pytest.mark.parametrize("gap_s", [0.1, 1.0, 20.0])
-def test_flight_is_no_leap(speed_m_s: float, gap_s: float) -> None:
+def test_flight_is_no_leap(speed_m_s, gap_s):
     vehicle = Vehicle()
     assert all(vehicle.at(1.0 + gap_s * n, speed_m_s * gap_s * n) for n in range(20))
 
 
-def test_a_height_that_leaps_is_a_leap() -> None:
+def test_a_height_that_leaps_is_a_leap():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     assert not vehicle.at(1.1, up_m=400.0)
@@ -297,7 +294,7 @@ def test_a_height_that_leaps_is_a_leap() -> None:
     assert vehicle.at(1.3)
 
 
-def test_a_place_far_from_the_mission_is_none_of_its_vehicles() -> None:
+def test_a_place_far_from_the_mission_is_none_of_its_vehicles():
     vehicle = Vehicle()
     vehicle.view.gate.area = LatLon(-33.0, 151.0)
     assert not any(vehicle.at(1.0 + n) for n in range(20))
@@ -307,7 +304,7 @@ def test_a_place_far_from_the_mission_is_none_of_its_vehicles() -> None:
 
 
 # --- clocks ----------------------------------------------------------------------------------
-def test_an_old_message_is_refused() -> None:
+def test_an_old_message_is_refused():
     vehicle = Vehicle()
     for t_s in (5.0, 5.1):
         assert vehicle.at(t_s)
@@ -318,14 +315,14 @@ def test_an_old_message_is_refused() -> None:
     assert vehicle.view.boot_offset_s == pytest.approx(0.0)
 
 
-def test_a_message_that_is_repeated_for_ever_does_not_count_as_news() -> None:
+def test_a_message_that_is_repeated_for_ever_does_not_count_as_news():
     vehicle = Vehicle()
     for n in range(100):
         vehicle.hear(position(t_s=5.0), 5.0 + 0.1 * n)
     assert vehicle.view.position_s == pytest.approx(7.0)
 
 
-def test_a_restart_is_recognised_after_a_second() -> None:
+def test_a_restart_is_recognised_after_a_second():
     vehicle = Vehicle()
     assert vehicle.at(500.0)
     taken = [vehicle.hear(position(t_s=1.0 + 0.1 * n), 510.0 + 0.1 * n) for n in range(20)]
@@ -335,7 +332,7 @@ def test_a_restart_is_recognised_after_a_second() -> None:
     assert any("restarted" in line for line in vehicle.said)
 
 
-def test_a_clock_that_leaps_ahead_once_is_not_followed() -> None:
+def test_a_clock_that_leaps_ahead_once_is_not_followed():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     assert not vehicle.hear(position(t_s=4_000_000.0), 1.1)
@@ -344,7 +341,7 @@ def test_a_clock_that_leaps_ahead_once_is_not_followed() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.3, 1.0, 10.0])
-def test_a_clock_of_another_speed_is_followed(rate: float) -> None:
+def test_a_clock_of_another_speed_is_followed(rate):
     """A simulator may run slower or faster than it was said to."""
     clock = BootClock()
     for n in range(1, 2000):
@@ -354,7 +351,7 @@ def test_a_clock_of_another_speed_is_followed(rate: float) -> None:
     assert boot_s + clock.offset_s == pytest.approx(now_s, abs=4.0)
 
 
-def test_backlog_of_seconds_is_no_change_of_the_clock() -> None:
+def test_backlog_of_seconds_is_no_change_of_the_clock():
     vehicle = Vehicle()
     for n in range(600):
         assert vehicle.hear(position(t_s=100.0 + 0.1 * n), 0.02 + 0.1 * n)
@@ -366,7 +363,7 @@ def test_backlog_of_seconds_is_no_change_of_the_clock() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.97, 1.0, 1.03])
-def test_age_is_right_where_a_simulator_runs_a_little_slower(rate: float) -> None:
+def test_age_is_right_where_a_simulator_runs_a_little_slower(rate):
     vehicle = Vehicle()
     for n in range(1, 1200):
         assert vehicle.hear(position(t_s=rate * 0.1 * n), 0.1 * n)
@@ -374,7 +371,7 @@ def test_age_is_right_where_a_simulator_runs_a_little_slower(rate: float) -> Non
     assert vehicle.view.age_s(119.9) < 0.1
 
 
-def test_clock_that_stood_still_is_followed_within_two_minutes() -> None:
+def test_clock_that_stood_still_is_followed_within_two_minutes():
     """A simulator that was stopped for 3 s: what it sends from then on is no backlog for ever."""
     vehicle = Vehicle()
     for n in range(2400):
@@ -384,7 +381,7 @@ def test_clock_that_stood_still_is_followed_within_two_minutes() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 1e6), st.floats(0.0, 100.0)), max_size=60))
-def test_clock_never_lies_in_the_future(told: list[tuple[float, float]]) -> None:
+def test_clock_never_lies_in_the_future(told):
     clock, now_s = BootClock(), 0.0
     for boot_s, step_s in told:
         now_s += step_s
@@ -395,7 +392,7 @@ def test_clock_never_lies_in_the_future(told: list[tuple[float, float]]) -> None
 
 # --- the camera's clock ----------------------------------------------------------------------
 @pytest.mark.parametrize("ahead_s", [60.0, -4.0, 1.0, 0.0, 3600.0])
-def test_a_camera_with_a_clock_of_its_own(ahead_s: float) -> None:
+def test_a_camera_with_a_clock_of_its_own(ahead_s):
     vehicle = Vehicle()
     for n in range(50, 100):
         vehicle.at(0.1 * n)
@@ -406,7 +403,7 @@ def test_a_camera_with_a_clock_of_its_own(ahead_s: float) -> None:
         assert vehicle.view.captured_s(boot_ms, taken_s + 0.1) == pytest.approx(taken_s, abs=0.06)
 
 
-def test_a_cameras_clock_that_leaps_costs_at_most_one_stamp() -> None:
+def test_a_cameras_clock_that_leaps_costs_at_most_one_stamp():
     vehicle = Vehicle()
     vehicle.at(5.0)
     for taken_s, boot_s in ((6.0, 6.0), (7.0, 900_000.0), (8.0, 8.0)):
@@ -420,14 +417,14 @@ def test_a_cameras_clock_that_leaps_costs_at_most_one_stamp() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1e5), st.floats(0.0, 1e3))
-def test_stamp_lies_between_order_and_now(boot_ms: int, now_s: float, ago_s: float) -> None:
+def test_stamp_lies_between_order_and_now(boot_ms, now_s, ago_s):
     view = VehicleView()
     since_s = now_s - ago_s
     assert since_s - 0.5 - 1e-6 <= view.captured_s(boot_ms, now_s, since_s) <= now_s
 
 
 # --- what is told ----------------------------------------------------------------------------
-def test_a_kind_is_told_of_once_in_ten_seconds() -> None:
+def test_a_kind_is_told_of_once_in_ten_seconds():
     vehicle = Vehicle()
     for n in range(300):
         vehicle.hear(position(214.7, t_s=1.0 + 0.1 * n), 1.0 + 0.1 * n)
@@ -436,14 +433,14 @@ def test_a_kind_is_told_of_once_in_ten_seconds() -> None:
     assert vehicle.view.gate.figures() == {"GLOBAL_POSITION_INT: lat is out of range": 300}
 
 
-def test_no_fix_is_counted_but_not_told() -> None:
+def test_no_fix_is_counted_but_not_told():
     vehicle = Vehicle()
     vehicle.hear(position(0.0, 0.0, t_s=1.0), 1.0)
     assert vehicle.said == []
     assert vehicle.view.boot_offset_s == pytest.approx(0.0)  # its clock is right all the same
 
 
-def test_texts_are_made_safe_and_old_ones_left_out() -> None:
+def test_texts_are_made_safe_and_old_ones_left_out():
     vehicle = Vehicle()
     vehicle.hear(text("\x1b]0;owned\x07\x1b[31mPreArm: bad\x1b[0m\r\x08"), 1.0)
     assert vehicle.view.recent_texts(2.0) == " (vehicle: PreArm: bad)"
@@ -451,9 +448,7 @@ def test_texts_are_made_safe_and_old_ones_left_out() -> None:
 
 
 # --- two links to one aircraft ---------------------------------------------------------------
-def told(
-    uid: int = 0, uid2: int = 0, system: int = 1, north_m: float = 0.0, boot_s: float = 1.0
-) -> VehicleView:
+def told(uid=0, uid2=0, system=1, north_m=0.0, boot_s=1.0):
     vehicle = Vehicle()
     if system != 1:
         vehicle.view = VehicleView()
@@ -482,14 +477,14 @@ def told(
         (VehicleView(), VehicleView(), False),
     ],
 )
-def test_same_aircraft(a: VehicleView, b: VehicleView, same: bool) -> None:
+def test_same_aircraft(a, b, same):
     assert same_aircraft(a, b) is same
     assert same_aircraft(b, a) is same
 
 
 # --- whatever comes ----------------------------------------------------------------------------
-def in_session(body: Callable[[Peer], None]) -> Peer:
-    async def main() -> Peer:
+def in_session(body):
+    async def main():
         peer = Peer()
         peer.session.feed(peer.frame(heartbeat()))
         body(peer)
@@ -506,7 +501,7 @@ _KINDS = (
 )  # fmt: skip
 
 
-def poisoned(hostile: Hostile, rng: random.Random) -> Message:
+def poisoned(hostile, rng):
     """A message that the session reads, with fields of any values, or with a few bad ones."""
     kind = mav.mavlink_map[getattr(mav, f"MAVLINK_MSG_ID_{rng.choice(_KINDS)}")]
     message = hostile._fill(kind, wrong_target=False)
@@ -520,11 +515,11 @@ def poisoned(hostile: Hostile, rng: random.Random) -> Message:
     return message
 
 
-def test_ten_thousand_random_and_poisoned_frames_with_the_vehicles_own_ids() -> None:
+def test_ten_thousand_random_and_poisoned_frames_with_the_vehicles_own_ids():
     rng, hostile = random.Random(11), Hostile(11)
-    heard: list[str] = []
+    heard = []
 
-    def bombard(peer: Peer) -> None:
+    def bombard(peer):
         session = peer.session
         session.listen(lambda message: heard.append(message.get_type()))
         chunks = hostile.chunks(well_addressed=True)
@@ -547,7 +542,6 @@ def test_ten_thousand_random_and_poisoned_frames_with_the_vehicles_own_ids() -> 
             if number >= 3000:
                 del peer.frames[heard_before:]  # the log is on disk in a flight
                 heard.clear()
-        assert settled is not None
         grown = tracemalloc.get_traced_memory()[0] - settled
         tracemalloc.stop()
         assert grown < 300_000
@@ -557,7 +551,7 @@ def test_ten_thousand_random_and_poisoned_frames_with_the_vehicles_own_ids() -> 
     assert len(peer.session.view.gate.refused) < 100
 
 
-def finite(view: VehicleView) -> bool:
+def finite(view):
     numbers = [view.height_m, view.home_amsl_m, *view.velocity_ned_m_s]
     for place in (view.position, view.home):
         if place is not None:
@@ -568,10 +562,10 @@ def finite(view: VehicleView) -> bool:
     return all(map(math.isfinite, numbers))
 
 
-def test_a_stream_that_is_never_read_to_its_end_takes_no_memory() -> None:
+def test_a_stream_that_is_never_read_to_its_end_takes_no_memory():
     """The parser lets go of what it has read only when nothing is left over."""
 
-    def endless(peer: Peer) -> None:
+    def endless(peer):
         frame = peer.frame(text("x" * 40))
         peer.session.feed(frame[:5])
         for _ in range(2000):
@@ -582,11 +576,11 @@ def test_a_stream_that_is_never_read_to_its_end_takes_no_memory() -> None:
     in_session(endless)
 
 
-def test_parser_that_raises_costs_its_bytes_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    def hit(peer: Peer) -> None:
+def test_parser_that_raises_costs_its_bytes_only(monkeypatch):
+    def hit(peer):
         parse = peer.session._codec.parse_char
 
-        def raising(data: bytes) -> Message:
+        def raising(data):
             if data.startswith(b"bad"):
                 raise struct.error("unpack requires more")
             return parse(data)
@@ -600,15 +594,15 @@ def test_parser_that_raises_costs_its_bytes_only(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.skipif(not TLOG.is_file(), reason="the recorded flight is not beside this repository")
-def test_a_real_flight_passes_whole() -> None:
+def test_a_real_flight_passes_whole():
     """A recorded ArduCopter: nothing of what it says is refused but positions before the fix."""
     data = TLOG.read_bytes()
-    session: list[Session] = []
-    refusals: list[str] = []
-    heard: Counter[str] = Counter()
+    session = []
+    refusals = []
+    heard = Counter()
     clock = VirtualClock()
 
-    async def main() -> None:
+    async def main():
         link = Session(lambda frame: None, lambda frame: None)
         session.append(link)
         link.view.gate.say = refusals.append

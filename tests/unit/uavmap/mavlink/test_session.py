@@ -1,10 +1,6 @@
 """A session against a peer that follows a script, on virtual time."""
 
-from __future__ import annotations
-
 import asyncio
-from collections.abc import Callable, Coroutine
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon
-from tests.support.mavlink_peer import Message, Peer, ack, heartbeat, text
+from tests.support.mavlink_peer import Peer, ack, heartbeat, text
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.session import ACK_TRIES, ACK_WAIT_S, GROUND_SYSTEM_ID
@@ -24,8 +20,8 @@ DENIED, UNDER_WAY = mav.MAV_RESULT_DENIED, mav.MAV_RESULT_IN_PROGRESS
 CAPTURE = mav.MAV_CMD_IMAGE_START_CAPTURE
 
 
-def conversation(body: Callable[[Peer], Coroutine[Any, Any, None]], **how: Any) -> Peer:
-    async def main() -> Peer:
+def conversation(body, **how):
+    async def main():
         peer = Peer(**how)
         peer.session.feed(peer.frame(heartbeat()))
         await body(peer)
@@ -35,14 +31,14 @@ def conversation(body: Callable[[Peer], Coroutine[Any, Any, None]], **how: Any) 
     return run(main(), VirtualClock())
 
 
-def script(peer: Peer, *replies: list[Message] | None) -> None:
+def script(peer, *replies):
     """Answer the n-th command with the n-th reply, later ones with silence.
 
     The component that was asked answers.
     """
     rest = list(replies)
 
-    def answer(message: Message) -> None:
+    def answer(message):
         if message.get_type().startswith("COMMAND_") and rest and (reply := rest.pop(0)):
             peer.say(*reply, component=message.target_component)
 
@@ -50,7 +46,7 @@ def script(peer: Peer, *replies: list[Message] | None) -> None:
 
 
 @by(conversation)
-async def test_an_accepted_command_is_sent_once(peer: Peer, /) -> None:
+async def test_an_accepted_command_is_sent_once(peer, /):
     script(peer, [ack(ARM, OK)])
     await peer.session.command(ARM, 1)
     ((_, message),) = peer.heard
@@ -60,7 +56,7 @@ async def test_an_accepted_command_is_sent_once(peer: Peer, /) -> None:
 
 
 @by(conversation)
-async def test_silence_is_met_with_repeats_whose_confirmation_rises(peer: Peer, /) -> None:
+async def test_silence_is_met_with_repeats_whose_confirmation_rises(peer, /):
     script(peer, None, None, [ack(ARM, OK)])
     await peer.session.command(ARM, 1)
     assert [c for _, _, c in peer.commands()] == [0, 1, 2]
@@ -69,7 +65,7 @@ async def test_silence_is_met_with_repeats_whose_confirmation_rises(peer: Peer, 
 
 
 @by(conversation)
-async def test_lasting_silence_is_a_link_error(peer: Peer, /) -> None:
+async def test_lasting_silence_is_a_link_error(peer, /):
     with pytest.raises(LinkError, match="MAV_CMD_COMPONENT_ARM_DISARM was not acknowledged"):
         await peer.session.command(ARM, 1)
     assert asyncio.get_running_loop().time() == pytest.approx(ACK_TRIES * ACK_WAIT_S)
@@ -77,8 +73,8 @@ async def test_lasting_silence_is_a_link_error(peer: Peer, /) -> None:
 
 
 @by(conversation)
-async def test_in_progress_extends_the_wait(peer: Peer, /) -> None:
-    def answer(message: Message) -> None:
+async def test_in_progress_extends_the_wait(peer, /):
+    def answer(message):
         for at_s in (0.1, 0.9, 1.7, 2.5):
             peer.say(ack(ARM, UNDER_WAY), after_s=at_s)
         peer.say(ack(ARM, OK), after_s=3.3)
@@ -90,7 +86,7 @@ async def test_in_progress_extends_the_wait(peer: Peer, /) -> None:
 
 
 @by(conversation)
-async def test_temporarily_rejected_is_tried_again(peer: Peer, /) -> None:
+async def test_temporarily_rejected_is_tried_again(peer, /):
     script(peer, [ack(CAPTURE, BUSY)], [ack(CAPTURE, BUSY)], [ack(CAPTURE, OK)])
     await peer.session.command(CAPTURE, 0, 1.0, 5, component=100)
     assert asyncio.get_running_loop().time() > 2 * ACK_WAIT_S
@@ -98,7 +94,7 @@ async def test_temporarily_rejected_is_tried_again(peer: Peer, /) -> None:
 
 
 @by(conversation)
-async def test_temporarily_rejected_for_ever_is_an_error(peer: Peer, /) -> None:
+async def test_temporarily_rejected_for_ever_is_an_error(peer, /):
     script(peer, *([[ack(CAPTURE, BUSY)]] * 50))
     with pytest.raises(LinkError):
         await peer.session.command(CAPTURE, 0)
@@ -115,8 +111,8 @@ async def test_temporarily_rejected_for_ever_is_an_error(peer: Peer, /) -> None:
     ],
 )
 @by(conversation)
-async def test_refusal_carries_the_text_that_follows(peer: Peer, /, result: int, name: str) -> None:
-    def answer(message: Message) -> None:
+async def test_refusal_carries_the_text_that_follows(peer, /, result, name):
+    def answer(message):
         peer.say(ack(ARM, result), after_s=0.001)
         peer.say(text("PreArm: GPS 1: Bad fix"), after_s=0.2)
 
@@ -129,7 +125,7 @@ async def test_refusal_carries_the_text_that_follows(peer: Peer, /, result: int,
 
 
 @by(conversation)
-async def test_refusal_carries_text_of_same_datagram_and_no_old_one(peer: Peer, /) -> None:
+async def test_refusal_carries_text_of_same_datagram_and_no_old_one(peer, /):
     peer.session.feed(peer.frame(text("Calibrating barometer")))
     await asyncio.sleep(60.0)
     script(peer, [ack(ARM, DENIED), text("Arm: Mode not armable")])
@@ -140,7 +136,7 @@ async def test_refusal_carries_text_of_same_datagram_and_no_old_one(peer: Peer, 
 
 
 @by(conversation)
-async def test_acks_for_others_and_of_other_commands_are_not_ours(peer: Peer, /) -> None:
+async def test_acks_for_others_and_of_other_commands_are_not_ours(peer, /):
     script(
         peer,
         [ack(ARM, DENIED, target=255), ack(LAND, OK), ack(LAND, DENIED)],
@@ -151,10 +147,10 @@ async def test_acks_for_others_and_of_other_commands_are_not_ours(peer: Peer, /)
 
 
 @by(conversation)
-async def test_only_the_component_that_was_asked_acknowledges(peer: Peer, /) -> None:
+async def test_only_the_component_that_was_asked_acknowledges(peer, /):
     """An ArduPilot with a camera of its own accepts a command that went to another camera."""
 
-    def answer(message: Message) -> None:
+    def answer(message):
         peer.say(ack(message.command, OK), after_s=0.1, component=1)
         peer.say(ack(message.command, DENIED), after_s=0.2, component=180)
 
@@ -164,8 +160,8 @@ async def test_only_the_component_that_was_asked_acknowledges(peer: Peer, /) -> 
         await peer.session.command(CAPTURE, 0, component=100)
 
 
-def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own() -> None:
-    async def body(peer: Peer) -> None:
+def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own():
+    async def body(peer):
         script(peer, [ack(ARM, OK)], [ack(LAND, OK)])
         await peer.session.command(ARM, 1)
         await peer.session.command_at(LAND, 3, (0, 0, 0, 0), LatLon(47.0, 8.0), 0.0)
@@ -176,7 +172,7 @@ def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own() -> None:
 
 
 @by(conversation)
-async def test_number_that_does_not_fit_is_a_link_error(peer: Peer, /) -> None:
+async def test_number_that_does_not_fit_is_a_link_error(peer, /):
     script(peer, [ack(ARM, OK)])
     for lat in (float("nan"), float("inf"), 1e300, 300.0):
         with pytest.raises(LinkError):
@@ -188,7 +184,7 @@ async def test_number_that_does_not_fit_is_a_link_error(peer: Peer, /) -> None:
 
 
 @by(on_virtual_time)
-async def test_feeding_says_whether_the_vehicle_spoke() -> None:
+async def test_feeding_says_whether_the_vehicle_spoke():
     peer, other = Peer(), Peer(system=7)
     camera = heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)
     assert not peer.session.feed(b"?" * 50)
@@ -201,8 +197,8 @@ async def test_feeding_says_whether_the_vehicle_spoke() -> None:
 
 
 @by(conversation)
-async def test_two_commands_at_once_both_get_their_ack(peer: Peer, /) -> None:
-    def answer(message: Message) -> None:
+async def test_two_commands_at_once_both_get_their_ack(peer, /):
+    def answer(message):
         result = OK if message.command == ARM else DENIED
         peer.say(ack(message.command, result), after_s=0.3)
 
@@ -220,7 +216,7 @@ async def test_two_commands_at_once_both_get_their_ack(peer: Peer, /) -> None:
 
 
 @by(conversation)
-async def test_landing_does_not_wait_for_a_camera_that_does_not_answer(peer: Peer, /) -> None:
+async def test_landing_does_not_wait_for_a_camera_that_does_not_answer(peer, /):
     """Each command of the camera kept the autopilot's waiting for 5 s."""
     peer.answer = lambda message: peer.say(ack(LAND, OK)) if message.command == LAND else None
     camera = asyncio.create_task(peer.session.command(CAPTURE, component=100))
@@ -232,7 +228,7 @@ async def test_landing_does_not_wait_for_a_camera_that_does_not_answer(peer: Pee
 
 
 @by(conversation)
-async def test_command_called_off_is_not_repeated_and_blocks_none(peer: Peer, /) -> None:
+async def test_command_called_off_is_not_repeated_and_blocks_none(peer, /):
     first = asyncio.create_task(peer.session.command(LAND))
     await asyncio.sleep(0.5)
     first.cancel()
@@ -244,7 +240,7 @@ async def test_command_called_off_is_not_repeated_and_blocks_none(peer: Peer, /)
 
 
 @by(conversation)
-async def test_a_place_goes_as_command_int(peer: Peer, /) -> None:
+async def test_a_place_goes_as_command_int(peer, /):
     script(peer, [ack(mav.MAV_CMD_DO_REPOSITION, OK)])
     nan = float("nan")
     place = LatLon(-33.8567844, 151.2152967)
@@ -257,7 +253,7 @@ async def test_a_place_goes_as_command_int(peer: Peer, /) -> None:
 
 
 @by(conversation)
-async def test_until(peer: Peer, /) -> None:
+async def test_until(peer, /):
     session, loop = peer.session, asyncio.get_running_loop()
     assert await session.until(lambda: True)
     assert not await session.until(lambda: session.view.armed, timeout_s=2.0)
@@ -273,7 +269,7 @@ async def test_until(peer: Peer, /) -> None:
 
 
 @by(conversation)
-async def test_frames_of_others_are_recorded_but_not_believed(peer: Peer, /) -> None:
+async def test_frames_of_others_are_recorded_but_not_believed(peer, /):
     session, heard = peer.session, []
     session.listen(heard.append)
     other = Peer(system=7)
@@ -286,7 +282,7 @@ async def test_frames_of_others_are_recorded_but_not_believed(peer: Peer, /) -> 
 
 
 @by(conversation)
-async def test_second_component_as_autopilot_changes_nothing(peer: Peer, /) -> None:
+async def test_second_component_as_autopilot_changes_nothing(peer, /):
     """Some gimbals and companions send heartbeats with MAV_AUTOPILOT_GENERIC and mode 0."""
     gimbal = Peer(system=1, component=mav.MAV_COMP_ID_GIMBAL)
     peer.session.feed(peer.frame(heartbeat(4, armed=True)))
@@ -297,9 +293,9 @@ async def test_second_component_as_autopilot_changes_nothing(peer: Peer, /) -> N
 
 
 @by(conversation)
-async def test_garbage_between_frames(peer: Peer, /) -> None:
+async def test_garbage_between_frames(peer, /):
     rng = np.random.default_rng(5)
-    heard: list[Message] = []
+    heard = []
     peer.session.listen(heard.append)
     for number in range(200):
         # no start byte in the garbage: that may rightly swallow the frame behind it
@@ -312,7 +308,7 @@ async def test_garbage_between_frames(peer: Peer, /) -> None:
 
 
 @by(conversation)
-async def test_heartbeat_overtaken_on_its_way_changes_nothing(peer: Peer, /) -> None:
+async def test_heartbeat_overtaken_on_its_way_changes_nothing(peer, /):
     """Over a link that reorders frames the mode of before would look like a pilot's."""
     before, after = peer.frame(heartbeat(4)), peer.frame(heartbeat(9))
     peer.session.feed(after)
@@ -323,7 +319,7 @@ async def test_heartbeat_overtaken_on_its_way_changes_nothing(peer: Peer, /) -> 
 
 
 @by(conversation)
-async def test_every_frame_of_both_directions_is_recorded_whole(peer: Peer, /) -> None:
+async def test_every_frame_of_both_directions_is_recorded_whole(peer, /):
     script(peer, [ack(ARM, OK)])
     await peer.session.command(ARM, 1)
     peer.session.heartbeat()

@@ -1,29 +1,24 @@
 """Parameters, fences and rally points over the wire, in both flavours."""
 
-from __future__ import annotations
-
 import asyncio
 import random
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError
 from missions.units import LatLon
-from tests.support.field import BOTH, Field, mission_of, on_field
+from tests.support.field import BOTH, mission_of, on_field
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by, on_virtual_time
 from uavmap.mavlink.mission_transfer import Item, Kind, MissionTransfer, same_items
 from uavmap.mavlink.parameters import Parameter, Parameters
-from uavmap.mavlink.session import Session
 
 INCLUSION = mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 
 
-def ring(count: int) -> tuple[Item, ...]:
+def ring(count):
     return tuple(
         Item(INCLUSION, LatLon(48.0 + 0.0001 * (i % 2), 11.0 + 0.0001 * i), float(count))
         for i in range(count)
@@ -32,7 +27,7 @@ def ring(count: int) -> tuple[Item, ...]:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_a_fence_comes_back_as_it_was_sent(field: Field, /, autopilot: str) -> None:
+async def test_a_fence_comes_back_as_it_was_sent(field, /, autopilot):
     transfer = MissionTransfer(field.links[0].session)
     assert await transfer.download(Kind.FENCE) == ()
     await transfer.upload(Kind.FENCE, ring(7))
@@ -44,7 +39,7 @@ async def test_a_fence_comes_back_as_it_was_sent(field: Field, /, autopilot: str
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_transfer_link_loses_a_fifth_succeeds(field: Field, /, autopilot: str) -> None:
+async def test_transfer_link_loses_a_fifth_succeeds(field, /, autopilot):
     chance = random.Random(1)
     field.lose = lambda: chance.random() < 0.2
     transfer = MissionTransfer(field.links[0].session)
@@ -53,7 +48,7 @@ async def test_transfer_link_loses_a_fifth_succeeds(field: Field, /, autopilot: 
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_fence_that_the_vehicle_refuses_says_why(field: Field, /) -> None:
+async def test_a_fence_that_the_vehicle_refuses_says_why(field, /):
     transfer = MissionTransfer(field.links[0].session)
     (first, *rest) = ring(4)
     nowhere = Item(INCLUSION, LatLon(95.0, 11.0), 4.0)
@@ -64,23 +59,23 @@ async def test_a_fence_that_the_vehicle_refuses_says_why(field: Field, /) -> Non
 class FarArduPilot:
     """An ArduPilot's mission protocol behind a slow link, as `MissionItemProtocol.cpp` has it."""
 
-    def __init__(self, there_s: float) -> None:
+    def __init__(self, there_s):
         self.peer = Peer()
         self.peer.answer = self.hear
-        self.items: list[Any] = []
+        self.items = []
         self.refused = 0
         self._there_s = there_s
-        self._count: int | None = None
-        self._asking: asyncio.TimerHandle | None = None
+        self._count = None
+        self._asking = None
 
-    def hear(self, message: Any) -> None:
+    def hear(self, message):
         """A frame of the client sets off towards it."""
         asyncio.get_running_loop().call_later(self._there_s, self._take, message)
 
-    def _say(self, *messages: Any) -> None:
+    def _say(self, *messages):
         self.peer.say(*messages, after_s=self._there_s)
 
-    def _take(self, message: Any) -> None:
+    def _take(self, message):
         kind = message.get_type()
         if kind == "MISSION_COUNT":
             self.items, self._count = [], message.count
@@ -104,14 +99,14 @@ class FarArduPilot:
                 self._stop()
                 self._result(mav.MAV_MISSION_ACCEPTED)
 
-    def _result(self, result: int) -> None:
+    def _result(self, result):
         self._say(mav.MAVLink_mission_ack_message(245, 191, result, 1))
 
-    def _stop(self) -> None:
+    def _stop(self):
         if self._asking is not None:
             self._asking.cancel()
 
-    def _ask(self) -> None:
+    def _ask(self):
         """Ask for the next item now, and again after a second."""
         self._stop()
         self._say(mav.MAVLink_mission_request_message(245, 191, len(self.items), 1))
@@ -120,7 +115,7 @@ class FarArduPilot:
 
 @pytest.mark.parametrize("there_s", [0.02, 0.6, 1.5])
 @by(on_virtual_time)
-async def test_upload_over_slow_link_succeeds_without_doubled_items(there_s: float) -> None:
+async def test_upload_over_slow_link_succeeds_without_doubled_items(there_s):
     """A real ArduCopter 4.6.2 behind 0.6 s each way refused the second copy of each item with
     INVALID_SEQUENCE and went on; the upload was given up: "not flown".
     """
@@ -133,12 +128,12 @@ async def test_upload_over_slow_link_succeeds_without_doubled_items(there_s: flo
 
 
 @by(on_virtual_time)
-async def test_upload_refused_sequence_while_vehicle_asks_goes_on() -> None:
+async def test_upload_refused_sequence_while_vehicle_asks_goes_on():
     """Another client, or an echo, doubles an item: the vehicle refuses the copy, and goes on."""
     far = FarArduPilot(0.02)
     far.peer.session.feed(far.peer.frame(heartbeat()))
 
-    def doubled(message: Any) -> None:
+    def doubled(message):
         far.hear(message)
         if message.get_type() == "MISSION_ITEM_INT":
             far.hear(message)
@@ -152,9 +147,7 @@ async def test_upload_refused_sequence_while_vehicle_asks_goes_on() -> None:
 
 @pytest.mark.parametrize(("sent_frame", "kept_frame"), [(5, 0), (6, 3), (0, 0), (3, 3)])
 @by(on_virtual_time)
-async def test_rally_point_of_integer_frame_gets_known_frame(
-    sent_frame: int, kept_frame: int
-) -> None:
+async def test_rally_point_of_integer_frame_gets_known_frame(sent_frame, kept_frame):
     """A real PX4 sends the frames 5 and 6. Put back as they were, its return hung in the air:
     "RTL: unsupported MAV_FRAME".
     """
@@ -163,7 +156,7 @@ async def test_rally_point_of_integer_frame_gets_known_frame(
     point = (245, 191, 0, sent_frame, mav.MAV_CMD_NAV_RALLY_POINT, 0, 1, 0, 0, 0, 0)
     place = (480000000, 110000000, 30.0, mav.MAV_MISSION_TYPE_RALLY)
 
-    def answer(message: Any) -> None:
+    def answer(message):
         match message.get_type():
             case "MISSION_REQUEST_LIST":
                 peer.say(mav.MAVLink_mission_count_message(245, 191, 1, 2))
@@ -190,9 +183,7 @@ async def test_rally_point_of_integer_frame_gets_known_frame(
     [("ardupilot", "FENCE_ACTION", "FENCE_ALT_MAX"), ("px4", "GF_ACTION", "GF_MAX_VER_DIST")],
 )
 @by(on_field, mission_of)
-async def test_parameters_are_read_and_written(
-    field: Field, /, autopilot: str, whole: str, real: str
-) -> None:
+async def test_parameters_are_read_and_written(field, /, autopilot, whole, real):
     parameters = Parameters(field.links[0].session)
     names = [whole, real, "NO_SUCH_NAME"]
     found = await parameters.read_many(names)
@@ -207,7 +198,7 @@ async def test_parameters_are_read_and_written(
 
 
 @by(on_virtual_time)
-async def test_parameter_reported_twice_old_copy_is_no_answer() -> None:
+async def test_parameter_reported_twice_old_copy_is_no_answer():
     """A real PX4 sent GF_ACTION 3 once more after we had set it back to 1: taken for the answer, it
     left the mission's fence on the vehicle (2 of 6 dry runs).
     """
@@ -215,7 +206,7 @@ async def test_parameter_reported_twice_old_copy_is_no_answer() -> None:
     peer.session.feed(peer.frame(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4)))
     value = mav.MAVLink_param_value_message(b"GF_MAX_VER_DIST", 10.0, 9, 1, 0)
 
-    def answer(message: Any) -> None:
+    def answer(message):
         if message.get_type() == "PARAM_SET":
             told = mav.MAVLink_param_value_message(b"GF_MAX_VER_DIST", message.param_value, 9, 1, 0)
             value.param_value = message.param_value
@@ -234,12 +225,12 @@ async def test_parameter_reported_twice_old_copy_is_no_answer() -> None:
 
 
 @by(on_virtual_time)
-async def test_parameter_that_vehicle_does_not_keep_is_not_written() -> None:
+async def test_parameter_that_vehicle_does_not_keep_is_not_written():
     """Set, acknowledged and lost again: the value that is read back decides."""
     peer = Peer()
     peer.session.feed(peer.frame(heartbeat()))
 
-    def answer(message: Any) -> None:
+    def answer(message):
         kept = message.param_value if message.get_type() == "PARAM_SET" else 3.0
         peer.say(mav.MAVLink_param_value_message(b"GUID_TIMEOUT", kept, 9, 1, 0))
 
@@ -248,7 +239,7 @@ async def test_parameter_that_vehicle_does_not_keep_is_not_written() -> None:
 
 
 @by(on_field, lambda: mission_of("px4"))
-async def test_negative_integer_of_px4_is_read(field: Field, /) -> None:
+async def test_negative_integer_of_px4_is_read(field, /):
     parameters = Parameters(field.links[0].session)
     assert await parameters.write("COM_TAKEOFF_ACT", Parameter(-1.0, 6))
     found = await parameters.read("COM_TAKEOFF_ACT")
@@ -256,10 +247,8 @@ async def test_negative_integer_of_px4_is_read(field: Field, /) -> None:
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_ground_station_reading_fence_does_not_disturb(
-    field: Field, /, tmp_path: Path
-) -> None:
-    session: Session = field.links[0].session
+async def test_ground_station_reading_fence_does_not_disturb(field, /, tmp_path):
+    session = field.links[0].session
     transfer = MissionTransfer(session)
     await transfer.upload(Kind.FENCE, ring(5))
     stranger = mav.MAVLink(None, srcSystem=1, srcComponent=1)

@@ -1,7 +1,5 @@
 """Where a vehicle was when it took a picture, and where it is while it is told where it is."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import statistics
@@ -15,11 +13,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.events import Airborne, Arrived, FrameLost, FrameSeen
 from missions.geo.grid import Grid
 from missions.geo.trajectory import rounded_path
-from missions.mission.schema import Mission
 from missions.mission.sim_section import SimRegion
 from missions.orders import FlyPath, FlyTo, TakeOff
 from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
-from tests.support.flights import Flight, fly
+from tests.support.flights import fly
 from tests.support.mavlink_peer import Peer, ack, heartbeat, position
 from tests.support.running import by, on_virtual_time
 from tests.support.small_missions import CELL_M, START, mission, square
@@ -39,11 +36,11 @@ M_PER_DEG = 111_195.0
 STILL = (0.0, 0.0, 0.0)
 
 
-def north_of_home(metres: float) -> LatLon:
+def north_of_home(metres):
     return LatLon(HOME.lat_deg + metres / M_PER_DEG, HOME.lon_deg)
 
 
-def flown(rate_hz: float, speed_m_s: float, last_s: float = 20.0, first_s: float = 10.0):
+def flown(rate_hz, speed_m_s, last_s=20.0, first_s=10.0):
     track = Whereabouts()
     for i in range(round((last_s - first_s) * rate_hz) + 1):
         t_s = first_s + i / rate_hz
@@ -55,41 +52,37 @@ def flown(rate_hz: float, speed_m_s: float, last_s: float = 20.0, first_s: float
 # --- the track -------------------------------------------------------------------------------
 @FAST
 @given(st.floats(5.0, 25.0), st.sampled_from([1.0, 4.0, 5.0, 10.0]), st.floats(0.0, 15.0))
-def test_straight_flight_is_placed_exactly(t_s: float, rate_hz: float, speed_m_s: float) -> None:
+def test_straight_flight_is_placed_exactly(t_s, rate_hz, speed_m_s):
     place = flown(rate_hz, speed_m_s).at(t_s)
-    assert place is not None
     assert distance_m(place.position, north_of_home(speed_m_s * (t_s - 10.0))) < 0.01
     assert place.height_m == pytest.approx(12.0 + 0.5 * (t_s - 10.0))
     outside_s = max(10.0 - t_s, t_s - 20.0, 0.0)
     assert outside_s - 1e-9 <= place.gap_s <= outside_s + 0.5 / rate_hz + 1e-9
 
 
-def test_who_has_not_said_anything_is_nowhere() -> None:
+def test_who_has_not_said_anything_is_nowhere():
     assert Whereabouts().at(10.0) is None
 
 
-def test_a_clock_that_begins_anew_leaves_nothing_of_before() -> None:
+def test_a_clock_that_begins_anew_leaves_nothing_of_before():
     track = flown(5.0, 8.0)
     track.take(Fix(1.0, north_of_home(500.0), 0.0, STILL))
     place = track.at(15.0)
-    assert place is not None
     assert distance_m(place.position, north_of_home(500.0)) < 0.01
     assert place.gap_s == 14.0
 
 
-def test_what_is_long_ago_is_forgotten() -> None:
+def test_what_is_long_ago_is_forgotten():
     track = flown(5.0, 8.0, last_s=100.0)
     place = track.at(100.0 - KEPT_S - 10.0)
-    assert place is not None
     assert place.gap_s == pytest.approx(10.0)
 
 
-def test_across_the_date_line() -> None:
+def test_across_the_date_line():
     track = Whereabouts()
     track.take(Fix(1.0, LatLon(0.0, 179.9999), 12.0, STILL))
     track.take(Fix(2.0, LatLon(0.0, -179.9997), 12.0, STILL))
     place = track.at(1.5)
-    assert place is not None
     assert place.position.lon_deg == pytest.approx(-179.9999)
 
 
@@ -99,7 +92,7 @@ DOWN = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
 SPEED_M_S = 8.0
 
 
-def told(t_s: float, metres: float, height_m: float = 12.0) -> Message:
+def told(t_s, metres, height_m=12.0):
     place = north_of_home(metres)
     return mav.MAVLink_camera_image_captured_message(
         round(t_s * 1000), 0, 0, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), 512_000,
@@ -107,13 +100,13 @@ def told(t_s: float, metres: float, height_m: float = 12.0) -> Message:
     )  # fmt: skip
 
 
-def fault_of(message: Message, heard_s: float = 10.0, last_s: float = 10.0) -> str | None:
+def fault_of(message, heard_s=10.0, last_s=10.0):
     """What is wrong with it for a vehicle that has flown northwards since 0 s of its clock.
 
     Its positions come five times a second until `last_s`; the announcement is judged at `heard_s`.
     """
 
-    async def main() -> str | None:
+    async def main():
         peer, loop = Peer(), asyncio.get_running_loop()
         for fifth in range(round(last_s * 5) + 1):
             t_s = fifth / 5.0
@@ -133,7 +126,7 @@ def fault_of(message: Message, heard_s: float = 10.0, last_s: float = 10.0) -> s
 
 
 @pytest.mark.parametrize("age_s", [0.0, 0.1, 1.0, 3.0, 8.0])
-def test_picture_judged_late_is_held_against_place_of_then(age_s: float) -> None:
+def test_picture_judged_late_is_held_against_place_of_then(age_s):
     taken_s = 10.0 - age_s
     assert fault_of(told(taken_s, SPEED_M_S * taken_s)) is None
     assert fault_of(told(taken_s, SPEED_M_S * taken_s + 14.0)) is None
@@ -142,17 +135,17 @@ def test_picture_judged_late_is_held_against_place_of_then(age_s: float) -> None
         assert fault == "the position is not where the vehicle was"
 
 
-def test_a_camera_whose_place_lags_by_seconds_is_not_believed() -> None:
+def test_a_camera_whose_place_lags_by_seconds_is_not_believed():
     """What it says is where the vehicle was three seconds before: 24 m behind the picture."""
     assert fault_of(told(10.0, SPEED_M_S * 7.0)) == "the position is not where the vehicle was"
 
 
-def test_the_height_is_that_of_then_too() -> None:
+def test_the_height_is_that_of_then_too():
     assert fault_of(told(7.0, 56.0, height_m=28.0)) == "the height is not that of the vehicle"
     assert fault_of(told(7.0, 56.0, height_m=26.0)) is None
 
 
-def test_without_telemetry_the_vehicle_may_be_farther_on() -> None:
+def test_without_telemetry_the_vehicle_may_be_farther_on():
     """Two seconds after its last position it is known within 50 m more, as it may have turned."""
     assert fault_of(told(12.0, 96.0), heard_s=12.0) is None
     assert fault_of(told(12.0, 96.0 - 60.0), heard_s=12.0) is None
@@ -166,7 +159,7 @@ WEST, EAST = (Cell(1, 4),), (Cell(6, 4),)
 UP_M = 12.0
 
 
-def strip() -> Mission:
+def strip():
     """A vehicle that flies 8 m/s over a dark strip; its position is exact, its detector plain."""
     made = mission(
         square(-10, 8, 60, 16), square(-60, -40, 160, 110), speed_m_s=8.0, interval_s=0.2
@@ -181,7 +174,7 @@ def strip() -> Mission:
     return made.model_copy(update={"sim": sim, "detector": detector})
 
 
-def path(flight: Flight, *points: tuple[float, float]) -> FlyPath:
+def path(flight, *points):
     begin_s = flight.now_s() + 0.5
     flown = rounded_path([GridPoint(*p) for p in points], begin_s, speed_m_s=8.0)
     return FlyPath(flown, UP_M, None, 0.2)
@@ -189,9 +182,7 @@ def path(flight: Flight, *points: tuple[float, float]) -> FlyPath:
 
 @pytest.mark.parametrize("towards", ["east", "west"])
 @by(fly, strip)
-async def test_border_of_roi_at_8_m_s_within_two_decimetres(
-    flight: Flight, /, towards: str
-) -> None:
+async def test_border_of_roi_at_8_m_s_within_two_decimetres(flight, /, towards):
     """From the pictures' own poses, between positions that come five times a second."""
     way = [(-25.0, 16.0), (50.0, 16.0)]
     if towards == "west":
@@ -220,25 +211,25 @@ LAT, LON = 47.3, 8.5
 DEG = 1e-5
 """1.1 m to the north."""
 OFF = 18.0 * DEG
-ESTIMATE: int = mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE
+ESTIMATE = mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE
 
 
 @by(on_virtual_time)
-async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap() -> None:
+async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap():
     """Until the next picture place and targets were off by what the autopilot had corrected."""
     peer, taken_s = Peer(), list[float]()
     view, loop = peer.session.view, asyncio.get_running_loop()
     peer.session.feed(peer.frame(heartbeat(armed=True)))
 
-    def answer(message: Any) -> None:
+    def answer(message):
         if getattr(message, "command", None) == ESTIMATE:
             taken_s.append(loop.time() + 0.05)
             peer.say(ack(ESTIMATE, mav.MAV_RESULT_ACCEPTED), after_s=0.05)
 
     peer.answer = answer
-    places: list[float] = []
+    places = []
 
-    async def fly() -> None:
+    async def fly():
         """6 m/s to the north, told 20 m too far north."""
         for n in range(60):
             true = LAT + 0.6 / 111_195.0 * n
@@ -262,7 +253,7 @@ async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap() -> None:
 
 
 @by(on_virtual_time)
-async def test_leap_of_a_place_without_an_estimate_is_left_to_those_who_judge_it() -> None:
+async def test_leap_of_a_place_without_an_estimate_is_left_to_those_who_judge_it():
     peer = Peer()
     peer.session.feed(peer.frame(heartbeat(armed=True)))
     for n, north in enumerate((0.0, 0.0, 18.0 * DEG)):

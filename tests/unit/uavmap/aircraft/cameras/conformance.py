@@ -9,10 +9,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import io
-from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from PIL import Image
@@ -25,40 +23,40 @@ from uavmap.aircraft.cameras.folder import FolderSource
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import Announcement, FrameSource
-from uavmap.aircraft.cameras.stream import Grabbed, StreamSource, Wants
+from uavmap.aircraft.cameras.stream import Grabbed, StreamSource
 from uavmap.aircraft.cameras.triggered import TriggeredSource
 
 SIZE_PX = (64, 48)
 LATENCY_S = 0.3
 
 
-def jpeg(shade: int, exif: Image.Exif | None = None) -> bytes:
+def jpeg(shade, exif=None):
     out = io.BytesIO()
     image = Image.new("RGB", SIZE_PX, (shade % 256, 100, 100))
     image.save(out, "JPEG", **({} if exif is None else {"exif": exif}))
     return out.getvalue()
 
 
-async def inline(function: Callable[[], Any]) -> Any:
+async def inline(function):
     return function()
 
 
 class Hardware(Protocol):
     """What takes the pictures of a bench."""
 
-    def expose(self, number: int) -> Awaitable[None]:
+    def expose(self, number):
         """Take a picture now; it is there `LATENCY_S` later."""
         ...
 
-    def spoil(self, number: int) -> Awaitable[None]:
+    def spoil(self, number):
         """Take one that cannot be had."""
         ...
 
-    def vanish(self) -> None:
+    def vanish(self):
         """Be unplugged."""
         ...
 
-    def come_back(self) -> None:
+    def come_back(self):
         """Be plugged in again."""
         ...
 
@@ -70,7 +68,7 @@ class Bench:
     told: list[str]
     heard: list[Announcement] = field(default_factory=list)
 
-    async def shoot(self, count: int, interval_s: float = 1.0, first: int = 0) -> list[float]:
+    async def shoot(self, count, interval_s=1.0, first=0):
         """Pictures at an interval; when each was exposed."""
         times = []
         for number in range(first, first + count):
@@ -79,7 +77,7 @@ class Bench:
             await asyncio.sleep(interval_s)
         return times
 
-    async def load(self) -> list[bool]:
+    async def load(self):
         good = []
         for picture in self.heard:
             try:
@@ -92,37 +90,37 @@ class Bench:
 
 # --- a folder --------------------------------------------------------------------------------
 class FolderHardware:
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
 
-    def later(self, name: str, data: bytes) -> None:
+    def later(self, name, data):
         path = self.folder / name
 
-        def write() -> None:
+        def write():
             with contextlib.suppress(OSError):
                 path.write_bytes(data)
 
         asyncio.get_running_loop().call_later(LATENCY_S, write)
 
-    async def expose(self, number: int) -> None:
+    async def expose(self, number):
         self.later(f"DSC{number:04}.JPG", jpeg(number))
 
-    async def spoil(self, number: int) -> None:
+    async def spoil(self, number):
         """Deleted as soon as it was seen."""
         name = f"DSC{number:04}.JPG"
         self.later(name, jpeg(number))
         loop = asyncio.get_running_loop()
         loop.call_later(LATENCY_S + 0.2, (self.folder / name).unlink)
 
-    def vanish(self) -> None:
+    def vanish(self):
         self.folder.rename(self.folder.with_suffix(".gone"))
 
-    def come_back(self) -> None:
+    def come_back(self):
         self.folder.with_suffix(".gone").rename(self.folder)
 
 
 @contextlib.asynccontextmanager
-async def running(run: Callable[[], Awaitable[None]]) -> AsyncIterator[None]:
+async def running(run):
     task = asyncio.ensure_future(run())
     try:
         yield
@@ -133,11 +131,11 @@ async def running(run: Callable[[], Awaitable[None]]) -> AsyncIterator[None]:
 
 
 @contextlib.asynccontextmanager
-async def folder_bench(tmp_path: Path) -> AsyncIterator[Bench]:
+async def folder_bench(tmp_path):
     folder = tmp_path / "card"
     folder.mkdir()
     (folder / "OLD.JPG").write_bytes(jpeg(1))
-    told: list[str] = []
+    told = []
     source = FolderSource(folder, LATENCY_S, told.append, inline)
     await source.begin()
     bench = Bench(source, FolderHardware(folder), told)
@@ -148,13 +146,13 @@ async def folder_bench(tmp_path: Path) -> AsyncIterator[Bench]:
 
 # --- a stream --------------------------------------------------------------------------------
 class StreamHardware:
-    def __init__(self) -> None:
-        self._queue: asyncio.Queue[Grabbed | None] = asyncio.Queue()
-        self._wants: Wants = lambda t_s: False
+    def __init__(self):
+        self._queue = asyncio.Queue()
+        self._wants = lambda t_s: False
         self.there = True
         self.opened = 0
 
-    async def open(self, wants: Wants) -> None:
+    async def open(self, wants):
         if not self.there:
             raise LinkError("the test's camera cannot be opened")
         self.opened += 1
@@ -162,35 +160,35 @@ class StreamHardware:
         if self.opened == 1:  # the first frame is looked at
             self._put(0, np.zeros((SIZE_PX[1], SIZE_PX[0], 3), np.uint8))
 
-    async def next(self) -> Grabbed | None:
+    async def next(self):
         return await self._queue.get()
 
-    async def close(self) -> None:
+    async def close(self):
         pass
 
-    def _put(self, number: int, loaded: Any) -> None:
+    def _put(self, number, loaded):
         there_s = asyncio.get_running_loop().time()
         if self.there and self._wants(there_s):
             self._queue.put_nowait(Grabbed(there_s, loaded))
 
-    async def expose(self, number: int) -> None:
+    async def expose(self, number):
         image = np.full((SIZE_PX[1], SIZE_PX[0], 3), number % 256, np.uint8)
         asyncio.get_running_loop().call_later(LATENCY_S, self._put, number, image)
 
-    async def spoil(self, number: int) -> None:
+    async def spoil(self, number):
         broken = ImageError("half of a frame")
         asyncio.get_running_loop().call_later(LATENCY_S, self._put, number, broken)
 
-    def vanish(self) -> None:
+    def vanish(self):
         self.there = False
         self._queue.put_nowait(None)
 
-    def come_back(self) -> None:
+    def come_back(self):
         self.there = True
 
 
 @contextlib.asynccontextmanager
-async def stream_bench(tmp_path: Path) -> AsyncIterator[Bench]:
+async def stream_bench(tmp_path):
     hardware, told = StreamHardware(), list[str]()
     source = StreamSource("the test's camera", hardware, LATENCY_S, SIZE_PX, told.append)
     await source.begin()
@@ -212,7 +210,7 @@ class Ordered:
     `component` is who answers the commands: a camera component, or the autopilot.
     """
 
-    def __init__(self, component: int) -> None:
+    def __init__(self, component):
         self.peer = Peer()
         self.component = component
         self.there = True
@@ -222,7 +220,7 @@ class Ordered:
         self.taken = 0
         self.peer.answer = self._answer
 
-    def _answer(self, message: Any) -> None:
+    def _answer(self, message):
         if not self.there or message.get_type() != "COMMAND_LONG":
             return
         if message.target_component != self.component:
@@ -237,13 +235,13 @@ class Ordered:
             self.left = 0
         self._ack(message.command, mav.MAV_RESULT_ACCEPTED)
 
-    def _ack(self, command: int, result: int) -> None:
+    def _ack(self, command, result):
         self.peer.say(
             mav.MAVLink_command_ack_message(command, result, 0, 0, 245, 191),
             component=self.component,
         )
 
-    def due(self) -> bool:
+    def due(self):
         """Whether a picture is taken now; it is noted if so."""
         now_s = asyncio.get_running_loop().time()
         if not self.left or not self.there or now_s - self.last_s < 0.9 * self.interval_s:
@@ -252,13 +250,13 @@ class Ordered:
         self.last_s = now_s
         return True
 
-    def vanish(self) -> None:
+    def vanish(self):
         self.there, self.left = False, 0
 
-    def come_back(self) -> None:
+    def come_back(self):
         self.there = True
 
-    async def telemetry(self) -> None:
+    async def telemetry(self):
         """Heartbeat, place and attitude, ten times a second, without delay."""
         loop, peer = asyncio.get_running_loop(), self.peer
         while True:
@@ -271,22 +269,22 @@ class Ordered:
 
 
 class ComponentHardware(Ordered):
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__(mav.MAV_COMP_ID_CAMERA)
-        self.pictures: dict[str, bytes] = {}
+        self.pictures = {}
 
-    async def fetch(self, url: str) -> bytes:
+    async def fetch(self, url):
         if url not in self.pictures:
             raise LinkError(f"{url}: 404")
         return self.pictures[url]
 
-    async def expose(self, number: int) -> None:
+    async def expose(self, number):
         self._take(number, there=True)
 
-    async def spoil(self, number: int) -> None:
+    async def spoil(self, number):
         self._take(number, there=False)
 
-    def _take(self, number: int, there: bool) -> None:
+    def _take(self, number, there):
         if not self.due():
             return
         index, self.taken = self.taken, self.taken + 1
@@ -302,19 +300,19 @@ class ComponentHardware(Ordered):
 
 
 class TriggerHardware(Ordered):
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         super().__init__(mav.MAV_COMP_ID_AUTOPILOT1)
         self.card = FolderHardware(folder)
 
-    async def expose(self, number: int) -> None:
+    async def expose(self, number):
         if self._trigger():
             await self.card.expose(number)
 
-    async def spoil(self, number: int) -> None:
+    async def spoil(self, number):
         """Triggered, but the camera was not ready."""
         self._trigger()
 
-    def _trigger(self) -> bool:
+    def _trigger(self):
         if not self.due():
             return False
         self.taken += 1
@@ -328,17 +326,17 @@ class TriggerHardware(Ordered):
         )  # fmt: skip
         return True
 
-    def vanish(self) -> None:
+    def vanish(self):
         super().vanish()
         self.card.vanish()
 
-    def come_back(self) -> None:
+    def come_back(self):
         super().come_back()
         self.card.come_back()
 
 
 @contextlib.asynccontextmanager
-async def mavlink_bench(tmp_path: Path) -> AsyncIterator[Bench]:
+async def mavlink_bench(tmp_path):
     hardware = ComponentHardware()
     source = MavlinkSource(hardware.peer.session, hardware.fetch)
     bench = Bench(source, hardware, [])
@@ -349,7 +347,7 @@ async def mavlink_bench(tmp_path: Path) -> AsyncIterator[Bench]:
 
 
 @contextlib.asynccontextmanager
-async def triggered_bench(tmp_path: Path) -> AsyncIterator[Bench]:
+async def triggered_bench(tmp_path):
     folder = tmp_path / "card"
     folder.mkdir()
     hardware, told = TriggerHardware(folder), list[str]()

@@ -1,12 +1,9 @@
 """A small RTSP server on loopback: JPEGs over RTP (RFC 2435), interleaved in the TCP connection."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import struct
 import threading
-from collections.abc import Sequence
 
 _PAYLOAD_BYTES = 1400
 _CLOCK_HZ = 90_000
@@ -14,25 +11,25 @@ _FRAME_S = 0.04
 
 
 class RtspServer:
-    def __init__(self, jpegs: Sequence[bytes]) -> None:
+    def __init__(self, jpegs):
         self._frames = [_parts(jpeg) for jpeg in jpegs]
         self._over = threading.Event()
         self._socket = socket.create_server(("127.0.0.1", 0))
         self._socket.settimeout(0.1)
-        self.port: int = self._socket.getsockname()[1]
+        self.port = self._socket.getsockname()[1]
         self._threads = [threading.Thread(target=self._accept)]
 
-    def __enter__(self) -> RtspServer:
+    def __enter__(self):
         self._threads[0].start()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self._over.set()
         for thread in self._threads:
             thread.join()
         self._socket.close()
 
-    def _accept(self) -> None:
+    def _accept(self):
         while not self._over.is_set():
             with contextlib.suppress(TimeoutError):
                 client, _ = self._socket.accept()
@@ -40,7 +37,7 @@ class RtspServer:
                 self._threads.append(thread)
                 thread.start()
 
-    def _talk(self, client: socket.socket) -> None:
+    def _talk(self, client):
         with client, contextlib.suppress(OSError):
             client.settimeout(20.0)
             head = b""
@@ -59,7 +56,7 @@ class RtspServer:
                         self._play(client)
                         return
 
-    def _answer(self, method: str, url: str, number: str) -> bytes:
+    def _answer(self, method, url, number):
         body, more = "", ""
         if method == "OPTIONS":
             more = "Public: OPTIONS, DESCRIBE, SETUP, PLAY, TEARDOWN\r\n"
@@ -76,7 +73,7 @@ class RtspServer:
             more = "Session: 1\r\nRange: npt=0.0-\r\n"
         return f"RTSP/1.0 200 OK\r\nCSeq: {number}\r\n{more}\r\n{body}".encode()
 
-    def _play(self, client: socket.socket) -> None:
+    def _play(self, client):
         sequence = count = 0
         while not self._over.wait(_FRAME_S):
             head, tables, scan = self._frames[count % len(self._frames)]
@@ -95,7 +92,7 @@ class RtspServer:
                 sequence += 1
 
 
-def _parts(jpeg: bytes) -> tuple[bytes, bytes, bytes]:
+def _parts(jpeg):
     """What RFC 2435 sends of a baseline JPEG: its short head, quantization tables, scan."""
     at, tables, kind, size = 2, b"", 1, (0, 0)
     while True:

@@ -1,7 +1,5 @@
 """Devices and streams that really are opened: video over HTTP, RTSP, a program, a V4L2 device."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import io
@@ -11,7 +9,6 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -26,7 +23,7 @@ from tests.unit.uavmap.aircraft.cameras.rtsp_server import RtspServer
 from uavmap.aircraft.cameras.captures import PipeCapture, gstreamer_command, libcamera_command
 from uavmap.aircraft.cameras.opening import Settings, opened_camera
 from uavmap.aircraft.cameras.pose import Mount
-from uavmap.aircraft.cameras.source import Announcement, FrameSource, decoded
+from uavmap.aircraft.cameras.source import decoded
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.aircraft.cameras.stream import Freshness, StreamSource, ThreadReader
 
@@ -35,14 +32,14 @@ PATIENCE_S = 240.0
 SETTINGS = Settings(SIZE_PX, 0.2, 0.0, Mount())
 
 
-def jpeg(shade: int) -> bytes:
+def jpeg(shade):
     out = io.BytesIO()
     Image.new("RGB", SIZE_PX, (shade, shade, shade)).save(out, "JPEG")
     return out.getvalue()
 
 
 class MjpegHandler(BaseHTTPRequestHandler):
-    def do_GET(self) -> None:
+    def do_GET(self):
         self.send_response(200)
         self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
         self.end_headers()
@@ -51,31 +48,31 @@ class MjpegHandler(BaseHTTPRequestHandler):
                 data = jpeg(number % 200 + 20)
                 head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
                 self.wfile.write(head.encode() + data + b"\r\n")
-                if self.server.over.wait(0.04):  # type: ignore[attr-defined]
+                if self.server.over.wait(0.04):
                     return
 
-    def log_message(self, *_: object) -> None:
+    def log_message(self, *_):
         pass
 
 
 @contextlib.contextmanager
-def mjpeg(port: int = 0) -> Iterator[int]:
+def mjpeg(port=0):
     server = ThreadingHTTPServer(("127.0.0.1", port), MjpegHandler)
-    server.over = threading.Event()  # type: ignore[attr-defined]
+    server.over = threading.Event()
     server.daemon_threads = True
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
     try:
         yield server.server_address[1]
     finally:
-        server.over.set()  # type: ignore[attr-defined]
+        server.over.set()
         server.shutdown()
         server.server_close()
         thread.join()
 
 
-async def pictures(source: FrameSource, count: int, interval_s: float = 0.2) -> list[Announcement]:
-    heard: asyncio.Queue[Announcement] = asyncio.Queue()
+async def pictures(source, count, interval_s=0.2):
+    heard = asyncio.Queue()
     source.listen(heard.put_nowait)
     begin_s = asyncio.get_running_loop().time()
     await source.start(interval_s, count)
@@ -89,12 +86,12 @@ async def pictures(source: FrameSource, count: int, interval_s: float = 0.2) -> 
     return found
 
 
-def on(text: str, body: Callable[[FrameSource, list[str]], Awaitable[None]]) -> None:
-    async def nothing(url: str) -> bytes:
+def on(text, body):
+    async def nothing(url):
         raise LinkError(url)
 
-    async def main() -> None:
-        told: list[str] = []
+    async def main():
+        told = []
         session = Peer().session
         async with opened_camera(parse_camera(text), session, nothing, SETTINGS, told.append) as it:
             await body(it, told)
@@ -102,12 +99,12 @@ def on(text: str, body: Callable[[FrameSource, list[str]], Awaitable[None]]) -> 
     asyncio.run(main())
 
 
-async def three(source: FrameSource, told: list[str]) -> None:
+async def three(source, told):
     await pictures(source, 3)
 
 
-def test_video_over_http_and_its_return() -> None:
-    async def body(source: FrameSource, told: list[str]) -> None:
+def test_video_over_http_and_its_return():
+    async def body(source, told):
         first = await pictures(source, 4)
         steps = [b.taken_s - a.taken_s for a, b in itertools.pairwise(first)]
         assert all(step >= 0.1 for step in steps)
@@ -123,19 +120,19 @@ def test_video_over_http_and_its_return() -> None:
         on(f"http://127.0.0.1:{port}/video", body)
 
 
-def test_rtsp() -> None:
+def test_rtsp():
     with RtspServer([jpeg(shade) for shade in range(20, 220, 4)]) as server:
         on(f"rtsp://127.0.0.1:{server.port}/main", three)
 
 
-def test_a_gstreamer_pipeline() -> None:
+def test_a_gstreamer_pipeline():
     if shutil.which("gst-launch-1.0") is None:
         pytest.skip("this machine has no gst-launch-1.0")
     wanted = "video/x-raw,width=320,height=240,framerate=20/1"
     on(f"gstreamer:videotestsrc is-live=true ! {wanted}", three)
 
 
-def test_frames_that_piled_up_in_a_stall_are_not_of_now() -> None:
+def test_frames_that_piled_up_in_a_stall_are_not_of_now():
     """25 frames a second; for two seconds the network stands, then all of them come at once."""
     watch = Freshness()
     taken_s = [n * 0.04 for n in range(250)]
@@ -146,7 +143,7 @@ def test_frames_that_piled_up_in_a_stall_are_not_of_now() -> None:
     assert sum(fresh) > 190
 
 
-def test_a_v4l2_device() -> None:
+def test_a_v4l2_device():
     if not os.path.exists("/dev/video0"):
         pytest.skip("this machine has no V4L2 device")
     on("v4l2:/dev/video0", three)
@@ -162,9 +159,9 @@ for number in range(int(sys.argv[2])):
 
 
 @by(in_real_time)
-async def test_a_program_that_writes_jpegs_and_is_run_again_when_it_ends() -> None:
+async def test_a_program_that_writes_jpegs_and_is_run_again_when_it_ends():
     command = [sys.executable, "-c", WRITER, jpeg(90).hex(), "25"]
-    told: list[str] = []
+    told = []
     reader = ThreadReader(partial(PipeCapture, command, "a program"))
     source = StreamSource("a program", reader, 0.0, SIZE_PX, told.append)
     await source.begin()
@@ -177,7 +174,7 @@ async def test_a_program_that_writes_jpegs_and_is_run_again_when_it_ends() -> No
 
 
 @by(in_real_time)
-async def test_a_hanging_stream_ends_nothing() -> None:
+async def test_a_hanging_stream_ends_nothing():
     """Its frames stop; what waits for it ends at once when it is closed."""
     command = [sys.executable, "-c", WRITER + "time.sleep(600)", jpeg(90).hex(), "40"]
     reader = ThreadReader(partial(PipeCapture, command, "a program"))
@@ -193,7 +190,7 @@ async def test_a_hanging_stream_ends_nothing() -> None:
 
 
 # --- what cannot be opened -------------------------------------------------------------------
-async def unused(source: FrameSource, told: list[str]) -> None:
+async def unused(source, told):
     raise AssertionError("it was opened")
 
 
@@ -205,17 +202,17 @@ async def unused(source: FrameSource, told: list[str]) -> None:
         ("triggered:/no/such/folder", "/no/such/folder: no such folder"),
     ],
 )
-def test_what_is_not_there(text: str, reason: str) -> None:
+def test_what_is_not_there(text, reason):
     with pytest.raises(LinkError, match=reason):
         on(text, unused)
 
 
-def test_a_url_where_nobody_is() -> None:
+def test_a_url_where_nobody_is():
     with pytest.raises(LinkError, match="cannot be opened; does it play in VLC"):
         on(f"http://127.0.0.1:{free_port()}/video", unused)
 
 
-def test_a_program_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_that_is_not_installed(monkeypatch):
     monkeypatch.setenv("PATH", "/nonexistent")
     with pytest.raises(LinkError, match=r"needs the program gst-launch-1\.0, which is not"):
         on("gstreamer:videotestsrc", unused)
@@ -224,8 +221,8 @@ def test_a_program_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @by(in_real_time)
-async def test_pictures_of_another_size_are_said_before_the_flight() -> None:
-    async def nothing(url: str) -> bytes:
+async def test_pictures_of_another_size_are_said_before_the_flight():
+    async def nothing(url):
         raise LinkError(url)
 
     other = Settings((640, 480), 1.0, 0.0, Mount())
@@ -236,7 +233,7 @@ async def test_pictures_of_another_size_are_said_before_the_flight() -> None:
                 raise AssertionError("it was opened")
 
 
-def test_the_programs_are_told_what_is_wanted() -> None:
+def test_the_programs_are_told_what_is_wanted():
     command = libcamera_command("1", (1280, 960), 0.5)
     assert command[1:3] == ["--camera", "1"]
     assert command[command.index("--width") + 1] == "1280"
@@ -250,6 +247,6 @@ def test_the_programs_are_told_what_is_wanted() -> None:
     "text",
     ["", "usb", "v4l2:video0", "folder:", "mavlink:1", "libcamera:x", "gstreamer: ", "/dev/"],
 )
-def test_what_is_no_camera(text: str) -> None:
+def test_what_is_no_camera(text):
     with pytest.raises(LinkError, match="is not a camera; write mavlink, v4l2:/dev/video0"):
         parse_camera(text)

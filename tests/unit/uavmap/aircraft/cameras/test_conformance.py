@@ -1,19 +1,13 @@
 """Every source of pictures keeps to the same rules."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
-from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from tests.unit.uavmap.aircraft.cameras.conformance import (
     BENCHES,
-    Bench,
-    TriggerHardware,
     triggered_bench,
 )
 from uavmap.base.clock import VirtualClock, run
@@ -21,10 +15,10 @@ from uavmap.base.clock import VirtualClock, run
 RIGHT_S = 0.05
 
 
-def on_each_bench(body: Callable[[Bench], Awaitable[None]]) -> Callable[[str, Path], None]:
+def on_each_bench(body):
     @pytest.mark.parametrize("kind", sorted(BENCHES))
-    def test(kind: str, tmp_path: Path) -> None:
-        async def main() -> None:
+    def test(kind, tmp_path):
+        async def main():
             async with asyncio.timeout(300.0), BENCHES[kind](tmp_path) as bench:
                 await body(bench)
 
@@ -35,7 +29,7 @@ def on_each_bench(body: Callable[[Bench], Awaitable[None]]) -> Callable[[str, Pa
 
 
 @on_each_bench
-async def test_nothing_is_taken_before_it_is_ordered_nor_after_it_was_stopped(bench: Bench) -> None:
+async def test_nothing_is_taken_before_it_is_ordered_nor_after_it_was_stopped(bench):
     await bench.shoot(3)
     await asyncio.sleep(3.0)
     assert bench.heard == []
@@ -51,7 +45,7 @@ async def test_nothing_is_taken_before_it_is_ordered_nor_after_it_was_stopped(be
 
 
 @on_each_bench
-async def test_a_picture_is_dated_by_its_exposure(bench: Bench) -> None:
+async def test_a_picture_is_dated_by_its_exposure(bench):
     await bench.source.start(0.7, 0)
     times = await bench.shoot(12, 0.73)
     await asyncio.sleep(3.0)
@@ -61,7 +55,7 @@ async def test_a_picture_is_dated_by_its_exposure(bench: Bench) -> None:
 
 
 @on_each_bench
-async def test_pictures_come_in_their_order_and_can_be_had(bench: Bench) -> None:
+async def test_pictures_come_in_their_order_and_can_be_had(bench):
     await bench.source.start(0.5, 0)
     await bench.shoot(5, 0.5)
     await asyncio.sleep(2.0)
@@ -73,7 +67,7 @@ async def test_pictures_come_in_their_order_and_can_be_had(bench: Bench) -> None
 
 
 @on_each_bench
-async def test_a_count_is_kept(bench: Bench) -> None:
+async def test_a_count_is_kept(bench):
     for burst in range(2):
         await bench.source.start(0.5, 3)
         await bench.shoot(6, 0.5, first=6 * burst)
@@ -83,7 +77,7 @@ async def test_a_count_is_kept(bench: Bench) -> None:
 
 
 @on_each_bench
-async def test_an_interval_is_kept_by_who_takes_more_than_is_wanted(bench: Bench) -> None:
+async def test_an_interval_is_kept_by_who_takes_more_than_is_wanted(bench):
     await bench.source.start(1.0, 0)
     await bench.shoot(40, 0.1)
     await asyncio.sleep(2.0)
@@ -94,7 +88,7 @@ async def test_an_interval_is_kept_by_who_takes_more_than_is_wanted(bench: Bench
 
 
 @on_each_bench
-async def test_a_start_while_pictures_are_taken_begins_anew(bench: Bench) -> None:
+async def test_a_start_while_pictures_are_taken_begins_anew(bench):
     await bench.source.start(5.0, 0)
     await bench.shoot(2, 0.5)
     await bench.source.start(0.5, 0)
@@ -104,7 +98,7 @@ async def test_a_start_while_pictures_are_taken_begins_anew(bench: Bench) -> Non
 
 
 @on_each_bench
-async def test_a_picture_that_cannot_be_had_is_a_lost_one_and_the_next_comes(bench: Bench) -> None:
+async def test_a_picture_that_cannot_be_had_is_a_lost_one_and_the_next_comes(bench):
     await bench.source.start(1.0, 0)
     await bench.shoot(1)
     await bench.hardware.spoil(1)
@@ -116,7 +110,7 @@ async def test_a_picture_that_cannot_be_had_is_a_lost_one_and_the_next_comes(ben
 
 
 @on_each_bench
-async def test_what_goes_and_comes_back_goes_on(bench: Bench) -> None:
+async def test_what_goes_and_comes_back_goes_on(bench):
     await bench.source.start(1.0, 0)
     await bench.shoot(2)
     await asyncio.sleep(1.0)
@@ -134,23 +128,22 @@ async def test_what_goes_and_comes_back_goes_on(bench: Bench) -> None:
     assert await bench.load() == [True] * 5
 
 
-def test_picture_whose_feedback_is_lost_gets_no_neighbours_place(tmp_path: Path) -> None:
+def test_picture_whose_feedback_is_lost_gets_no_neighbours_place(tmp_path):
     """At 5 pictures a second the neighbour's exposure is 0.2 s, and 1.2 m at 6 m/s, away."""
 
-    async def main() -> None:
+    async def main():
         async with triggered_bench(tmp_path) as bench:
             hardware = bench.hardware
-            assert isinstance(hardware, TriggerHardware)
             say, lost = hardware.peer.say, 7
 
-            def lossy(*messages: Any, **how: Any) -> None:
+            def lossy(*messages, **how):
                 if not any(getattr(message, "img_idx", 0) == lost for message in messages):
                     say(*messages, **how)
 
-            hardware.peer.say = lossy  # type: ignore[method-assign]
+            hardware.peer.say = lossy
             later, loop = hardware.card.later, asyncio.get_running_loop()
             # a card that takes 0.05 s longer than `camera.latency_s` says
-            hardware.card.later = lambda *how: loop.call_later(0.05, later, *how)  # type: ignore[method-assign]
+            hardware.card.later = lambda *how: loop.call_later(0.05, later, *how)
             await bench.source.start(0.2, 0)
             times = await bench.shoot(15, 0.2)
             await asyncio.sleep(8.0)

@@ -1,11 +1,7 @@
 """Pictures over MAVLink FTP, from a server that loses packets."""
 
-from __future__ import annotations
-
 import asyncio
 import random
-from collections.abc import Awaitable, Callable
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -25,13 +21,13 @@ ACK = 128
 class Server:
     """The files of a camera component; `loses` says of each packet whether it is lost."""
 
-    def __init__(self, peer: Peer, loses: Callable[[], bool]) -> None:
+    def __init__(self, peer, loses):
         self.files = {b"/DCIM/1.jpg": PICTURE, b"/empty.jpg": b""}
         self.peer, self.loses = peer, loses
-        self.open: dict[int, bytes] = {}
+        self.open = {}
         peer.answer = self.take
 
-    def take(self, message: Any) -> None:
+    def take(self, message):
         if message.get_type() != "FILE_TRANSFER_PROTOCOL" or self.loses():
             return
         assert (message.target_system, message.target_component) == (1, 100)
@@ -60,9 +56,9 @@ class Server:
             self.open.clear()
 
     def say(
-        self, sequence: int, session: int, opcode: int, of: int, data: bytes, offset: int,
-        last: bool = False,
-    ) -> None:  # fmt: skip
+        self, sequence, session, opcode, of, data, offset,
+        last = False
+    ):  # fmt: skip
         if self.loses():
             return
         head = ftp._HEAD.pack(sequence & 0xFFFF, session, opcode, len(data), of, last, offset)
@@ -72,16 +68,13 @@ class Server:
         )
 
 
-def served(
-    body: Callable[[Server, Callable[[str], Awaitable[bytes]]], Awaitable[None]],
-    loses: Callable[[], bool] = lambda: False,
-) -> None:
-    async def main() -> None:
+def served(body, loses=lambda: False):
+    async def main():
         peer = Peer()
         server = Server(peer, loses)
         peer.session.feed(peer.frame(heartbeat()))
 
-        async def by_http(url: str) -> bytes:
+        async def by_http(url):
             return url.encode()
 
         source = MavlinkSource(peer.session, by_http)
@@ -91,9 +84,7 @@ def served(
 
 
 @by(served)
-async def test_picture_comes_whole(
-    server: Server, fetch: Callable[[str], Awaitable[bytes]], /
-) -> None:
+async def test_picture_comes_whole(server, fetch, /):
     assert await fetch("mftp:///DCIM/1.jpg") == PICTURE
     assert await fetch("mftp://[;comp=100]/DCIM/1.jpg") == PICTURE
     assert await fetch("mftp:///empty.jpg") == b""
@@ -101,8 +92,8 @@ async def test_picture_comes_whole(
     assert server.open == {}
 
 
-def test_over_a_link_that_loses_a_fifth() -> None:
-    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
+def test_over_a_link_that_loses_a_fifth():
+    async def body(server, fetch):
         assert await fetch("mftp:///DCIM/1.jpg") == PICTURE
 
     rng = random.Random(5)
@@ -119,16 +110,14 @@ def test_over_a_link_that_loses_a_fifth() -> None:
     ],
 )
 @by(served)
-async def test_what_cannot_be_fetched_is_a_link_error(
-    server: Server, fetch: Callable[[str], Awaitable[bytes]], /, url: str, reason: str
-) -> None:
+async def test_what_cannot_be_fetched_is_a_link_error(server, fetch, /, url, reason):
     with pytest.raises(LinkError, match=f"cannot be fetched: {reason}") as raised:
         await fetch(url)
     assert str(raised.value).isprintable()
 
 
-def test_silence_ends_the_wait() -> None:
-    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
+def test_silence_ends_the_wait():
+    async def body(server, fetch):
         with pytest.raises(LinkError, match="it does not answer"):
             await fetch("mftp:///DCIM/1.jpg")
         assert asyncio.get_running_loop().time() < 10.0
@@ -137,7 +126,5 @@ def test_silence_ends_the_wait() -> None:
 
 
 @by(served)
-async def test_other_addresses_go_by_http(
-    server: Server, fetch: Callable[[str], Awaitable[bytes]], /
-) -> None:
+async def test_other_addresses_go_by_http(server, fetch, /):
     assert await fetch("http://127.0.0.1/1.jpg") == b"http://127.0.0.1/1.jpg"

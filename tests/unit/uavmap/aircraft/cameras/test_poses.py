@@ -1,10 +1,7 @@
 """The pose of an exposure where the camera tells none: telemetry, interpolated."""
 
-from __future__ import annotations
-
 import asyncio
 import math
-from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime
 
 import pytest
@@ -39,11 +36,11 @@ ANGLE = st.floats(-math.pi, math.pi)
 SMALL = st.floats(-0.6, 0.6)
 
 
-async def nothing() -> bytes:
+async def nothing():
     return b""
 
 
-def truth(t_s: float) -> tuple[LatLon, float, Quaternion]:
+def truth(t_s):
     angle = TURN_RAD_S * t_s
     north_m, east_m = RADIUS_M * math.sin(angle), RADIUS_M * (1.0 - math.cos(angle))
     place = LatLon(
@@ -53,7 +50,7 @@ def truth(t_s: float) -> tuple[LatLon, float, Quaternion]:
     return place, 12.0 + 0.2 * t_s, Quaternion.from_euler(BANK_RAD, 0.05, angle)
 
 
-def told_at(t_s: float, peer: Peer, *, attitude_off_s: float = 0.0) -> None:
+def told_at(t_s, peer, *, attitude_off_s=0.0):
     place, height_m, _ = truth(t_s)
     heading = math.remainder(TURN_RAD_S * t_s, 2.0 * math.pi)
     velocity = (round(800 * math.cos(heading)), round(800 * math.sin(heading)), -20)
@@ -67,16 +64,16 @@ def told_at(t_s: float, peer: Peer, *, attitude_off_s: float = 0.0) -> None:
         peer.session.feed(peer.frame(message))
 
 
-def flown(body: Callable[[Peer, Poses], Awaitable[None]], *, attitude_off_s: float = 0.0) -> Peer:
+def flown(body, *, attitude_off_s=0.0):
     """Run a test beside a vehicle that circles and tells of it ten times a second."""
-    peers: list[Peer] = []
+    peers = []
 
-    async def main() -> None:
+    async def main():
         peer = Peer()
         peers.append(peer)
         loop = asyncio.get_running_loop()
 
-        async def telemetry() -> None:
+        async def telemetry():
             while True:
                 told_at(loop.time(), peer, attitude_off_s=attitude_off_s)
                 await asyncio.sleep(0.1)
@@ -90,15 +87,15 @@ def flown(body: Callable[[Peer, Poses], Awaitable[None]], *, attitude_off_s: flo
     return peers[0]
 
 
-def angle_deg(a: Quaternion, b: Quaternion) -> float:
+def angle_deg(a, b):
     cosine = abs(sum(p * q for p, q in zip(a, b, strict=True)))
     return math.degrees(2.0 * math.acos(min(cosine, 1.0)))
 
 
-def test_in_a_turn_between_two_messages() -> None:
+def test_in_a_turn_between_two_messages():
     errors_m, errors_deg = [], []
 
-    async def body(peer: Peer, poses: Poses) -> None:
+    async def body(peer, poses):
         for _ in range(60):
             await asyncio.sleep(0.237)
             taken_s = asyncio.get_running_loop().time()
@@ -114,7 +111,7 @@ def test_in_a_turn_between_two_messages() -> None:
 
 
 @by(flown)
-async def test_what_a_camera_tells_comes_first(peer: Peer, poses: Poses, /) -> None:
+async def test_what_a_camera_tells_comes_first(peer, poses, /):
     place, height_m, turned = truth(2.0)
     told = ToldPose(place, height_m, turned)
     taken_s = asyncio.get_running_loop().time()
@@ -132,8 +129,8 @@ async def test_what_a_camera_tells_comes_first(peer: Peer, poses: Poses, /) -> N
 @pytest.mark.parametrize(
     ("late_s", "fault"), [(100.0, None), (3.0, "in the future"), (0.0, "its time cannot be right")]
 )
-def test_time_that_cannot_be_right_is_refused(late_s: float, fault: str | None) -> None:
-    async def body(peer: Peer, poses: Poses) -> None:
+def test_time_that_cannot_be_right_is_refused(late_s, fault):
+    async def body(peer, poses):
         now_s = asyncio.get_running_loop().time()
         taken_s = now_s + 20.0 if fault == "in the future" else now_s - late_s
         said = fault if late_s == 0.0 else None
@@ -144,8 +141,8 @@ def test_time_that_cannot_be_right_is_refused(late_s: float, fault: str | None) 
     assert sum(peer.session.view.gate.refused.values()) == 1
 
 
-def test_an_attitude_of_another_clock_is_refused_and_counted() -> None:
-    async def body(peer: Peer, poses: Poses) -> None:
+def test_an_attitude_of_another_clock_is_refused_and_counted():
+    async def body(peer, poses):
         taken_s = asyncio.get_running_loop().time()
         with pytest.raises(ImageError, match="the vehicle did not tell its own of then"):
             await poses.of(Announcement("a", taken_s, nothing))
@@ -157,15 +154,13 @@ def test_an_attitude_of_another_clock_is_refused_and_counted() -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(SMALL, SMALL, ANGLE, st.floats(-180.0, 180.0), st.booleans())
-def test_a_mount_is_that_of_the_simulator(
-    roll: float, pitch: float, yaw: float, yaw_deg: float, fixed: bool
-) -> None:
+def test_a_mount_is_that_of_the_simulator(roll, pitch, yaw, yaw_deg, fixed):
     theirs = CameraSpec(fixed=fixed, yaw_deg=yaw_deg).attitude(roll, pitch, yaw)
     ours = Mount(fixed, yaw_deg).attitude(Quaternion.from_euler(roll, pitch, yaw))
     assert angle_deg(ours, theirs) < 1e-4
 
 
-def test_a_plate_that_is_not_level() -> None:
+def test_a_plate_that_is_not_level():
     """Pitched up by 10 degrees the camera looks forward, rolled to the right it looks left."""
     level = Quaternion.from_euler(0.0, 0.0, 0.0)
     for mount, axis in (
@@ -179,7 +174,7 @@ def test_a_plate_that_is_not_level() -> None:
 
 # --- the time of a file ----------------------------------------------------------------------
 @by(on_virtual_time)
-async def test_a_camera_that_writes_irregularly_is_dated_by_its_own_clock(tmp_path) -> None:
+async def test_a_camera_that_writes_irregularly_is_dated_by_its_own_clock(tmp_path):
     """EXIF time with parts of a second: the delay of each file does not matter."""
     camera_ahead_s = 1_790_000_000.25
     async with folder_bench(tmp_path) as bench:

@@ -1,13 +1,10 @@
 """Whole flights in the simulator whose pictures come another way than from its own camera."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import struct
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -15,7 +12,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.events import FrameLost, FrameSeen
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
-from missions.mission.schema import Mission
 from tests.support.flights import small_mission
 from tests.support.plans import plan_of
 from tests.support.said import Said
@@ -30,14 +26,14 @@ from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.mavlink.session import Session
 from uavmap.runner.flight_links import Link
 from uavmap.runner.one_flight import Flight
-from uavmap.runner.simulation import Simulation, Truth
+from uavmap.runner.simulation import Simulation
 
 LATENCY_S = 0.35
 INTERVAL_S = 0.4
 _APP1 = 0xE1
 
 
-def bare(jpeg: bytes) -> bytes:
+def bare(jpeg):
     """The same picture without its tags: nothing tells when or where it was taken."""
     out, at = bytearray(jpeg[:2]), 2
     while jpeg[at + 1] != 0xDA:
@@ -49,22 +45,21 @@ def bare(jpeg: bytes) -> bytes:
 
 
 class Card:
-    def __init__(self, simulation: Simulation, session: Session, folder: Path) -> None:
+    def __init__(self, simulation, session, folder):
         self._simulation = simulation
         self._folder = folder
         session.listen(self._on_message)
 
-    def _on_message(self, message: Any) -> None:
+    def _on_message(self, message):
         if message.get_type() == "CAMERA_IMAGE_CAPTURED":
             loop = asyncio.get_running_loop()
             loop.call_later(LATENCY_S, self._write, message.image_index, message.file_url)
 
-    def _write(self, index: int, url: str) -> None:
+    def _write(self, index, url):
         data = self._simulation._vehicles[0].image(url)
-        assert data is not None
         (self._folder / f"DSC{index:05}.JPG").write_bytes(bare(data))
 
-    async def shoot(self) -> None:
+    async def shoot(self):
         """As a camera with an interval timer: all the time, whatever the mission wants."""
         codec = mav.MAVLink(None, 255, 190)
         start = mav.MAVLink_command_long_message(
@@ -81,11 +76,11 @@ Rig = Callable[
 
 
 class RiggedFlight(Flight):
-    def __init__(self, rig: Rig, said: list[str], *how: Any) -> None:
+    def __init__(self, rig, said, *how):
         super().__init__(*how)
         self.rig, self.said = rig, said
 
-    async def _fly_simulated(self) -> Truth:
+    async def _fly_simulated(self):
         simulation = Simulation(self.setting, self._plan.seed)
         session = simulation.open_session(0, lambda frame: None)
         card = self.folder / "card"
@@ -99,7 +94,7 @@ class RiggedFlight(Flight):
         return simulation.truth
 
 
-def flown(rig: Rig, made: Mission, folder: Path) -> tuple[dict[str, Any], list[Any], list[str]]:
+def flown(rig, made, folder):
     plan = plan_of("m.toml", made, None, None, 1, (), None, SIM_EPOCH_UTC_S)
     setting, said = setting_of(made), Said()
     folder.mkdir()
@@ -109,16 +104,14 @@ def flown(rig: Rig, made: Mission, folder: Path) -> tuple[dict[str, Any], list[A
             return flight.run(), list(journal.events()), said
 
 
-def mission(latency_s: float = LATENCY_S, **how: Any) -> Mission:
+def mission(latency_s=LATENCY_S, **how):
     made = small_mission(interval_s=INTERVAL_S, **how)
     camera = made.camera.model_copy(update={"latency_s": latency_s})
     return made.model_copy(update={"camera": camera})
 
 
 @contextlib.asynccontextmanager
-async def folder(
-    simulation: Simulation, session: Session, card: Path, said: list[str]
-) -> AsyncIterator[FrameSource]:
+async def folder(simulation, session, card, said):
     """A folder that fills up; nothing but the autopilot tells where a picture was taken."""
     source = FolderSource(card, LATENCY_S, said.append, inline)
     await source.begin()
@@ -128,9 +121,7 @@ async def folder(
 
 
 @contextlib.asynccontextmanager
-async def triggered(
-    simulation: Simulation, session: Session, card: Path, said: list[str]
-) -> AsyncIterator[FrameSource]:
+async def triggered(simulation, session, card, said):
     """The autopilot triggers and tells; the pictures come into a folder."""
     source = TriggeredSource(session, Mount(), card, LATENCY_S, said.append, inline)
     await source.begin()
@@ -140,7 +131,7 @@ async def triggered(
 
 
 @pytest.mark.parametrize("rig", [folder, triggered], ids=lambda rig: rig.__name__)
-def test_without_stopping(rig: Rig, tmp_path: Path) -> None:
+def test_without_stopping(rig, tmp_path):
     """From a moving camera that tilts: poses of another moment would shift the map."""
     summary, events, said = flown(rig, mission(strategy="swath"), tmp_path / "flight")
     assert summary["completed"], said

@@ -1,10 +1,7 @@
 """Wind by tilt, leaps of positions and speeds, and how hard a vehicle met the ground."""
 
-from __future__ import annotations
-
 import asyncio
 import math
-from collections.abc import Iterable
 
 import pytest
 from hypothesis import given, settings
@@ -15,7 +12,7 @@ from missions.geo.geodesy import LocalPlane
 from missions.guardian import HARD_M_S
 from missions.orders import TakeOff
 from missions.units import LatLon
-from tests.support.flights import UP_M, Flight, fly, small_mission, to
+from tests.support.flights import UP_M, fly, small_mission, to
 from tests.support.running import by
 from uavmap.aircraft.guardian.estimates import (
     GRAVITY_M_S2,
@@ -32,13 +29,7 @@ LEGS = [(0.0, 0.0), (6.0, 0.0), (0.0, 0.0), (-6.0, 0.0), (0.0, 4.0), (0.0, -6.0)
 # --- wind: airframes of other drag, in winds from all sides, through legs and hovers -----------
 
 
-def flown(
-    wind: tuple[float, float],
-    factor: float,
-    legs: list[tuple[float, float]],
-    leg_s: float = 20.0,
-    gust_m_s: float = 0.0,
-) -> list[float]:
+def flown(wind, factor, legs, leg_s=20.0, gust_m_s=0.0):
     """What is measured along legs (velocity north, east) by an airframe.
 
     After a minute there is a gust to the north in the first 6 s of every minute. The attitude
@@ -76,20 +67,20 @@ def flown(
 
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (4.0, 0.0), (-3.0, 3.0), (0.0, -9.0)])
-def test_the_quadcopter_measures_its_wind(wind: tuple[float, float]) -> None:
+def test_the_quadcopter_measures_its_wind(wind):
     for measured in flown(wind, 1.0, LEGS):
         assert measured == pytest.approx(math.hypot(*wind), rel=0.25, abs=1.3)
 
 
 @pytest.mark.parametrize("factor", [0.6, 2.0, 4.0])
-def test_another_airframe_is_learned_from_its_legs(factor: float) -> None:
+def test_another_airframe_is_learned_from_its_legs(factor):
     """Without learning, four times the drag would pass for a wind of 7 m/s in still air."""
     assert max(flown((0.0, 0.0), factor, LEGS)[1:]) < 3.0
     assert flown((0.0, 6.0), factor, LEGS * 2)[-1] == pytest.approx(6.0, abs=2.0)
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0])
-def test_gusts_say_nothing_of_the_airframe_and_are_no_gale(factor: float) -> None:
+def test_gusts_say_nothing_of_the_airframe_and_are_no_gale(factor):
     """Six seconds of 10 m/s in a minute, on legs of five seconds: they pass for no 12 m/s."""
     legs = [(6.0 * math.cos(1.1 * k), 6.0 * math.sin(1.1 * k)) for k in range(48)]
     found = flown((3.6, 0.0), factor, legs, leg_s=5.0, gust_m_s=6.4)
@@ -97,7 +88,7 @@ def test_gusts_say_nothing_of_the_airframe_and_are_no_gale(factor: float) -> Non
     assert found[-1] == pytest.approx(3.6, abs=1.5)
 
 
-def test_nothing_is_said_of_the_first_seconds_nor_on_the_ground() -> None:
+def test_nothing_is_said_of_the_first_seconds_nor_on_the_ground():
     estimate = WindEstimate()
     estimate.moved(0.0, 1.0, 1.0)
     assert estimate.speed_m_s is None
@@ -112,7 +103,7 @@ def test_nothing_is_said_of_the_first_seconds_nor_on_the_ground() -> None:
     assert estimate.speed_m_s is None
 
 
-def test_numbers_that_make_no_sense_change_nothing() -> None:
+def test_numbers_that_make_no_sense_change_nothing():
     estimate = WindEstimate()
     for attitude in ((math.nan, 0.0, 0.0), (0.0, 1.57, 0.0), (0.0, 0.0, math.inf)):
         estimate.tilted(*attitude)
@@ -121,13 +112,13 @@ def test_numbers_that_make_no_sense_change_nothing() -> None:
 
 
 @pytest.mark.parametrize("wind_m_s", [0.0, 7.0])
-def test_a_simulated_flight_measures_its_wind(wind_m_s: float) -> None:
+def test_a_simulated_flight_measures_its_wind(wind_m_s):
     made = small_mission()
     made = made.model_copy(
         update={"wind": made.wind.model_copy(update={"speed_m_s": wind_m_s, "from_deg": 40.0})}
     )
 
-    async def body(flight: Flight) -> None:
+    async def body(flight):
         await flight.after(TakeOff(UP_M), Airborne)
         for place in ((30.0, 20.0), (-20.0, 30.0), (0.0, 5.0)):
             await flight.after(to(*place), Arrived)
@@ -142,7 +133,7 @@ def test_a_simulated_flight_measures_its_wind(wind_m_s: float) -> None:
 PLANE = LocalPlane(LatLon(47.3, 8.5))
 
 
-def at(east_m: float, north_m: float) -> LatLon:
+def at(east_m, north_m):
     return PLANE.to_wgs84(east_m, north_m)
 
 
@@ -154,9 +145,7 @@ def at(east_m: float, north_m: float) -> LatLon:
     step_s=st.sampled_from([0.1, 0.2, 0.5, 1.0, 3.0]),
     noise_m=st.floats(0.0, 0.5),
 )
-def test_flight_is_no_leap_whatever_it_flies(
-    accelerations: list[tuple[float, float]], step_s: float, noise_m: float
-) -> None:
+def test_flight_is_no_leap_whatever_it_flies(accelerations, step_s, noise_m):
     leaps, t_s = Leaps(), 100.0
     east, north, v_east, v_north = 0.0, 0.0, 0.0, 0.0
     for index, (a_east, a_north) in enumerate(accelerations):
@@ -170,7 +159,7 @@ def test_flight_is_no_leap_whatever_it_flies(
 
 
 @given(metres=st.floats(20.0, 500.0), bearing=st.floats(0.0, math.tau), gap_s=st.floats(0.05, 0.8))
-def test_a_leap_of_the_position_is_one(metres: float, bearing: float, gap_s: float) -> None:
+def test_a_leap_of_the_position_is_one(metres, bearing, gap_s):
     leaps = Leaps()
     for tenth in range(20):
         leaps.take(100.0 + tenth / 10.0, at(0.5 * tenth, 0.0), (0.0, 5.0))
@@ -183,7 +172,7 @@ def test_a_leap_of_the_position_is_one(metres: float, bearing: float, gap_s: flo
     assert leaps.leapt == ""  # once is enough
 
 
-def test_after_a_gap_or_a_restart_nothing_can_be_said() -> None:
+def test_after_a_gap_or_a_restart_nothing_can_be_said():
     leaps = Leaps()
     leaps.take(100.0, at(0.0, 0.0), (0.0, 0.0))
     leaps.take(102.0, at(80.0, 0.0), (0.0, 0.0))
@@ -191,7 +180,7 @@ def test_after_a_gap_or_a_restart_nothing_can_be_said() -> None:
     assert leaps.leapt == ""
 
 
-async def on_a_leg(flight: Flight) -> None:
+async def on_a_leg(flight):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(to(30.0, 20.0))
     await asyncio.sleep(3.0)
@@ -199,7 +188,7 @@ async def on_a_leg(flight: Flight) -> None:
 
 @pytest.mark.parametrize("metres", [25.0, 50.0])
 @by(fly)
-async def test_a_glitch_in_flight_ends_the_order(flight: Flight, /, metres: float) -> None:
+async def test_a_glitch_in_flight_ends_the_order(flight, /, metres):
     await on_a_leg(flight)
     flight.vehicle.fail.gps_glitch(metres=metres, toward_deg=90.0)
     failed = await flight.sees(OrderFailed, within_s=3.0)
@@ -208,7 +197,7 @@ async def test_a_glitch_in_flight_ends_the_order(flight: Flight, /, metres: floa
 
 @pytest.mark.parametrize("gust_m_s", [8.0, 20.0])
 @by(fly)
-async def test_a_gust_is_no_leap(flight: Flight, /, gust_m_s: float) -> None:
+async def test_a_gust_is_no_leap(flight, /, gust_m_s):
     await on_a_leg(flight)
     flight.vehicle.fail.wind_gust(m_s=gust_m_s, for_s=2.0)
     await asyncio.sleep(10.0)
@@ -219,7 +208,7 @@ async def test_a_gust_is_no_leap(flight: Flight, /, gust_m_s: float) -> None:
 G_M_S2 = 9.81
 
 
-def told(speeds: Iterable[float], *, every_s: float = 0.1, impact: Impact | None = None) -> Impact:
+def told(speeds, *, every_s=0.1, impact=None):
     impact = Impact() if impact is None else impact
     begin_s = impact._descent[-1][0] if impact._descent else 0.0
     for count, sink_m_s in enumerate(speeds, start=1):
@@ -227,14 +216,14 @@ def told(speeds: Iterable[float], *, every_s: float = 0.1, impact: Impact | None
     return impact
 
 
-def fall(height_m: float, every_s: float) -> list[float]:
+def fall(height_m, every_s):
     """The speeds of a fall from rest, and the rest after it."""
     lasts_s = (2 * height_m / G_M_S2) ** 0.5
     count = int(lasts_s / every_s)
     return [*(G_M_S2 * n * every_s for n in range(count + 1)), 0.0, 0.0]
 
 
-def test_motors_that_stop_in_the_last_metre_are_an_impact() -> None:
+def test_motors_that_stop_in_the_last_metre_are_an_impact():
     """As told of a fall of 0.8 m: only its last message is faster than a hard landing."""
     end = [0.78, 1.25, 1.79, 2.33, 2.87]
     assert told([*[0.48] * 20, *end, 0.0, 0.0]).speed_m_s > HARD_M_S
@@ -243,7 +232,7 @@ def test_motors_that_stop_in_the_last_metre_are_an_impact() -> None:
 
 
 @pytest.mark.parametrize("fast_m_s", [0.7, 1.5, 2.4])
-def test_a_landing_is_no_impact(fast_m_s: float) -> None:
+def test_a_landing_is_no_impact(fast_m_s):
     impact = told([*[fast_m_s] * 50, *[0.5] * 60, 0.1, 0.0])
     assert impact.speed_m_s == 0.5
     assert told([*[fast_m_s] * 50, 0.0]).speed_m_s <= HARD_M_S
@@ -252,28 +241,28 @@ def test_a_landing_is_no_impact(fast_m_s: float) -> None:
 @pytest.mark.parametrize(
     ("height_m", "every_s"), [(1.5, 0.1), (3.0, 0.1), (10.0, 0.1), (3.0, 0.2), (10.0, 0.2)]
 )
-def test_a_fall_is_one(height_m: float, every_s: float) -> None:
+def test_a_fall_is_one(height_m, every_s):
     assert told(fall(height_m, every_s), every_s=every_s).speed_m_s > HARD_M_S
 
 
-def test_a_bounce_does_not_hide_it() -> None:
+def test_a_bounce_does_not_hide_it():
     impact = told(fall(3.0, 0.1))
     told([-1.0, -0.5, 0.5, 1.0, 0.0, 0.0], impact=impact)
     assert impact.speed_m_s > HARD_M_S
 
 
-def test_a_stop_in_the_air_is_forgotten_before_the_landing() -> None:
+def test_a_stop_in_the_air_is_forgotten_before_the_landing():
     impact = told([4.0, 4.0, 4.0, 0.0])
     told([0.0] * round(IMPACT_KEPT_S / 0.1 + 1), impact=impact)
     assert impact.speed_m_s == 0.0
 
 
-def test_braking_as_an_autopilot_brakes_is_no_impact() -> None:
+def test_braking_as_an_autopilot_brakes_is_no_impact():
     """From 4 m/s with 2.5 m/s2: the end of that is slow."""
     assert told([4.0 - 0.25 * n for n in range(17)]).speed_m_s < HARD_M_S
 
 
-def test_a_clock_that_begins_anew_begins_it_anew() -> None:
+def test_a_clock_that_begins_anew_begins_it_anew():
     impact = told(fall(3.0, 0.1))
     impact.take(0.0, 0.0)
     assert impact.speed_m_s == 0.0

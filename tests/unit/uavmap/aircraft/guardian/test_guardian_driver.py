@@ -1,7 +1,5 @@
 """The guardian on the wire: a simulated aircraft that its mission forgot, or cannot steer."""
 
-from __future__ import annotations
-
 import asyncio
 
 import numpy as np
@@ -11,11 +9,10 @@ from shapely.geometry import Point, Polygon
 
 from missions import events as ev
 from missions.geo.trajectory import rounded_path
-from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, Hold, Land, ReturnToLaunch, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
-from tests.support.flights import UP_M, Flight, fly, fly_up, small_mission
+from tests.support.flights import UP_M, fly, fly_up, small_mission
 from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by
 from tests.support.small_missions import square
@@ -23,7 +20,7 @@ from tests.support.small_missions import square
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
-async def out(flight: Flight, east_m: float = 25.0, north_m: float = 20.0) -> None:
+async def out(flight, east_m=25.0, north_m=20.0):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(FlyTo((GridPoint(east_m, north_m),), None, stop=False, height_m=UP_M))
     await asyncio.sleep(5.0)
@@ -33,16 +30,16 @@ HOUSE = square(10, 6, 6, 16)
 """A hole in the fence between the way out and home."""
 
 
-async def behind_the_house(flight: Flight) -> None:
+async def behind_the_house(flight):
     await flight.after(TakeOff(UP_M), ev.Airborne)
     route = (GridPoint(24.0, 0.0), GridPoint(24.0, 14.0))
     await flight.after(FlyTo(route, None, stop=True, height_m=UP_M), ev.Arrived)
 
 
-async def lands_without_touching_the_house(flight: Flight) -> None:
+async def lands_without_touching_the_house(flight):
     nearest_m, hole = list[float](), Polygon(HOUSE)
 
-    def watch() -> bool:
+    def watch():
         at = flight.setting.grid.fixed(flight.vehicle.truth.position)
         nearest_m.append(float(hole.distance(Point(at))))
         return flight.vehicle.truth.landed
@@ -51,7 +48,7 @@ async def lands_without_touching_the_house(flight: Flight) -> None:
     assert min(nearest_m) > 0.5
 
 
-def beside_a_house(autopilot: str) -> Mission:
+def beside_a_house(autopilot):
     return small_mission(autopilot=autopilot, holes=[HOUSE])
 
 
@@ -59,9 +56,7 @@ def beside_a_house(autopilot: str) -> Mission:
     ("autopilot", "on_path"), [("ardupilot", False), ("px4", False), ("px4", True)]
 )
 @by(fly, beside_a_house)
-async def test_guardian_mission_fails_flies_around_hole(
-    flight: Flight, /, autopilot: str, on_path: bool
-) -> None:
+async def test_guardian_mission_fails_flies_around_hole(flight, /, autopilot, on_path):
     """From a leg, and from a path, on which a PX4 is in another mode."""
     await behind_the_house(flight)
     if on_path:
@@ -82,7 +77,7 @@ async def test_guardian_mission_fails_flies_around_hole(
 
 @both
 @by(fly, beside_a_house)
-async def test_return_order_is_flown_around_hole(flight: Flight, /, autopilot: str) -> None:
+async def test_return_order_is_flown_around_hole(flight, /, autopilot):
     await behind_the_house(flight)
     flight.driver.give(ReturnToLaunch())
     await lands_without_touching_the_house(flight)
@@ -93,10 +88,10 @@ async def test_return_order_is_flown_around_hole(flight: Flight, /, autopilot: s
 
 
 @by(fly)
-async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight: Flight, /) -> None:
+async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight, /):
     await out(flight)
 
-    def gone(text: str) -> None:
+    def gone(text):
         raise BrokenPipeError(text)
 
     flight.driver._reporter._operator = gone
@@ -105,7 +100,7 @@ async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight: Flight, /
 
 
 @by(fly)
-async def test_on_the_ground_nothing_is_sent(flight: Flight, /) -> None:
+async def test_on_the_ground_nothing_is_sent(flight, /):
     sent = len(flight.sent)
     await flight.driver.guardian.bring_home("the mission failed")
     assert flight.commands_after(sent) == []
@@ -114,7 +109,7 @@ async def test_on_the_ground_nothing_is_sent(flight: Flight, /) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 @by(fly)
-async def test_guardian_link_loses_half_comes_home(flight: Flight, /, seed: int) -> None:
+async def test_guardian_link_loses_half_comes_home(flight, /, seed):
     await out(flight)
     rng = np.random.default_rng(seed)
     flight.to_driver = flight.to_vehicle = lambda message: rng.random() > 0.5
@@ -127,7 +122,7 @@ async def test_guardian_link_loses_half_comes_home(flight: Flight, /, seed: int)
 
 
 @by(fly)
-async def test_an_autopilot_that_does_not_return_lands(flight: Flight, /) -> None:
+async def test_an_autopilot_that_does_not_return_lands(flight, /):
     await out(flight)
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     await flight.driver.guardian.bring_home("the mission failed")
@@ -137,7 +132,7 @@ async def test_an_autopilot_that_does_not_return_lands(flight: Flight, /) -> Non
 
 
 @by(fly)
-async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight: Flight, /) -> None:
+async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight, /):
     await out(flight)
     home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
     await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
@@ -150,7 +145,7 @@ async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight: Flight, /
 
 @both
 @by(fly, small_mission)
-async def test_quick_descent_lands_from_near_ground(flight: Flight, /, autopilot: str) -> None:
+async def test_quick_descent_lands_from_near_ground(flight, /, autopilot):
     await out(flight)
     begun_s = flight.vehicle.t_s
     flight.driver.guardian.take_over("land", "a test", hurry=True)
@@ -170,9 +165,7 @@ async def test_quick_descent_lands_from_near_ground(flight: Flight, /, autopilot
     ],
 )
 @by(fly)
-async def test_quick_descent_command_refused_still_sinks(
-    flight: Flight, /, refused: int, least_s: float, most_s: float
-) -> None:
+async def test_quick_descent_command_refused_still_sinks(flight, /, refused, least_s, most_s):
     await out(flight)
     flight.vehicle.fail.reject(refused)
     begun_s = flight.vehicle.t_s
@@ -182,7 +175,7 @@ async def test_quick_descent_command_refused_still_sinks(
 
 
 @by(fly)
-async def test_guardian_acting_orders_of_mission_do_nothing(flight: Flight, /) -> None:
+async def test_guardian_acting_orders_of_mission_do_nothing(flight, /):
     await out(flight)
     flight.driver.guardian.take_over("rtl", "a test")
     await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
@@ -194,7 +187,7 @@ async def test_guardian_acting_orders_of_mission_do_nothing(flight: Flight, /) -
 
 
 @by(fly)
-async def test_a_take_over_on_the_ground_ends_with_one_landing(flight: Flight, /) -> None:
+async def test_a_take_over_on_the_ground_ends_with_one_landing(flight, /):
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF)
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.session.view.armed)
@@ -206,7 +199,7 @@ async def test_a_take_over_on_the_ground_ends_with_one_landing(flight: Flight, /
 
 
 @by(fly)
-async def test_after_a_silence_the_guardian_sees_to_it_again(flight: Flight, /) -> None:
+async def test_after_a_silence_the_guardian_sees_to_it_again(flight, /):
     await out(flight)
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, for_s=12.0)
     flight.to_driver = flight.to_vehicle = lambda message: False
@@ -219,7 +212,7 @@ async def test_after_a_silence_the_guardian_sees_to_it_again(flight: Flight, /) 
 
 
 @by(fly)
-async def test_guardian_link_back_after_mission_failed_sees_it_down(flight: Flight, /) -> None:
+async def test_guardian_link_back_after_mission_failed_sees_it_down(flight, /):
     loop = asyncio.get_running_loop()
     await out(flight)
     flight.to_driver = flight.to_vehicle = lambda message: False
@@ -237,11 +230,11 @@ async def test_guardian_link_back_after_mission_failed_sees_it_down(flight: Flig
 
 
 @by(fly_up)
-async def test_guardian_fall_on_way_home_is_reported(flight: Flight, /) -> None:
+async def test_guardian_fall_on_way_home_is_reported(flight, /):
     flight.driving.cancel()
     loop = asyncio.get_running_loop()
 
-    async def fall() -> None:
+    async def fall():
         await flight.until(lambda: flight.session.view.height_m < 3.0)
         flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
 
@@ -261,9 +254,7 @@ FORCED = 21196.0
     ("autopilot", "height_m"), [("ardupilot", 1.5), ("ardupilot", 8.0), ("px4", 1.5), ("px4", 3.0)]
 )
 @by(fly_up, small_mission)
-async def test_motors_stop_over_pad_is_a_crash(
-    flight: Flight, /, autopilot: str, height_m: float
-) -> None:
+async def test_motors_stop_over_pad_is_a_crash(flight, /, autopilot, height_m):
     """It stands on its pad, disarmed, on the ground by its own word: as after a landing."""
     flight.driver.give(Land())
     await flight.until(lambda: flight.session.view.height_m < height_m)
@@ -280,7 +271,7 @@ async def test_motors_stop_over_pad_is_a_crash(
 
 @both
 @by(fly_up, small_mission)
-async def test_motors_stop_just_above_ground_is_landing(flight: Flight, /, autopilot: str) -> None:
+async def test_motors_stop_just_above_ground_is_landing(flight, /, autopilot):
     flight.driver.give(Land())
     await flight.until(lambda: flight.vehicle.truth.height_m < 0.1)
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
@@ -290,7 +281,7 @@ async def test_motors_stop_just_above_ground_is_landing(flight: Flight, /, autop
 
 
 @by(fly)
-async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight: Flight, /) -> None:
+async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight, /):
     """Armed, in the air by its own word, and without height: the service is not fooled."""
     await out(flight)
     flight.to_driver = lambda m: m.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
@@ -306,7 +297,7 @@ async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight: Flight
 
 @both
 @by(fly, small_mission)
-async def test_storm_lands_vehicle_near_the_fence(flight: Flight, /, autopilot: str) -> None:
+async def test_storm_lands_vehicle_near_the_fence(flight, /, autopilot):
     """At most 150 m outside of it; a plain landing from here would take it 250 m."""
     await out(flight)
     flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
@@ -317,7 +308,7 @@ async def test_storm_lands_vehicle_near_the_fence(flight: Flight, /, autopilot: 
 
 
 @by(fly_up)
-async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight: Flight, /) -> None:
+async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight, /):
     # accepted, and not carried out: the autopilot is told to stay by somebody else
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 192
     flight.driver.give(FlyTo((GridPoint(40.0, 20.0),), None, stop=False, height_m=UP_M))
@@ -326,7 +317,7 @@ async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight: Flight
 
 
 @by(fly_up)
-async def test_sweep_waiting_for_its_camera_is_left_alone(flight: Flight, /) -> None:
+async def test_sweep_waiting_for_its_camera_is_left_alone(flight, /):
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
     flight.driver.give(Sweep(GridPoint(30.0, 0.0), 4.0, UP_M))
     await asyncio.sleep(25.0)
@@ -334,7 +325,7 @@ async def test_sweep_waiting_for_its_camera_is_left_alone(flight: Flight, /) -> 
 
 
 @by(fly)
-async def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen(flight: Flight, /) -> None:
+async def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen(flight, /):
     flight.to_driver = lambda message: (
         not (message.get_type() == "COMMAND_ACK" and message.command == mav.MAV_CMD_NAV_TAKEOFF)
     )
@@ -344,7 +335,7 @@ async def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen(flight: Fli
 
 
 @by(fly_up)
-async def test_a_place_that_is_none_stops_no_clock(flight: Flight, /) -> None:
+async def test_a_place_that_is_none_stops_no_clock(flight, /):
     """What cannot be sent is tried again in a while, and not without end at one instant."""
     nowhere = GridPoint(float("inf"), 0.0)
     flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))

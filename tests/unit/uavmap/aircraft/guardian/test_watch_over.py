@@ -1,9 +1,6 @@
 """However a mission ends, its aircraft are looked after first."""
 
-from __future__ import annotations
-
 import asyncio
-from collections.abc import Awaitable, Sequence
 
 import pytest
 
@@ -14,45 +11,45 @@ from uavmap.base.clock import VirtualClock, run
 
 
 class Kept:
-    def __init__(self, *, takes_s: float = 30.0, fate: str = "") -> None:
-        self.said: list[tuple[str, str, float]] = []
+    def __init__(self, *, takes_s=30.0, fate=""):
+        self.said = []
         self.home = False
         self.running = False
         self._takes_s = takes_s
         self._fate = fate
 
-    async def run(self) -> None:
+    async def run(self):
         self.running = True
         try:
             await asyncio.Event().wait()
         finally:
             self.running = False
 
-    async def bring_home(self, reason: str) -> None:
+    async def bring_home(self, reason):
         assert self.running
         self.said.append(("home", reason, asyncio.get_running_loop().time()))
         await asyncio.sleep(self._takes_s)
         self.home = True
 
-    async def leave(self, reason: str) -> None:
+    async def leave(self, reason):
         assert self.running
         self.said.append(("leave", reason, asyncio.get_running_loop().time()))
 
-    def fate(self) -> str:
+    def fate(self):
         return self._fate
 
 
-async def watched(kept: Sequence[Kept], mission: Awaitable[None], *, leave: bool) -> None:
+async def watched(kept, mission, *, leave):
     await watched_over(Guardians(dict(enumerate(kept, start=1))), mission, leave=leave)
 
 
-async def failing(after_s: float, failure: Exception) -> None:
+async def failing(after_s, failure):
     await asyncio.sleep(after_s)
     raise failure
 
 
 @by(on_virtual_time)
-async def test_a_mission_that_fails_ends_when_everybody_is_home() -> None:
+async def test_a_mission_that_fails_ends_when_everybody_is_home():
     kept = [Kept(), Kept(takes_s=50.0)]
     loop = asyncio.get_running_loop()
     with pytest.raises(JournalError, match="disk is full"):
@@ -63,20 +60,20 @@ async def test_a_mission_that_fails_ends_when_everybody_is_home() -> None:
     assert all("disk is full" in reason for k in kept for _, reason, _ in k.said)
 
 
-def test_who_is_not_at_home_at_the_end_is_named() -> None:
+def test_who_is_not_at_home_at_the_end_is_named():
     kept = [Kept(), Kept(fate="on the ground 40 m from home")]
     with pytest.raises(AircraftError, match="vehicle 2: on the ground 40 m from home"):
         run(watched(kept, failing(1.0, JournalError("full")), leave=True), VirtualClock())
 
 
 class Defective(Kept):
-    async def bring_home(self, reason: str) -> None:
+    async def bring_home(self, reason):
         await asyncio.sleep(0.1)
         raise ValueError("a defect in the geometry of its way home")
 
 
 @by(on_virtual_time)
-async def test_watched_over_one_guardian_fails_others_come_home() -> None:
+async def test_watched_over_one_guardian_fails_others_come_home():
     """Its aircraft is left to its autopilot, and all that failed is raised with the fates."""
     kept = [Defective(fate="left to its autopilot in RTL"), Kept()]
     with pytest.raises(ExceptionGroup) as failed:
@@ -89,7 +86,7 @@ async def test_watched_over_one_guardian_fails_others_come_home() -> None:
 
 
 @by(on_virtual_time)
-async def test_watched_over_one_guardian_fails_after_the_mission_others_come_home() -> None:
+async def test_watched_over_one_guardian_fails_after_the_mission_others_come_home():
     kept = [Defective(), Kept()]
     with pytest.raises(ExceptionGroup):
         await watched(kept, asyncio.sleep(1.0), leave=True)
@@ -97,7 +94,7 @@ async def test_watched_over_one_guardian_fails_after_the_mission_others_come_hom
 
 
 @by(on_virtual_time)
-async def test_who_leaves_has_the_autopilots_return() -> None:
+async def test_who_leaves_has_the_autopilots_return():
     kept = [Kept(fate="left to its autopilot in RTL")]
     flying = asyncio.ensure_future(watched(kept, asyncio.sleep(1e6), leave=True))
     await asyncio.sleep(5.0)
@@ -108,7 +105,7 @@ async def test_who_leaves_has_the_autopilots_return() -> None:
 
 
 @by(on_virtual_time)
-async def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot() -> None:
+async def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot():
     kept = [Kept(takes_s=1000.0, fate="left to its autopilot in RTL")]
     failure = JournalError("full")
     flying = asyncio.ensure_future(watched(kept, failing(1.0, failure), leave=True))
@@ -120,9 +117,9 @@ async def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot() -
     assert [what for what, _, _ in kept[0].said] == ["home", "leave"]
 
 
-def test_a_guardian_that_fails_ends_the_mission_loudly() -> None:
+def test_a_guardian_that_fails_ends_the_mission_loudly():
     class Broken(Kept):
-        async def run(self) -> None:
+        async def run(self):
             self.running = True
             await asyncio.sleep(3.0)
             raise ZeroDivisionError
@@ -132,9 +129,9 @@ def test_a_guardian_that_fails_ends_the_mission_loudly() -> None:
 
 
 @by(on_virtual_time)
-async def test_a_third_interruption_still_has_the_aircraft_named() -> None:
+async def test_a_third_interruption_still_has_the_aircraft_named():
     class Slow(Kept):
-        async def leave(self, reason: str) -> None:
+        async def leave(self, reason):
             await super().leave(reason)
             await asyncio.sleep(15.0)
 
@@ -148,7 +145,7 @@ async def test_a_third_interruption_still_has_the_aircraft_named() -> None:
     assert asyncio.get_running_loop().time() == pytest.approx(10.0)
 
 
-def test_a_bug_keeps_its_traceback_and_names_who_is_not_at_home() -> None:
+def test_a_bug_keeps_its_traceback_and_names_who_is_not_at_home():
     kept = [Kept(), Kept(fate="on the ground 40 m from home")]
     with pytest.raises(ZeroDivisionError) as caught:
         run(watched(kept, failing(1.0, ZeroDivisionError()), leave=True), VirtualClock())

@@ -1,14 +1,10 @@
 """What a camera announces: a pose that makes no sense costs the picture, and nothing more."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import math
 import random
 import re
-from collections.abc import Awaitable, Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,11 +19,9 @@ from tests.support.flights import HEIGHT_PX, WIDTH_PX, small_mission
 from tests.support.mavlink_peer import Peer, heartbeat
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Poses
-from uavmap.aircraft.cameras.source import Announcement
-from uavmap.aircraft.imaging.classifier import Classifier, PictureJudge, Taken
+from uavmap.aircraft.imaging.classifier import Classifier, PictureJudge
 from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.base.clock import VirtualClock, run
-from uavmap.mavlink.session import Message
 from uavmap.runner.flight_links import mount_of
 
 DOWN = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
@@ -37,7 +31,7 @@ SETTING = setting_of(MISSION)
 CAMERA = MISSION.camera
 
 
-def picture(width: int = CAMERA.width_px, height: int = CAMERA.height_px) -> bytes:
+def picture(width=CAMERA.width_px, height=CAMERA.height_px):
     out = io.BytesIO()
     noise = np.random.default_rng(1).integers(-6, 7, (height, width, 1))
     pixels = np.repeat(190 + noise, 3, axis=2).astype(np.uint8)
@@ -48,11 +42,11 @@ def picture(width: int = CAMERA.width_px, height: int = CAMERA.height_px) -> byt
 PICTURE = picture()
 
 
-async def served(url: str) -> bytes:
+async def served(url):
     return PICTURE
 
 
-def announced(**how: Any) -> Message:
+def announced(**how):
     values = {
         "time_boot_ms": 5000,
         "lat": round(MISSION.home.lat_deg * 1e7),
@@ -69,15 +63,15 @@ def announced(**how: Any) -> Message:
 
 
 class Verdicts:
-    def __init__(self) -> None:
+    def __init__(self):
         self._judge = PictureJudge({1: Classifier.of(MISSION, SETTING.grid)})
-        self._last: FrameSeen | FrameLost | None = None
+        self._last = None
 
-    async def judge(self, taken: Taken) -> bool:
+    async def judge(self, taken):
         self._last = self._judge.verdict(taken)
         return isinstance(self._last, FrameSeen)
 
-    async def of(self, driver: CameraDriver, picture: Announcement) -> FrameSeen | FrameLost:
+    async def of(self, driver, picture):
         try:
             await driver.judged(picture, None, anywhere=False)
         except (ImageError, LinkError) as error:
@@ -86,14 +80,10 @@ class Verdicts:
         return self._last
 
 
-def judged(
-    *messages: Message,
-    fetch: Callable[[str], Awaitable[bytes]] = served,
-    peers: Callable[[Peer], None] = lambda peer: None,
-) -> list[FrameSeen | FrameLost]:
+def judged(*messages, fetch=served, peers=lambda peer: None):
     """What the driver makes of announcements that are heard at 5.1 s, ordered at 5 s."""
 
-    async def main() -> list[FrameSeen | FrameLost]:
+    async def main():
         peer = Peer()
         loop = asyncio.get_running_loop()
         await asyncio.sleep(5.0)
@@ -109,7 +99,7 @@ def judged(
         await source.start(1.0, 1)
         await asyncio.sleep(5.1 - loop.time())
         peers(peer)
-        heard: list[Announcement] = []
+        heard = []
         source.listen(heard.append)
         for message in messages:
             peer.session.feed(peer.frame(message, 100))
@@ -120,7 +110,7 @@ def judged(
     return run(main(), VirtualClock())
 
 
-def place(t_s: float) -> Message:
+def place(t_s):
     home = MISSION.home
     return mav.MAVLink_global_position_int_message(
         round(t_s * 1000), round(home.lat_deg * 1e7), round(home.lon_deg * 1e7), 512_000, 12_000,
@@ -128,7 +118,7 @@ def place(t_s: float) -> Message:
     )  # fmt: skip
 
 
-def test_a_picture_is_judged() -> None:
+def test_a_picture_is_judged():
     (event,) = judged(announced())
     assert isinstance(event, FrameSeen)
     assert event.vantage == Cell(0, 0)
@@ -162,10 +152,10 @@ NO_ATTITUDE = "it tells no attitude, and the vehicle did not tell its own of the
         ({"relative_alt": 900_000}, "the height is not that of the vehicle"),
     ],
 )
-def test_a_pose_that_makes_no_sense(how: dict[str, Any], reason: str) -> None:
-    asked: list[str] = []
+def test_a_pose_that_makes_no_sense(how, reason):
+    asked = []
 
-    async def fetch(url: str) -> bytes:
+    async def fetch(url):
         asked.append(url)
         return PICTURE
 
@@ -175,7 +165,7 @@ def test_a_pose_that_makes_no_sense(how: dict[str, Any], reason: str) -> None:
     assert asked == []
 
 
-def test_any_pose_at_all() -> None:
+def test_any_pose_at_all():
     rng = random.Random(5)
     values = [0.0, NAN, INF, -INF, 3.4e38, 1e-40, 1.0, -1.0, 0.7071068]
     many = [
@@ -197,7 +187,7 @@ def test_any_pose_at_all() -> None:
         assert not isinstance(event, FrameLost) or event.reason.isprintable()
 
 
-def test_a_frame_is_stamped_within_the_capture() -> None:
+def test_a_frame_is_stamped_within_the_capture():
     """A camera that was switched on a minute before the autopilot, and one with a broken clock."""
     (event,) = judged(announced(time_boot_ms=65_000))
     assert event.t_s == pytest.approx(5.1)
@@ -208,15 +198,15 @@ def test_a_frame_is_stamped_within_the_capture() -> None:
     assert second.t_s == 5.1
 
 
-async def small(url: str) -> bytes:
+async def small(url):
     return picture(64, 64)
 
 
-async def gone(url: str) -> bytes:
+async def gone(url):
     raise LinkError(f"{url}: \x1b[2Jgone")
 
 
-def forget(peer: Peer) -> None:
+def forget(peer):
     peer.session.view.position = None
 
 
@@ -228,7 +218,7 @@ def forget(peer: Peer) -> None:
         ({"peers": forget}, "the vehicle has not said where it is"),
     ],
 )
-def test_a_frame_that_is_lost_has_its_reason(how: dict[str, Any], reason: str) -> None:
+def test_a_frame_that_is_lost_has_its_reason(how, reason):
     (event,) = judged(announced(), **how)
     assert isinstance(event, FrameLost)
     assert re.search(reason, event.reason)

@@ -1,13 +1,10 @@
 """The classifier of a vehicle: vantages, and pictures that are no evidence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from missions.errors import ImageError
 from missions.geo.grid import Grid
-from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint
 from tests.support.footprints import whole_cells
 from tests.support.small_missions import CELL_M, START, mission, square
@@ -19,11 +16,11 @@ GRID = Grid.at(START, CELL_M)
 MADE = mission(square(0, 0, 40, 30), square(-30, -30, 120, 100))
 
 
-def classifier(made: Mission = MADE) -> Classifier:
+def classifier(made=MADE):
     return Classifier.of(made, GRID)
 
 
-def seeing_all(*, noiseless: bool = False) -> Mission:
+def seeing_all(*, noiseless=False):
     return MADE.model_copy(
         update={
             "detector": MADE.detector.model_copy(update={"view": "all", "dilations": 0}),
@@ -32,21 +29,21 @@ def seeing_all(*, noiseless: bool = False) -> Mission:
     )
 
 
-def frame(east_m: float = 0.0, height_m: float = 12.0, *, level: float = 60.0, seed: int = 1):
+def frame(east_m=0.0, height_m=12.0, *, level=60.0, seed=1):
     pose, _ = nadir_pose(GRID, GridPoint(east_m, 0.0), height_m, 0.0)
     camera = classifier().camera
     noise = np.random.default_rng(seed).normal(level, 4.0, (camera.height_px, camera.width_px, 3))
     return Frame(np.clip(noise, 0, 255).astype(np.uint8), pose, 0.0, camera)
 
 
-def flat(level: int) -> Frame:
+def flat(level):
     pose, _ = nadir_pose(GRID, GridPoint(0.0, 0.0), 12.0, 0.0)
     camera = classifier().camera
     image = np.full((camera.height_px, camera.width_px, 3), level, np.uint8)
     return Frame(image, pose, 0.0, camera)
 
 
-def test_the_vantage_is_the_cell_below_unless_one_is_given() -> None:
+def test_the_vantage_is_the_cell_below_unless_one_is_given():
     vantage, votes = classifier().votes(frame(east_m=9.0), None)
     assert vantage == Cell(2, 0)
     assert {vote.cell for vote in votes} == set(vantage.cross())
@@ -56,7 +53,7 @@ def test_the_vantage_is_the_cell_below_unless_one_is_given() -> None:
     assert votes
 
 
-def test_from_anywhere_a_frame_judges_all_that_it_shows_whole() -> None:
+def test_from_anywhere_a_frame_judges_all_that_it_shows_whole():
     """From 12 m the picture shows 20.1 m x 15.1 m; half a metre of its rim is left out."""
     here = classifier()
     east_m = 9.3
@@ -74,7 +71,7 @@ def test_from_anywhere_a_frame_judges_all_that_it_shows_whole() -> None:
 
 
 @pytest.mark.parametrize("east_m", [0.0, 100.0, 145.0, 200.0, 1000.0])
-def test_seeing_all_goes_by_the_pose_however_far_the_vantage_is(east_m: float) -> None:
+def test_seeing_all_goes_by_the_pose_however_far_the_vantage_is(east_m):
     """All photographs of a replay have one vantage; each judges the ground that it shows."""
     vantage, votes = classifier(seeing_all()).votes(frame(east_m, 50.0), Cell(0, 0))
     assert vantage == Cell(0, 0)
@@ -86,12 +83,12 @@ def test_seeing_all_goes_by_the_pose_however_far_the_vantage_is(east_m: float) -
 
 
 @pytest.mark.parametrize("level", [0, 128, 255])
-def test_a_picture_without_content_is_an_error(level: int) -> None:
+def test_a_picture_without_content_is_an_error(level):
     with pytest.raises(ImageError, match="picture is"):
         classifier().votes(flat(level), None)
 
 
-def test_a_stalled_camera_is_an_error_until_it_goes_on() -> None:
+def test_a_stalled_camera_is_an_error_until_it_goes_on():
     judge = classifier()
     judge.votes(frame(seed=1), None)
     for _ in range(3):
@@ -100,7 +97,7 @@ def test_a_stalled_camera_is_an_error_until_it_goes_on() -> None:
     assert judge.votes(frame(seed=2), None)[1]
 
 
-def test_a_picture_that_was_refused_is_remembered_too() -> None:
+def test_a_picture_that_was_refused_is_remembered_too():
     judge = classifier()
     judge.votes(frame(seed=1), None)
     with pytest.raises(ImageError):
@@ -108,7 +105,7 @@ def test_a_picture_that_was_refused_is_remembered_too() -> None:
     assert judge.votes(frame(seed=1), None)[1]  # it does not repeat the last one
 
 
-def test_a_simulated_camera_without_noise_may_repeat() -> None:
+def test_a_simulated_camera_without_noise_may_repeat():
     judge = classifier(seeing_all(noiseless=True))
     assert judge.votes(flat(128), None) == judge.votes(flat(128), None)
     with pytest.raises(ImageError, match="dark"):

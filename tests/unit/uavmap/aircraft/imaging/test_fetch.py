@@ -1,14 +1,11 @@
 """Pictures over HTTP: whatever the camera's server does, it is a picture or a `LinkError`."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -23,12 +20,12 @@ OK = b"HTTP/1.0 200 OK\r\n"
 LOOPBACK = ("127.0.0.1",)
 
 
-def fetch(url: str, *hosts: str, timeout_s: float = 10.0) -> bytes:
+def fetch(url, *hosts, timeout_s=10.0):
     return asyncio.run(PictureFetcher(lambda: hosts or LOOPBACK, timeout_s)(url))
 
 
 class Server:
-    def __init__(self, talk: Callable[[socket.socket], None]) -> None:
+    def __init__(self, talk):
         self._talk = talk
         self.clients = 0
         self.request = b""
@@ -37,7 +34,7 @@ class Server:
         self.url = f"http://127.0.0.1:{self.port}/1/0.jpg"
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
-    def _serve(self) -> None:
+    def _serve(self):
         with contextlib.suppress(OSError):  # closed, or the other end hangs up first
             while True:
                 client, _ = self._listening.accept()
@@ -46,11 +43,11 @@ class Server:
                     self.request = client.recv(4096)
                     self._talk(client)
 
-    def __enter__(self) -> Server:
+    def __enter__(self):
         self._thread.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self._listening.shutdown(socket.SHUT_RDWR)
         self._listening.close()
         self._thread.join(10.0)
@@ -58,7 +55,7 @@ class Server:
 
 
 @contextlib.contextmanager
-def server(answer: bytes) -> Iterator[Server]:
+def server(answer):
     with Server(lambda client: client.sendall(answer)) as served:
         yield served
 
@@ -72,17 +69,17 @@ def server(answer: bytes) -> Iterator[Server]:
         b"HTTP/1.1 200 OK\r\nContent-Type: image/jpeg\r\nContent-Length: 4\r\n\r\nJPEG",
     ],
 )
-def test_a_picture(answer: bytes) -> None:
+def test_a_picture(answer):
     with server(answer) as there:
         assert fetch(there.url) == b"JPEG"
         assert there.request.startswith(b"GET /1/0.jpg HTTP/1.0\r\n")
         assert f"Host: 127.0.0.1:{there.port}".encode() in there.request
 
 
-def test_a_server_that_keeps_the_connection_open_is_not_waited_for() -> None:
+def test_a_server_that_keeps_the_connection_open_is_not_waited_for():
     hold = threading.Event()
 
-    def talk(client: socket.socket) -> None:
+    def talk(client):
         client.sendall(OK + b"Content-Length: 4\r\n\r\nJPEG")
         hold.wait(10.0)
 
@@ -108,7 +105,7 @@ def test_a_server_that_keeps_the_connection_open_is_not_waited_for() -> None:
         OK + b"Content-Encoding: gzip\r\n\r\nJPEG",
     ],
 )
-def test_no_picture(answer: bytes) -> None:
+def test_no_picture(answer):
     with server(answer) as there:
         with pytest.raises(LinkError, match="cannot be fetched") as caught:
             fetch(there.url)
@@ -116,7 +113,7 @@ def test_no_picture(answer: bytes) -> None:
 
 
 @pytest.mark.parametrize("location", ["file:///etc/hostname", "http://127.0.0.1:{port}/secret"])
-def test_no_redirect_is_followed(location: str) -> None:
+def test_no_redirect_is_followed(location):
     with server(OK + b"\r\nsecret") as other:
         target = location.format(port=other.port).encode()
         with server(b"HTTP/1.0 302 Found\r\nLocation: " + target + b"\r\n\r\n") as there:
@@ -125,7 +122,7 @@ def test_no_redirect_is_followed(location: str) -> None:
             assert (there.clients, other.clients) == (1, 0)
 
 
-def test_a_reason_phrase_cannot_write_to_a_terminal() -> None:
+def test_a_reason_phrase_cannot_write_to_a_terminal():
     answer = b"HTTP/1.0 404 \x1b]0;owned\x07\x1b[31mred\r\n\r\n"
     with server(answer) as there, pytest.raises(LinkError) as caught:
         fetch(there.url)
@@ -140,7 +137,7 @@ def test_a_reason_phrase_cannot_write_to_a_terminal() -> None:
         "http://127.0.0.1/\r\nX: y", "http://127.0.0.1/\u202e.jpg", "HTTP:\x00//x",
     ],
 )  # fmt: skip
-def test_no_address(url: str) -> None:
+def test_no_address(url):
     with pytest.raises(LinkError, match="cannot be fetched") as caught:
         fetch(url)
     assert str(caught.value).isprintable()
@@ -153,7 +150,7 @@ def test_no_address(url: str) -> None:
         "[::ffff:127.0.0.1]", "camera@127.0.0.1", "192.0.2.7@127.0.0.1",
     ],
 )  # fmt: skip
-def test_a_host_that_was_not_named_gets_no_request(host: str) -> None:
+def test_a_host_that_was_not_named_gets_no_request(host):
     """A camera at 192.0.2.7 that wants us to ask this machine's own services."""
     with server(OK + b"\r\nsecret") as there:
         with pytest.raises(
@@ -173,35 +170,35 @@ def test_a_host_that_was_not_named_gets_no_request(host: str) -> None:
         ("LOCALHOST", "localhost"),
     ],
 )
-def test_names_of_one_host(host: str, allowed: str) -> None:
+def test_names_of_one_host(host, allowed):
     with server(OK + b"\r\nJPEG") as there:
         assert fetch(f"http://{host}:{there.port}/0.jpg", allowed) == b"JPEG"
 
 
-def test_nobody_is_heard_yet() -> None:
+def test_nobody_is_heard_yet():
     with pytest.raises(LinkError, match="neither the vehicle's host"):
         fetch("http://127.0.0.1:1/0.jpg", "")
 
 
-def test_nobody_there() -> None:
+def test_nobody_there():
     with pytest.raises(LinkError, match="cannot be fetched"):
         fetch(f"http://127.0.0.1:{free_port()}/0.jpg")
 
 
 @pytest.mark.parametrize("head", [b"", OK, OK + b"\r\n", OK + b"Content-Length: 9000\r\n\r\n"])
 @pytest.mark.parametrize("speedup", [1.0, 20.0])
-def test_a_byte_now_and_then_is_cut_off(head: bytes, speedup: float) -> None:
+def test_a_byte_now_and_then_is_cut_off(head, speedup):
     """One limit over the whole download, in real seconds whatever the clock."""
     done = threading.Event()
 
-    def talk(client: socket.socket) -> None:
+    def talk(client):
         client.sendall(head)
         while not done.wait(0.02):
             client.sendall(b"H")
 
     with Server(talk) as there:
 
-        async def main() -> None:
+        async def main():
             with pytest.raises(LinkError, match=r"not done within 0\.3 s"):
                 await PictureFetcher(lambda: LOOPBACK, 0.3)(there.url)
 
@@ -211,16 +208,16 @@ def test_a_byte_now_and_then_is_cut_off(head: bytes, speedup: float) -> None:
         done.set()
 
 
-def test_a_download_that_is_called_off_leaves_nothing_behind() -> None:
+def test_a_download_that_is_called_off_leaves_nothing_behind():
     asked, done = threading.Event(), threading.Event()
 
-    def talk(client: socket.socket) -> None:
+    def talk(client):
         asked.set()
         done.wait(10.0)
 
     with Server(talk) as there:
 
-        async def main() -> None:
+        async def main():
             task = asyncio.create_task(PictureFetcher(lambda: LOOPBACK)(there.url))
             await asyncio.to_thread(asked.wait, 10.0)
             task.cancel()
@@ -231,10 +228,10 @@ def test_a_download_that_is_called_off_leaves_nothing_behind() -> None:
         done.set()
 
 
-def test_a_flood_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flood_is_cut_off(monkeypatch):
     monkeypatch.setattr(http_pictures, "MAX_PICTURE_BYTES", 100_000)
 
-    def talk(client: socket.socket) -> None:
+    def talk(client):
         client.sendall(OK + b"\r\n")
         while True:  # until the other end hangs up
             client.sendall(bytes(65_536))
@@ -244,7 +241,7 @@ def test_a_flood_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no /proc to count descriptors in")
-def test_no_socket_is_left_open() -> None:
+def test_no_socket_is_left_open():
     before = len(os.listdir("/proc/self/fd"))
     with server(b"HTTP/1.0 404 Not Found\r\n\r\n") as there:
         for _ in range(5):

@@ -1,44 +1,41 @@
 """Pictures of a path that come faster than they are judged: the newest count, and that is told."""
 
-from __future__ import annotations
-
 import asyncio
 from types import SimpleNamespace
 from typing import Any, cast
 
 from missions.events import FrameLost
-from missions.units import Cell
 from uavmap.aircraft.cameras.source import FrameSource
 from uavmap.aircraft.imaging.frames import MOST_WAITING, Frames
 from uavmap.base.clock import VirtualClock, run
 
 
 class SlowCamera:
-    def __init__(self) -> None:
-        self.indices: list[int] = []
+    def __init__(self):
+        self.indices = []
 
-    async def judged(self, picture: Any, vantage: Cell | None) -> bool:
+    async def judged(self, picture, vantage):
         await asyncio.sleep(1.0)
         self.indices.append(picture.index)
         return True
 
-    def lost(self, reason: str, picture: Any = None) -> FrameLost:
+    def lost(self, reason, picture=None):
         return FrameLost(1, 0.0, reason)
 
-    def ask_again(self, index: int) -> None:
+    def ask_again(self, index):
         raise AssertionError(f"picture {index} is asked for again")
 
 
-def taken(anywhere: bool) -> tuple[SlowCamera, list[FrameLost]]:
+def taken(anywhere):
     """Ten pictures a second for ten seconds, judged for thirty."""
     camera = SlowCamera()
-    events: list[FrameLost] = []
+    events = []
 
-    async def body() -> None:
+    async def body():
         source = cast("FrameSource", camera)
         frames = Frames(source, camera.judged, camera.lost, 0.1, anywhere=anywhere)
 
-        async def judge() -> None:
+        async def judge():
             async for lost in frames.judged(None):
                 if lost is not None:
                     events.append(lost)
@@ -54,7 +51,7 @@ def taken(anywhere: bool) -> tuple[SlowCamera, list[FrameLost]]:
     return camera, events
 
 
-def test_the_newest_of_those_that_wait_is_judged_next() -> None:
+def test_the_newest_of_those_that_wait_is_judged_next():
     camera, events = taken(anywhere=True)
     assert camera.indices == sorted(camera.indices)
     assert camera.indices[-1] == 99
@@ -66,7 +63,7 @@ def test_the_newest_of_those_that_wait_is_judged_next() -> None:
     ]
 
 
-def test_pictures_of_a_lane_are_all_judged() -> None:
+def test_pictures_of_a_lane_are_all_judged():
     camera, events = taken(anywhere=False)
     assert camera.indices == list(range(len(camera.indices)))
     assert not events

@@ -1,7 +1,5 @@
 """What passes between mission and aircraft comes out as it went in."""
 
-from __future__ import annotations
-
 import contextlib
 
 import numpy as np
@@ -24,7 +22,7 @@ PATH = rounded_path(
 )
 POSE = Pose(LatLon(47.1, 8.3), 12.0, Quaternion(1.0, 0.0, 0.0, 0.0))
 SEEN = FrameSeen(1, 2.5, None, (Vote(Cell(1, -2), True, 0.125),), overview=True)
-ALL: list[say.Message] = [
+ALL = [
     say.Attach(say.VERSION, "word"),
     say.Begin(3.5, {1: say.Before(flew=True)}, say.Asked(("a",), True, False), False, True),
     say.Fly(-1.25),
@@ -63,7 +61,7 @@ ALL: list[say.Message] = [
 ]
 
 
-def test_every_message_comes_out_as_it_went_in_however_the_bytes_are_cut() -> None:
+def test_every_message_comes_out_as_it_went_in_however_the_bytes_are_cut():
     wire = b"".join(map(say.encode, ALL))
     rng = np.random.default_rng(1)
     for _ in range(20):
@@ -74,7 +72,7 @@ def test_every_message_comes_out_as_it_went_in_however_the_bytes_are_cut() -> No
         assert found == ALL
 
 
-def test_pixels_of_a_picture_come_out_as_pixels() -> None:
+def test_pixels_of_a_picture_come_out_as_pixels():
     pixels = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
     sent = say.Picture(1, 1, 2.0, POSE, None, True, "one", (2, 4, 3), pixels.tobytes())
     (found,) = say.Decoder().feed(say.encode(sent))
@@ -86,7 +84,7 @@ def test_pixels_of_a_picture_come_out_as_pixels() -> None:
     "data",
     [b"\x00\x00\x00\x02\x00\x00\x00\x00{}", b"\xff" * 8, say.encode(ALL[3])[:8] + b"x" * 999],
 )
-def test_what_is_no_message_is_refused(data: bytes) -> None:
+def test_what_is_no_message_is_refused(data):
     with pytest.raises(LinkError):
         list(say.Decoder().feed(data))
 
@@ -102,9 +100,7 @@ def test_what_is_no_message_is_refused(data: bytes) -> None:
         (False, 2, 1, False),
     ],
 )
-def test_message_too_long_is_refused_by_its_head(
-    known: bool, text: int, picture: int, fits: bool
-) -> None:
+def test_message_too_long_is_refused_by_its_head(known, text, picture, fits):
     """Up to 512 MiB were kept, of whoever had connected."""
     head = text.to_bytes(4, "big") + picture.to_bytes(4, "big")
     expected = contextlib.nullcontext() if fits else pytest.raises(LinkError, match="understand")
@@ -113,7 +109,7 @@ def test_message_too_long_is_refused_by_its_head(
 
 
 @by(on_virtual_time)
-async def test_picture_that_is_too_large_for_the_mission_is_lost_and_nothing_is_sent() -> None:
+async def test_picture_that_is_too_large_for_the_mission_is_lost_and_nothing_is_sent():
     sent = list[say.Message]()
     data = bytes(say.MOST_PICTURE_BYTES + 1)
     with pytest.raises(ImageError, match="a picture has at most"):

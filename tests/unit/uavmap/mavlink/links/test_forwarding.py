@@ -1,16 +1,11 @@
 """Frames passed on unchanged; several vehicles on one port; a second process of ours."""
 
-from __future__ import annotations
-
 import asyncio
-import contextlib
 import os
 import pty
 import random
 import socket
 import tty
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -21,9 +16,7 @@ from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.plans import plan_of
 from tests.support.ports import free_port
 from tests.support.running import by, in_real_time, on_virtual_time
-from tests.support.said import Said
 from uavmap.aircraft.cameras.spec import parse_camera
-from uavmap.journal.flight_plan import FlightPlan
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.framing import Splitter, sender_of, target_of
@@ -37,14 +30,14 @@ from uavmap.runner.flight_links import Link, check_urls, opened_links, refuse_ri
 LOOPBACK = "127.0.0.1"
 
 
-def frame(message: Any, system: int = 1, *, signed: bool = False, old: bool = False) -> bytes:
+def frame(message, system=1, *, signed=False, old=False):
     codec = mav.MAVLink(None, srcSystem=system, srcComponent=1)
     if signed:
         codec.signing.secret_key, codec.signing.sign_outgoing = bytes(32), True
     return bytes(message.pack(codec, force_mavlink1=old))
 
 
-def unknown(system: int) -> bytes:
+def unknown(system):
     """A frame of a dialect that is not known here."""
     return bytes([0xFD, 4, 0, 0, 7, system, 1, 0xFE, 0xFD, 0xAB, 1, 2, 3, 4, 0x55, 0x66])
 
@@ -62,7 +55,7 @@ FRAMES = [
 
 # --- cutting -----------------------------------------------------------------------------------
 @pytest.mark.parametrize("seed", range(20))
-def test_frames_come_out_as_they_went_in_whatever_the_pieces(seed: int) -> None:
+def test_frames_come_out_as_they_went_in_whatever_the_pieces(seed):
     rng = random.Random(seed)
     sent = [rng.choice(FRAMES) for _ in range(60)]
     stream = b"boot banner\r\n" + b"".join(sent)
@@ -74,16 +67,16 @@ def test_frames_come_out_as_they_went_in_whatever_the_pieces(seed: int) -> None:
     assert found == sent
 
 
-def test_junk_costs_no_more_than_the_frame_it_hit() -> None:
+def test_junk_costs_no_more_than_the_frame_it_hit():
     rng, splitter = random.Random(7), Splitter()
-    found: list[bytes] = []
+    found = []
     for _ in range(300):
         found += splitter.feed(FRAMES[0] + rng.randbytes(rng.randrange(1, 40)) + FRAMES[1])
     assert sum(f == FRAMES[0] for f in found) > 200
     assert len(found) < 900
 
 
-def test_addresses_are_read_without_decoding() -> None:
+def test_addresses_are_read_without_decoding():
     assert [sender_of(f)[0] for f in FRAMES] == [1, 3, 4, 9, 255, 255, 1]
     assert [target_of(f) for f in FRAMES] == [0, 0, 0, 0, 2, 5, 0]
 
@@ -91,31 +84,29 @@ def test_addresses_are_read_without_decoding() -> None:
 @pytest.mark.parametrize(
     "kind", [k for k in mav.mavlink_map.values() if "target_system" in k.fieldnames]
 )
-def test_the_target_of_every_message_that_has_one(kind: Any) -> None:
+def test_the_target_of_every_message_that_has_one(kind):
     values = [b"" if t == "char" and n else [0] * n if n else 0
               for t, n in zip(kind.fieldtypes, _in_order(kind), strict=True)]  # fmt: skip
     values[kind.fieldnames.index("target_system")] = 77
     assert target_of(frame(kind(*values))) == 77
 
 
-def _in_order(kind: Any) -> list[int]:
+def _in_order(kind):
     by_name = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
     return [by_name[name] for name in kind.fieldnames]
 
 
 # --- forwarding --------------------------------------------------------------------------------
-def plan(*urls: str, forward: tuple[str, ...] = ()) -> FlightPlan:
+def plan(*urls, forward=()):
     return plan_of("x", load("runway"), None, None, 1, urls, None, 0.0, forward=forward)
 
 
-def links_of(
-    flown: FlightPlan, record: Callable[[bytes], None]
-) -> contextlib.AbstractAsyncContextManager[list[Link]]:
+def links_of(flown, record):
     cameras = [parse_camera("mavlink")] * len(flown.urls)
     return opened_links(flown, cameras, CameraSection(), record)
 
 
-def sockets(count: int) -> list[socket.socket]:
+def sockets(count):
     made = []
     for _ in range(count):
         link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -125,7 +116,7 @@ def sockets(count: int) -> list[socket.socket]:
     return made
 
 
-async def received(link: socket.socket, least: int = 1) -> bytes:
+async def received(link, least=1):
     loop, data = asyncio.get_running_loop(), b""
     async with asyncio.timeout(10.0):
         while len(data) < least:
@@ -133,13 +124,13 @@ async def received(link: socket.socket, least: int = 1) -> bytes:
     return data
 
 
-def test_not_a_byte_is_changed_either_way() -> None:
+def test_not_a_byte_is_changed_either_way():
     port = free_port(socket.SOCK_DGRAM)
     vehicle, ground = sockets(2)
 
-    async def body() -> None:
+    async def body():
         forward = (f"udpout://{LOOPBACK}:{ground.getsockname()[1]}",)
-        logged: list[bytes] = []
+        logged = []
         flown = plan(f"udpin://{LOOPBACK}:{port}", forward=forward)
         async with links_of(flown, logged.append) as (link,):
             ours = (LOOPBACK, port)
@@ -163,7 +154,7 @@ def test_not_a_byte_is_changed_either_way() -> None:
         link.close()
 
 
-async def _peer_of(ground: socket.socket, vehicle: socket.socket, ours: Any) -> Any:
+async def _peer_of(ground, vehicle, ours):
     loop = asyncio.get_running_loop()
     vehicle.sendto(FRAMES[0], ours)
     async with asyncio.timeout(10.0):
@@ -174,20 +165,20 @@ async def _peer_of(ground: socket.socket, vehicle: socket.socket, ours: Any) -> 
 class Wire:
     peer_host = None
 
-    def __init__(self, way: object) -> None:
+    def __init__(self, way):
         self.way = way
-        self.sent: list[bytes] = []
+        self.sent = []
 
-    def send(self, data: bytes) -> None:
+    def send(self, data):
         self.sent.append(data)
 
 
 class Way:
-    def __init__(self, system_id: int, transport: Wire) -> None:
+    def __init__(self, system_id, transport):
         self.system_id, self.transport = system_id, transport
 
 
-def test_a_stations_frames_go_to_whom_they_are_for() -> None:
+def test_a_stations_frames_go_to_whom_they_are_for():
     forwarding = Forwarding(lambda data: None)
     one, two, both = Wire("one"), Wire("two"), Wire("router")
     for way in (Way(2, one), Way(5, two), Way(6, both), Way(7, both)):
@@ -200,22 +191,22 @@ def test_a_stations_frames_go_to_whom_they_are_for() -> None:
 
 
 @by(in_real_time)
-async def test_a_station_that_does_not_read_holds_up_nobody() -> None:
+async def test_a_station_that_does_not_read_holds_up_nobody():
     server = socket.create_server((LOOPBACK, 0))  # whose connections nobody reads
     url = parse_url(f"tcpout://{LOOPBACK}:{server.getsockname()[1]}")
     async with open_transport(url, lambda data: False) as station:
         for _ in range(200_000):
             station.send(FRAMES[0] * 10)
-        tcp: Any = station
+        tcp = station
         assert tcp._transport.get_write_buffer_size() <= MOST_UNSENT_TCP + 1000
     server.close()
 
 
-def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can() -> None:
+def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can():
     operator, ours = pty.openpty()
     tty.setraw(ours)
 
-    async def body() -> None:
+    async def body():
         port = SerialPort(os.ttyname(ours), 57600, lambda data: None)
         for _ in range(5000):
             port.send(FRAMES[0])
@@ -240,14 +231,14 @@ def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can() -> None
 
 # --- one port, several vehicles ----------------------------------------------------------------
 @pytest.mark.parametrize("routed", [True, False], ids=["a router", "each its own address"])
-def test_one_port_serves_several_vehicles(routed: bool, said: Said) -> None:
+def test_one_port_serves_several_vehicles(routed, said):
     port = free_port(socket.SOCK_DGRAM)
     first, second = sockets(2)
     if routed:
         second.close()
         second = first
 
-    async def body() -> None:
+    async def body():
         urls = [f"udpin://{LOOPBACK}:{port}?system={system}" for system in (2, 1)]
         async with links_of(plan(*urls), lambda data: None) as links:
             ours = (LOOPBACK, port)
@@ -271,7 +262,7 @@ def test_one_port_serves_several_vehicles(routed: bool, said: Said) -> None:
 
 
 @by(on_virtual_time)
-async def test_another_system_than_the_one_that_is_meant_is_not_taken() -> None:
+async def test_another_system_than_the_one_that_is_meant_is_not_taken():
     session = Session(lambda data: None, lambda data: None)
     session.view.wanted_system = 2
     session.feed(frame(heartbeat(), 1))
@@ -288,20 +279,20 @@ async def test_another_system_than_the_one_that_is_meant_is_not_taken() -> None:
         ["udpin://0.0.0.0:14550?system=1", "udpin://0.0.0.0:14550?system=1"],
     ],
 )
-def test_two_on_one_port_have_to_be_told_apart(urls: list[str]) -> None:
+def test_two_on_one_port_have_to_be_told_apart(urls):
     with pytest.raises(LinkError, match=r"\?system=1, .*\?system=2"):
         check_urls(urls)
 
 
 # --- a second process of ours ------------------------------------------------------------------
-def ours_says(process: int) -> bytes:
+def ours_says(process):
     message = mav.MAVLink_heartbeat_message(18, 8, 0, process, 4, 3)
     return bytes(message.pack(mav.MAVLink(None, srcSystem=GROUND_SYSTEM_ID, srcComponent=191)))
 
 
 @pytest.mark.parametrize(("heard", "refused"), [(7, False), (8, True), (None, False)])
 @by(on_virtual_time)
-async def test_another_uavmap_on_the_vehicle_is_refused(heard: int | None, refused: bool) -> None:
+async def test_another_uavmap_on_the_vehicle_is_refused(heard, refused):
     peer = Peer()
     peer.session.process_number = 7
     link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures)
@@ -317,5 +308,5 @@ async def test_another_uavmap_on_the_vehicle_is_refused(heard: int | None, refus
         assert asyncio.get_running_loop().time() < 1.7
 
 
-async def _no_pictures(url: str) -> bytes:
+async def _no_pictures(url):
     raise LinkError(url)

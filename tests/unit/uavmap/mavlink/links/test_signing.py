@@ -1,17 +1,14 @@
 """Signing: only who has the key is believed, also after a restart and with a clock that jumps."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import random
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
-from tests.support.field import Field, mission_of, on_field
+from tests.support.field import mission_of, on_field
 from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
@@ -26,7 +23,6 @@ from uavmap.mavlink.links.signing import (
     WRONG_KEY,
     KeptTimestamps,
     Signing,
-    Stream,
     new_key,
     read_key,
     signing_with,
@@ -39,24 +35,24 @@ NOW = 40_000_000_000_000
 
 
 class Memory:
-    def __init__(self) -> None:
+    def __init__(self):
         self.sent = 0
-        self.heard: dict[Stream, int] = {}
+        self.heard = {}
 
-    def note(self) -> None:
+    def note(self):
         pass
 
 
-def signing(key: bytes = KEY, now: int = NOW) -> Signing:
+def signing(key=KEY, now=NOW):
     return Signing(key, Memory(), lambda: now)
 
 
-def beat(system: int = 1, mode: int = 4) -> bytes:
+def beat(system=1, mode=4):
     return bytes(heartbeat(mode).pack(mav.MAVLink(None, srcSystem=system, srcComponent=1)))
 
 
 # --- signatures --------------------------------------------------------------------------------
-def test_pymavlink_believes_what_we_sign_and_we_what_it_signs() -> None:
+def test_pymavlink_believes_what_we_sign_and_we_what_it_signs():
     """The other implementation, as a ground station has it."""
     theirs = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     theirs.signing.secret_key, theirs.signing.timestamp = KEY, NOW
@@ -69,15 +65,15 @@ def test_pymavlink_believes_what_we_sign_and_we_what_it_signs() -> None:
     assert message.get_type() == "HEARTBEAT"
 
 
-def test_none_of_ten_thousand_forged_frames_is_taken() -> None:
+def test_none_of_ten_thousand_forged_frames_is_taken():
     """Unsigned, signed with another key, garbled, and replayed frames of our own vehicle."""
     rng = random.Random(1)
     vehicle, forger, ours = signing(), signing(OTHER), signing()
-    heard: list[str] = []
+    heard = []
     recorded = [vehicle.sign(beat()) for _ in range(100)]
     fine = vehicle.sign(beat())
 
-    async def body() -> Session:
+    async def body():
         session = Session(lambda frame: None, lambda frame: None)
         session.signing = ours
         session.listen(lambda message: heard.append(message.get_type()))
@@ -107,8 +103,8 @@ def test_none_of_ten_thousand_forged_frames_is_taken() -> None:
 
 
 @by(on_virtual_time)
-async def test_a_refusal_is_said_once() -> None:
-    said: list[str] = []
+async def test_a_refusal_is_said_once():
+    said = []
     session = Session(lambda frame: None, lambda frame: None)
     session.signing, session.view.gate.say = signing(), said.append
     for _ in range(50):
@@ -116,7 +112,7 @@ async def test_a_refusal_is_said_once() -> None:
     assert said == ["frames refused: not signed; further ones are counted, and not told"]
 
 
-def test_a_stream_may_begin_a_minute_ago_and_not_before() -> None:
+def test_a_stream_may_begin_a_minute_ago_and_not_before():
     ours = signing()
     ours.next_tick()
     assert signing(now=NOW - NEW_STREAM_BEHIND - 5).sign(beat(2)) != b""
@@ -124,7 +120,7 @@ def test_a_stream_may_begin_a_minute_ago_and_not_before() -> None:
     assert ours.fault(signing(now=NOW - NEW_STREAM_BEHIND + 5).sign(beat(2))) is None
 
 
-def test_frames_of_another_dialect_and_of_version_1_are_not_signed() -> None:
+def test_frames_of_another_dialect_and_of_version_1_are_not_signed():
     old = bytes(
         heartbeat().pack(mav.MAVLink(None, srcSystem=1, srcComponent=1), force_mavlink1=True)
     )
@@ -133,7 +129,7 @@ def test_frames_of_another_dialect_and_of_version_1_are_not_signed() -> None:
 
 
 # --- time --------------------------------------------------------------------------------------
-def test_timestamps_rise_whatever_the_clock_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_timestamps_rise_whatever_the_clock_does(monkeypatch):
     memory, clock = Memory(), [NOW]
     ours = Signing(KEY, memory, lambda: clock[0])
     ticks = []
@@ -146,7 +142,7 @@ def test_timestamps_rise_whatever_the_clock_does(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("clean", [True, False], ids=["closed", "killed"])
-def test_timestamps_survive_restart_and_clock_jump(tmp_path: Path, clean: bool) -> None:
+def test_timestamps_survive_restart_and_clock_jump(tmp_path, clean):
     path = tmp_path / "key"
     new_key(path)
     kept = KeptTimestamps(path)
@@ -163,7 +159,7 @@ def test_timestamps_survive_restart_and_clock_jump(tmp_path: Path, clean: bool) 
 
 
 # --- the file ----------------------------------------------------------------------------------
-def test_a_key_is_its_owners(tmp_path: Path) -> None:
+def test_a_key_is_its_owners(tmp_path):
     path = tmp_path / "key"
     new_key(path)
     assert path.stat().st_mode & 0o777 == 0o600
@@ -177,7 +173,7 @@ def test_a_key_is_its_owners(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "00" * 32, "ab" * 31, "ab" * 33, "zz" * 32, "ab" * 5000])
-def test_what_is_no_key_is_refused_without_being_shown(tmp_path: Path, text: str) -> None:
+def test_what_is_no_key_is_refused_without_being_shown(tmp_path, text):
     path = tmp_path / "key"
     path.write_text(text)
     path.chmod(0o600)
@@ -186,7 +182,7 @@ def test_what_is_no_key_is_refused_without_being_shown(tmp_path: Path, text: str
     assert not text or text not in str(refused.value)
 
 
-def test_a_missing_key_and_a_damaged_memory(tmp_path: Path) -> None:
+def test_a_missing_key_and_a_damaged_memory(tmp_path):
     path = tmp_path / "key"
     with pytest.raises(LinkError, match="uavmap keys new"):
         read_key(path)
@@ -197,7 +193,7 @@ def test_a_missing_key_and_a_damaged_memory(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_memory_that_cannot_be_kept_is_said(tmp_path: Path) -> None:
+def test_a_memory_that_cannot_be_kept_is_said(tmp_path):
     path = tmp_path / "key"
     new_key(path)
     tmp_path.chmod(0o500)
@@ -205,14 +201,14 @@ def test_a_memory_that_cannot_be_kept_is_said(tmp_path: Path) -> None:
         KeptTimestamps(path)
 
 
-def test_the_key_is_in_no_repr() -> None:
+def test_the_key_is_in_no_repr():
     assert KEY.hex() not in repr(signing())
     assert repr(signing()) == "Signing(...)"
 
 
 # --- a vehicle ---------------------------------------------------------------------------------
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_key_removed_vehicle_sends_and_hears_unsigned_frames(field: Field, /) -> None:
+async def test_key_removed_vehicle_sends_and_hears_unsigned_frames(field, /):
     """A real ArduCopter 4.6.2 kept a key of zeros as its key where the time was not 0: it signed
     with it, and refused the owner's.
     """
@@ -231,7 +227,7 @@ async def test_key_removed_vehicle_sends_and_hears_unsigned_frames(field: Field,
 
 @pytest.mark.parametrize(("key", "words"), [(OTHER, WRONG_KEY), (None, UNSIGNED)])
 @by(on_virtual_time)
-async def test_wrong_key_line_names_refused_signatures(key: bytes | None, words: str) -> None:
+async def test_wrong_key_line_names_refused_signatures(key, words):
     """To `doctor --key OTHER` a real vehicle looked as if it were switched off."""
     session = Session(lambda frame: None, lambda frame: None)
     session.signing = signing()

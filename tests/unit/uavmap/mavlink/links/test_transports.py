@@ -1,7 +1,5 @@
 """Transports against each other over loopback and a pseudo-terminal, in real time."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import gc
@@ -9,9 +7,7 @@ import os
 import pty
 import socket
 import tty
-from collections.abc import Callable, Coroutine
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -26,10 +22,10 @@ SOON_S = 120.0
 
 
 class Collected:
-    def __init__(self) -> None:
+    def __init__(self):
         self._more = asyncio.Event()
 
-    async def until(self, so: Callable[[], bool]) -> None:
+    async def until(self, so):
         async with asyncio.timeout(SOON_S):
             while not so():
                 self._more.clear()
@@ -41,32 +37,32 @@ class Ear(Collected):
 
     data = b""
 
-    def __call__(self, data: bytes) -> bool:
+    def __call__(self, data):
         self.data += data
         self._more.set()
         return not data.startswith(b"?")
 
-    async def hears(self, expected: bytes) -> None:
+    async def hears(self, expected):
         await self.until(lambda: expected in self.data)
 
 
 class Told(Collected):
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
-        self.lines: list[str] = []
+        self.lines = []
 
-    def __call__(self, line: str) -> None:
+    def __call__(self, line):
         self.lines.append(line)
         self._more.set()
 
-    async def tells(self, part: str) -> None:
+    async def tells(self, part):
         await self.until(lambda: any(part in line for line in self.lines))
 
 
-def on_loop(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
+def on_loop(body):
     """Run a test and find what it left behind: descriptors, tasks, unclosed sockets."""
 
-    async def main() -> None:
+    async def main():
         await body()
         await asyncio.sleep(0.01)
         assert len(asyncio.all_tasks()) == 1
@@ -80,7 +76,7 @@ def on_loop(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
 
 
 @by(on_loop)
-async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn() -> None:
+async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn():
     """A busy computer read a real vehicle's telemetry up to 3.4 s late, a datagram a turn: "12 m
     off its path by now" ended a mission whose vehicle was 2.6 m off.
     """
@@ -98,7 +94,7 @@ async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn() -> None
     ("there", "kind"), [("udp", socket.SOCK_DGRAM), ("tcp", socket.SOCK_STREAM)]
 )
 @by(on_loop)
-async def test_in_and_out_speak_to_each_other(there: str, kind: socket.SocketKind) -> None:
+async def test_in_and_out_speak_to_each_other(there, kind):
     port = free_port(kind)
     at_home, outside = Ear(), Ear()
     listening = parse_url(f"{there}in://127.0.0.1:{port}")
@@ -114,7 +110,7 @@ async def test_in_and_out_speak_to_each_other(there: str, kind: socket.SocketKin
 
 
 @by(on_loop)
-async def test_udp_listener_keeps_to_its_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
     port = free_port(socket.SOCK_DGRAM)
     ear, told, first, second = Ear(), Told(), Ear(), Ear()
     url = parse_url(f"udpout://127.0.0.1:{port}")
@@ -153,7 +149,7 @@ async def test_udp_listener_keeps_to_its_vehicle(monkeypatch: pytest.MonkeyPatch
 
 
 @by(on_loop)
-async def test_a_named_udp_peer_is_never_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_named_udp_peer_is_never_replaced(monkeypatch):
     monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)
     ear, told, loop = Ear(), Told(), asyncio.get_running_loop()
     with (
@@ -180,7 +176,7 @@ async def test_a_named_udp_peer_is_never_replaced(monkeypatch: pytest.MonkeyPatc
 
 
 @by(on_loop)
-async def test_many_strangers_are_not_all_told_of() -> None:
+async def test_many_strangers_are_not_all_told_of():
     port = free_port(socket.SOCK_DGRAM)
     ear, told = Ear(), Told()
     url = parse_url(f"udpin://127.0.0.1:{port}")
@@ -199,7 +195,7 @@ async def test_many_strangers_are_not_all_told_of() -> None:
 
 
 @by(on_loop)
-async def test_a_tcp_server_refuses_a_second_client_while_it_has_one() -> None:
+async def test_a_tcp_server_refuses_a_second_client_while_it_has_one():
     port = free_port(socket.SOCK_STREAM)
     ear, told, first = Ear(), Told(), Ear()
     calling = parse_url(f"tcpout://127.0.0.1:{port}")
@@ -227,7 +223,7 @@ async def test_a_tcp_server_refuses_a_second_client_while_it_has_one() -> None:
         assert server.peer_host is None or server.peer_host == "127.0.0.1"
 
 
-async def taken(port: int, ear: Ear) -> None:
+async def taken(port, ear):
     """Connect until the server has seen that its client is gone."""
     async with asyncio.timeout(SOON_S):
         while b"the next" not in ear.data:
@@ -239,7 +235,7 @@ async def taken(port: int, ear: Ear) -> None:
 
 
 @by(on_loop)
-async def test_sending_where_nobody_listens_is_no_error() -> None:
+async def test_sending_where_nobody_listens_is_no_error():
     udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     async with open_transport(parse_url(f"udpout://127.0.0.1:{udp}"), Ear()) as transport:
         for _ in range(5):
@@ -268,7 +264,7 @@ async def test_sending_where_nobody_listens_is_no_error() -> None:
     ids=["tcpout", "udpin", "tcpin", "serial"],
 )
 @by(on_loop)
-async def test_what_cannot_be_opened_is_a_link_error_that_names_it(url: str) -> None:
+async def test_what_cannot_be_opened_is_a_link_error_that_names_it(url):
     with pytest.raises(LinkError) as caught:
         async with open_transport(parse_url(url), Ear()):
             pass
@@ -278,7 +274,7 @@ async def test_what_cannot_be_opened_is_a_link_error_that_names_it(url: str) -> 
 
 
 @by(on_loop)
-async def test_two_cannot_listen_on_one_port() -> None:
+async def test_two_cannot_listen_on_one_port():
     port = free_port(socket.SOCK_DGRAM)
     url = parse_url(f"udpin://127.0.0.1:{port}")
     async with open_transport(url, Ear()):
@@ -287,7 +283,7 @@ async def test_two_cannot_listen_on_one_port() -> None:
                 pass
 
 
-def pseudo_terminal() -> tuple[int, str]:
+def pseudo_terminal():
     master, slave = pty.openpty()
     tty.setraw(slave)
     name = os.ttyname(slave)
@@ -296,7 +292,7 @@ def pseudo_terminal() -> tuple[int, str]:
 
 
 @by(on_loop)
-async def test_serial_both_ways() -> None:
+async def test_serial_both_ways():
     master, name = pseudo_terminal()
     ear, loop = Ear(), asyncio.get_running_loop()
     every_byte = bytes(range(256))
@@ -314,7 +310,7 @@ async def test_serial_both_ways() -> None:
 
 
 @by(on_loop)
-async def test_a_serial_port_that_is_unplugged_raises_nothing() -> None:
+async def test_a_serial_port_that_is_unplugged_raises_nothing():
     master, name = pseudo_terminal()
     ear = Ear()
     async with open_transport(Endpoint("serial", name, 57600), ear) as port:
@@ -328,7 +324,7 @@ async def test_a_serial_port_that_is_unplugged_raises_nothing() -> None:
 
 
 @by(on_loop)
-async def test_tcp_connection_that_ends_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_tcp_connection_that_ends_is_made_again(monkeypatch):
     monkeypatch.setattr(transports, "REOPEN_S", 0.01)
     port = free_port(socket.SOCK_STREAM)
     ear, vehicle, loop = Ear(), Ear(), asyncio.get_running_loop()
@@ -360,9 +356,7 @@ async def test_tcp_connection_that_ends_is_made_again(monkeypatch: pytest.Monkey
 
 
 @by(on_loop)
-async def test_a_serial_port_that_is_plugged_in_again_goes_on(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+async def test_a_serial_port_that_is_plugged_in_again_goes_on(monkeypatch, tmp_path):
     monkeypatch.setattr(serial_port, "REOPEN_S", 0.01)
     plug = tmp_path / "ttyACM0"
     ear, loop = Ear(), asyncio.get_running_loop()
@@ -388,7 +382,7 @@ async def test_a_serial_port_that_is_plugged_in_again_goes_on(
 
 
 @by(on_loop)
-async def test_an_impossible_baud_rate_is_a_link_error() -> None:
+async def test_an_impossible_baud_rate_is_a_link_error():
     master, name = pseudo_terminal()
     try:
         with pytest.raises(LinkError, match="cannot be opened"):
@@ -400,7 +394,7 @@ async def test_an_impossible_baud_rate_is_a_link_error() -> None:
 
 @pytest.mark.parametrize("transport", ["udpin", "tcpin"])
 @by(on_loop)
-async def test_closing_frees_the_port_at_once_also_on_an_error(transport: str) -> None:
+async def test_closing_frees_the_port_at_once_also_on_an_error(transport):
     kind = socket.SOCK_DGRAM if transport == "udpin" else socket.SOCK_STREAM
     port = free_port(kind)
     for _ in range(3):

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import contextlib
 
 import pytest
@@ -33,7 +31,7 @@ ACCEPTED = [
 
 
 @pytest.mark.parametrize(("url", "transport", "host", "port"), ACCEPTED)
-def test_both_styles(url: str, transport: str, host: str, port: int) -> None:
+def test_both_styles(url, transport, host, port):
     endpoint = parse_url(url)
     assert (endpoint.transport, endpoint.host, endpoint.port) == (transport, host, port)
 
@@ -63,7 +61,7 @@ def test_both_styles(url: str, transport: str, host: str, port: int) -> None:
         ),
     ],
 )
-def test_what_is_refused_says_what_to_write(url: str, remedy: str) -> None:
+def test_what_is_refused_says_what_to_write(url, remedy):
     with pytest.raises(LinkError) as caught:
         parse_url(url)
     assert remedy in str(caught.value)
@@ -91,7 +89,7 @@ endpoints = st.one_of(
 
 
 @given(endpoints)
-def test_round_trip(endpoint: Endpoint) -> None:
+def test_round_trip(endpoint):
     assert parse_url(endpoint.url) == endpoint
     if endpoint.transport != "serial":
         assert parse_url(endpoint.url.replace("://", ":", 1)) == endpoint
@@ -100,6 +98,6 @@ def test_round_trip(endpoint: Endpoint) -> None:
 
 
 @given(st.text(max_size=40))
-def test_any_text_is_an_endpoint_or_a_link_error(url: str) -> None:
+def test_any_text_is_an_endpoint_or_a_link_error(url):
     with contextlib.suppress(LinkError):
         parse_url(url)

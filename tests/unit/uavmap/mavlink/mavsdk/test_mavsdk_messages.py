@@ -1,10 +1,7 @@
 """Messages as MAVSDK tells and takes them, the pipe's pieces, and what may leave the outbox."""
 
-from __future__ import annotations
-
 import json
 import math
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -18,7 +15,7 @@ _BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
 _KINDS = sorted(mav.mavlink_map)
 
 
-def _number(kind: str) -> st.SearchStrategy[Any]:
+def _number(kind):
     if kind == "double":
         return st.floats(allow_infinity=False)
     if kind == "float":
@@ -29,10 +26,10 @@ def _number(kind: str) -> st.SearchStrategy[Any]:
 
 
 @st.composite
-def messages(draw: st.DrawFn) -> Any:
+def messages(draw):
     made = mav.mavlink_map[draw(st.sampled_from(_KINDS))]
     lengths = dict(zip(made.ordered_fieldnames, made.array_lengths, strict=True))
-    values: list[Any] = []
+    values = []
     for name, kind in zip(made.fieldnames, made.fieldtypes, strict=True):
         if kind == "char":
             text = draw(st.text("abcXYZ_09:/.", max_size=lengths[name] or 1))
@@ -47,31 +44,29 @@ def messages(draw: st.DrawFn) -> Any:
 
 
 @given(messages())
-def test_a_message_survives_the_way_through_json(message: Any) -> None:
+def test_a_message_survives_the_way_through_json(message):
     told = json.loads(json.dumps(fields_of(message)))
     back = message_of(message.get_type(), 3, 7, told)
-    assert back is not None
     assert str(back) == str(message)
     assert (back.get_srcSystem(), back.get_srcComponent()) == (3, 7)
     assert back.get_msgId() == message.get_msgId()
 
 
-def test_a_number_that_is_none_is_told_as_null_and_back() -> None:
+def test_a_number_that_is_none_is_told_as_null_and_back():
     message = mav.MAVLink_command_long_message(1, 1, 22, 0, 0, 0, 0, *[math.nan] * 3, 12.0)
     told = fields_of(message)
     assert [told[f"param{i}"] for i in (1, 4, 7)] == [0, None, 12.0]
     back = message_of("COMMAND_LONG", 1, 1, told)
-    assert back is not None
     assert math.isnan(back.param4)
 
 
 @given(st.dictionaries(st.sampled_from(["type", "autopilot", "custom_mode"]), st.none()))
-def test_a_whole_number_that_is_missing_makes_no_message(fields: dict[str, None]) -> None:
+def test_a_whole_number_that_is_missing_makes_no_message(fields):
     assert (message_of("HEARTBEAT", 1, 1, fields) is None) == bool(fields)
 
 
 @given(st.lists(st.binary(max_size=40)), st.integers(1, 7))
-def test_pieces_come_out_as_they_went_in(parts: list[bytes], size: int) -> None:
+def test_pieces_come_out_as_they_went_in(parts, size):
     stream = b"".join(frames(part) + words({"n": len(part)}) for part in parts)
     pieces = Pieces()
     out = [
@@ -84,18 +79,18 @@ def test_pieces_come_out_as_they_went_in(parts: list[bytes], size: int) -> None:
 
 
 @pytest.mark.parametrize("data", [b"x1234", b"F" + (MOST_BYTES + 1).to_bytes(4, "little")])
-def test_what_is_no_piece_is_said(data: bytes) -> None:
+def test_what_is_no_piece_is_said(data):
     with pytest.raises(ValueError, match="no piece"):
         list(Pieces().feed(data))
 
 
 class _Ends:
-    def __init__(self) -> None:
-        self.sent: list[bytes] = []
+    def __init__(self):
+        self.sent = []
         self.outbox = Outbox(self.sent.append)
         self._codec = mav.MAVLink(None, 245, 191)
 
-    def wants(self, *messages: Any) -> int:
+    def wants(self, *messages):
         """MAVSDK wants to send; how many frames went."""
         before = len(self.sent)
         for message in messages:
@@ -103,11 +98,11 @@ class _Ends:
         return len(self.sent) - before
 
 
-def _command(command: int) -> Any:
+def _command(command):
     return mav.MAVLink_command_long_message(1, 1, command, 0, *[0.0] * 7)
 
 
-def test_a_command_goes_as_long_as_it_is_asked_for_and_no_other() -> None:
+def test_a_command_goes_as_long_as_it_is_asked_for_and_no_other():
     ends = _Ends()
     arm, mode = (_command(c) for c in (mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_CMD_DO_SET_MODE))
     assert ends.wants(arm) == 0
@@ -123,22 +118,22 @@ def test_a_command_goes_as_long_as_it_is_asked_for_and_no_other() -> None:
 class _Permit:
     left = 2
 
-    async def granted(self) -> None:
+    async def granted(self):
         raise AssertionError
 
-    def grants(self) -> bool:
+    def grants(self):
         self.left -= 1
         return self.left >= 0
 
 
-def test_each_copy_of_a_mode_that_mavsdk_repeats_takes_a_permit() -> None:
+def test_each_copy_of_a_mode_that_mavsdk_repeats_takes_a_permit():
     ends, mode = _Ends(), _command(mav.MAV_CMD_DO_SET_MODE)
     with ends.outbox.asked(mode.command, _Permit()):
         assert ends.wants(mode, mode, mode) == 2
     assert ends.wants(mode) == 0
 
 
-def test_a_message_goes_as_often_as_it_was_handed_over() -> None:
+def test_a_message_goes_as_often_as_it_was_handed_over():
     ends = _Ends()
     target = mav.MAVLink_set_position_target_global_int_message(0, 1, 1, 6, 0, *[0] * 11)
     ends.outbox.once(target)
@@ -151,7 +146,7 @@ def test_a_message_goes_as_often_as_it_was_handed_over() -> None:
     assert ends.wants(target) == 1
 
 
-def test_of_its_own_accord_mavsdk_only_asks_what_a_vehicle_is() -> None:
+def test_of_its_own_accord_mavsdk_only_asks_what_a_vehicle_is():
     ends = _Ends()
     assert ends.wants(_command(mav.MAV_CMD_REQUEST_MESSAGE)) == 1
     assert (
