@@ -55,15 +55,15 @@ class ControlledCommands:
     """
 
     def __init__(self, session: Session, monitor: Monitor, *, guardian: bool = False) -> None:
-        self._session = session
-        self._monitor = monitor
+        self.session = session
+        self.monitor = monitor
         self._view = session.view
         self._guardian = guardian
 
     @property
     def may_send(self) -> bool:
         """Whether the vehicle is under our control."""
-        holder = self._monitor.control.holder
+        holder = self.monitor.control.holder
         return holder is Holder.OURS or (self._guardian and holder is Holder.GUARDIAN)
 
     # --- modes -------------------------------------------------------------------------------
@@ -103,7 +103,7 @@ class ControlledCommands:
     ) -> None:
         """Send a command that changes no mode."""
         async with self._while_ours():
-            await self._session.command(command, *params, done=done)
+            await self.session.command(command, *params, done=done)
 
     async def arm(self) -> None:
         """Motors on."""
@@ -124,7 +124,7 @@ class ControlledCommands:
         above_home_m = height_m + self._view.ground_m(place)
         frame, wire_m = kind.altitude_on_wire(above_home_m, self._view.home_amsl_m)
         async with self._while_ours():
-            await self._session.command_at(
+            await self.session.command_at(
                 mav.MAV_CMD_DO_REPOSITION,
                 frame,
                 (-1.0, 0.0, 0.0, math.nan),
@@ -140,7 +140,7 @@ class ControlledCommands:
             raise self._not_ours()
         frame, up_m = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, height_m + self._view.ground_m(place)
         target = position_target(self._view, frame, _PLACE_ALONE, self._view.as_told(place), up_m)
-        self._session.send(target)
+        self.session.send(target)
 
     async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
         """MAV_CMD_EXTERNAL_POSITION_ESTIMATE, good to `sigma_m`: taken by either autopilot while it
@@ -150,7 +150,7 @@ class ControlledCommands:
         self._view.aided_until_s = math.inf
         stamp = (boot_s % _STAMP_WRAPS_S, 0.0, sigma_m, 0.0)
         try:
-            await self._session.command_at(
+            await self.session.command_at(
                 mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE, mav.MAV_FRAME_GLOBAL, stamp, place, math.nan
             )
         finally:
@@ -158,7 +158,7 @@ class ControlledCommands:
 
     # --- control -----------------------------------------------------------------------------
     def _not_ours(self) -> NotOursError:
-        return NotOursError(f"the vehicle is {self._monitor.control.holder.value} now")
+        return NotOursError(f"the vehicle is {self.monitor.control.holder.value} now")
 
     @contextlib.asynccontextmanager
     async def _while_ours(self) -> AsyncIterator[None]:
@@ -166,7 +166,7 @@ class ControlledCommands:
             raise self._not_ours()
         try:
             async with asyncio.timeout(None) as scope:
-                with self._monitor.ends_with_control(scope):
+                with self.monitor.ends_with_control(scope):
                     yield
         except TimeoutError:
             if scope.expired():
@@ -178,12 +178,12 @@ class ControlledCommands:
     ) -> None:
         """Command a mode, noted before each copy. Raises `LinkError` where none is reported."""
         copy: Copy = mode if callable(mode) else lambda control, now_s: control.asking(mode, now_s)
-        permit = _KnownMode(self, self._session, self._monitor, copy)
+        permit = _KnownMode(self, self.session, self.monitor, copy)
         async with self._while_ours():
             try:
-                await self._session.command(command, *params, done=done, permit=permit)
+                await self.session.command(command, *params, done=done, permit=permit)
             except CommandRefusedError:
-                self._monitor.control = self._monitor.control.refused()
+                self.monitor.control = self.monitor.control.refused()
                 raise
 
 

@@ -31,7 +31,6 @@ from missions.orders import (
 from missions.units import Cell, GridPoint
 from uavmap.aircraft.control import AirState
 from uavmap.aircraft.controlled_commands import MODE_S, ControlledCommands
-from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.imaging.frames import Frames
 from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.legs import OTHER_LAYER_M, SpeedWatch, aim_over_ground, at_height
@@ -39,7 +38,6 @@ from uavmap.aircraft.map_navigation import Navigation
 from uavmap.aircraft.pad import Crew, Pad, insist
 from uavmap.aircraft.path_stream import PathStream, StreamTimeout
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.session import Session
 
 FIND_WAY_S: Final = 0.5
 """Between two pictures on a leg, where a vehicle may have to find its way by them."""
@@ -60,27 +58,24 @@ class Manoeuvres:
 
     def __init__(
         self,
-        session: Session,
         commands: ControlledCommands,
         camera: CameraDriver,
         reporter: Reporter,
-        monitor: Monitor,
         mission: Mission,
         crew: Crew,
         *,
         by_places: bool = False,
     ) -> None:
-        self._session = session
+        self._session, self._monitor = commands.session, commands.monitor
         self._commands = commands
-        self._view = session.view
+        self._view = commands.session.view
         self._camera = camera
         self._reporter = reporter
-        self._monitor = monitor
         self._mission = mission
         self._grid = reporter.grid
-        self._pad = Pad(session, commands, reporter, monitor, mission.battery.capacity_wh, crew)
-        self._stream = PathStream(session, commands, reporter, monitor, by_places=by_places)
-        timeout = StreamTimeout(reporter.name, session, reporter.line)
+        self._pad = Pad(commands, reporter, mission.battery.capacity_wh, crew)
+        self._stream = PathStream(commands, reporter, by_places=by_places)
+        timeout = StreamTimeout(reporter.name, commands.session, reporter.line)
         self._timeout = None if by_places else timeout
         self._on_path = False
         """Whether a path is flown that another may replace on the way."""

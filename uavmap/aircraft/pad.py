@@ -14,7 +14,6 @@ from missions.events import Airborne, BatterySwapped
 from missions.orders import TakeOff
 from uavmap.aircraft.control import LIFT_S, AirState
 from uavmap.aircraft.controlled_commands import MODE_S, PAUSE_S, ControlledCommands, NotOursError
-from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import Session
 
@@ -86,19 +85,12 @@ class Pad:
     """Readies one vehicle on its pad and has it take off."""
 
     def __init__(
-        self,
-        session: Session,
-        commands: ControlledCommands,
-        reporter: Reporter,
-        monitor: Monitor,
-        capacity_wh: float,
-        crew: Crew,
+        self, commands: ControlledCommands, reporter: Reporter, capacity_wh: float, crew: Crew
     ) -> None:
-        self._session = session
+        self._session, self._monitor = commands.session, commands.monitor
         self._commands = commands
-        self._view = session.view
+        self._view = commands.session.view
         self._reporter = reporter
-        self._monitor = monitor
         self._capacity_wh = capacity_wh
         self._crew = crew
 

@@ -24,7 +24,6 @@ from missions.geo.braking import Course
 from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
 from uavmap.aircraft.controlled_commands import MODE_S, ControlledCommands, NotOursError
-from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.parameters import Parameter, Parameters
 from uavmap.mavlink.session import Message, Session, position_target
@@ -90,21 +89,14 @@ class PathStream:
     """The stream to one vehicle. `run` sends it; other orders `leave` it first."""
 
     def __init__(
-        self,
-        session: Session,
-        commands: ControlledCommands,
-        reporter: Reporter,
-        monitor: Monitor,
-        *,
-        by_places: bool = False,
+        self, commands: ControlledCommands, reporter: Reporter, *, by_places: bool = False
     ) -> None:
-        self._session = session
+        self._session, self._monitor = commands.session, commands.monitor
         self._commands = commands
         self._by_places = by_places
         """Whether places ahead are sent instead of a stream: it stops there without the next."""
-        self._view = session.view
+        self._view = commands.session.view
         self._reporter = reporter
-        self._monitor = monitor
         self._grid = reporter.grid
         self._course: Course | None = None
         self._orders: tuple[FlyPath, ...] = ()

@@ -105,9 +105,8 @@ class MavlinkVehicle:
         self.guardian.order_failed = self._order_failed
         self._commands = ControlledCommands(session, self._monitor)
         self._manoeuvres = Manoeuvres(
-            session, self._commands, camera, self._reporter, self._monitor, setting.mission, crew,
-            by_places=by_places,
-        )  # fmt: skip
+            self._commands, camera, self._reporter, setting.mission, crew, by_places=by_places
+        )
         self._navigation = Navigation(self._reporter, session.view, setting.mission)
         self._navigation.act = self.guardian.take_over
         self._navigation.fail = self._order_failed

@@ -48,11 +48,9 @@ class Permit(Protocol):
 
     async def granted(self) -> None:
         """Wait until a copy may be sent, and note that it is. Raises `LinkError`."""
-        ...
 
     def grants(self) -> bool:
         """Whether a copy may be sent now; if so it is noted."""
-        ...
 
 
 def result_name(result: int) -> str:

@@ -60,7 +60,7 @@ class Guardian:
     ) -> None:
         self._session = session
         commands = ControlledCommands(session, monitor, guardian=True)
-        self._flight = RecoveryFlight(session, commands, reporter, monitor, limits)
+        self._flight = RecoveryFlight(commands, reporter, limits)
         self._view = session.view
         self._reporter = reporter
         self._monitor = monitor

@@ -26,19 +26,15 @@ class Keeper(Protocol):
 
     async def run(self) -> None:
         """Watch until cancelled."""
-        ...
 
     async def bring_home(self, reason: str) -> None:
         """Return, and wait until down."""
-        ...
 
     async def leave(self, reason: str) -> None:
         """Return, and wait until that is seen."""
-        ...
 
     def fates(self) -> Mapping[int, str]:
         """Where each aircraft that was heard is, in words, empty for one at home."""
-        ...
 
 
 class Guardians:

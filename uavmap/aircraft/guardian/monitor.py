@@ -31,15 +31,12 @@ class PlaceFinder(Protocol):
     @property
     def by_map(self) -> bool:
         """Whether positions are corrected by the vehicle's own pictures."""
-        ...
 
     def leapt(self, how: str) -> bool:
         """Note that the reported position leapt; False where the true one cannot be known."""
-        ...
 
     def look(self, *, airborne: bool) -> None:
         """Look at the telemetry; called with every position."""
-        ...
 
 
 class Monitor:

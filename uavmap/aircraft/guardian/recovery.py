@@ -13,10 +13,8 @@ from missions.errors import CommandRefusedError, LinkError
 from missions.guardian import DOWN_M, HASTE_M_S, Action, Limits, corners_home, quick_aim_m
 from missions.units import GridPoint
 from uavmap.aircraft.controlled_commands import PAUSE_S, ControlledCommands, NotOursError
-from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.legs import aim_over_ground
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.session import Session
 
 LOOK_S: Final = 0.5
 """Interval between two targets where the place of home or the ground below changes, s."""
@@ -41,19 +39,11 @@ FORCED: Final = 21196.0
 class RecoveryFlight:
     """Flies one aircraft home, around corners or down, by targets and speeds."""
 
-    def __init__(
-        self,
-        session: Session,
-        commands: ControlledCommands,
-        reporter: Reporter,
-        monitor: Monitor,
-        limits: Limits,
-    ) -> None:
-        self._session = session
+    def __init__(self, commands: ControlledCommands, reporter: Reporter, limits: Limits) -> None:
+        self._session, self._monitor = commands.session, commands.monitor
         self._commands = commands
-        self._view = session.view
+        self._view = commands.session.view
         self._reporter = reporter
-        self._monitor = monitor
         self._fence = limits.fence
         self._speed_m_s = limits.energy.speed_m_s
 

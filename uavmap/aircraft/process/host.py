@@ -24,19 +24,15 @@ class Vehicle(Protocol):
 
     async def run(self, report: Report) -> None:
         """Report, and carry out orders, until cancelled."""
-        ...
 
     def give(self, order: Order) -> None:
         """Carry out an order instead of the present one."""
-        ...
 
     def land_here(self, reason: str) -> bool:
         """Have its guardian land it where it is, if it is in the air and under our control."""
-        ...
 
     def report_again(self) -> None:
         """Report where it is, for a mission that has been away."""
-        ...
 
 
 class Host:

@@ -25,12 +25,10 @@ class Way(Protocol):
     @property
     def system_id(self) -> int:
         """Its system; 0 until it has spoken."""
-        ...
 
     @property
     def transport(self) -> Transport:
         """What its frames are sent over."""
-        ...
 
 
 class Forwarding:

@@ -139,14 +139,8 @@ class _Child:
         match asked["do"]:
             case "command":
                 return json.loads(self._direct.send_command(self._message(asked)).fields_json)
-            case "arm":
-                action.arm()
-            case "hold":
-                action.hold()
-            case "land":
-                action.land()
-            case "return_to_launch":
-                action.return_to_launch()
+            case "arm" | "hold" | "land" | "return_to_launch" as verb:
+                getattr(action, verb)()
             case "set_current_speed":
                 action.set_current_speed(asked["speed_m_s"])
             case unknown:

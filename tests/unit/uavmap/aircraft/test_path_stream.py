@@ -46,9 +46,7 @@ class Wire:
         self.monitor.met = True
         session.listen(self.monitor.on_message)
         commands = ControlledCommands(session, self.monitor)
-        self.stream = PathStream(
-            session, commands, self.reporter, self.monitor, by_places=by_places
-        )
+        self.stream = PathStream(commands, self.reporter, by_places=by_places)
         self.mode = 0
         self.autopilot = mav.MAV_AUTOPILOT_PX4 if px4 else mav.MAV_AUTOPILOT_ARDUPILOTMEGA
         self.tell(HOLD if px4 else 4)
