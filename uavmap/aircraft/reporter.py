@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Concatenate, Final, ParamSpec
 
 from missions.errors import LinkError
@@ -19,37 +20,29 @@ BATTERY_STALE_S: Final = 10.0
 """A charge that is older counts as none: the vehicle comes home while it can."""
 
 
+@dataclass(slots=True, eq=False)
 class Reporter:
-    """Events of one vehicle: its number, mission time, places in the fixed frame, its charge, which
-    is unknown after `battery_stale_s` on the loop's clock. `report` takes them to the mission."""
+    """Events of one vehicle, and lines about it, in mission time and the fixed frame."""
 
-    def __init__(
-        self,
-        number: int,
-        name: str,
-        view: VehicleView,
-        capacity_wh: float,
-        grid: Grid,
-        now_s: Callable[[], float],
-        loop_s: Callable[[], float],
-        battery_stale_s: float = BATTERY_STALE_S,
-        operator: Callable[[str], None] = lambda text: None,
-    ) -> None:
-        self.number = number
-        self.name = name
-        self.now_s = now_s
-        self.loop_s = loop_s
-        self.grid = grid
-        self.report: Report = lambda event: None
-        self._operator = operator
-        self._view = view
-        self._capacity_wh = capacity_wh
-        self._battery_stale_s = battery_stale_s
+    number: int
+    name: str
+    view: VehicleView
+    capacity_wh: float
+    grid: Grid
+    now_s: Callable[[], float]
+    """Mission time."""
+    loop_s: Callable[[], float]
+    """The loop's clock."""
+    battery_stale_s: float = BATTERY_STALE_S
+    """Age from which a charge is unknown, s of the loop's clock."""
+    operator: Callable[[str], None] = lambda text: None
+    report: Report = lambda event: None
+    """Takes an event to the mission."""
 
     def line(self, text: str) -> None:
         """Log a line for the operator; a terminal that is gone keeps no aircraft in the air."""
         with contextlib.suppress(Exception):
-            self._operator(text)
+            self.operator(text)
 
     def t_s(self) -> float:
         """Mission time, to a millisecond."""
@@ -63,11 +56,11 @@ class Reporter:
 
     def position(self) -> GridPoint:
         """Where the vehicle is, in the fixed frame. Raises `LinkError` if it is not reported."""
-        return self._place(self._view.position, "it is")
+        return self._place(self.view.position, "it is")
 
     def home(self) -> GridPoint:
         """Where its home is, in the fixed frame. Raises `LinkError` if it is not reported."""
-        return self._place(self._view.home, "its home is")
+        return self._place(self.view.home, "its home is")
 
     def _place(self, position: LatLon | None, what: str) -> GridPoint:
         """A position in the fixed frame, to a centimetre."""
@@ -78,19 +71,19 @@ class Reporter:
 
     def height_m(self) -> float:
         """Height above home, to a centimetre."""
-        return round(self._view.height_m, 2)
+        return round(self.view.height_m, 2)
 
     def home_amsl_m(self) -> float:
         """Height of home above the sea, to a decimetre."""
-        return round(self._view.home_amsl_m, 1)
+        return round(self.view.home_amsl_m, 1)
 
     def remaining_wh(self) -> float | None:
         """The charge, None when it is not known or not known any more."""
-        if self.loop_s() - self._view.battery_s > self._battery_stale_s:
+        if self.loop_s() - self.view.battery_s > self.battery_stale_s:
             return None
-        return self._view.remaining_wh(self._capacity_wh)
+        return self.view.remaining_wh(self.capacity_wh)
 
     def remaining(self) -> float:
         """The charge for an event, Wh; 0 where it is unknown or the autopilot reports it as low:
         the vehicle comes home, and does not take off."""
-        return 0.0 if self._view.grounded_by else round(self.remaining_wh() or 0.0, 3)
+        return 0.0 if self.view.grounded_by else round(self.remaining_wh() or 0.0, 3)

@@ -94,7 +94,7 @@ async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight, /):
     def gone(text):
         raise BrokenPipeError(text)
 
-    flight.driver._reporter._operator = gone
+    flight.driver._reporter.operator = gone
     await flight.driver.guardian.bring_home("the terminal was closed")
     assert flight.vehicle.truth.landed
 
