@@ -15,7 +15,6 @@ from missions.events import Told
 from missions.flight.operator_orders import UNTOLD
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.status_texts import CAUSELESS, DUE, Text
-from uavmap.mavlink.vehicle_view import VehicleView
 
 _BY_THEMSELVES: Final = ("RTL", "SMART_RTL", "LAND", "BRAKE", "ALT_HOLD", "HOLD", "RETURN")
 """Modes into which a failsafe puts a vehicle. LOITER, STABILIZE and the like are a pilot's."""
@@ -123,16 +122,16 @@ class _Allowance:
 class Spoken:
     """The texts of one vehicle."""
 
-    def __init__(self, reporter: Reporter, view: VehicleView) -> None:
+    def __init__(self, reporter: Reporter) -> None:
         self._reporter = reporter
-        self._view = view
+        self._view = reporter.view
         self._known: dict[tuple[int, str], _Known] = {}
         self._allowed = {True: _Allowance(), False: _Allowance()}
         self._untold = 0
         self._kept = 0
         self._open_s = float("-inf")
         """When a mode changed that nothing has explained yet."""
-        view.hear = self.hear
+        reporter.view.hear = self.hear
 
     def why(self, mode_name: str) -> str | None:
         """Why the vehicle is in a mode, by its texts of `EXPLAINS_S` before, and after, now."""

@@ -13,7 +13,6 @@ from missions.mission.energy import CLIMB_SPEED_M_S
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, Sweep, TakeOff
 from missions.units import GridPoint
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.vehicle_view import VehicleView
 
 SETTLE_S: Final = 5.0
 """To get going, and to come to rest."""
@@ -22,9 +21,9 @@ SETTLE_S: Final = 5.0
 class TasksOf:
     """The tasks of one vehicle, from where it is now."""
 
-    def __init__(self, reporter: Reporter, view: VehicleView, setting: Setting) -> None:
+    def __init__(self, reporter: Reporter, setting: Setting) -> None:
         self._reporter = reporter
-        self._view = view
+        self._view = reporter.view
         self._setting = setting
         self._course: Course | None = None
         """What is flown, if it is a path."""

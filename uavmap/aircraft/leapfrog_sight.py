@@ -24,7 +24,6 @@ from missions.planning.leapfrog_geometry import Role
 from missions.planning.leapfrog_offsets import Offsets
 from missions.units import GridPoint
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.vehicle_view import VehicleView
 from vision.camera import euler, rotation
 from vision.markers import Carrier, Sighting, SightingErrors, find_tags, sight
 from vision.own_map.ground_match import match
@@ -62,7 +61,6 @@ class Member:
     leapfrog: Leapfrog
     role: Role
     reporter: Reporter
-    view: VehicleView
     good: bool = True
     told: GridPoint | None = None
     told_s: float = 0.0
@@ -94,7 +92,7 @@ class Member:
             self.leapfrog.offsets.moved(self.role, way, max(now_s - before_s, 0.0))
         self.good = good
         strays = self.stopped_at is not None and told.distance_to(self.stopped_at) > STRAYS_M
-        if strays or self.view.ground_speed_m_s > 2.0 * HOVERS_M_S:
+        if strays or self.reporter.view.ground_speed_m_s > 2.0 * HOVERS_M_S:
             self._leave()
 
     def take(self, frame: Frame) -> None:
@@ -103,7 +101,7 @@ class Member:
             return
         self.framed_s = frame.t_s
         self.leapfrog.look_for_mapper(self, frame)
-        if not self.good and self.view.ground_speed_m_s <= HOVERS_M_S:
+        if not self.good and self.reporter.view.ground_speed_m_s <= HOVERS_M_S:
             self._hold_against_ground(frame)
 
     def _leave(self) -> None:
@@ -138,9 +136,9 @@ class Leapfrog:
         self._looked_s = float("-inf")
         self._apart = 0
 
-    def join(self, role: Role, reporter: Reporter, view: VehicleView) -> Member:
+    def join(self, role: Role, reporter: Reporter) -> Member:
         """Take part, with a vehicle's telemetry."""
-        member = self._members[role] = Member(self, role, reporter, view)
+        member = self._members[role] = Member(self, role, reporter)
         return member
 
     def look_for_mapper(self, tracker: Member, frame: Frame) -> None:
@@ -154,7 +152,7 @@ class Leapfrog:
         tags = find_tags(frame.image, self._wanted.tag_dictionary)
         found = next((tag for tag in tags if tag.tag_id == number), None)
         loop_s = tracker.reporter.loop_s() - (tracker.reporter.now_s() - frame.t_s)
-        place = mapper.view.place_at(loop_s)
+        place = mapper.reporter.view.place_at(loop_s)
         if found is None or place is None or place.gap_s > GAP_S:
             return
         seen = sight(
@@ -166,7 +164,9 @@ class Leapfrog:
         grid = tracker.reporter.grid
         there, here = grid.fixed(place.position), grid.fixed(frame.pose.position)
         told = (there.east_m - here.east_m, there.north_m - here.north_m)
-        late_m = TIMING_S * (tracker.view.ground_speed_m_s + mapper.view.ground_speed_m_s)
+        late_m = TIMING_S * (
+            tracker.reporter.view.ground_speed_m_s + mapper.reporter.view.ground_speed_m_s
+        )
         tilts = _tilts_m(frame, -seen.up_m, grid.convergence_rad)
         self._compare(frame.t_s, told, seen, grid.convergence_rad, late_m, tilts)
 
@@ -200,7 +200,7 @@ class Leapfrog:
 
     def _carrier(self, mapper: Member, loop_s: float) -> Carrier:
         """How the mapper was tilted, as far as it has said."""
-        turned = mapper.view.attitude_at(loop_s)
+        turned = mapper.reporter.view.attitude_at(loop_s)
         if turned is None:
             return Carrier()
         roll, pitch, _ = euler(turned)

@@ -29,7 +29,6 @@ from missions.navigation import Estimate
 from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import GridPoint, LatLon
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.vehicle_view import VehicleView
 from vision.own_map.ground_patch import patch, resolution_m
 from vision.own_map.map_position import OwnMap
 from vision.projection import Frame
@@ -67,9 +66,9 @@ class Navigation:
     """What one vehicle goes by. `act` has its guardian return or land, `fail` reports that it
     cannot go on, `aid` sends the autopilot its place with a standard deviation."""
 
-    def __init__(self, reporter: Reporter, view: VehicleView, mission: Mission) -> None:
+    def __init__(self, reporter: Reporter, mission: Mission) -> None:
         self._reporter = reporter
-        self._view = view
+        self._view = reporter.view
         self._wanted = mission.navigation
         self._altitude_m = mission.altitude_m(reporter.number - 1)
         self._metres_per_pixel = resolution_m(mission.camera.optics, self._altitude_m)

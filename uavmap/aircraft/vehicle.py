@@ -97,8 +97,8 @@ class MavlinkVehicle:
             battery_stale_s,
             tell,
         )
-        self._monitor = Monitor(self._reporter, session.view)
-        self._monitor.why = Spoken(self._reporter, session.view).why
+        self._monitor = Monitor(self._reporter)
+        self._monitor.why = Spoken(self._reporter).why
         limits = Limits(setting.fence, setting.energy, slack_s, setting.relief_m)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits)
         self.guardian.stand_aside = self._stand_aside
@@ -107,7 +107,7 @@ class MavlinkVehicle:
         self._manoeuvres = Manoeuvres(
             self._commands, camera, self._reporter, setting.mission, crew, by_places=by_places
         )
-        self._navigation = Navigation(self._reporter, session.view, setting.mission)
+        self._navigation = Navigation(self._reporter, setting.mission)
         self._navigation.act = self.guardian.take_over
         self._navigation.fail = self._order_failed
         self._navigation.aid = self._aid
@@ -122,7 +122,7 @@ class MavlinkVehicle:
         self._tasks: asyncio.TaskGroup | None = None
         self._task: asyncio.Task[None] | None = None
         self._order: Order | None = None
-        self._tasks_of = TasksOf(self._reporter, session.view, setting)
+        self._tasks_of = TasksOf(self._reporter, setting)
         self._streams = Streams(name, session, camera.streams, self._navigation.streams)
         session.listen(self._monitor.on_message)
 
@@ -133,7 +133,7 @@ class MavlinkVehicle:
 
     def leapfrog(self, both: Leapfrog, role: Role) -> None:
         """Have it and another one look after each other."""
-        self._navigation.partner = both.join(role, self._reporter, self._view)
+        self._navigation.partner = both.join(role, self._reporter)
 
     def was_flying(self) -> None:
         """Note, before `connect`, that it flew by our order when an earlier process ended: should

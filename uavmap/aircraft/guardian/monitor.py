@@ -18,7 +18,7 @@ from uavmap.aircraft.control import AirState, Beat, Control, FlownMode, Ground, 
 from uavmap.aircraft.guardian.estimates import FALLS_S, Impact, Leaps, WindEstimate
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message
-from uavmap.mavlink.vehicle_view import OFF_GROUND_M, VehicleView
+from uavmap.mavlink.vehicle_view import OFF_GROUND_M
 
 TRACK_S: Final = 1.0
 PATH_TRACK_S: Final = 0.4
@@ -42,7 +42,7 @@ class PlaceFinder(Protocol):
 class Monitor:
     """The state of a vehicle that matters to the mission, and the events that follow from it."""
 
-    def __init__(self, reporter: Reporter, view: VehicleView) -> None:
+    def __init__(self, reporter: Reporter) -> None:
         self.control = Control()
         """Who controls it and whether it flies, by the latest report."""
         self.connected = False
@@ -61,7 +61,7 @@ class Monitor:
         self.struck_m_s = 0.0
         """How fast it struck the ground; its reader sets it to 0."""
         self._reporter = reporter
-        self._view = view
+        self._view = reporter.view
         self._scopes: set[asyncio.Timeout] = set()
         self._tracked_s = float("-inf")
         self._down_s: float | None = None

@@ -39,7 +39,7 @@ class Craft:
         )
         reporter.report = self.events.append
         self.reporter = reporter
-        self.navigation = Navigation(reporter, self.view, self.mission)
+        self.navigation = Navigation(reporter, self.mission)
         self.navigation.act = lambda action, reason: self.acts.append((action, reason))
         self.navigation.fail = self.fails.append
         self.view.ekf_flags = GOOD

@@ -42,7 +42,7 @@ class Wire:
         self.peer = Peer()
         session = self.peer.session
         self.reporter = Reporter(1, "sim", session.view, 60.0, GRID, self.now_s, self.now_s)
-        self.monitor = Monitor(self.reporter, session.view)
+        self.monitor = Monitor(self.reporter)
         self.monitor.met = True
         session.listen(self.monitor.on_message)
         commands = ControlledCommands(session, self.monitor)
