@@ -22,7 +22,7 @@ from shapely.geometry import Polygon
 
 from missions.errors import MissionFileError
 from missions.geo.grid import Grid
-from missions.geo.terrain import encoded
+from missions.geo.terrain import Terrain, encoded
 from missions.mission.places import positions_near
 from missions.mission.schema import Mission
 from missions.mission.sections import MOST_POINTS, Lattice, TerrainSection
@@ -49,7 +49,9 @@ LEVEL: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class _Lattice:
+class FenceLattice:
+    """Points over the fence of a mission and around it."""
+
     grid: Grid
     fence: Polygon
     west_m: float
@@ -59,13 +61,13 @@ class _Lattice:
     rows: int
 
     @classmethod
-    def around(cls, mission: Mission, fine_m: float) -> _Lattice:
-        """Over the fence of a mission and around it, as fine as the model, and not too large."""
+    def around(cls, mission: Mission, fine_m: float, most: float) -> FenceLattice:
+        """Return points `fine_m` apart, or farther apart where they would be more than `most`."""
         grid = Grid.at(mission.home, mission.grid.cell_m)
         fence = Polygon([grid.fixed(LatLon(*vertex)) for vertex in mission.fence.polygon])
         west, south, east, north = fence.buffer(AROUND_M).bounds
         width_m, depth_m = east - west, north - south
-        step_m = max(fine_m, LEAST_STEP_M, math.sqrt(1.1 * width_m * depth_m / MOST_POINTS))
+        step_m = max(fine_m, math.sqrt(width_m * depth_m / most))
         step_m = math.ceil(step_m * 10.0 - 1e-6) / 10.0
         columns, rows = math.ceil(width_m / step_m) + 1, math.ceil(depth_m / step_m) + 1
         return cls(grid, fence, round(west, 2), round(south, 2), step_m, columns, rows)
@@ -86,11 +88,22 @@ class _Lattice:
             np.append(grid.origin.north_m + north.ravel() * grid.scale, grid.origin.north_m),
         )
 
+    def at(self, row: int, column: int) -> LatLon:
+        """Where a point is."""
+        east_m, north_m = self.west_m + column * self.step_m, self.south_m + row * self.step_m
+        return self.grid.position(GridPoint(east_m, north_m))
+
     def place(self, index: Sequence[int]) -> str:
-        """Where a point is, in degrees."""
-        at = GridPoint(self.west_m + index[1] * self.step_m, self.south_m + index[0] * self.step_m)
-        place = self.grid.position(at)
+        """The same in degrees."""
+        place = self.at(index[0], index[1])
         return f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
+
+    def table(self, heights_m: Floats) -> dict[str, Any]:
+        """The ground of a mission, of the height of each point above the start."""
+        return {
+            "west_m": self.west_m, "south_m": self.south_m, "step_m": self.step_m,
+            "columns": self.columns, "rows": self.rows, "heights": encoded(heights_m),
+        }  # fmt: skip
 
 
 def with_ground(mission: Mission, path: Path, where: str) -> Mission:
@@ -115,7 +128,7 @@ def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
         metres, fine_m = metres_a_unit(model, where), spacing_m(model, mission.home)
         if not math.isfinite(fine_m):
             raise MissionFileError(f"{where}: {_ELSEWHERE}")
-        lattice = _Lattice.around(mission, fine_m)
+        lattice = FenceLattice.around(mission, max(fine_m, LEAST_STEP_M), MOST_POINTS / 1.1)
         if lattice.step_m > MOST_STEP_M:
             raise MissionFileError(
                 f"{where}: its heights, or those that can be kept of a fence so large, lie "
@@ -129,15 +142,11 @@ def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
     if not math.isfinite(start_m):
         raise MissionFileError(f"{where}: {_ELSEWHERE}")
     _refuse_jumps(ground - start_m, lattice, where)
-    ground = _filled(ground) - start_m
-    return {
-        "west_m": lattice.west_m, "south_m": lattice.south_m, "step_m": lattice.step_m,
-        "columns": lattice.columns, "rows": lattice.rows, "heights": encoded(ground),
-    }  # fmt: skip
+    return lattice.table(_filled(ground) - start_m)
 
 
 # --- what cannot be ground ----------------------------------------------------------------------
-def _refuse_gaps(ground: Floats, lattice: _Lattice, where: str) -> None:
+def _refuse_gaps(ground: Floats, lattice: FenceLattice, where: str) -> None:
     east, north = lattice.points
     # an autopilot that returns crosses what lies between two arms of the fence
     near = lattice.fence.convex_hull.buffer(lattice.step_m)
@@ -160,7 +169,7 @@ def _refuse_gaps(ground: Floats, lattice: _Lattice, where: str) -> None:
         )
 
 
-def _refuse_jumps(ground: Floats, lattice: _Lattice, where: str) -> None:
+def _refuse_jumps(ground: Floats, lattice: FenceLattice, where: str) -> None:
     """Raise where the ground rises as no ground does: a height that was set to 0, or a spike."""
     most_m = max(LEAST_JUMP_M, STEEPEST * lattice.step_m)
     for axis in (0, 1):
@@ -311,13 +320,7 @@ def heights_at(
     if across.count < 2 or along.count < 2:
         raise MissionFileError(f"{where}: only a line of its heights lies in the fence")
     band = _means(model, along, across)
-    right, down = across.at(columns[known]), along.at(rows[known])
-    j = np.minimum(right.astype(np.intp), across.count - 2)
-    i = np.minimum(down.astype(np.intp), along.count - 2)
-    right, down = right - j, down - i
-    upper = band[i, j] * (1.0 - right) + band[i, j + 1] * right
-    lower = band[i + 1, j] * (1.0 - right) + band[i + 1, j + 1] * right
-    found[known] = upper * (1.0 - down) + lower * down
+    found[known] = Terrain(0.0, 0.0, 1.0, band).at(across.at(columns[known]), along.at(rows[known]))
     return found
 
 
@@ -339,8 +342,7 @@ class _Stretch:
     def at(self, edges: Floats) -> Floats:
         """Where a coordinate lies between the middles of what is read, the first being 0."""
         each = (self.end - self.first) / self.count
-        inside: Floats = np.clip((edges - self.first) / each - 0.5, 0.0, self.count - 1.0)
-        return inside
+        return (edges - self.first) / each - 0.5
 
 
 def _means(model: Any, along: _Stretch, across: _Stretch) -> Floats:

@@ -7,25 +7,21 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mav
-from shapely.geometry import Polygon
 
 from missions.errors import LinkError
 from missions.flight.setting_of import setting_of
-from missions.geo.grid import Grid
-from missions.geo.terrain import encoded
 from missions.mission.schema import Mission
-from missions.units import GridPoint, LatLon
+from missions.units import LatLon
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.journal.flight_plan import PYMAVLINK, FlightPlan
-from uavmap.load.dem import with_lattice
+from uavmap.load.dem import MOST_STEP_M, FenceLattice, with_lattice
 from uavmap.mavlink.autopilots import PX4
 from uavmap.mavlink.identity import answered
 from uavmap.mavlink.session import Message, Session
@@ -33,10 +29,7 @@ from uavmap.runner.preflight.examination import spoken_with
 
 LEAST_STEP_M: Final = 10.0
 """Between two places that are asked for: the databases of autopilots are 30 to 100 m wide."""
-MOST_STEP_M: Final = 100.0
-"""Places that lie farther apart say nothing of the ground between."""
 MOST_PLACES: Final = 1500
-AROUND_M: Final = 40.0
 
 
 def with_ground(plan: FlightPlan) -> FlightPlan:
@@ -85,29 +78,17 @@ async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
 
 async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:
     await answered(session, name)
-    grid = Grid.at(mission.home, mission.grid.cell_m)
-    fence = Polygon([grid.fixed(LatLon(*vertex)) for vertex in mission.fence.polygon])
-    west, south, east, north = fence.buffer(AROUND_M).bounds
-    step_m = max(LEAST_STEP_M, math.sqrt(1.2 * (east - west) * (north - south) / MOST_PLACES))
-    step_m = math.ceil(step_m * 10.0) / 10.0
-    if step_m > MOST_STEP_M:
+    lattice = FenceLattice.around(mission, LEAST_STEP_M, MOST_PLACES / 1.2)
+    if lattice.step_m > MOST_STEP_M:
         raise LinkError(
             f"{name}: the places of a fence so large that an autopilot can be asked for lie "
-            f"{step_m:.0f} m apart, more than {MOST_STEP_M:g}; draw it smaller, or give "
+            f"{lattice.step_m:.0f} m apart, more than {MOST_STEP_M:g}; draw it smaller, or give "
             'terrain.dem = "FILE.tif" instead'
         )
-    west, south = round(west, 2), round(south, 2)
-    columns, rows = (math.ceil((b - a) / step_m) + 1 for a, b in ((west, east), (south, north)))
-    places = [
-        grid.position(GridPoint(west + j * step_m, south + i * step_m))
-        for i in range(rows)
-        for j in range(columns)
-    ]
+    shape = lattice.rows, lattice.columns
+    places = [lattice.at(row, column) for row, column in np.ndindex(shape)]
     *heights, start_m = await _heights(session, name, [*places, mission.home])
-    return {
-        "west_m": west, "south_m": south, "step_m": step_m, "columns": columns, "rows": rows,
-        "heights": encoded(np.array(heights).reshape(rows, columns) - start_m),
-    }  # fmt: skip
+    return lattice.table(np.array(heights).reshape(shape) - start_m)
 
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
