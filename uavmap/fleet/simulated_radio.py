@@ -7,7 +7,7 @@ import math
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import ClassVar, Final
 
 from missions.fleet_events import Partition
 from missions.units import GridPoint
@@ -124,13 +124,9 @@ class Air:
 class AirRadio:
     """One member's radio in a simulated air."""
 
+    overhead_bytes: ClassVar[int] = OVERHEAD_BYTES
     air: Air
     member: int
-
-    @property
-    def overhead_bytes(self) -> int:
-        """What a datagram takes on the air besides itself."""
-        return OVERHEAD_BYTES
 
     def send(self, datagram: bytes) -> None:
         """Send to all in range."""

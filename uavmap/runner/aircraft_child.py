@@ -132,7 +132,7 @@ class AircraftChild:
         return TlogWriter(
             self._folder / TLOG,
             lambda: self._plan.epoch_utc_s + self._clock.now_s() * rate,
-            append=self._append and (self._folder / TLOG).exists(),
+            append=self._append,
             say=self.show,
         )
 

@@ -51,22 +51,19 @@ class _Line:
 
     def __init__(self, endpoint: Endpoint, record: Callable[[bytes], None], wait_s: float) -> None:
         self.endpoint = endpoint
-        self._opened: list[Transport] = []
+        self.opened: Transport | None = None
         self.session = Session(self.send, record, wait_s)
 
     def send(self, frame: bytes) -> None:
         """Send a frame, or nothing before it is open."""
-        for transport in self._opened:
-            transport.send(frame)
-
-    def opened(self, transport: Transport) -> None:
-        """What it sends over from now on."""
-        self._opened.append(transport)
+        if self.opened is not None:
+            self.opened.send(frame)
 
     @property
     def transport(self) -> Transport:
         """What it sends over."""
-        return self._opened[0]
+        assert self.opened is not None
+        return self.opened
 
     @property
     def system_id(self) -> int:
@@ -171,13 +168,13 @@ async def _open(
     first = shared[0]
     if len(shared) == 1:
         alone = open_transport(first.endpoint, first.session.feed, log)
-        first.opened(await stack.enter_async_context(alone))
+        first.opened = await stack.enter_async_context(alone)
         return
     takers = {line.endpoint.system or 0: line.session.feed for line in shared}
     together = open_shared(first.endpoint.port_of_all, takers, log)
     transports = await stack.enter_async_context(together)
     for line in shared:
-        line.opened(transports[line.endpoint.system or 0])
+        line.opened = transports[line.endpoint.system or 0]
 
 
 # --- cameras, as the mission file and the command line describe them --------------------------

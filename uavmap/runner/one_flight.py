@@ -173,7 +173,7 @@ class Flight:
         return TlogWriter(
             self.folder / TLOG,
             lambda: self._plan.epoch_utc_s + self.clock.now_s(),
-            append=self._resumed and (self.folder / TLOG).exists(),
+            append=self._resumed,
             say=messages.bound("uavmap.flight").line,
         )
 

@@ -207,6 +207,10 @@ def _polygon_of(shape: BaseGeometry, otherwise: Polygon) -> Polygon:
     return shape if isinstance(shape, Polygon) else otherwise
 
 
+def _polygons(shape: BaseGeometry) -> list[Polygon]:
+    return [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
+
+
 # --- fence and what to keep out of ------------------------------------------------------------
 def _drawn_fence(drawing: Drawing, box: Polygon, grid: Grid) -> Polygon | None:
     if not drawing.fences:
@@ -226,7 +230,7 @@ def _inside(box: Polygon, fence: Polygon, source: str, notices: list[str]) -> Po
     inner = fence.buffer(-MARGIN_M - 0.1, join_style="mitre")
     if inner.contains(box):
         return box
-    parts = [p for p in shapely.get_parts(box.intersection(inner)) if isinstance(p, Polygon)]
+    parts = _polygons(box.intersection(inner))
     if not parts:
         raise AreaError(f"{source}: the fence leaves nothing of the area; draw it wider")
     largest = Polygon(max(parts, key=lambda part: float(part.area)).exterior)
@@ -245,18 +249,16 @@ def _keep_out(
         inner += [Polygon(r) for r in _on_ground(fence, grid, drawing.source).interiors]
     if inner:
         notices.append(f"{len(inner)} holes of polygons are kept out of (fence.holes)")
-    parts = shapely.get_parts(unary_union([*drawn, *inner]))
-    return [Polygon(part.exterior) for part in parts if isinstance(part, Polygon)]
+    return [Polygon(part.exterior) for part in _polygons(unary_union([*drawn, *inner]))]
 
 
 def _cut_to(keep_out: Iterable[Polygon], fence: Polygon) -> list[Polygon]:
     inside = fence.buffer(-_OFF_THE_EDGE_M, join_style="mitre")
-    parts = [shapely.get_parts(hole.intersection(inside)) for hole in keep_out]
     return [
         Polygon(part.exterior)
-        for several in parts
-        for part in several
-        if isinstance(part, Polygon) and part.area > _OFF_THE_EDGE_M
+        for hole in keep_out
+        for part in _polygons(hole.intersection(inside))
+        if part.area > _OFF_THE_EDGE_M
     ]
 
 
@@ -378,8 +380,7 @@ def _places_beside(box: Polygon) -> Iterator[Point]:
     """Places for a home: around the box from the south on, then in it, near its rim."""
     for distance_m in (BESIDE_M, -BESIDE_M):
         rim = box.buffer(distance_m, join_style="mitre", mitre_limit=2.0)
-        rings = [p.exterior for p in shapely.get_parts(rim) if isinstance(p, Polygon)]
-        for ring in rings:
+        for ring in (part.exterior for part in _polygons(rim)):
             if ring.is_empty:
                 continue
             step_m = max(ring.length / 200.0, 2.0)

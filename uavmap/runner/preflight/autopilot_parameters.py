@@ -20,20 +20,18 @@ CAPACITY_SHARE: Final = 0.2
 CELL_FULL_V: Final = 4.25
 CELL_V: Final = 3.7
 """Of a lithium polymer cell: full, and in the middle of its discharge."""
-RESERVE_SHARE: Final = 0.15
-"""The reserve without a mission."""
 
 Values = Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """What a mission needs of an autopilot."""
+    """What a mission needs of an autopilot; by default what most need."""
 
-    reserve: float
+    reserve: float = 0.15
     """The share of the charge below which the autopilot's own failsafe may act."""
-    accel_m_s2: float
-    several: bool
+    accel_m_s2: float = 2.0
+    several: bool = False
     climb_m_s: float = 0.0
     """What the mission says that it is set to; 0 where it says nothing."""
     descent_m_s: float = 0.0
@@ -42,7 +40,7 @@ class Needs:
 def needs_of(setting: Setting | None) -> Needs:
     """What a mission needs; without one, what most need."""
     if setting is None:
-        return Needs(RESERVE_SHARE, 2.0, several=False)
+        return Needs()
     mission = setting.mission
     # what is set for the flight is not wished for
     several = len(mission.vehicles) > 1 or setting.ground is not None
