@@ -81,17 +81,18 @@ def _keys_beside(loc: tuple[int | str, ...], model: type[BaseModel]) -> list[str
     for part in loc[:-1]:
         if isinstance(part, int):
             continue
-        found = _section_of(model.model_fields[part].annotation)
+        found = section_of(model.model_fields[part].annotation)
         if found is None:
             return []
         model = found
     return list(model.model_fields)
 
 
-def _section_of(annotation: Any) -> type[BaseModel] | None:
+def section_of(annotation: Any) -> type[BaseModel] | None:
+    """The table that a key of this type stands for, or a list of them, if it is one."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for inner in getattr(annotation, "__args__", ()):
-        if (found := _section_of(inner)) is not None:
+        if (found := section_of(inner)) is not None:
             return found
     return None

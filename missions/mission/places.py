@@ -126,21 +126,20 @@ def polygons(mission: Mission, grid: Grid) -> Iterator[str]:
     for key, ring in _rings(mission):
         polygon = drawn(ring, grid)
         if not polygon.is_valid and (polygon.area > 0 or len(set(ring)) > 3):
-            yield (
-                f"{key}: crosses or touches itself{_where(polygon, grid)}; list the "
-                "corners in order, once around"
-            )
+            _, at = invalidity(polygon, grid)
+            near = "" if at is None else f" near [{at.lat_deg:.6f}, {at.lon_deg:.6f}]"
+            yield f"{key}: crosses or touches itself{near}; list the corners in order, once around"
         elif polygon.area < _SMALLEST_AREA_M2:
             yield f"{key}: has no area; it needs three corners that are not in a line"
 
 
-def _where(polygon: Polygon, grid: Grid) -> str:
-    _, bracket, coordinates = explain_validity(polygon).partition("[")
+def invalidity(polygon: Polygon, grid: Grid) -> tuple[str, LatLon | None]:
+    """Why a polygon is none, and near which place, if that is known."""
+    reason, bracket, coordinates = explain_validity(polygon).partition("[")
     if not bracket:
-        return ""
+        return reason, None
     east, north = (float(part) for part in coordinates.rstrip("]").split()[:2])
-    place = grid.position(GridPoint(east, north))
-    return f" near [{place.lat_deg:.6f}, {place.lon_deg:.6f}]"
+    return reason, grid.position(GridPoint(east, north))
 
 
 # --- inside the fence ------------------------------------------------------------------------

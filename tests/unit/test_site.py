@@ -14,10 +14,10 @@ from pydantic import BaseModel
 
 import uavmap
 from missions import errors
+from missions.mission.messages import section_of
 from missions.mission.schema import Mission
 from tests.unit.test_pages import ROOT
 from uavmap.load.areas.mission_reference import reference
-from uavmap.load.areas.mission_text import section_of
 
 EXAMPLES = ROOT / "examples"
 
@@ -28,15 +28,9 @@ def keys_of(section: type[BaseModel], name: str = "") -> set[str]:
     found = set()
     for key, field in section.model_fields.items():
         full = f"{name}.{key}" if name else key
-        inner = _inner(field.annotation) or section_of(field)
+        inner = section_of(field.annotation)
         found |= {full} if inner is None else keys_of(inner, full)
     return found - {"detector.tables"}
-
-
-def _inner(kind: Any) -> type[BaseModel] | None:
-    """The table of a list of tables."""
-    parts = getattr(kind, "__args__", ())
-    return next((p for p in parts if isinstance(p, type) and issubclass(p, BaseModel)), None)
 
 
 def test_the_reference_is_that_of_the_schema():

@@ -47,7 +47,7 @@ class Child:
                 self._complaint = (self._complaint + piece)[-_REMEMBERED:]
 
     def last_words(self, wait_s: float = 0.0) -> str:
-        """Return its last line on standard error, or ; wait up to `wait_s` real seconds."""
+        """Return its last line on standard error, or no text; wait up to `wait_s` real seconds."""
         self._listener.join(wait_s)
         lines = self._complaint.decode(errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else ""

@@ -11,11 +11,10 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points, unary_union
-from shapely.validation import explain_validity
 
 from missions.errors import AreaError, GeodesyError
 from missions.geo.grid import Grid
-from missions.mission.places import SMALLEST_GAP_M
+from missions.mission.places import SMALLEST_GAP_M, invalidity
 from missions.units import GridPoint, LatLon
 from uavmap.load.areas.drawing import Area, Drawing
 
@@ -156,14 +155,10 @@ def _on_ground(area: Area, grid: Grid, source: str) -> Polygon:
         [[grid.fixed(place) for place in hole] for hole in area.holes],
     )
     if not polygon.is_valid:
-        reason, _, at = explain_validity(polygon).partition("[")
-        where = ""
-        if at:
-            east, north = (float(part) for part in at.rstrip("]").split()[:2])
-            place = grid.position(GridPoint(east, north))
-            where = f" near {place.lat_deg:.6f}, {place.lon_deg:.6f}"
+        reason, at = invalidity(polygon, grid)
+        near = "" if at is None else f" near {at.lat_deg:.6f}, {at.lon_deg:.6f}"
         raise AreaError(
-            f"{source}: {area.name}: crosses or touches itself{where} ({reason.lower()}); draw its "
+            f"{source}: {area.name}: crosses or touches itself{near} ({reason.lower()}); draw its "
             "corners in order, once around"
         )
     return polygon

@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 
 from missions.mission import flyable
 from missions.mission.height_and_speed import LEAST_HEIGHT_M, search_layer_faults
+from missions.mission.messages import section_of
 from missions.mission.schema import Mission, VehicleSection, parse_fields
 from missions.mission.sections import AUTO
 from missions.units import LatLon
@@ -192,17 +193,11 @@ def mission_text(values: Values, header: Sequence[str], vehicles: int = 1) -> st
     for key, field in Mission.model_fields.items():
         if key == "vehicles":
             lines += _vehicles(vehicles)
-        elif (section := section_of(field)) is None:
+        elif (section := section_of(field.annotation)) is None:
             lines += _line(key, key, field, values)
         else:
             lines += _section(key, section, values, optional=field.default is None)
     return "\n".join(lines) + "\n"
-
-
-def section_of(field: FieldInfo) -> type[BaseModel] | None:
-    """The table that a key stands for, if it is one."""
-    kinds = (field.annotation, *getattr(field.annotation, "__args__", ()))
-    return next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
 
 
 def _section(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from missions.mission.messages import section_of
 from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sections import LATER
 from missions.mission.sim_section import Sim
@@ -30,7 +31,6 @@ from tests.support.page.html_page import Page
 from tests.support.plans import named_text
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.load.areas.key_comments import COMMENTS, SECTIONS
-from uavmap.load.areas.mission_text import section_of
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.palette import FENCE
 from uavmap.ui.cli import main
@@ -80,7 +80,7 @@ def test_a_kml_becomes_a_mission_that_check_takes(field, capsys):
 def keys(model, prefix=""):
     found = set()
     for key, field in model.model_fields.items():
-        inner = section_of(field)
+        inner = section_of(field.annotation)
         if inner is not None and not prefix and key != "vehicles":
             found |= keys(inner, f"{key}.")
         elif key != "vehicles":
@@ -91,7 +91,7 @@ def keys(model, prefix=""):
 def test_every_key_of_a_mission_has_a_comment_and_every_comment_a_key():
     known = keys(Mission) | {f"vehicles.{key}" for key in VehicleSection.model_fields}
     assert set(COMMENTS) == known - {"detector.tables"}
-    tables = {k for k, f in Mission.model_fields.items() if section_of(f) is not None}
+    tables = {k for k, f in Mission.model_fields.items() if section_of(f.annotation) is not None}
     assert set(SECTIONS) == tables - {"vehicles"}
 
 
