@@ -23,7 +23,7 @@ from shapely.geometry import Polygon
 from missions.errors import MissionFileError
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain, encoded
-from missions.mission.places import positions_near
+from missions.mission.places import drawn, positions_near
 from missions.mission.schema import Mission
 from missions.mission.sections import MOST_POINTS, Lattice, TerrainSection
 from missions.units import GridPoint, LatLon
@@ -64,7 +64,7 @@ class FenceLattice:
     def around(cls, mission: Mission, fine_m: float, most: float) -> FenceLattice:
         """Return points `fine_m` apart, or farther apart where they would be more than `most`."""
         grid = Grid.at(mission.home, mission.grid.cell_m)
-        fence = Polygon([grid.fixed(LatLon(*vertex)) for vertex in mission.fence.polygon])
+        fence = drawn(mission.fence.polygon, grid)
         west, south, east, north = fence.buffer(AROUND_M).bounds
         width_m, depth_m = east - west, north - south
         step_m = max(fine_m, math.sqrt(width_m * depth_m / most))

@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.flight.setting import Setting
 from missions.guardian.thresholds import OUTSIDE_S
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.mission.places import drawn
 from missions.units import GridPoint, LatLon
 from uavmap.mavlink.autopilots import PX4, Autopilot
 from uavmap.mavlink.mission_transfer import Item
@@ -166,7 +167,7 @@ class VehicleFence:
             return faults
         room = self._room(items)
         if room is not None:
-            box = Polygon([setting.grid.fixed(LatLon(*v)) for v in setting.mission.search.box])
+            box = drawn(setting.mission.search.box, setting.grid)
             flown = {
                 "search.box": box.intersection(setting.fence.outer),
                 "fence.polygon less fence.margin_m": setting.fence.inner,

@@ -12,9 +12,9 @@ from shapely.geometry import Point
 
 from missions.flight.setting import Setting
 from missions.mission.flyable import look_s
-from missions.mission.places import drawn, home_heights_m, homes
+from missions.mission.places import drawn, home_heights_m
 from missions.mission.views import energy_model
-from missions.units import GridPoint, PadHeight
+from missions.units import PadHeight
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, EKF_CONSTANT, VehicleView
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
@@ -256,14 +256,10 @@ def nearest_sortie_wh(setting: Setting, number: int) -> float:
     """Return the energy of a look at the box's nearest point, with the way home and the reserve,
     Wh."""
     mission, grid = setting.mission, setting.grid
-    box, home = drawn(mission.search.box, grid), Point(_pad(setting, number))
+    box, home = drawn(mission.search.box, grid), Point(setting.pad_of(number))
     away_m = float(box.distance(home))
     layer_m = mission.top_altitude_m(number - 1)
     return energy_model(mission).sortie_wh(away_m, away_m, layer_m, look_s(mission))
-
-
-def _pad(setting: Setting, number: int) -> GridPoint:
-    return setting.grid.fixed(homes(setting.mission)[number - 1])
 
 
 def _place(view: VehicleView, setting: Setting, number: int) -> Iterator[Finding]:
@@ -271,7 +267,7 @@ def _place(view: VehicleView, setting: Setting, number: int) -> Iterator[Finding
         yield bad("place", "no position", "a position", "wait for a fix")
         return
     here = setting.grid.fixed(view.position)
-    away_m = here.distance_to(_pad(setting, number))
+    away_m = here.distance_to(setting.pad_of(number))
     found = f"{away_m:.0f} m from its place in the mission file"
     if not setting.fence.contains(here):
         yield bad(
