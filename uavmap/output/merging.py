@@ -57,10 +57,10 @@ class Source:
     @property
     def digest(self) -> bytes:
         """A digest of plan and events: no two flights have the same."""
-        told = blake2s(repr(self.plan).encode())
+        digest = blake2s(repr(self.plan).encode())
         for event in self.events:
-            told.update(to_json(event).encode())
-        return told.digest()
+            digest.update(to_json(event).encode())
+        return digest.digest()
 
 
 def merged_results(
@@ -123,7 +123,6 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
 
 
 def _only_heard(sources: Sequence[Source]) -> list[Shared]:
-    """Return the facts that only other members' journals have."""
     known, counted = Knowledge(), dict[int, int]()
     for source in sources:
         own = facts_of(source.plan.known_setting())
@@ -133,11 +132,11 @@ def _only_heard(sources: Sequence[Source]) -> list[Shared]:
             elif isinstance(event, FrameSeen | Tracked) and event.vehicle == source.plan.member:
                 number = event.vehicle
                 counted[number] = counted.get(number, 0) + len(own.take(event))
-    heard = []
+    shared = []
     for origin in sorted(known.facts):
         for first, facts in known.runs(origin, counted.get(origin, 0)):
-            heard.append(Shared(origin, facts[-1].t_s, first, facts))
-    return heard
+            shared.append(Shared(origin, facts[-1].t_s, first, facts))
+    return shared
 
 
 def _refuse_strangers(sources: Sequence[Source]) -> None:

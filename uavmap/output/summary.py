@@ -134,11 +134,11 @@ def drift_in_words(one: Mapping[str, Any]) -> str:
     if drift is None or not (drift["differs"] or drift["speed_m_s"] > 3.0 * drift["error_m_s"]):
         return ""
     speed, toward = f"{drift['speed_m_s']:.2f}", f"{drift['toward_deg']:.0f}"
-    told = f"drifts at {speed} m/s toward {toward} deg, give or take {drift['error_m_s']:.2f} m/s"
+    text = f"drifts at {speed} m/s toward {toward} deg, give or take {drift['error_m_s']:.2f} m/s"
     if not drift["differs"]:
-        return told
+        return text
     return (
-        f"{told}, which is {drift['off_m_s']:.2f} m/s off what the mission says: its outline may "
+        f"{text}, which is {drift['off_m_s']:.2f} m/s off what the mission says: its outline may "
         f"be off by {drift['off_m_s'] * one['took_s']:.0f} m; set drift.speed_m_s = {speed} and "
         f"drift.toward_deg = {toward}, and fly again"
     )
@@ -147,8 +147,8 @@ def drift_in_words(one: Mapping[str, Any]) -> str:
 def box_in_words(box: Mapping[str, Any]) -> str:
     """Write how much of the search box is decided.
 
-    >>> told = {"cells": 9, "decided": 6, "few_frames": 0, "no_frames": 2, "beyond_fence": 1}
-    >>> box_in_words({**told, "whole": False})
+    >>> text = {"cells": 9, "decided": 6, "few_frames": 0, "no_frames": 2, "beyond_fence": 1}
+    >>> box_in_words({**text, "whole": False})
     '6 of 9 cells decided, 2 in no frame, 1 beyond the fence'
     """
     counts = [f"{box['decided']:,} of {box['cells']:,} cells decided"]
@@ -164,14 +164,14 @@ def lines(
         root, drift = one["root"], drift_in_words(one)
         place = f"at {root['lat_deg']:.6f}, {root['lon_deg']:.6f}"
         if verbose:
-            told = (
+            text = (
                 f"; decided from {one['found_s']:,.1f} s on, {place} first, to "
                 f"{one['decided_s']:,.1f} s ({time_in_words(one)})"
             )
         else:
-            told = f", {place}"
+            text = f", {place}"
         moved = f"; it {drift}" if drift else ""
-        yield f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}{told}{moved}"
+        yield f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}{text}{moved}"
     if len(found) > MOST_PATCHES:
         yield f"... and {len(found) - MOST_PATCHES} more patches"
     if not verbose:

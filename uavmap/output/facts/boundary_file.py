@@ -196,22 +196,22 @@ def _region(data: BoundaryMap) -> Feature:
 
 def _lines(data: BoundaryMap) -> Iterator[Feature]:
     for number, line in enumerate(data.boundary.lines, start=1):
-        told = {
+        values = {
             "line": number,
             "hole": line.hole,
             "length_m": round(float(np.hypot(*np.diff(line.points, axis=0).T).sum()), 1),
             "uncertainty_m": _rounded(line.uncertainty(0.5)),
             "uncertainty_95_m": _rounded(line.uncertainty(0.95)),
         }
-        yield _shape(data, "line", shapely.LineString(line.points), told, f"line {number}")
+        yield _shape(data, "line", shapely.LineString(line.points), values, f"line {number}")
 
 
 def _cells(data: BoundaryMap, kind: str, found: Runs) -> Feature:
     half_m = data.grid.cell_m / 2.0
     row, first, last = data.grid.cell_m * np.array(found, dtype=np.float64).reshape(-1, 3).T
     boxes = shapely.box(first - half_m, row - half_m, last + half_m, row + half_m)
-    told = {"cells": sum(last - first + 1 for _, first, last in found), "runs": found}
-    return _shape(data, kind, shapely.orient_polygons(shapely.union_all(boxes)), told)
+    values = {"cells": sum(last - first + 1 for _, first, last in found), "runs": found}
+    return _shape(data, kind, shapely.orient_polygons(shapely.union_all(boxes)), values)
 
 
 def unseen(data: BoundaryMap) -> Runs:
@@ -236,7 +236,7 @@ def unseen(data: BoundaryMap) -> Runs:
 
 # --- geometry ------------------------------------------------------------------------------------
 def _shape(
-    data: BoundaryMap, kind: str, shape: BaseGeometry, told: dict[str, Any], name: str = ""
+    data: BoundaryMap, kind: str, shape: BaseGeometry, values: dict[str, Any], name: str = ""
 ) -> Feature:
     """Create a feature; its geometry is null where there is none."""
 
@@ -251,7 +251,7 @@ def _shape(
         there = shapely.transform(shape, on_map)
         feature["bbox"] = list(there.bounds)
         feature["geometry"] = mapping(there)
-    return {**feature, "properties": {"kind": kind, **told}}
+    return {**feature, "properties": {"kind": kind, **values}}
 
 
 def _rounded(value: float | None) -> float | None:

@@ -42,7 +42,7 @@ class CellStates:
         """Return all cells that are weighed: each belief depends on the whole set."""
         return [] if self._evidence is None else self._evidence.cells()
 
-    def of(self, cell: Cell, state: State) -> CellState:
+    def state_of(self, cell: Cell, state: State) -> CellState:
         """Return the state of a cell; `state` is that of the mission."""
         if self._evidence is None:
             return cell_state(cell, state, self.sums, recorded=self._recorded)

@@ -47,7 +47,7 @@ class DetectorFit:
     _ayes: dict[Cell, int] = field(default_factory=dict)
     """By cell: votes for region less votes against it."""
 
-    def take(self, event: FrameSeen) -> News | None:
+    def note(self, event: FrameSeen) -> News | None:
         """Note a frame; return what the operator has to know, if anything."""
         self.frames += 1
         ayes = self._ayes

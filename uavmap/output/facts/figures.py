@@ -78,9 +78,9 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
         state, _ = step(setting, state, event)
         counter.after(event)
         if isinstance(event, FrameSeen):
-            shares.take(event)
+            shares.note(event)
             sums.note(event)
-            fit.take(event)
+            fit.note(event)
         if facts is not None:
             facts.take(event)
     if facts is not None:
@@ -104,9 +104,7 @@ def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
         if state.tree is None
         else setting.strategy.bound_s(setting, state.tree),
         tracks={number: tuple(c.points) for number, c in counter.vehicles.items()},
-        navigation={
-            n: told for n, c in counter.vehicles.items() if (told := c.navigation.figures())
-        },
+        navigation={n: log for n, c in counter.vehicles.items() if (log := c.navigation.figures())},
         lift_off_s=counter.first_s or 0.0,
     )
 
@@ -247,8 +245,8 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
     of_patches, in_all = certificates(setting, state, found.lift_off_s)
     drifts = found.shares.drifts_of(patches(state.belief.roi), setting.grid)
     for one, drift in zip(of_patches, drifts, strict=True):
-        one["drift"] = None if drift is None else drift.told(setting.grid)
-    told = {
+        one["drift"] = None if drift is None else drift.figures(setting.grid)
+    values = {
         "mission": mission.name,
         "strategy": mission.strategy,
         "vehicles": len(mission.vehicles),
@@ -283,11 +281,11 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "ratio": found.ratio,
         "bound_makespan_s": found.bound_makespan_s,
         "bound_held": found.bound_held,
-        "navigation": {str(number): dict(told) for number, told in found.navigation.items()},
+        "navigation": {str(number): dict(one) for number, one in found.navigation.items()},
         "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},
     }
     if setting.member == 0:  # merged: no journal has the orders of all
-        told |= dict.fromkeys(
+        values |= dict.fromkeys(
             ("exploration_s", "lower_bound_s", "ratio", "bound_makespan_s", "bound_held")
         )
-    return told
+    return values

@@ -204,9 +204,9 @@ class NavigationLog:
 
     >>> from missions.units import GridPoint
     >>> log = NavigationLog()
-    >>> log.take(Navigated(1, 60.0, "lost", sigma_m=0.4, off_m=GridPoint(0.0, 0.0)))
-    >>> log.take(Navigated(1, 90.0, "lost", sigma_m=0.6, off_m=GridPoint(3.0, 4.0)))
-    >>> log.take(Landed(1, 100.0, 30.0))
+    >>> log.note(Navigated(1, 60.0, "lost", sigma_m=0.4, off_m=GridPoint(0.0, 0.0)))
+    >>> log.note(Navigated(1, 90.0, "lost", sigma_m=0.6, off_m=GridPoint(3.0, 4.0)))
+    >>> log.note(Landed(1, 100.0, 30.0))
     >>> log.figures()["lost_s"], log.figures()["off_m"], log.figures()["sigma_m"]
     (40.0, 5.0, 0.6)
     """
@@ -222,7 +222,7 @@ class NavigationLog:
     _gnss: str = "good"
     _since_s: float = 0.0
 
-    def take(self, event: Event) -> None:
+    def note(self, event: Event) -> None:
         """Note a change of navigation or a landing of this vehicle."""
         if isinstance(event, Landed):
             self._pass(event.t_s)
@@ -343,7 +343,7 @@ class Counter:
     def after(self, event: Event) -> None:
         """Count what an event adds."""
         if isinstance(event, Landed | Navigated):
-            self.vehicles[event.vehicle].navigation.take(event)
+            self.vehicles[event.vehicle].navigation.note(event)
         if isinstance(event, Tracked):
             count = self.vehicles[event.vehicle]
             count.track(event)

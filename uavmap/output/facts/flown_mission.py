@@ -73,10 +73,10 @@ class Calendar:
         date = None if self.clock == "camera" else self.date(t_s)
         return None if date is None else f"{date:%Y-%m-%dT%H:%M:%S}.{date.microsecond // 1000:03}Z"
 
-    def told(self, t_s: float) -> str:
+    def in_words(self, t_s: float) -> str:
         """Write a date to a second, for people.
 
-        >>> Calendar(0.0, clock="camera").told(3600.0), Calendar(None).told(1.0)
+        >>> Calendar(0.0, clock="camera").in_words(3600.0), Calendar(None).in_words(1.0)
         ("1970-01-01 01:00:00 by the camera's clock", 'not known')
         """
         date = self.date(t_s)
@@ -191,7 +191,7 @@ _SAME_S: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class BoundaryTold:
+class BoundaryFacts:
     """The boundary at pixel level, in the fixed frame, m on the ground.
 
     Attributes:
@@ -214,18 +214,18 @@ class BoundaryTold:
     position_m: float
 
 
-def read_boundary(folder: Path, data: MapData) -> BoundaryTold | None:
+def read_boundary(folder: Path, data: MapData) -> BoundaryFacts | None:
     """Read the boundary in a folder of results; None without one, and of an edited or old file."""
     try:
-        told = json.loads(read_text(folder / BOUNDARY_FILE, _MOST_BYTES))
-        if abs(float(told["t_s"]) - data.t_s) > _SAME_S:
+        values = json.loads(read_text(folder / BOUNDARY_FILE, _MOST_BYTES))
+        if abs(float(values["t_s"]) - data.t_s) > _SAME_S:
             return None
-        return _told(told["features"], data)
+        return _boundary_of(values["features"], data)
     except (OSError, ValueError, TypeError, KeyError, RecursionError, ShapelyError):
         return None
 
 
-def _told(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | None:
+def _boundary_of(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryFacts | None:
     """Read the features; None of a geometry that is no boundary. Any other fault raises."""
     features = {str(one["id"]): one for one in found}
     feature = features["boundary"]
@@ -246,8 +246,8 @@ def _told(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | N
     ]  # fmt: skip
     if not np.isfinite(numbers).all() or not np.isfinite(shapely.get_coordinates(region)).all():
         return None
-    told = BoundaryTold(region, *numbers)
-    return replace(told, uncertainty_m=None) if uncertainty is None else told
+    facts = BoundaryFacts(region, *numbers)
+    return replace(facts, uncertainty_m=None) if uncertainty is None else facts
 
 
 # --- a flight with its results --------------------------------------------------------------------
@@ -298,7 +298,7 @@ class Flown:
         return mission.detector.share if self.recorded else rim_share(mission)
 
     @cached_property
-    def boundary(self) -> BoundaryTold | None:
+    def boundary(self) -> BoundaryFacts | None:
         """The boundary at pixel level, if the folder holds one of this map."""
         return read_boundary(self.folder, self.data)
 

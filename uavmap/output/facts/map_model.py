@@ -158,7 +158,6 @@ class CellTable:
         return cls(cells, codes, positive, votes, belief)
 
     def __len__(self) -> int:
-        """How many cells."""
         return len(self.cells)
 
     def with_sums(self, sums: FrameSums, numbers: Sequence[int]) -> CellTable:

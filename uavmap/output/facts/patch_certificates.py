@@ -144,12 +144,12 @@ def certificates(
     open_cells = {cell for cells in beside for cell in cells if cell not in frames}
     seen_s = _first_seen_s(state)
     reasons = _reasons(setting, state, open_cells, seen_s)
-    told = []
+    found_each = []
     for patch, others in zip(found, beside, strict=True):
         middle = [sum(axis) / len(patch) for axis in zip(*patch, strict=True)]
         root = min(patch, key=lambda cell: (frames[cell].t_s, cell))
         left = sorted(cell for cell in others if cell not in frames)
-        told.append({
+        found_each.append({
             **_size(setting, len(patch)),
             **_place(setting, state, middle[0], middle[1]),
             "root": {
@@ -171,7 +171,7 @@ def certificates(
         **judged.times(state.belief.roi, set[Cell]().union(*beside)),
         "box": _box(setting, state, frames, seen_s),
     }
-    return told, in_all
+    return found_each, in_all
 
 
 def _size(setting: Setting, cells: int) -> dict[str, Any]:

@@ -68,7 +68,7 @@ class Drift:
         """Whether it is surely not the drift of the mission file."""
         return self.off_m_s > 3.0 * self.error_m_s
 
-    def told(self, grid: Grid) -> dict[str, float | bool]:
+    def figures(self, grid: Grid) -> dict[str, float | bool]:
         """Return it for the summary, with a true bearing."""
         bearing = math.degrees(math.atan2(self.east_m_s, self.north_m_s) + grid.convergence_rad)
         return {
@@ -99,7 +99,7 @@ class Shares:
         self._times_s = array("d")
         self._shares = array("d")
 
-    def take(self, event: FrameSeen) -> None:
+    def note(self, event: FrameSeen) -> None:
         """Note the votes of a frame."""
         for cell, _, share in event.votes:
             self._cells.append(cell.east)

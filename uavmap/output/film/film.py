@@ -228,8 +228,6 @@ def film_of_flight(
 
 @dataclass(slots=True)
 class _Log:
-    """The changes and tracks of a journal that is folded."""
-
     setting: Setting
     state: State
     states: CellStates
@@ -254,7 +252,7 @@ class _Log:
             self.note(cell)
 
     def note(self, cell: Cell) -> None:
-        now, tree = self.states.of(cell, self.state), self.state.tree
+        now, tree = self.states.state_of(cell, self.state), self.state.tree
         if self.shown.get(cell) != now:
             self.shown[cell] = now
             parent = tree.parent(cell) if tree is not None and cell in tree else None

@@ -126,16 +126,15 @@ def _content(
     srs: int | None,
 ) -> None:
     when = flown.calendar.utc(flown.data.t_s) or _NO_DATE
-    told = f"{flown.data.mission}: {title.lower()}; uavmap {__version__}"
+    about = f"{flown.data.mission}: {title.lower()}; uavmap {__version__}"
     box = [None if value is None or np.isnan(value) else value for value in bounds]
     file.execute(
         "INSERT INTO gpkg_contents VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        (name, kind, title, told, when, *box, srs),
+        (name, kind, title, about, when, *box, srs),
     )
 
 
 def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> None:
-    """Write the table in which QGIS looks for styles."""
     when = flown.calendar.utc(flown.data.t_s) or _NO_DATE
     _content(file, flown, "layer_styles", "attributes", "layer_styles", [None] * 4, 0)
     file.executemany(

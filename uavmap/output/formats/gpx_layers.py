@@ -40,7 +40,6 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
 
 
 def _date(flown: Flown, t_s: float) -> Any:
-    """UTC; None where it is not known."""
     return None if flown.calendar.utc(t_s) is None else flown.calendar.date(t_s)
 
 

@@ -20,7 +20,7 @@ from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.journal.kept_frames import KeptFrame, read_kept
 from uavmap.output.facts.flight_log import Fix
-from uavmap.output.facts.flown_mission import BoundaryTold, Flown
+from uavmap.output.facts.flown_mission import BoundaryFacts, Flown
 from uavmap.output.facts.map_model import CellTable, drift_m
 from uavmap.output.formats.layers import Field, Layer, Row, Shapes, Value
 
@@ -117,14 +117,14 @@ def _region(flown: Flown) -> Layer:
     return Layer.whole("region", "Region", "MultiPolygon", fields, shapes, rows)
 
 
-def _boundary(flown: Flown, told: BoundaryTold) -> Layer:
+def _boundary(flown: Flown, facts: BoundaryFacts) -> Layer:
     shapes = np.array([None], dtype=object)
-    if not told.region.is_empty:
-        shapes = _of_ground(flown, [_whole(told.region)])
+    if not facts.region.is_empty:
+        shapes = _of_ground(flown, [_whole(facts.region)])
     fields = _fields(f"name area_m2 area_low area_high perim_m uncert_m open_m {_ABOUT}")
     rows: list[Row] = [(
-        "boundary", told.area_m2, told.low_m2, told.high_m2, told.length_m, told.uncertainty_m,
-        told.open_m, *_about(flown),
+        "boundary", facts.area_m2, facts.low_m2, facts.high_m2, facts.length_m, facts.uncertainty_m,
+        facts.open_m, *_about(flown),
     )]  # fmt: skip
     return Layer.whole("boundary", "Boundary by pixels", "MultiPolygon", fields, shapes, rows)
 
@@ -149,8 +149,8 @@ def _cell_rows(table: CellTable, names: Sequence[str]) -> Iterator[Row]:
     columns = table.classes.tolist()
     for values, roi, column in zip(table.values(), table.roi.tolist(), columns, strict=True):
         (east, north), state, positive, votes, belief = values
-        told = None if belief is None else round(belief, 3)
-        row: Row = (east, north, state, roi, positive, votes, told)
+        facts = None if belief is None else round(belief, 3)
+        row: Row = (east, north, state, roi, positive, votes, facts)
         yield (*row, None if column < 0 else names[column]) if names else row
 
 

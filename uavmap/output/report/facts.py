@@ -189,8 +189,8 @@ def sortie_rows(flown: Flown) -> Iterator[Row]:
         yield (
             sortie.vehicle,
             sortie.number,
-            flown.calendar.told(sortie.start_s),
-            flown.calendar.told(sortie.end_s) if sortie.ended else "no landing known",
+            flown.calendar.in_words(sortie.start_s),
+            flown.calendar.in_words(sortie.end_s) if sortie.ended else "no landing known",
             minutes(sortie.end_s - sortie.start_s),
             f"{distance_m:,.0f}",
             f"{first:.1f} to {last:.1f} ({first / full:.0%} to {last / full:.0%})",
@@ -203,16 +203,16 @@ def trouble_rows(flown: Flown) -> tuple[list[Row], int]:
     for trouble in flown.log.troubles:
         if trouble.kind == "frame":
             lost.setdefault((trouble.vehicle, trouble.text), []).append(trouble.t_s)
-    told = [(t.t_s, t.vehicle, t.text) for t in flown.log.troubles if t.kind != "frame"]
+    found = [(t.t_s, t.vehicle, t.text) for t in flown.log.troubles if t.kind != "frame"]
     for (vehicle, reason), times in lost.items():
         frames = f"{len(times)} frames" if len(times) > 1 else "frame"
-        told.append((times[0], vehicle, f"{frames} lost: {reason}"))
-    told.sort()
+        found.append((times[0], vehicle, f"{frames} lost: {reason}"))
+    found.sort()
     rows: list[Row] = [
         ("", "", what) if flown.recorded else (minutes(t_s), f"vehicle {who}" if who else "", what)
-        for t_s, who, what in told[:_MOST_TROUBLES]
+        for t_s, who, what in found[:_MOST_TROUBLES]
     ]
-    return rows, max(0, len(told) - _MOST_TROUBLES)
+    return rows, max(0, len(found) - _MOST_TROUBLES)
 
 
 def notes(flown: Flown) -> list[str]:
@@ -296,7 +296,7 @@ def patch_rows(flown: Flown) -> tuple[list[Row], int]:
     return rows, max(0, len(found) - MOST_PATCHES)
 
 
-def box_told(flown: Flown) -> str:
+def box_line(flown: Flown) -> str:
     """Return how much of the search box of a flight is decided, and what follows."""
     box = flown.values["patches_in_all"]["box"]
     proof = "no patch that begins in it is missing, if the verdicts are right"
@@ -322,6 +322,6 @@ def _patch_row(name: str, one: Mapping[str, Any]) -> Row:
 def _drift(drift: Mapping[str, Any] | None) -> str:
     if drift is None:
         return ""
-    told = f"{drift['speed_m_s']:.2f} toward {drift['toward_deg']:.0f}°"
-    told += f" ± {drift['error_m_s']:.2f}"
-    return f"{told}, not as the mission says" if drift["differs"] else told
+    text = f"{drift['speed_m_s']:.2f} toward {drift['toward_deg']:.0f}°"
+    text += f" ± {drift['error_m_s']:.2f}"
+    return f"{text}, not as the mission says" if drift["differs"] else text

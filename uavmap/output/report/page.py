@@ -46,8 +46,8 @@ def encode_plan(
 ) -> bytes:
     """Write the plan of a mission as a page."""
     drawing = svg.map_drawing(scene)
-    told = {"scene": scene, "drawing": drawing, "legend": legend_of(scene), "facts": plan_facts}
-    return _template("plan.html").render(told, warnings=warnings).encode()
+    values = {"scene": scene, "drawing": drawing, "legend": legend_of(scene), "facts": plan_facts}
+    return _template("plan.html").render(values, warnings=warnings).encode()
 
 
 @lru_cache
@@ -273,7 +273,7 @@ def _axis(flown: Flown, end_s: float, scale: float, top: float) -> Iterator[str]
         )
     yield (
         f'<text x="{LEFT_PX}" y="{top + 35}" font-size="11" fill="#5a6066">'
-        f"mission time, min:s; 0:00 is {Markup.escape(flown.calendar.told(0.0))}</text>"
+        f"mission time, min:s; 0:00 is {Markup.escape(flown.calendar.in_words(0.0))}</text>"
     )
 
 

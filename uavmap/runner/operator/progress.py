@@ -124,7 +124,7 @@ class ProgressTable(Onlooker):
             yield event
 
     def _show_news(self, event: Event, state: State) -> None:
-        news = self._detector.take(event) if isinstance(event, FrameSeen) else None
+        news = self._detector.note(event) if isinstance(event, FrameSeen) else None
         if text := remarkable(event, state) if news is None else news.text:
             self._terminal.show(f"{state.t_s:7.0f} s  {text}")
 

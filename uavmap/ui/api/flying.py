@@ -275,6 +275,5 @@ def _shown(*, quiet: bool) -> Iterator[tuple[Onlooker, ...]]:
 
 
 def _key(given: Paths | None) -> str | None:
-    """Return the file of the key as an absolute path, None without one."""
     named = os.environ.get(KEY_VARIABLE) or None if given is None else path_text("key", given)
     return None if named is None else str(Path(named).expanduser().absolute())

@@ -76,7 +76,6 @@ class Results:
         return f"<Results in {self.folder}: {self.summary.get('finding', '')}>"
 
     def _repr_png_(self) -> bytes | None:
-        """The picture of the map, which a notebook shows."""
         path = self.folder / _PICTURE
         return path.read_bytes() if path.exists() else None
 
@@ -130,8 +129,8 @@ class Results:
         path = self.folder / _BOUNDARY
         if not path.exists():
             return None
-        told = (f for f in _features(path) if f["properties"].get("kind") == "boundary")
-        return shapely.union_all([_shape(feature) for feature in told])
+        found = (f for f in _features(path) if f["properties"].get("kind") == "boundary")
+        return shapely.union_all([_shape(feature) for feature in found])
 
     @property
     def tracks(self) -> dict[int, LineString]:

@@ -155,7 +155,6 @@ def _say(group: BaseExceptionGroup[UavmapError]) -> None:
 
 
 def _notes(error: BaseException) -> list[str]:
-    """Return the notes of an error, and of those within."""
     found = list(getattr(error, "__notes__", ()))
     if isinstance(error, BaseExceptionGroup):
         found += [note for inner in error.exceptions for note in _notes(inner)]

@@ -83,7 +83,7 @@ class Feed:
     def __init__(self, config: Words, listening: socket.socket) -> None:
         self._messages: queue.Queue[bytes | None] = queue.Queue(WAITING)
         self._lines = Lines()
-        self.dead = self._told = False
+        self.dead = self._logged = False
         self._child = Child("uavmap.ui.page.page_child", "page", (listening.fileno(),))
         os.set_blocking(self.orders_file, False)
         self.put({"kind": "start", "socket": listening.fileno(), **config})
@@ -114,7 +114,7 @@ class Feed:
     def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
         """Queue a message; return whether there was room within `wait_s` real seconds."""
         if self.dead:
-            self._tell()
+            self._log_end()
             return False
         try:
             self._messages.put(packed(words, data), wait_s > 0.0, wait_s or None)
@@ -134,9 +134,9 @@ class Feed:
             with contextlib.suppress(OSError, ValueError):
                 pipe.close()
 
-    def _tell(self) -> None:
-        if not self._told:
-            self._told = True
+    def _log_end(self) -> None:
+        if not self._logged:
+            self._logged = True
             why = self._child.last_words() or "its process has ended"
             _LOG.info(f"the live page is gone ({why}); the flight goes on without it")
 

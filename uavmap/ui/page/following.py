@@ -20,7 +20,7 @@ from uavmap.journal.kept_frames import FRAMES, POSES, KeptFrame, read_kept
 from uavmap.output.facts.flown_mission import DERIVED
 from uavmap.photos.ground.rasters import ORTHO
 from uavmap.ui.page.feed import Feed
-from uavmap.ui.page.live import tell_scene
+from uavmap.ui.page.live import send_scene
 from uavmap.ui.page.page_scene import marks_of, of_mosaic, of_tiles, scene_of
 from uavmap.ui.page.watching import Watcher
 
@@ -80,7 +80,7 @@ class Follower:
             dear_s=math.inf,
         )
         scene = scene_of(self.setting, self._background, recorded=self.recorded, drawn=self._drawn)
-        tell_scene(feed, scene, self._background)
+        send_scene(feed, scene, self._background)
         last_s = events[-1].t_s if events else 0.0
         step_s = max(STEP_S, last_s / MOST_STEPS)
         due_s = float("-inf")
@@ -91,17 +91,17 @@ class Follower:
                 self._pictures.note(event)
                 if state.t_s >= due_s:
                     due_s = state.t_s + step_s
-                    self._tell(watcher, feed)
+                    self._send(watcher, feed)
             fresh, events = bool(events), self._reader.new_events()
             if fresh and not events:
-                self._tell(watcher, feed, whole=True)
+                self._send(watcher, feed, whole=True)
             elif not events:
                 sleep(LOOK_S)
                 feed.orders()  # there are none, but so it is seen that it has ended
                 if feed.dead:
                     raise OutputError(GONE)
 
-    def _tell(self, watcher: Watcher, feed: Feed, *, whole: bool = False) -> None:
+    def _send(self, watcher: Watcher, feed: Feed, *, whole: bool = False) -> None:
         board = watcher.board
         over = watcher.state.over
         board.set_field("hands_off", RECORDED if self.recorded else PAST if over else WATCHES)

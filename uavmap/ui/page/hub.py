@@ -105,7 +105,7 @@ class Hub:
         self.news.set()
         self.news = asyncio.Event()
 
-    async def take(self, words: Words, data: bytes) -> None:
+    async def receive(self, words: Words, data: bytes) -> None:
         """Receive a message of the flight (`uavmap.ui.page.page_pipe`)."""
         match words.get("kind"):
             case "scene":
@@ -118,7 +118,7 @@ class Hub:
                 if self.timeline is not None:
                     self.timeline.add(self.board.field("t_s") or 0.0, words["delta"])
             case "picture":
-                shown = await asyncio.to_thread(self._take_picture, words, data)
+                shown = await asyncio.to_thread(self._lay_picture, words, data)
                 self._pictures[str(words["id"])] = shown
                 while len(self._pictures) > MOST_PICTURES:
                     del self._pictures[next(iter(self._pictures))]
@@ -138,7 +138,7 @@ class Hub:
             return self._background
         return await asyncio.to_thread(self._mosaic.jpeg)
 
-    def _take_picture(self, words: Words, data: bytes) -> bytes:
+    def _lay_picture(self, words: Words, data: bytes) -> bytes:
         """Lay a picture on the ground; return it for the page."""
         image = _decoded(data, words.get("shape"))
         if image is None:
@@ -177,7 +177,6 @@ def _decoded(data: bytes, shape: Sequence[int] | None) -> NDArray[np.uint8] | No
 
 
 def _small(image: NDArray[np.uint8]) -> bytes:
-    """Encode a picture as JPEG, no wider than a page shows it."""
     height, width = image.shape[:2]
     if width > PICTURE_PX:
         size = (PICTURE_PX, max(round(height * PICTURE_PX / width), 1))

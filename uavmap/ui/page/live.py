@@ -115,7 +115,7 @@ class FlightPage(Onlooker):
         )
         self._watcher.board.set_field("hands_off", self._hands_off)
         background = growing(setting, self._background)
-        tell_scene(self._feed, scene_of(setting, background), background)
+        send_scene(self._feed, scene_of(setting, background), background)
         for text in self._said:
             self._watcher.say(text)
 
@@ -213,7 +213,7 @@ class FlightPage(Onlooker):
             )
 
 
-def tell_scene(feed: Feed, scene: Words, background: Background | None) -> None:
+def send_scene(feed: Feed, scene: Words, background: Background | None) -> None:
     """Send a page what does not change, the background of the map first."""
     if background is not None and background.jpeg:
         feed.put({"kind": "background"}, background.jpeg)

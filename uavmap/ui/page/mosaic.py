@@ -79,7 +79,6 @@ def jpeg(image: NDArray[Any]) -> bytes:
 
 
 def _steepness(rows: int, columns: int) -> NDArray[np.float32]:
-    """Return the weights of a picture's pixels."""
     down = np.abs(np.linspace(-1.0, 1.0, rows, dtype=np.float32))[:, None]
     across = np.abs(np.linspace(-1.0, 1.0, columns, dtype=np.float32))[None, :]
     found: Any = np.maximum(1.0 - np.maximum(down, across), _FAR)

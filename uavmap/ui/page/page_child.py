@@ -61,10 +61,9 @@ async def _serve(out: int) -> None:
 
 
 async def _listen(hub: Hub, reader: asyncio.StreamReader) -> None:
-    """Receive the messages of the flight to its end."""
     try:
         while True:
-            await hub.take(*await read(reader))
+            await hub.receive(*await read(reader))
     except (asyncio.IncompleteReadError, ValueError):
         pass
     hub.ended = hub.ended or DIED

@@ -161,7 +161,6 @@ def _laid(
     m_per_px: float,
     lat_deg: float,
 ) -> tuple[Colours, NDArray[np.float64]]:
-    """Return the tiles under some points, and where in them these lie."""
     kind = database.execute("SELECT value FROM metadata WHERE name = 'format'").fetchone()
     if kind == ("pbf",):
         raise OutputError(f"--tiles {path}: holds vector tiles; tiles of pictures are shown")

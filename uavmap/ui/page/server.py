@@ -146,7 +146,6 @@ class Visitor:
             await self._order({"do": HOME, "vehicle": vehicle or None})
 
     async def _order(self, order: Words) -> None:
-        """Pass an order on, and show the answer."""
         if self._hub.board.field("hands_off") or self._hub.ended:
             ui.notify("nothing is ordered: the flight takes no orders now")
             return
@@ -238,7 +237,7 @@ class Visitor:
                     await self._view.run_method("setting", scene, timeout=CONFIRM_S)
                 board = self._board()
                 version = version if board is shown else 0
-                version, shown = await self._tell(board, version), board
+                version, shown = await self._send_news(board, version), board
             except TimeoutError:
                 version, scene = 0, None  # whatever it has missed is in a snapshot
                 continue
@@ -252,7 +251,7 @@ class Visitor:
             return self._hub.board
         return self._hub.timeline.at(self._at_s)
 
-    async def _tell(self, board: Board, version: int) -> int:
+    async def _send_news(self, board: Board, version: int) -> int:
         """Send the browser what is new; return the version that it confirms, 0 for none."""
         self._show_buttons(self._hub.board)
         self._listed = sorted(board.vehicles)
@@ -262,11 +261,10 @@ class Visitor:
             "pictures": self._config.get("pictures", ""),
         }
         delta = board.since(version)
-        told = await self._view.run_method("take", delta, link, timeout=CONFIRM_S)
-        return delta["v"] if told == delta["v"] else 0
+        confirmed = await self._view.run_method("take", delta, link, timeout=CONFIRM_S)
+        return delta["v"] if confirmed == delta["v"] else 0
 
     async def _rest(self, board: Board, version: int) -> None:
-        """Wait a little, and then for something new."""
         await asyncio.sleep(UPDATE_S)
         if self._hub.timeline is not None and self._playing:
             return

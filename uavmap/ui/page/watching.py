@@ -99,7 +99,7 @@ class Watcher:
         judged = self._cells.note(event)
         if isinstance(event, ev.FrameSeen):
             self._judged += 1
-            if (news := self._fit.take(event)) and not self._recorded:
+            if (news := self._fit.note(event)) and not self._recorded:
                 self.say(news.text, "warning" if news.warns else "event")
             self._mark(judged)
         elif isinstance(event, ev.Weighed):
@@ -180,7 +180,7 @@ class Watcher:
 
     def _show(self, cell: Cell) -> bool:
         """Put a cell on the board; return whether its state changed."""
-        place, code = (cell.east, cell.north), _CODES[self._cells.of(cell, self.state)]
+        place, code = (cell.east, cell.north), _CODES[self._cells.state_of(cell, self.state)]
         changed = self.board.cell(place) != code
         self.board.set_cell(place, code)
         return changed
@@ -245,7 +245,6 @@ class Watcher:
             board.set_field("known", cells_known(state))
 
     def _show_certificate(self) -> None:
-        """Show the exploration so far between its bounds."""
         if self._recorded or self.state.tree is None:
             return
         found = figures_of(self.setting, self.state, self._counter)

@@ -154,7 +154,6 @@ async def _vehicles(
 
 
 async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Path) -> list[Finding]:
-    """Return all findings on one vehicle."""
     examination = Examination(number, link.session, link.camera)
     setup = None if setting is None else AutopilotSetup(number, link.session, setting, folder)
     await connect(link.session, link.name)
@@ -165,9 +164,9 @@ async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Pat
     ratio = mission.altitude_m(number - 1) / mission.altitude_m(0)
     if not link.session.view.armed:
         found += await examination.camera(setting, detector_of(mission, ratio), folder)
-    before, told = await setup.look()
+    before, findings = await setup.look()
     by_m = outside_m(mission.flight.speed_m_s, setting.energy.accel_m_s2)
-    told.append(
+    findings.append(
         ok("fence", f"{setup.in_words(before)}; a flight sets the mission's, {by_m:.0f} m wider")
     )
-    return found + of_vehicle(number, told)
+    return found + of_vehicle(number, findings)

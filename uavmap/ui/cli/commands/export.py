@@ -178,7 +178,6 @@ def _flights(
 
 
 def _frame(options: argparse.Namespace, mission: Mission) -> int:
-    """Return the MAV_FRAME of the heights."""
     if not options.above_sea:
         return int(mav.MAV_FRAME_GLOBAL_RELATIVE_ALT)
     if "amsl_m" not in mission.start.model_fields_set:
@@ -198,7 +197,7 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
     _check(options)
     folder = Path(options.source)
     flown, made = flown_of(folder), FORMATS[options.to]
-    tell_incomplete(flown, say)
+    report_incomplete(flown, say)
     files = files_of(flown, options.to)
     out: Path | None = options.out
     if out is None:
@@ -217,7 +216,7 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
     return 0
 
 
-def tell_incomplete(flown: Flown, say: Callable[[str], None]) -> None:
+def report_incomplete(flown: Flown, say: Callable[[str], None]) -> None:
     """Report a map that is not complete."""
     if flown.values.get("no_verdict"):
         say(f"{flown.folder}: {flown.values['finding']}")

@@ -88,7 +88,6 @@ def _network(options: argparse.Namespace) -> FleetNetwork | None:
 
 
 def _fly_fleet(options: argparse.Namespace, plan: FlightPlan) -> int:
-    """Fly a simulated fleet whose members each have a service of their own."""
     mission = plan.mission
     terminal, folder = Terminal(), results_folder(options.out, mission.name)
     with shown_on(terminal):

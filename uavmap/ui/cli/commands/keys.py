@@ -68,7 +68,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 async def _set_up(options: argparse.Namespace, path: Path, *, install: bool) -> None:
-    """Give the vehicle the key, or take it back, and check it."""
     opened: list[Transport] = []
     # nothing of this is recorded: a frame of it holds the key
 

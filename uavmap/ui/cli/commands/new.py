@@ -141,11 +141,11 @@ def run(options: argparse.Namespace) -> int:
         text, setting = composed()
     save(out, text.encode())
     write_map(setting, estimate(setting), preview)
-    _tell(layout, setting, figures, out, preview)
+    _print(layout, setting, figures, out, preview)
     return 0
 
 
-def _tell(layout: Layout, setting: Setting, aircraft: Figures, out: Path, preview: Path) -> None:
+def _print(layout: Layout, setting: Setting, aircraft: Figures, out: Path, preview: Path) -> None:
     for notice in (*layout.notices, *flyable.warnings(setting.mission, setting.grid)):
         complain(notice)
     home = setting.mission.home
@@ -324,7 +324,6 @@ def figures_of(options: argparse.Namespace) -> Figures:
 
 
 def _ask_for_drone(options: argparse.Namespace) -> None:
-    """Ask for a drone where a figure without a default is missing."""
     if options.drone is not None:
         return
     needed = {"--battery WH": options.battery, "--hover W": options.hover}

@@ -10,7 +10,7 @@ from missions.errors import OutputError
 from uavmap.base.terminal import Terminal
 from uavmap.output.documents import REPORT, write_report
 from uavmap.output.results import flown_of
-from uavmap.ui.cli.commands.export import tell_incomplete
+from uavmap.ui.cli.commands.export import report_incomplete
 from uavmap.ui.cli.common import print_summary
 from uavmap.ui.cli.option_table import add_options
 
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     if out is not None and out.exists():
         raise OutputError(f"--out {out}: is there already; choose another name")
     flown = flown_of(folder)
-    tell_incomplete(flown, say)
+    report_incomplete(flown, say)
     write_report(flown, out)
     print_summary(flown.values, folder, as_json=options.json, verbose=options.verbose)
     say(f"{out or folder / REPORT}")

@@ -98,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
             transport="tcp" if options.tcp else "udp",
             base_port=options.port,
             http_port=options.http_port,
-            on_ready=lambda urls: _tell(options, urls),
+            on_ready=lambda urls: _print(options, urls),
         )
 
     try:
@@ -127,7 +127,6 @@ def _by_mission(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
 
 
 def _by_home(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
-    """Create vehicles over an empty meadow, or over the ground of some files."""
     speed_m_s, from_deg = 0.0, 0.0
     if options.wind is not None:
         expected = "SPEED,FROM in m/s and degrees, such as 6,270"
@@ -148,7 +147,7 @@ def _by_home(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
     return lambda: setup.build(simulation.pictures_at(options.http_port))
 
 
-def _tell(options: argparse.Namespace, urls: list[str]) -> None:
+def _print(options: argparse.Namespace, urls: list[str]) -> None:
     """Print the URLs on standard output, for programs, and help for people on standard error."""
     for url in urls:
         print(url, flush=True)

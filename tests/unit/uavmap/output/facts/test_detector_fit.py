@@ -42,7 +42,7 @@ def frame(number, positive, in_all=10):
 def fit_of(positive, frames=LEAST_FRAMES):
     fit = DetectorFit()
     for number in range(frames):
-        fit.take(frame(number, positive))
+        fit.note(frame(number, positive))
     return fit
 
 
@@ -58,7 +58,7 @@ def fit_of(positive, frames=LEAST_FRAMES):
 )
 def test_detector_fit_after_the_first_frames_reports_once(positive, expected, warns):
     fit = DetectorFit()
-    news = [fit.take(frame(number, positive)) for number in range(3 * FIRST_FRAMES)]
+    news = [fit.note(frame(number, positive)) for number in range(3 * FIRST_FRAMES)]
     said = [(number, one) for number, one in enumerate(news, 1) if one is not None]
     if expected is None:
         assert not said
@@ -71,9 +71,9 @@ def test_detector_fit_after_the_first_frames_reports_once(positive, expected, wa
 
 def test_detector_fit_counts_ground_and_not_how_often_it_is_seen():
     fit = DetectorFit()
-    fit.take(frame(0, 0, 80))
+    fit.note(frame(0, 0, 80))
     for _ in range(200):
-        fit.take(frame(1, 20, 20))
+        fit.note(frame(1, 20, 20))
     assert fit.share == pytest.approx(20 / 100)
     assert not fit.takes_nearly_all
 

@@ -82,7 +82,7 @@ def patch(blob):
 def measured(blobs, frames):
     shares = Shares()
     for frame in frames:
-        shares.take(frame)
+        shares.note(frame)
     return shares.drifts_of([patch(blob) for blob in blobs], GRID)
 
 
@@ -145,7 +145,7 @@ def test_the_order_of_frames_makes_no_difference():
 
 def test_it_is_told_with_a_true_bearing():
     drift = Drift(GRID.drift_east_m_s, GRID.drift_north_m_s, 0.004, 0.0)
-    assert drift.told(GRID) == {
+    assert drift.figures(GRID) == {
         "speed_m_s": 0.3, "toward_deg": 70.0, "error_m_s": 0.004, "off_m_s": 0.0, "differs": False,
     }  # fmt: skip
 

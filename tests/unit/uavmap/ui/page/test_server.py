@@ -213,7 +213,7 @@ async def test_everybody_is_told_the_end():
     hub = Hub({"title": "x"})
     hub.enter("a browser")
     waiting = asyncio.create_task(hub.nobody.wait())
-    await hub.take({"kind": "ended", "text": "over"}, b"")
+    await hub.receive({"kind": "ended", "text": "over"}, b"")
     await asyncio.sleep(0)
     assert not waiting.done()
     hub.leave("a browser")
