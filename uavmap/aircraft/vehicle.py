@@ -187,10 +187,9 @@ class MavlinkVehicle:
         self.guardian.told(self._tasks_of.task(order))
         if self.guardian.acting:
             return
-        if goes_on:
-            self._order = order
-            return
         self._order = order
+        if goes_on:
+            return
         if isinstance(order, ReturnToLaunch):
             self.guardian.return_home("its way home cannot be flown as planned")
             return
@@ -252,7 +251,6 @@ class MavlinkVehicle:
     async def _watch_link(self) -> None:
         """Report when the vehicle falls silent, and reconnect it when it is heard again."""
         monitor = self._monitor
-        given_up = False
         give_up_after_s: float | None = None
         while True:
             await asyncio.sleep(1.0)
@@ -263,7 +261,7 @@ class MavlinkVehicle:
             if monitor.connected and monitor.control.is_ours and self._hears():
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
-                monitor.connected = given_up = False
+                monitor.connected = False
                 give_up_after_s = self._waited_for_s()
                 self._reporter.happened(LinkLost)
             elif not monitor.connected and self._hears():
@@ -276,11 +274,10 @@ class MavlinkVehicle:
                     self.guardian.heard_again()
             elif (
                 not monitor.connected
-                and not given_up
                 and give_up_after_s is not None
                 and self._silent_s() > give_up_after_s
             ):
-                given_up = True
+                give_up_after_s = None
                 self._reporter.happened(GivenUp, self._silence())
 
     def _watch_clock(self) -> None:
@@ -303,11 +300,10 @@ class MavlinkVehicle:
         """Maximum wait for a vehicle that has fallen silent, s."""
         if not self._monitor.control.air.may_be_up:
             return self._ground_patience_s
-        charge_wh = self._view.remaining_wh(self._setting.mission.battery.capacity_wh)
-        full_wh = self._setting.mission.battery.capacity_wh
-        left_wh = full_wh if charge_wh is None else charge_wh
-        endurance_s = left_wh * 3600.0 / self._setting.mission.battery.hover_power_w
-        return endurance_s + AFTER_ENDURANCE_S
+        battery = self._setting.mission.battery
+        charge_wh = self._view.remaining_wh(battery.capacity_wh)
+        left_wh = battery.capacity_wh if charge_wh is None else charge_wh
+        return left_wh * 3600.0 / battery.hover_power_w + AFTER_ENDURANCE_S
 
     def _silence(self) -> str:
         place = self._setting.grid.position(self._reporter.position())
