@@ -39,6 +39,7 @@ class Host:
     """Stands between the vehicles of a service and the mission; `send` takes its messages."""
 
     def __init__(self, send: Callable[[say.Message], None]) -> None:
+        loop = asyncio.get_running_loop()
         self._send = send
         self._vehicles: Mapping[int, Vehicle] = {}
         self._serials = itertools.count(1)
@@ -48,13 +49,11 @@ class Host:
         self.ready: say.Ready | None = None
         """What was sent when the vehicles were ready."""
         self._answer: asyncio.Future[bool | None] | None = None
-        self._begun: asyncio.Future[say.Begin] = asyncio.get_running_loop().create_future()
-        self._flown: asyncio.Future[say.Fly] = asyncio.get_running_loop().create_future()
-        self.end: asyncio.Future[say.Finish | say.Leave] = (
-            asyncio.get_running_loop().create_future()
-        )
+        self._begun: asyncio.Future[say.Begin] = loop.create_future()
+        self._flown: asyncio.Future[say.Fly] = loop.create_future()
+        self.end: asyncio.Future[say.Finish | say.Leave] = loop.create_future()
         """The mission's last message."""
-        self.left: asyncio.Future[say.Leave] = asyncio.get_running_loop().create_future()
+        self.left: asyncio.Future[say.Leave] = loop.create_future()
         """The operator's, who does not wait."""
 
     # --- from the mission -----------------------------------------------------------------------
@@ -65,21 +64,19 @@ class Host:
                 if message.vehicle in self._vehicles:
                     self._vehicles[message.vehicle].give(message.order)
             case say.Judged():
-                if (waiting := self._pictures.pop(message.serial, None)) and not waiting.done():
-                    waiting.set_result(message.seen)
+                _settle(self._pictures.pop(message.serial, None), message.seen)
             case say.LandHere():
                 if message.vehicle in self._vehicles:
                     self._vehicles[message.vehicle].land_here(message.reason)
             case say.Swapped():
-                if (swap := self._swaps.pop(message.vehicle, None)) and not swap.done():
-                    swap.set_result(None)
+                _settle(self._swaps.pop(message.vehicle, None), None)
             case say.Answered():
-                if self._answer is not None and not self._answer.done():
-                    self._answer.set_result(message.yes)
+                _settle(self._answer, message.yes)
             case say.Begin():
                 _settle(self._begun, message)
-            case say.Fly() if self._flown.done():
-                self._back()
+            case say.Fly() if self._flown.done():  # the mission is back
+                for vehicle in self._vehicles.values():
+                    vehicle.report_again()
             case say.Fly():
                 self._flown.set_result(message)
             case say.Finish():
@@ -87,8 +84,6 @@ class Host:
             case say.Leave():
                 _settle(self.end, message)
                 _settle(self.left, message)
-            case _:
-                pass
 
     async def begin(self) -> say.Begin:
         """Wait for the first message of the mission."""
@@ -125,10 +120,6 @@ class Host:
         if not self._begun.done() and not self.end.done():
             return "new"
         return "flying" if self._flown.done() and self._vehicles else "returning"
-
-    def _back(self) -> None:
-        for vehicle in self._vehicles.values():
-            vehicle.report_again()
 
     # --- for the vehicles -----------------------------------------------------------------------
     def report(self, event: Event) -> None:
@@ -180,6 +171,6 @@ class Host:
         return await self._answer
 
 
-def _settle(future: asyncio.Future[M], message: M) -> None:
-    if not future.done():
-        future.set_result(message)
+def _settle(future: asyncio.Future[M] | None, result: M) -> None:
+    if future is not None and not future.done():
+        future.set_result(result)

@@ -157,8 +157,6 @@ class Port:
             case say.Ended():
                 if not self.ended.done():
                     self.ended.set_result(message)
-            case _:
-                pass
 
     def _prepared(self, message: say.Ready) -> None:
         if not self.ready.done():
