@@ -349,7 +349,7 @@ async def test_crash_under_pilot_with_motors_running_is_reported_only(flight, /)
 
 def only_forced_disarms(flight):
     """Its landing detector does not fire where it lies; the second forced disarming is obeyed."""
-    autopilot, stops = flight.vehicle._ap, []  # type: Any, list[float]
+    autopilot, stops = flight.vehicle._ap, []
     real = autopilot.disarm
 
     def to_vehicle(message):

@@ -353,7 +353,7 @@ class Keeper:
 
     def __init__(self, number, *, lossy=False, stubborn=False):
         self.wire = Wire()
-        self.number, self.told = number, []  # type: tuple[float, list[str]]
+        self.number, self.told = number, []
         self.timeout = StreamTimeout("sim", self.wire.peer.session, self.told.append)
         self._lossy, self._stubborn, self._heard = lossy, stubborn, 0
         self.wire.peer.answer = self._answer

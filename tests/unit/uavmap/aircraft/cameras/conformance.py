@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import io
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from PIL import Image
@@ -41,30 +40,10 @@ async def inline(function):
     return function()
 
 
-class Hardware(Protocol):
-    """What takes the pictures of a bench."""
-
-    def expose(self, number):
-        """Take a picture now; it is there `LATENCY_S` later."""
-        ...
-
-    def spoil(self, number):
-        """Take one that cannot be had."""
-        ...
-
-    def vanish(self):
-        """Be unplugged."""
-        ...
-
-    def come_back(self):
-        """Be plugged in again."""
-        ...
-
-
 @dataclass
 class Bench:
     source: FrameSource
-    hardware: Hardware
+    hardware: object
     told: list[str]
     heard: list[Announcement] = field(default_factory=list)
 

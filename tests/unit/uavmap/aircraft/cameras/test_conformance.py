@@ -6,10 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.uavmap.aircraft.cameras.conformance import (
-    BENCHES,
-    triggered_bench,
-)
+from tests.unit.uavmap.aircraft.cameras.conformance import BENCHES, triggered_bench
 from uavmap.base.clock import VirtualClock, run
 
 RIGHT_S = 0.05

@@ -16,12 +16,7 @@ from missions.units import LatLon, Pose, Quaternion
 from sitl.camera.pinhole import CameraSpec
 from tests.support.mavlink_peer import Peer, heartbeat, position
 from tests.support.running import by, on_virtual_time
-from tests.unit.uavmap.aircraft.cameras.conformance import (
-    LATENCY_S,
-    folder_bench,
-    jpeg,
-    running,
-)
+from tests.unit.uavmap.aircraft.cameras.conformance import LATENCY_S, folder_bench, jpeg, running
 from uavmap.aircraft.cameras.pose import Mount, Poses
 from uavmap.aircraft.cameras.source import Announcement, ToldPose
 from uavmap.base.clock import VirtualClock, run

@@ -6,6 +6,7 @@ import pty
 import random
 import socket
 import tty
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -173,16 +174,11 @@ class Wire:
         self.sent.append(data)
 
 
-class Way:
-    def __init__(self, system_id, transport):
-        self.system_id, self.transport = system_id, transport
-
-
 def test_a_stations_frames_go_to_whom_they_are_for():
     forwarding = Forwarding(lambda data: None)
     one, two, both = Wire("one"), Wire("two"), Wire("router")
-    for way in (Way(2, one), Way(5, two), Way(6, both), Way(7, both)):
-        forwarding.add(way)
+    for system, wire in ((2, one), (5, two), (6, both), (7, both)):
+        forwarding.add(SimpleNamespace(system_id=system, transport=wire))
     hear = forwarding._from_station()
     hear(FRAMES[4] + FRAMES[5] + FRAMES[0])
     assert one.sent == [FRAMES[4], FRAMES[0]]

@@ -59,6 +59,10 @@ class Told(Collected):
         await self.until(lambda: any(part in line for line in self.lines))
 
 
+def at(transport, port):
+    return parse_url(f"{transport}://127.0.0.1:{port}")
+
+
 def on_loop(body):
     """Run a test and find what it left behind: descriptors, tasks, unclosed sockets."""
 
@@ -81,7 +85,7 @@ async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn():
     off its path by now" ended a mission whose vehicle was 2.6 m off.
     """
     port, ear = free_port(socket.SOCK_DGRAM), Ear()
-    async with open_transport(parse_url(f"udpin://127.0.0.1:{port}"), ear):
+    async with open_transport(at("udpin", port), ear):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
             for number in range(100):
                 vehicle.sendto(f"{number:04d}".encode(), ("127.0.0.1", port))
@@ -97,8 +101,8 @@ async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn():
 async def test_in_and_out_speak_to_each_other(there, kind):
     port = free_port(kind)
     at_home, outside = Ear(), Ear()
-    listening = parse_url(f"{there}in://127.0.0.1:{port}")
-    calling = parse_url(f"{there}out://127.0.0.1:{port}")
+    listening = at(f"{there}in", port)
+    calling = at(f"{there}out", port)
     async with open_transport(listening, at_home) as server:
         server.send(b"nobody is there yet")
         async with open_transport(calling, outside) as client:
@@ -113,8 +117,8 @@ async def test_in_and_out_speak_to_each_other(there, kind):
 async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
     port = free_port(socket.SOCK_DGRAM)
     ear, told, first, second = Ear(), Told(), Ear(), Ear()
-    url = parse_url(f"udpout://127.0.0.1:{port}")
-    listening = parse_url(f"udpin://127.0.0.1:{port}")
+    url = at("udpout", port)
+    listening = at("udpin", port)
     async with (
         open_transport(listening, ear, told) as server,
         open_transport(url, first) as one,
@@ -179,11 +183,8 @@ async def test_a_named_udp_peer_is_never_replaced(monkeypatch):
 async def test_many_strangers_are_not_all_told_of():
     port = free_port(socket.SOCK_DGRAM)
     ear, told = Ear(), Told()
-    url = parse_url(f"udpin://127.0.0.1:{port}")
-    async with (
-        open_transport(url, ear, told),
-        open_transport(parse_url(f"udpout://127.0.0.1:{port}"), Ear()) as vehicle,
-    ):
+    url = at("udpin", port)
+    async with open_transport(url, ear, told), open_transport(at("udpout", port), Ear()) as vehicle:
         vehicle.send(b"vehicle")
         await ear.hears(b"vehicle")
         for _ in range(transports.MOST_STRANGERS + 20):
@@ -198,8 +199,8 @@ async def test_many_strangers_are_not_all_told_of():
 async def test_a_tcp_server_refuses_a_second_client_while_it_has_one():
     port = free_port(socket.SOCK_STREAM)
     ear, told, first = Ear(), Told(), Ear()
-    calling = parse_url(f"tcpout://127.0.0.1:{port}")
-    async with open_transport(parse_url(f"tcpin://127.0.0.1:{port}"), ear, told) as server:
+    calling = at("tcpout", port)
+    async with open_transport(at("tcpin", port), ear, told) as server:
         async with open_transport(calling, first) as one:
             one.send(b"one")
             await ear.hears(b"one")
@@ -228,7 +229,7 @@ async def taken(port, ear):
     async with asyncio.timeout(SOON_S):
         while b"the next" not in ear.data:
             with contextlib.suppress(ConnectionError, LinkError):
-                url = parse_url(f"tcpout://127.0.0.1:{port}")
+                url = at("tcpout", port)
                 async with open_transport(url, Ear()) as client:
                     client.send(b"the next")
                     await asyncio.sleep(0.01)
@@ -237,14 +238,14 @@ async def taken(port, ear):
 @by(on_loop)
 async def test_sending_where_nobody_listens_is_no_error():
     udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-    async with open_transport(parse_url(f"udpout://127.0.0.1:{udp}"), Ear()) as transport:
+    async with open_transport(at("udpout", udp), Ear()) as transport:
         for _ in range(5):
             transport.send(b"anybody?")
             await asyncio.sleep(0.005)
     heard, ear = Ear(), Ear()
     async with (
-        open_transport(parse_url(f"tcpin://127.0.0.1:{tcp}"), heard),
-        open_transport(parse_url(f"tcpout://127.0.0.1:{tcp}"), ear) as transport,
+        open_transport(at("tcpin", tcp), heard),
+        open_transport(at("tcpout", tcp), ear) as transport,
     ):
         transport.send(b"x")
         await heard.hears(b"x")
@@ -276,7 +277,7 @@ async def test_what_cannot_be_opened_is_a_link_error_that_names_it(url):
 @by(on_loop)
 async def test_two_cannot_listen_on_one_port():
     port = free_port(socket.SOCK_DGRAM)
-    url = parse_url(f"udpin://127.0.0.1:{port}")
+    url = at("udpin", port)
     async with open_transport(url, Ear()):
         with pytest.raises(LinkError, match=str(port)):
             async with open_transport(url, Ear()):
@@ -328,13 +329,11 @@ async def test_tcp_connection_that_ends_is_made_again(monkeypatch):
     monkeypatch.setattr(transports, "REOPEN_S", 0.01)
     port = free_port(socket.SOCK_STREAM)
     ear, vehicle, loop = Ear(), Ear(), asyncio.get_running_loop()
-    listening = parse_url(f"tcpin://127.0.0.1:{port}")
+    listening = at("tcpin", port)
     async with contextlib.AsyncExitStack() as stack:
         server = contextlib.AsyncExitStack()
         one = await server.enter_async_context(open_transport(listening, vehicle))
-        link = await stack.enter_async_context(
-            open_transport(parse_url(f"tcpout://127.0.0.1:{port}"), ear)
-        )
+        link = await stack.enter_async_context(open_transport(at("tcpout", port), ear))
         link.send(b"before")
         await vehicle.hears(b"before")
         one.send(b"here")
@@ -399,5 +398,5 @@ async def test_closing_frees_the_port_at_once_also_on_an_error(transport):
     port = free_port(kind)
     for _ in range(3):
         with pytest.raises(ZeroDivisionError):
-            async with open_transport(parse_url(f"{transport}://127.0.0.1:{port}"), Ear()):
+            async with open_transport(at(transport, port), Ear()):
                 raise ZeroDivisionError
