@@ -345,7 +345,7 @@ class SimVehicle:
         )
         return Exposure(
             shot,
-            (now.east, now.north, now.up),
+            now.place,
             now.up - self._ap.home[2],
             (*body.estimated_roll_pitch, body.heading),
             self.spec.camera.attitude(*body.estimated_roll_pitch, body.heading),

@@ -79,8 +79,7 @@ class Autopilot(Aircraft):
         """Start the motors; return the reason for a refusal, or None."""
         if self.armed:
             return None
-        refusal = self._arm_refusal(force)
-        if refusal is not None:
+        if (refusal := self._arm_refusal(force)) is not None:
             return refusal
         self._start_motors("Arming motors")
         if self.mode == Mode.AUTO and self._takes_off_in_auto and self.route.begins_with_takeoff:
@@ -97,10 +96,9 @@ class Autopilot(Aircraft):
             return "Arm: Crash detected"
         if self.battery.empty or (self.failsafes.charge_state > 1 and not force):
             return "Arm: Battery 1 low voltage failsafe"
-        if not force and self.parameters["ARMING_CHECK"] != 0.0:
-            refusal = self.prearm_refusal()
-            if refusal is not None:
-                return refusal
+        checks = not force and self.parameters["ARMING_CHECK"] != 0.0
+        if checks and (refusal := self.prearm_refusal()) is not None:
+            return refusal
         auto = self.mode == Mode.AUTO and int(self.parameters["AUTO_OPTIONS"]) & _ARM_IN_AUTO
         if self.mode in UNARMABLE and not auto:
             return f"Arm: {self.mode.name} mode not armable"
@@ -116,8 +114,7 @@ class Autopilot(Aircraft):
             return "PreArm: Need Position Estimate"
         if self.battery.voltage_v < self.parameters["BATT_ARM_VOLT"]:
             return "PreArm: Battery 1 below minimum arming voltage"
-        now = self.estimate
-        here = (now.east, now.north, now.up)
+        here = self.estimate.place
         if broken := self.fence.violations(self.parameters, here, here, low=False):
             return f"PreArm: vehicle outside {names(broken)} fence"
         return None
@@ -258,10 +255,9 @@ class Autopilot(Aircraft):
         self.failsafes.step(self)
         if self.t_s >= self._next_prearm_s:
             self._next_prearm_s += _PREARM_EVERY_S
-            if not self.armed and self.parameters["ARMING_CHECK"] != 0.0:
-                refusal = self.prearm_refusal()
-                if refusal is not None:
-                    self.send_text(CRITICAL, refusal)
+            checks = not self.armed and self.parameters["ARMING_CHECK"] != 0.0
+            if checks and (refusal := self.prearm_refusal()) is not None:
+                self.send_text(CRITICAL, refusal)
 
     def _decide(self, dt_s: float) -> Command:
         if self.mode == _AUTO and self.armed and self._mission_started:

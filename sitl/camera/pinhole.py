@@ -29,7 +29,7 @@ class CameraSpec:
     Attributes:
         hfov_deg: Horizontal field of view over the whole width.
         fixed: It tilts with the body; otherwise a gimbal holds it at nadir, and it turns with the
-        nose.
+            nose.
         yaw_deg: Bearing of the picture's upper edge relative to the nose.
         min_interval_s: Shortest time between two pictures.
         exposure_s: How long the shutter is open, which blurs what moves.
@@ -65,12 +65,11 @@ class CameraSpec:
 
     def attitude(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
         """Return the camera's axes to NED for the body's attitude, as in CAMERA_IMAGE_CAPTURED."""
-        mounting = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
-        turned = Quaternion.from_euler(0.0, 0.0, math.radians(self.yaw_deg))
+        mounting = Quaternion.from_euler(0.0, -math.pi / 2.0, math.radians(self.yaw_deg))
         if not self.fixed:
             roll_rad = pitch_rad = 0.0
         body = Quaternion.from_euler(roll_rad, pitch_rad, yaw_rad)
-        return _product(body, _product(turned, mounting))
+        return _product(body, mounting)
 
 
 @dataclass(frozen=True, slots=True)

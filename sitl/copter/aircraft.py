@@ -157,7 +157,7 @@ class Aircraft(Motion, ABC):
     def _start_motors(self, text: str) -> None:
         """Arm; home is here from now on."""
         self.armed = self.body.motors_on = True
-        self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
+        self.home = self.estimate.place
         self.home_changed = True
         self._control.reset()
         self._enter(Phase.LANDED)

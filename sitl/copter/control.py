@@ -98,6 +98,11 @@ class Estimate:
     v_north: float = 0.0
     v_up: float = 0.0
 
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """East, north and up."""
+        return self.east, self.north, self.up
+
 
 class Controller:
     """State of the loops between two steps."""

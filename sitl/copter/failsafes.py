@@ -93,8 +93,7 @@ class Failsafes(ABC):
 
     def breaks_fences(self, craft: Aircraft) -> int:
         """Return the fences, bits of FENCE_TYPE, that were broken since the last look."""
-        now = craft.estimate
         return craft.fence.watch(
-            craft.parameters, craft.home, (now.east, now.north, now.up), craft.t_s,
+            craft.parameters, craft.home, craft.estimate.place, craft.t_s,
             flying=craft.armed and craft.airborne,
         )  # fmt: skip

@@ -76,10 +76,6 @@ class Fence:
         """Whether FENCE_ENABLE is set."""
         return parameters["FENCE_ENABLE"] != 0.0
 
-    def floor_m(self, parameters: Parameters) -> float:
-        """Return the height above home that the vehicle has to pass before it is watched."""
-        return parameters["FENCE_ALT_MIN"]
-
     def violations(
         self, parameters: Parameters, home: Place, place: Place, *, low: bool = True
     ) -> int:
@@ -107,11 +103,14 @@ class Fence:
     def watch(
         self, parameters: Parameters, home: Place, place: Place, now_s: float, *, flying: bool
     ) -> int:
-        """Return the bits that were broken since the last call."""
+        """Return the bits that were broken since the last call.
+
+        The lowest height is watched once the vehicle was above it.
+        """
         if not (flying and self.enabled(parameters)):
             self.broken, self._risen = 0, False
             return 0
-        self._risen = self._risen or place[2] - home[2] > self.floor_m(parameters)
+        self._risen = self._risen or place[2] - home[2] > self._limits(parameters)[1]
         broken = self.violations(parameters, home, place, low=self._risen)
         fresh = broken & ~self.broken
         self.broken = broken

@@ -107,8 +107,7 @@ class Motion:
 
     def distance_to(self, place: Place) -> float:
         """Return the metres between the estimate and a place."""
-        now = self.estimate
-        return math.dist((now.east, now.north, now.up), place)
+        return math.dist(self.estimate.place, place)
 
     # --- what can be flown ----------------------------------------------------------------------
 

@@ -260,8 +260,7 @@ class Route:
                 text = f"Mission: {index} {NAMES[item.command]}"
                 idle = item.command in IDLE_COMMANDS
                 pilot.send_text(INFO, text + " has no effect" * idle)
-                now = pilot.estimate
-                self._held_since = (pilot.t_s, (now.east, now.north, now.up))
+                self._held_since = (pilot.t_s, pilot.estimate.place)
                 self._do(item, pilot)
             if not self._condition_met(item, pilot):
                 return
@@ -302,7 +301,6 @@ class Route:
             pilot.enable_fence(p[0] == 1.0)
 
     def _shoot_by_distance(self, pilot: Aircraft) -> None:
-        now = pilot.estimate
         if self._last_shot is None or pilot.distance_to(self._last_shot) >= self._every_m:
-            self._last_shot = (now.east, now.north, now.up)
+            self._last_shot = pilot.estimate.place
             self.camera((0.0, 1))

@@ -272,7 +272,7 @@ class Faults:
 
     def rejection(self, command: int) -> int | None:
         """Return the result that a fault answers to a command; None: execute it."""
-        return self._rejections.get(command) if self._rejections else None
+        return self._rejections.get(command)
 
     # --- time ------------------------------------------------------------------------------------
 

@@ -125,9 +125,7 @@ class Commands(ABC):
             mav.MAV_CMD_DO_SET_MISSION_CURRENT: self._mission_current,
             mav.MAV_CMD_DO_SET_HOME: self._set_home,
             mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE: self._external_position,
-            mav.MAV_CMD_RUN_PREARM_CHECKS: lambda _: Reply(
-                self.refused if self.ap.armed else ACCEPTED, self._prearm_texts()
-            ),
+            mav.MAV_CMD_RUN_PREARM_CHECKS: self._prearm_checks,
             mav.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mav.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             mav.MAV_CMD_REQUEST_MESSAGE: self._request_message,
@@ -248,9 +246,12 @@ class Commands(ABC):
             return Reply(ACCEPTED)
         return Reply(self.refused, (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),))
 
-    def _prearm_texts(self) -> tuple[object, ...]:
-        refusal = None if self.ap.armed else self.ap.prearm_refusal()
-        return () if refusal is None else (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),)
+    def _prearm_checks(self, _: Request) -> Reply:
+        if self.ap.armed:
+            return Reply(self.refused)
+        refusal = self.ap.prearm_refusal()
+        texts = () if refusal is None else (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),)
+        return Reply(ACCEPTED, texts)
 
     def target(self, frame: int, lat_e7: int, lon_e7: int, altitude_m: float) -> Place | None:
         """Return a global position in the world's plane (east, north, up); None if it is invalid.
@@ -262,12 +263,10 @@ class Commands(ABC):
             return None
         if not (abs(lat_e7) <= 900_000_000 and abs(lon_e7) <= 1_800_000_000):
             return None
-        if frame in _AMSL_FRAMES:
+        if frame in _AMSL_FRAMES or frame in _TERRAIN_FRAMES:
             up = altitude_m - self.telemetry.amsl_m
         elif frame in _HOME_FRAMES:
             up = altitude_m + self.ap.home[2]
-        elif frame in _TERRAIN_FRAMES:
-            up = altitude_m - self.telemetry.amsl_m
         else:
             return None
         return (*self._flat(lat_e7, lon_e7), up)
@@ -325,8 +324,7 @@ class Commands(ABC):
         if not self.ap.home_known:
             return Reply(self.refused)
         if request.p[0] == 1.0:
-            now = self.ap.estimate
-            self.ap.set_home(now.east, now.north, now.up)
+            self.ap.set_home(*self.ap.estimate.place)
             return Reply(ACCEPTED)
         where, frame = request.lat_lon_e7, int(mav.MAV_FRAME_GLOBAL)
         if request.place is not None:

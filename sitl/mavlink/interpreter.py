@@ -108,7 +108,9 @@ class Interpreter:
             self.heard = True
             kind = message.get_type()
             handler = self._handlers.get(kind)
-            if handler is not None and (kind in _TO_ALL or self._ours(message)):
+            if handler is not None and (
+                kind in _TO_ALL or message.target_system in (0, self.system_id)
+            ):
                 handler(message)
         return self._sent_frames()
 
@@ -128,9 +130,6 @@ class Interpreter:
     def pack_notice(self, notice: Notice) -> bytes:
         """Return a notice as a text."""
         return self.autopilot_wire.pack(statustext(notice.severity, notice.text))
-
-    def _ours(self, message: Message) -> bool:
-        return message.target_system in (0, self.system_id)
 
     def _send(self, *messages: Message) -> None:
         for message in messages:
@@ -288,7 +287,7 @@ class Interpreter:
             self._send(mav.MAVLink_ping_message(m.time_usec, m.seq, *asker))
 
     def _timesync(self, m: Message) -> None:
-        if m.tc1 == 0:  # or it is an answer to ours
+        if m.tc1 == 0:  # or it is an answer to the vehicle's
             self._send(mav.MAVLink_timesync_message(round(self.ap.t_s * 1e9), m.ts1))
 
     def _ftp(self, m: Message) -> None:

@@ -130,7 +130,7 @@ class Telemetry:
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
         """Return latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the plane."""
-        # several messages of one moment tell the same place, and a target stays for long
+        # several messages of one moment have the same place, and a target stays for long
         found = self._places.get((east_m, north_m))
         if found is None:
             if len(self._places) >= _KEPT_PLACES:
@@ -271,7 +271,7 @@ class Telemetry:
         if not ap.home_known:
             return codec.global_position_int(self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading)
         now = ap.estimate
-        lat, lon, amsl = self.place(now.east, now.north, now.up)
+        lat, lon, amsl = self.place(*now.place)
         return codec.global_position_int(
             self.boot_ms, lat, lon, amsl, int32((now.up - ap.home[2]) * 1000.0),
             int16(now.v_north * 100.0), int16(now.v_east * 100.0), int16(-now.v_up * 100.0),

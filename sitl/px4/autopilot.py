@@ -35,6 +35,7 @@ class Px4Autopilot(Aircraft):
 
     mode: Px4Mode
     failsafes: Px4Failsafes
+    aiding: Ekf2Aiding
 
     tune = staticmethod(px4_tuning)
     speed_law = staticmethod(px4_speed)
@@ -57,7 +58,6 @@ class Px4Autopilot(Aircraft):
         parameters.preset("MAV_SYS_ID", seed[1])
         self.mode = Px4Mode.HOLD
         self.failsafes = Px4Failsafes()
-        self.sources = aiding
         self.setpoints = Setpoints()
         self.correction = HomeCorrection((*seed, _HOME_SEED), quirks.home_moves_m)
         self._after_disarming = self._intended = Px4Mode.HOLD
@@ -87,7 +87,7 @@ class Px4Autopilot(Aircraft):
     @property
     def position_poor(self) -> bool:
         """Whether the position by optical flow is worse than COM_POS_FS_EPH; below 0: never."""
-        if self.sources.absolute or not self.error.flow:
+        if self.aiding.absolute or not self.error.flow:
             return False
         limit_m = self.parameters["COM_POS_FS_EPH"]
         return 0.0 <= limit_m < self.error.accuracy_m
@@ -111,8 +111,7 @@ class Px4Autopilot(Aircraft):
             return "Preflight Fail: low battery"
         if self.mode == Px4Mode.OFFBOARD and not self.setpoints.fresh(self.t_s):
             return "Preflight Fail: no offboard signal"
-        now = self.estimate
-        here = (now.east, now.north, now.up)
+        here = self.estimate.place
         if broken := self.fence.violations(self.parameters, here, here):
             return f"Preflight Fail: outside the geofence ({names(broken)})"
         return None

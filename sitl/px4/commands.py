@@ -23,7 +23,7 @@ from sitl.mavlink.commands import (
     Reply,
     Request,
 )
-from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.autopilot import Px4Autopilot, Wish
 from sitl.px4.modes import Px4Mode, wanted
 from sitl.px4.telemetry import DEFAULT_S
 
@@ -72,39 +72,31 @@ class Px4Commands(Commands):
 
     def _set_mode(self, request: Request) -> Reply:
         base, main, sub = request.integer(1), request.integer(2), request.integer(3)
-        if base is None or main is None or not base & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-            return replace(self.answer("Unsupported mode"), before=(ACCEPTED,))
-        mode = wanted(main & 0xFF, (sub or 0) & 0xFF)
-        reply = self.answer("Unsupported mode") if mode is None else self._mode(mode)
+        mode = None
+        if base is not None and base & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and main is not None:
+            mode = wanted(main & 0xFF, (sub or 0) & 0xFF)
         # the receiver of the message accepts it unseen, before the commander looks at it
-        return replace(reply, before=(ACCEPTED,))
+        return replace(self._mode(mode), before=(ACCEPTED,))
 
     def set_mode(self, number: int) -> Reply:
         """Execute SET_MODE: main mode and sub-mode in one number."""
-        mode = wanted(number >> 16 & 0xFF, number >> 24 & 0xFF)
-        return self.answer("Unsupported mode") if mode is None else self._mode(mode)
+        return self._mode(wanted(number >> 16 & 0xFF, number >> 24 & 0xFF))
 
-    def _mode(self, mode: Px4Mode) -> Reply:
-        return self.answer(self.ap.set_mode(mode))
+    def _mode(self, mode: Px4Mode | None) -> Reply:
+        return self.answer("Unsupported mode" if mode is None else self.ap.set_mode(mode))
 
     def _take_off(self, request: Request) -> Reply:
-        amsl_m = request.p[6]
-        up_m = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
-        return self.answer(self.ap.take_off((*self._flat_or_none(request), up_m)))
+        return self.answer(self.ap.take_off(self._wish(request)))
 
     def _reposition(self, request: Request) -> Reply:
         place = request.place
         if place is not None and place[1:] == (_NAN_AS_INT, _NAN_AS_INT):
             return Reply(DENIED)
         changes_mode = (request.integer(2) or 0) & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-        if changes_mode:
-            refusal = self.ap.set_mode(Px4Mode.HOLD)
-            if refusal is not None:
-                return self.answer("Reposition command rejected")
-        east, north = self._flat_or_none(request)
-        amsl_m, speed_m_s, yaw_rad = request.p[6], request.p[0], request.p[3]
-        up = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
-        text = self.ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
+        if changes_mode and self.ap.set_mode(Px4Mode.HOLD) is not None:
+            return self.answer("Reposition command rejected")
+        speed_m_s, yaw_rad = request.p[0], request.p[3]
+        text = self.ap.reposition(self._wish(request), yaw_rad if math.isfinite(yaw_rad) else None)
         if text is not None:
             self.ap.send_text(mav.MAV_SEVERITY_CRITICAL, text)
             return Reply(ACCEPTED)
@@ -113,12 +105,13 @@ class Px4Commands(Commands):
         # without the flag it flies there in Hold, and answers that it does not
         return Reply(ACCEPTED if changes_mode else UNSUPPORTED)
 
-    def _flat_or_none(self, request: Request) -> tuple[float | None, float | None]:
-        """Return east and north of a command's place, None where it has none."""
-        where = request.lat_lon_e7
+    def _wish(self, request: Request) -> Wish:
+        """Return the place of a command, None where it has no coordinate."""
+        where, amsl_m = request.lat_lon_e7, request.p[6]
+        up = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
         if where is None or abs(where[0]) > 900_000_000 or abs(where[1]) > 1_800_000_000:
-            return None, None
-        return self._flat(*where)
+            return None, None, up
+        return (*self._flat(*where), up)
 
     def _external_position(self, request: Request) -> Reply:
         """Refuse it without a delay."""

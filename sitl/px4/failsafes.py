@@ -197,10 +197,10 @@ class Px4Failsafes(Failsafes):
                 self._act(craft, Cause.RADIO, _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
 
     def _position(self, craft: Px4Autopilot) -> None:
-        if craft.sources.just_stopped and craft.armed and not craft.position_lost:
+        if craft.aiding.just_stopped and craft.armed and not craft.position_lost:
             self._without_satellites = True
             craft.send_text(WARNING, "GNSS data fusion stopped")
-        elif craft.sources.just_started and self._without_satellites:
+        elif craft.aiding.just_started and self._without_satellites:
             self._without_satellites = False
             craft.send_text(INFO, "GNSS data fusion started")
         holds_out_s = craft.parameters.positive("EKF2_NOAID_TOUT", 5e5, 1e7) / 1e6
@@ -244,7 +244,7 @@ class Px4Failsafes(Failsafes):
         if craft.mode == Px4Mode.LAND and cause in _BATTERY_CAUSES.values():
             action = Px4Mode.LAND  # it breaks the landing off, waits in Hold, and lands
         else:
-            waits = waits and not (streamless or self._landing(craft))
+            waits = waits and not streamless and craft.mode not in (Px4Mode.RTL, Px4Mode.LAND)
         self._streamless = streamless
         if waits and delay_s > 0.0:
             craft.texts.append(failsafe(craft.intended, action, cause, holds_s=delay_s))
@@ -254,10 +254,6 @@ class Px4Failsafes(Failsafes):
             return
         craft.texts.append(failsafe(craft.intended, action, cause))
         self._carry_out(craft, action)
-
-    @staticmethod
-    def _landing(craft: Px4Autopilot) -> bool:
-        return craft.mode in (Px4Mode.RTL, Px4Mode.LAND)
 
     def _carry_out(self, craft: Px4Autopilot, action: int) -> None:
         self._action, self._due, self.engaged = action, None, True

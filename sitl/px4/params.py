@@ -154,10 +154,6 @@ class Px4Fence(Fence):
         there = self.zones or parameters["GF_MAX_HOR_DIST"] or parameters["GF_MAX_VER_DIST"]
         return bool(there) and parameters["GF_ACTION"] != 0.0
 
-    def floor_m(self, parameters: Parameters) -> float:
-        """Return none."""
-        return -math.inf
-
     def _limits(self, parameters: Parameters) -> tuple[int, float, float, float]:
         farthest = (parameters[name] for name in ("GF_MAX_VER_DIST", "GF_MAX_HOR_DIST"))
         high_m, far_m = (limit_m if limit_m > 0.0 else math.inf for limit_m in farthest)

@@ -78,11 +78,11 @@ class Px4Telemetry(Telemetry):
 
     def current_mode(self) -> Packed:
         """CURRENT_MODE, which the dialect does not define: the mode and the intended mode."""
-        payload = _CURRENT_MODE.pack(int(self.told_mode), int(self._ap.intended), 0)
+        payload = _CURRENT_MODE.pack(int(self.reported_mode), int(self._ap.intended), 0)
         return CURRENT_MODE, crc_extra_of(CURRENT_MODE), payload
 
     @property
-    def told_mode(self) -> Px4Mode:
+    def reported_mode(self) -> Px4Mode:
         """The mode; a blind descent out of OFFBOARD is reported as ALTITUDE."""
         ap = self._ap
         blind = ap.failsafes.engaged and ap.mode == Px4Mode.LAND and not ap.position_ok
@@ -90,7 +90,7 @@ class Px4Telemetry(Telemetry):
 
     def heartbeat(self) -> Message:
         """HEARTBEAT."""
-        ap, mode = self._ap, self.told_mode
+        ap, mode = self._ap, self.reported_mode
         base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         if mode.automatic:
             base |= _AUTO
@@ -113,7 +113,7 @@ class Px4Telemetry(Telemetry):
 
     @property
     def _current_ca(self) -> int:
-        return -1  # nobody measures it: what is left is told in whole percent alone
+        return -1  # it is not measured
 
     @property
     def _consumed(self) -> tuple[int, int]:

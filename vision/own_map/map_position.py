@@ -60,10 +60,6 @@ class OwnWay:
         velocity = (east_m - self.east_m) / over_s, (north_m - self.north_m) / over_s
         return OwnWay(t_s, key, east_m, north_m, patch, velocity, over_s)
 
-    def told_from(self, key: int) -> OwnWay:
-        """Return the same after that picture has become a keyframe itself."""
-        return OwnWay(self.t_s, key, 0.0, 0.0, self.patch, self.velocity_m_s, self.over_s)
-
     def reach(self, t_s: float) -> Reach | None:
         """Return where it can be then; None if unknown.
 
@@ -184,7 +180,7 @@ class OwnMap:
             self._passing = number
             return estimate
         if self._way is not None and self._way.t_s == t_s:
-            self._way = self._way.told_from(number)
+            self._way = replace(self._way, key=number, east_m=0.0, north_m=0.0)
         else:
             self._way = OwnWay(t_s, number, 0.0, 0.0, patch)
         self._patches[number] = patch

@@ -313,7 +313,7 @@ def _add_ties(normal: Normal, cameras: Cameras, ties: Ties, part: slice, limit_p
     focal = np.zeros((len(s), 2, normal.corner.shape[0]))
     rows = np.arange(len(s))
     focal[rows, :, cameras.groups[s]] += clean(moved_there.by_source_focal)
-    focal[rows, :, cameras.groups[t]] += clean(moved_there.by_target_focal)
+    focal[rows, :, cameras.groups[t]] += clean(moved_there.pixels)
     for view, w, j in ((s, ws, js), (t, wt, jt)):
         np.add.at(normal.diagonal, view, np.einsum("nki,nkj->nij", w, j))
         np.add.at(normal.border, view, np.einsum("nki,nkj->nij", w, focal))

@@ -224,14 +224,14 @@ class Transfer:
     """Pixels of one view in another, through the ground, with derivatives.
 
     `by_source` and `by_target` are (n, 2, 6), pixels per unknown of the view (`UNKNOWNS`);
-    `by_source_focal` and `by_target_focal` (n, 2), per unit of the logarithm of the focal length.
+    `by_source_focal` (n, 2), per unit of the logarithm of its focal length. By that of the target
+    it is `pixels`.
     """
 
     pixels: Floats
     by_source: Floats
     by_target: Floats
     by_source_focal: Floats
-    by_target_focal: Floats
 
 
 def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Transfer:
@@ -278,7 +278,6 @@ def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Tr
         np.einsum("nij,njk->nik", by_place, ground),
         by_target,
         np.einsum("nij,nj->ni", by_place, ground_focal),
-        found,
     )
 
 

@@ -67,7 +67,7 @@ def chained(views: Sequence[View], pairs: Sequence[Pair]) -> tuple[Complex, Comp
     scale[0] = 1.0
     steps: dict[tuple[int, int], tuple[complex, complex]] = {}
     links: list[list[Pair]] = [[] for _ in views]
-    for pair in sorted(pairs, key=lambda p: (-p.inliers, p.first, p.second)):
+    for pair in pairs:
         links[pair.first].append(pair)
         links[pair.second].append(pair)
         z = levelled(views[pair.first], pair.in_first)

@@ -38,6 +38,7 @@ from vision.registration.views import (
     SIDEWAYS,
     Agreement,
     Floats,
+    Measured,
     Net,
     Refined,
     Registration,
@@ -151,7 +152,7 @@ class _Registering:
             self._leave(members, CONTRADICTED)
             return self._nets(members, good, mends - 1)
         solution = adjust(solution.cameras, Ties.of(local), tags, HUBER_PX[-2:])
-        self._keep(members, local, pairs, on_ground, solution, tags, cameras)
+        self._keep(members, local, on_ground, solution, tags, cameras)
         return None
 
     def _leave(self, members: list[int], why: str) -> None:
@@ -162,7 +163,6 @@ class _Registering:
         self,
         members: list[int],
         local: list[Pair],
-        pairs: list[Pair],
         on_ground: Laid,
         solution: Solution,
         tags: Tags,
@@ -200,7 +200,7 @@ class _Registering:
         self.nets.append(
             Net(
                 tuple(k for k in members if self.refined[k] is not None),
-                len(pairs),
+                len(local),
                 dict(zip(cameras, focal.tolist(), strict=True)),
                 (float(solution.slope[0]), float(solution.slope[1])),
                 float(solution.shared[HEIGHT]),
@@ -247,14 +247,15 @@ def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, C
     flip = np.where(net.turned, -1.0, 1.0)
     tilt = np.array([v.tilt for v in views], float) * flip[:, None]
     found_m = net.position_sigma_m
+    height_m, height_sigma_m = _measured([v.height_m for v in views])
+    yaw_rad, yaw_sigma_rad = _measured([v.yaw_rad for v in views])
     tags = Tags(
         place_m=np.array([[v.east_m, v.north_m] for v in views]),
         place_sigma_m=np.array([_position_sigma_m(v, found_m) for v in views]),
-        height_m=_values([v.height_m.value if v.height_m else None for v in views]),
-        height_sigma_m=_values([v.height_m.sigma if v.height_m else 1.0 for v in views]),
-        yaw_rad=_values([v.yaw_rad.value if v.yaw_rad else None for v in views])
-        + np.where(net.turned, math.pi, 0.0),
-        yaw_sigma_rad=_values([v.yaw_rad.sigma if v.yaw_rad else 1.0 for v in views]),
+        height_m=height_m,
+        height_sigma_m=height_sigma_m,
+        yaw_rad=yaw_rad + np.where(net.turned, math.pi, 0.0),
+        yaw_sigma_rad=yaw_sigma_rad,
         tilt=tilt,
         tilt_sigma=np.array([v.tilt_sigma for v in views]),
         focal_px=focal,
@@ -265,7 +266,7 @@ def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, C
     level = np.zeros(len(views)) if relief is None else relief.at(place)
     start = Cameras(
         np.column_stack([place, height + level]),
-        np.array([tilted_axes(float(y), (t[0], t[1])) for y, t in zip(yaw, tilt, strict=True)]),
+        np.array(list(map(tilted_axes, yaw, tilt))),
         focal,
         groups,
         relief,
@@ -280,17 +281,14 @@ def _position_sigma_m(view: View, found_m: float | None) -> float:
     return min(view.position_sigma_m, max(found_m, _LEAST_POSITION_SIGMA_M))
 
 
-def _values(values: Sequence[float | None]) -> Floats:
-    return np.array([math.nan if v is None else v for v in values])
+def _measured(tags: Sequence[Measured | None]) -> Floats:
+    return np.array([(math.nan, 1.0) if tag is None else tag for tag in tags]).T
 
 
 def _as_tagged(tags: Tags, solved: Cameras) -> Cameras | None:
     """Return the cameras as tagged; None where a heading or a height is missing."""
     if not (np.isfinite(tags.yaw_rad).all() and np.isfinite(tags.height_m).all()):
         return None
-    axes = [
-        tilted_axes(float(y), (float(t[0]), float(t[1])))
-        for y, t in zip(tags.yaw_rad, tags.tilt, strict=True)
-    ]
+    axes = np.array(list(map(tilted_axes, tags.yaw_rad, tags.tilt)))
     centre = np.column_stack([tags.place_m, tags.height_m])
-    return Cameras(centre, np.array(axes), tags.focal_px, solved.groups, solved.relief)
+    return Cameras(centre, axes, tags.focal_px, solved.groups, solved.relief)

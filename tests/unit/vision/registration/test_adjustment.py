@@ -186,5 +186,5 @@ def test_derivatives_of_a_transfer(slope):
             step = np.zeros((2, UNKNOWNS))
             step[view, k] = 1.0
             assert by_view[:, :, k] == slopes(step, np.zeros(2))
-    for group, by_focal in ((0, there.by_source_focal), (1, there.by_target_focal)):
+    for group, by_focal in ((0, there.by_source_focal), (1, there.pixels)):
         assert by_focal == slopes(np.zeros((2, UNKNOWNS)), np.eye(2)[group])
