@@ -13,8 +13,6 @@ class Battery:
     """Charge of one pack."""
 
     def __init__(self, capacity_wh: float) -> None:
-        if not capacity_wh > 0.0:
-            raise ValueError(f"a battery holds more than nothing: {capacity_wh} Wh")
         self.capacity_wh = capacity_wh
         self.energy_wh = capacity_wh
         self.power_w = 0.0

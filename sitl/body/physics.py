@@ -140,13 +140,8 @@ class Body:
 
     def _misled(self, command: Command) -> Command:
         sin, cos = math.sin(self.off_rad), math.cos(self.off_rad)
-        east, north = command.east_m_s2, command.north_m_s2
-        return Command(
-            east * cos - north * sin,
-            north * cos + east * sin,
-            command.up_m_s2,
-            command.yaw_rate_rad_s,
-        )
+        east, north, up, yaw_rate = command
+        return Command(east * cos - north * sin, north * cos + east * sin, up, yaw_rate)
 
     def _weakened(self, command: Command) -> Command:
         """Limit the thrust to that of a weak motor and its opposite, or let the body tumble."""
@@ -159,12 +154,7 @@ class Body:
                 _TUMBLE_RATE_RAD_S,
             )
         most = _FULL_THRUST_M_S2 * (1.0 + self.motor_share) / 2.0 - GRAVITY_M_S2
-        return Command(
-            command.east_m_s2,
-            command.north_m_s2,
-            min(command.up_m_s2, most),
-            command.yaw_rate_rad_s,
-        )
+        return command._replace(up_m_s2=min(command.up_m_s2, most))
 
     def _turn(self, command: Command, dt_s: float) -> None:
         if dt_s != self._lag_step_s:

@@ -70,6 +70,7 @@ POLYGONS = (
 )
 CIRCLES = (mav.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, mav.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION)
 _FENCE_COMMANDS = (*POLYGONS, *CIRCLES, mav.MAV_CMD_NAV_FENCE_RETURN_POINT)
+_COMMANDS = {MISSION: NAMES, FENCE: _FENCE_COMMANDS, RALLY: (mav.MAV_CMD_NAV_RALLY_POINT,)}
 # x and y of all other mission items are two more plain parameters
 _PLACES = (
     mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_CMD_NAV_SPLINE_WAYPOINT, mav.MAV_CMD_NAV_LOITER_UNLIM,
@@ -101,11 +102,9 @@ class Item:
         p = (m.param1, m.param2, m.param3, m.param4)
         return cls(m.command, m.frame, p, x, y, m.z, m.autocontinue)
 
-    def message(
-        self, seq: int, kind: int, partner: tuple[int, int], *, current: bool, exact: bool
-    ) -> Message:
+    def message(self, seq: int, kind: int, partner: tuple[int, int], *, exact: bool) -> Message:
         """Return MISSION_ITEM_INT (`exact`) or MISSION_ITEM for a partner (system, component)."""
-        head = (*partner, seq, self.frame, self.command, int(current), self.autocontinue, *self.p)
+        head = (*partner, seq, self.frame, self.command, 0, self.autocontinue, *self.p)
         if exact:
             return mav.MAVLink_mission_item_int_message(*head, self.x, self.y, self.z, kind)
         scale = 1e7 if self.command in _PLACES else 1.0
@@ -124,13 +123,7 @@ def _whole(value: float) -> int:
 
 def check(kind: int, item: Item) -> int:
     """Return the MAV_MISSION_RESULT for one item of a list of this kind."""
-    if kind == MISSION:
-        known = item.command in NAMES
-    elif kind == FENCE:
-        known = item.command in _FENCE_COMMANDS
-    else:
-        known = item.command == mav.MAV_CMD_NAV_RALLY_POINT
-    if not known:
+    if item.command not in _COMMANDS[kind]:
         return int(mav.MAV_MISSION_UNSUPPORTED)
     for index, value in enumerate(item.p):
         # a yaw that is no number leaves the yaw alone, and is what many clients send

@@ -58,13 +58,40 @@ def px4_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
     return 0.5 * (math.sqrt(ramp_m_s * ramp_m_s + 8.0 * accel_m_s2 * distance_m) - ramp_m_s)
 
 
-class Shaper:
+class _ShapedPoint:
     """Place, velocity and acceleration of the shaped point, metres and seconds."""
 
-    def __init__(self, law: SpeedLaw) -> None:
-        self._law = law
+    def __init__(self) -> None:
         self.active = False
         self._place = self._velocity = self._acceleration = (0.0, 0.0)
+
+    def _begin(self, now: Estimate) -> None:
+        """Start where the vehicle is, unless the path goes on."""
+        if not self.active:
+            self.active = True
+            self._place, self._velocity = (now.east, now.north), (now.v_east, now.v_north)
+            self._acceleration = (0.0, 0.0)
+
+    def _advance(
+        self, wanted_m_s2: tuple[float, float], jerk_m_s3: float, dt_s: float
+    ) -> tuple[float, float]:
+        """Approach an acceleration by the jerk, and move on; return the velocity."""
+        a_east, a_north = self._acceleration
+        wanted_east, wanted_north = wanted_m_s2
+        j_east, j_north = held(wanted_east - a_east, wanted_north - a_north, jerk_m_s3 * dt_s)
+        self._acceleration = a_east, a_north = a_east + j_east, a_north + j_north
+        (v_east, v_north), (east, north) = self._velocity, self._place
+        self._velocity = v_east, v_north = v_east + a_east * dt_s, v_north + a_north * dt_s
+        self._place = (east + v_east * dt_s, north + v_north * dt_s)
+        return self._velocity
+
+
+class Shaper(_ShapedPoint):
+    """The path to a place."""
+
+    def __init__(self, law: SpeedLaw) -> None:
+        super().__init__()
+        self._law = law
 
     def velocity_towards(
         self,
@@ -75,30 +102,21 @@ class Shaper:
         dt_s: float,
     ) -> tuple[float, float]:
         """Return the vehicle's wanted velocity (east, north); `active`: the path goes on."""
-        if not self.active:
-            self.active = True
-            self._place, self._velocity = (now.east, now.north), (now.v_east, now.v_north)
-            self._acceleration = (0.0, 0.0)
-        east, north = self._place
-        v_east, v_north = self._velocity
-        a_east, a_north = self._acceleration
+        self._begin(now)
+        (east, north), (v_east, v_north) = self._place, self._velocity
         rate_1_s = jerk_m_s3 / limits.accel_m_s2
         d_east, d_north = target[0] - east, target[1] - north
         distance = math.hypot(d_east, d_north)
         speed = min(limits.speed_m_s, self._law(distance, limits.accel_m_s2, jerk_m_s3))
         scale = speed / max(distance, 1e-9)
         gain_1_s = _SPEED_SHARE * rate_1_s
-        wanted_east, wanted_north = held(
+        wanted = held(
             gain_1_s * (d_east * scale - v_east),
             gain_1_s * (d_north * scale - v_north),
             limits.accel_m_s2,
         )
-        j_east, j_north = held(wanted_east - a_east, wanted_north - a_north, jerk_m_s3 * dt_s)
-        a_east, a_north = a_east + j_east, a_north + j_north
-        v_east, v_north = v_east + a_east * dt_s, v_north + a_north * dt_s
-        east, north = east + v_east * dt_s, north + v_north * dt_s
-        self._place, self._velocity = (east, north), (v_east, v_north)
-        self._acceleration = (a_east, a_north)
+        v_east, v_north = self._advance(wanted, jerk_m_s3, dt_s)
+        east, north = self._place
         return (
             v_east + limits.p_xy * (east - now.east),
             v_north + limits.p_xy * (north - now.north),
@@ -149,8 +167,8 @@ def _cornered(
     return forward * east - across * north, forward * north + across * east
 
 
-class ShapedFollower:
-    """ArduCopter's: place, velocity and acceleration of the shaped point.
+class ShapedFollower(_ShapedPoint):
+    """ArduCopter's.
 
     After `wind_tau_s` the loop below compensates the force of the air.
     """
@@ -160,9 +178,8 @@ class ShapedFollower:
     wind_tau_s = 3.0
 
     def __init__(self, jerk_m_s3: Callable[[], float]) -> None:
+        super().__init__()
         self._jerk_m_s3 = jerk_m_s3
-        self._active = False
-        self._place = self._velocity = self._acceleration = (0.0, 0.0)
         self._target = (0.0, 0.0)
 
     def accept(self, setpoint: Setpoint, now_s: float) -> None:
@@ -172,17 +189,14 @@ class ShapedFollower:
 
     def stop(self) -> None:
         """End the stream; the next begins where the vehicle is then."""
-        self._active = False
+        self.active = False
 
     def velocity(
         self, setpoint: Setpoint, now: Estimate, limits: Limits, now_s: float, dt_s: float
     ) -> tuple[float, float]:
         """Return the velocity of the point, and towards it."""
+        self._begin(now)
         jerk_m_s3 = self._jerk_m_s3()
-        if not self._active:
-            self._active = True
-            self._place, self._velocity = (now.east, now.north), (now.v_east, now.v_north)
-            self._acceleration = (0.0, 0.0)
         rate_1_s = jerk_m_s3 / limits.accel_m_s2
         v_east, v_north = self._velocity
         wanted_east, wanted_north = setpoint.velocity[:2]
@@ -207,12 +221,8 @@ class ShapedFollower:
         accel = _cornered(
             self._velocity, (error_east * scale, error_north * scale), limits.accel_m_s2
         )
-        a_east, a_north = self._acceleration
-        j_east, j_north = held(accel[0] - a_east, accel[1] - a_north, jerk_m_s3 * dt_s)
-        self._acceleration = a_east, a_north = a_east + j_east, a_north + j_north
-        self._velocity = v_east, v_north = v_east + a_east * dt_s, v_north + a_north * dt_s
         (east, north), p_1_s = self._place, limits.p_xy
-        self._place = (east + v_east * dt_s, north + v_north * dt_s)
+        v_east, v_north = self._advance(accel, jerk_m_s3, dt_s)
         return v_east + p_1_s * (east - now.east), v_north + p_1_s * (north - now.north)
 
 

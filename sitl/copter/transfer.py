@@ -95,10 +95,8 @@ class Transfer:
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """Return the answers to a message of the protocol for this vehicle."""
-        known = message.mission_type in self.plans
-        if not known and not (
-            message.mission_type == ALL and message.get_type() == "MISSION_CLEAR_ALL"
-        ):
+        all_ = message.mission_type == ALL and message.get_type() == "MISSION_CLEAR_ALL"
+        if message.mission_type not in self.plans and not all_:
             return [_ack(message, _UNSUPPORTED)]
         return self._handlers[message.get_type()](message, now_s)
 
@@ -123,7 +121,10 @@ class Transfer:
         if self._upload is not None:
             if self._upload.partner != partner:
                 return [_ack(m, _DENIED)]
-            if self._repeated(m, self._upload, now_s):
+            same = (m.mission_type, m.count) == (self._upload.kind, self._upload.count)
+            # a second copy does not begin the upload again, which would lose the items that have
+            # come; after a silence it does, perhaps with other items
+            if same and now_s - self._upload.heard_s < self.retry_s:
                 return [self._ask(self._upload, now_s)]
             self._break_off(self._upload)
         self._finished = None
@@ -139,15 +140,6 @@ class Transfer:
         self._upload = upload
         return [self._ask(upload, now_s)]
 
-    def _repeated(self, m: Message, upload: _Upload, now_s: float) -> bool:
-        """Return whether a count is a second copy of the one that began an upload.
-
-        It does not begin the upload again, which would lose the items that have come. After a
-        silence it does, perhaps with other items.
-        """
-        same = (m.mission_type, m.count) == (upload.kind, upload.count)
-        return same and now_s - upload.heard_s < self.retry_s
-
     def _ask(self, upload: _Upload, now_s: float) -> Message:
         upload.asked_s = now_s
         build = (
@@ -161,7 +153,7 @@ class Transfer:
         upload, partner = self._upload, _sender(m)
         if upload is None:
             if self._finished == (m.mission_type, m.seq, partner):
-                return [_ack(m, OK)]  # our ACK was lost
+                return [_ack(m, OK)]  # the first ACK was lost
             return [_ack(m, int(mav.MAV_MISSION_ERROR))]
         if partner != upload.partner or m.mission_type != upload.kind:
             return [_ack(m, _DENIED)]
@@ -220,7 +212,7 @@ class Transfer:
         exact = m.get_type() == "MISSION_REQUEST_INT"
         if exact:
             item = replace(item, frame=self._frames.get(item.frame, item.frame))
-        return [item.message(m.seq, m.mission_type, _sender(m), current=False, exact=exact)]
+        return [item.message(m.seq, m.mission_type, _sender(m), exact=exact)]
 
     # --- the rest -------------------------------------------------------------------------------
 

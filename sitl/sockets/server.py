@@ -93,12 +93,10 @@ class PictureServer:
         connection = "keep-alive" if keep else "close"
         if words[0] not in ("GET", "HEAD"):
             writer.write(_response("405 Method Not Allowed", b"", connection))
+        elif (data := self._find(words[1].partition("?")[0])) is None:
+            writer.write(_response("404 Not Found", b"", connection))
         else:
-            data = self._find(words[1].partition("?")[0])
-            if data is None:
-                writer.write(_response("404 Not Found", b"", connection))
-            else:
-                writer.write(_response("200 OK", data, connection, words[0] == "HEAD"))
+            writer.write(_response("200 OK", data, connection, words[0] == "HEAD"))
         await writer.drain()
         return keep
 
