@@ -281,8 +281,6 @@ class Fleet:
             begin_s = trouble.begun_s
             begin, end = ACTS[trouble.kind]
             if begin_s <= self.t_s < begin_s + TICK_S:
-                if trouble.kind == "battery cell":
-                    self.emptied[trouble.vehicle] = trouble.size
                 begin(self, trouble)
             elif self.t_s >= begin_s + trouble.for_s:
                 end(self, trouble)

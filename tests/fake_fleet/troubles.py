@@ -212,6 +212,7 @@ def _motor(fleet: Fleet, trouble: Trouble) -> None:
 
 
 def _cell(fleet: Fleet, trouble: Trouble) -> None:
+    fleet.emptied[trouble.vehicle] = trouble.size
     fleet.vehicles[trouble.vehicle].wh *= 1.0 - trouble.size
 
 

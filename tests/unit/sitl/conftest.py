@@ -15,6 +15,8 @@ from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import Patch, World, WorldSpec
 
 ORIGIN = LatLon(37.2, -80.4)
+CAMERA = CameraSpec(hfov_deg=90.0, width_px=400, height_px=300)  # focal length 200 px
+LENS_M = 0.1
 PATIENCE = 16  # requests without an answer
 
 
@@ -243,9 +245,3 @@ def square():
     """A ROI of 20 m by 20 m, its south-west corner at the origin."""
     plane = World(WorldSpec(ORIGIN, 600.0, ())).plane
     return Patch(tuple(plane.to_wgs84(e, n) for e, n in ((0, 0), (20, 0), (20, 20), (0, 20))))
-
-
-@pytest.fixture
-def camera():
-    """A picture of 400 by 300 pixels whose focal length is 200 pixels."""
-    return CameraSpec(hfov_deg=90.0, width_px=400, height_px=300)

@@ -8,14 +8,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.body.physics import Body, Command
-from sitl.camera.pinhole import CameraSpec, Shot, image_motion_px
+from sitl.camera.pinhole import Shot, image_motion_px
 from sitl.camera.render import render
 from sitl.world.world import Patch, World, WorldSpec
-from tests.unit.sitl.conftest import ORIGIN, decoded
+from tests.unit.sitl.conftest import CAMERA, LENS_M, ORIGIN, decoded
 
-LENS_M = 0.1
-# focal length 200 px; from 10 m a metre is 20 px
-CAMERA = CameraSpec(hfov_deg=90.0, width_px=400, height_px=300)
 GIMBAL = replace(CAMERA, fixed=False)
 
 

@@ -11,9 +11,7 @@ from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel
 from sitl.camera.render import render
 from sitl.world.ground import TILE_M
 from sitl.world.world import Patch, World, WorldSpec
-from tests.unit.sitl.conftest import ORIGIN, decoded
-
-LENS_M = 0.1
+from tests.unit.sitl.conftest import CAMERA, LENS_M, ORIGIN, decoded
 
 
 def pixel(camera, shot, east_m, north_m):
@@ -51,15 +49,15 @@ def test_a_place_on_the_ground_falls_into_its_pixel(turned, how, place, expected
     assert pixel(camera, shot_at(camera, 10.0, *turned), *place) == pytest.approx(expected)
 
 
-def test_attitude_is_that_of_a_nadir_camera(camera):
+def test_attitude_is_that_of_a_nadir_camera():
     expected = Quaternion.from_euler(0.0, -math.pi / 2, math.radians(30.0))
-    assert camera.attitude(0.0, 0.0, math.radians(30.0)) == pytest.approx(expected)
+    assert CAMERA.attitude(0.0, 0.0, math.radians(30.0)) == pytest.approx(expected)
 
 
-def test_the_corner_of_the_roi_is_where_it_should_be(camera, square):
+def test_the_corner_of_the_roi_is_where_it_should_be(square):
     world = World(WorldSpec(ORIGIN, 600.0, (square,), texture=0.0, sensor_noise=0.0, seed=1))
     # 5 m east and 4 m north of the corner: it lies 100 px left of and 80 px below the centre
-    picture = decoded(render(world, camera, shot_at(camera, 10.0, east_m=5.0, north_m=4.0)))
+    picture = decoded(render(world, CAMERA, shot_at(CAMERA, 10.0, east_m=5.0, north_m=4.0)))
     dark = picture < 137
     assert dark[:225, 105:].mean() > 0.99
     assert dark[:, :94].mean() < 0.01
@@ -70,32 +68,32 @@ def test_the_corner_of_the_roi_is_where_it_should_be(camera, square):
     assert low == pytest.approx(229.5, abs=1.0)
 
 
-def test_the_corner_in_a_tilted_picture(camera, square):
+def test_the_corner_in_a_tilted_picture(square):
     world = World(WorldSpec(ORIGIN, 600.0, (square,), texture=0.0, sensor_noise=0.0, seed=1))
-    shot = shot_at(camera, 10.0, pitch_deg=-10.0)  # over the corner itself
-    dark = decoded(render(world, camera, shot)) < 137
+    shot = shot_at(CAMERA, 10.0, pitch_deg=-10.0)  # over the corner itself
+    dark = decoded(render(world, CAMERA, shot)) < 137
     row = 149.5 - 200.0 * math.tan(math.radians(10.0))
     assert dark[: int(row) - 2, 203:].mean() > 0.99
     assert dark[int(row) + 3 :, :].mean() < 0.01
     assert dark[:, :196].mean() < 0.01
 
 
-def test_holes_show_the_ground(camera, square):
+def test_holes_show_the_ground(square):
     plane = World(WorldSpec(ORIGIN, 600.0, ())).plane
     hole = tuple(plane.to_wgs84(e, n) for e, n in ((8, 8), (12, 8), (12, 12), (8, 12)))
     patch = Patch(square.polygon, (hole,))
     world = World(WorldSpec(ORIGIN, 600.0, (patch,), seed=1))
-    picture = decoded(render(world, camera, shot_at(camera, 10.0, east_m=10.0, north_m=10.0)))
+    picture = decoded(render(world, CAMERA, shot_at(CAMERA, 10.0, east_m=10.0, north_m=10.0)))
     assert picture[120:180, 170:230].mean() > 150 > picture[120:180, 60:140].mean()
 
 
-def test_the_roi_drifts_with_time(camera, square):
+def test_the_roi_drifts_with_time(square):
     spec = WorldSpec(ORIGIN, 600.0, (square,), drift_speed_m_s=0.5, drift_toward_deg=90.0, seed=1)
     world = World(spec)
-    over_corner = shot_at(camera, 10.0, east_m=1.0, north_m=10.0)
+    over_corner = shot_at(CAMERA, 10.0, east_m=1.0, north_m=10.0)
     later = Shot(1.0, 10.0, over_corner.height_m, over_corner.attitude, 20.0, 0)
-    assert decoded(render(world, camera, over_corner))[150, 205:].mean() < 130
-    assert decoded(render(world, camera, later))[150, :300].mean() > 150
+    assert decoded(render(world, CAMERA, over_corner))[150, 205:].mean() < 130
+    assert decoded(render(world, CAMERA, later))[150, :300].mean() > 150
     assert world.drift_at(20.0) == pytest.approx((10.0, 0.0), abs=1e-6)
 
 
@@ -121,23 +119,23 @@ def test_the_ground_has_dark_gaps_and_repeats_without_a_seam():
     assert seam < 1.5 * inside
 
 
-def test_the_ground_is_fixed_to_the_world(camera):
+def test_the_ground_is_fixed_to_the_world():
     quiet = World(WorldSpec(ORIGIN, 600.0, (), sensor_noise=0.0, illumination=0.0, seed=4))
-    here = decoded(render(quiet, camera, shot_at(camera, 10.0)))
-    there = decoded(render(quiet, camera, shot_at(camera, 10.0, east_m=2.0, north_m=1.0)))
+    here = decoded(render(quiet, CAMERA, shot_at(CAMERA, 10.0)))
+    there = decoded(render(quiet, CAMERA, shot_at(CAMERA, 10.0, east_m=2.0, north_m=1.0)))
     moved = there[20:, :-40].astype(int) - here[:-20, 40:]
     assert np.abs(moved).mean() < 2.0
-    far = decoded(render(quiet, camera, shot_at(camera, 10.0, east_m=TILE_M, north_m=-TILE_M)))
+    far = decoded(render(quiet, CAMERA, shot_at(CAMERA, 10.0, east_m=TILE_M, north_m=-TILE_M)))
     assert np.abs(far.astype(int) - here).mean() < 2.0
 
 
-def test_rendering_repeats(camera, square):
+def test_rendering_repeats(square):
     spec = WorldSpec(ORIGIN, 600.0, (square,), seed=2)
-    shot = shot_at(camera, 10.0, 3.0, 2.0, 50.0)
-    first = render(World(spec), camera, shot)
-    assert first == render(World(spec), camera, shot)
+    shot = shot_at(CAMERA, 10.0, 3.0, 2.0, 50.0)
+    first = render(World(spec), CAMERA, shot)
+    assert first == render(World(spec), CAMERA, shot)
     other = Shot(shot.east_m, shot.north_m, shot.height_m, shot.attitude, 0.0, 1)
-    assert first != render(World(spec), camera, other)  # another frame's noise
+    assert first != render(World(spec), CAMERA, other)  # another frame's noise
 
 
 def test_impossible_cameras_are_refused():

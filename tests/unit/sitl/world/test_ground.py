@@ -12,16 +12,15 @@ from PIL import Image, TiffImagePlugin
 from missions.errors import WorldError
 from missions.geo.geodesy import LocalPlane, UtmZone
 from missions.units import LatLon
-from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel
+from sitl.camera.pinhole import Shot, ground_to_pixel
 from sitl.camera.render import render
 from sitl.world.files import load_ground, load_orthophoto, load_patches
 from sitl.world.world import World, WorldSpec
-from tests.unit.sitl.conftest import decoded
+from tests.unit.sitl.conftest import CAMERA, decoded
 
 HOME = LatLon(48.0, 11.0)
 PLANE = LocalPlane(HOME)
 ZONE = UtmZone.of(HOME)
-CAMERA = CameraSpec(hfov_deg=90.0, width_px=400, height_px=300)  # focal length 200 px
 SPOT = (40, 30)  # metres east and north of home: where the pictures have a red square
 SIZE_M, PIXEL_M = 160.0, 0.25
 

@@ -11,17 +11,14 @@ import pytest
 from missions.errors import MissionFileError, UavmapError
 from missions.mission.checks import parse_mission
 from missions.units import Quaternion
-from sitl.camera.pinhole import CameraSpec, Shot
+from sitl.camera.pinhole import Shot
 from sitl.camera.render import render
 from sitl.scenario import Setup
 from sitl.world.tags import DICTIONARIES, TAG_OVER_FEET_M, TagPose, modules
 from sitl.world.world import World, WorldSpec
-from tests.unit.sitl.conftest import ORIGIN, decoded
+from tests.unit.sitl.conftest import CAMERA, LENS_M, ORIGIN, decoded
 from uavmap.runner.simulation import setup_of
 
-LENS_M = 0.1
-# focal length 200 px; a metre that is 10 m below is 20 px
-CAMERA = CameraSpec(hfov_deg=90.0, width_px=400, height_px=300)
 PLAIN = WorldSpec(
     ORIGIN, 600.0, (), texture=0.0, sensor_noise=0.0, illumination=0.0, tag_m=1.2, seed=1
 )
