@@ -182,7 +182,7 @@ class Link:
     seed: tuple[int, int]
     faults: Faults
     signing: Signing
-    hear: Callable[[list[Message]], None]
+    handle: Callable[[list[Message]], None]
     trusted: bool
     texts_to_stations: bool
 
@@ -243,7 +243,7 @@ class Link:
             ]
         self._sends_texts = self._sends_texts or any(map(_is_station, messages))
         if messages:
-            self.hear(messages)
+            self.handle(messages)
 
     def _arrive(self, frames: bytes) -> None:
         if len(self._outbox) + len(frames) <= _MAX_OUTBOX:

@@ -8,11 +8,6 @@ MAIN_AUTO = 4
 SUB_MISSION = 4
 
 
-def packed(main: int, sub: int = 0) -> int:
-    """Return the `custom_mode` of HEARTBEAT and of SET_MODE."""
-    return (main & 0xFF) << 16 | (sub & 0xFF) << 24
-
-
 class Px4Mode(IntEnum):
     """`custom_mode` of HEARTBEAT."""
 
@@ -47,7 +42,8 @@ def wanted(main: int, sub: int) -> Px4Mode | None:
     >>> wanted(4, 0).name, wanted(6, 0).name, wanted(4, 99)
     ('MISSION', 'OFFBOARD', None)
     """
+    sub = (sub or SUB_MISSION) if main == MAIN_AUTO else 0
     try:
-        return Px4Mode(packed(main, (sub or SUB_MISSION) if main == MAIN_AUTO else 0))
+        return Px4Mode(main << 16 | sub << 24)
     except ValueError:
         return None

@@ -140,9 +140,9 @@ def _correlation(
         for a, b in pairs
     )
     least = np.float32(_LEAST_TEXTURE**2) * np.maximum(common, 1.0)
-    told = (common >= _LEAST_PX) & (power_a >= least) & (power_b >= least)
+    textured = (common >= _LEAST_PX) & (power_a >= least) & (power_b >= least)
     scale = np.sqrt(np.maximum(power_a, 1e-6) * np.maximum(power_b, 1e-6))
-    return np.where(told, product / scale, np.float32(-1.0)), common
+    return np.where(textured, product / scale, np.float32(-1.0)), common
 
 
 def _peak(

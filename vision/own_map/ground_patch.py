@@ -24,7 +24,7 @@ _WANTED_PX: Final = 75.0  # along the shorter side of a footprint
 _REACH_HEIGHTS: Final = 2.0  # what is farther from below the camera is seen too flatly
 _WINDOW_PX: Final = 15  # light is what changes over more pixels of the raster than these
 _LEAST_CONTRAST: Final = 2.0  # gray levels; what differs by less counts as noise
-_FEW: Final = 4  # of the pixels in a row one in so many tells the shading
+_FEW: Final = 4  # of the pixels in a row one in so many gives the shading
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,12 +218,12 @@ def coarser(patch: Patch) -> Patch:
     """
     seen = (patch.values != NOTHING).astype(np.float32)
     around = cv2.boxFilter(seen, cv2.CV_32F, (3, 3), borderType=cv2.BORDER_CONSTANT)
-    told = cv2.boxFilter(
+    mean = cv2.boxFilter(
         patch.values * seen, cv2.CV_32F, (3, 3), borderType=cv2.BORDER_CONSTANT
     ) / np.maximum(around, np.float32(1e-3))
     # what is averaged has less contrast: it is stretched to what it was
-    told = told * np.float32(_spread(patch.values[seen > 0]) / max(_spread(told[seen > 0]), 1.0))
-    values = np.clip(np.rint(told), NOTHING + 1, 127).astype(np.int8)
+    mean = mean * np.float32(_spread(patch.values[seen > 0]) / max(_spread(mean[seen > 0]), 1.0))
+    values = np.clip(np.rint(mean), NOTHING + 1, 127).astype(np.int8)
     values[seen == 0.0] = NOTHING
     # the place below the camera stays the centre of a pixel
     top, left = patch.north_px % 2, patch.west_px % 2

@@ -125,7 +125,7 @@ KNOWN_SLOPE_SIGMA: Final = 1e-4
 """The same where an elevation model gives the slope."""
 
 _PRIOR_HUBER = 2.0  # standard deviations of a tag, beyond which it pulls no stronger
-_UNKNOWN_HEIGHT = 0.5  # a height that no tag tells is that of the others, within this share
+_UNKNOWN_HEIGHT = 0.5  # an untagged height is that of the others, within this share
 
 
 def add_tags(normal: Normal, solution: Solution, tags: Tags) -> float:
@@ -142,11 +142,11 @@ class _Rows:
         self.by_view: Floats = np.zeros((views, count, UNKNOWNS))
         self.by_shared: Floats = np.zeros((views, count, SHARED))
 
-    def add(self, normal: Normal, told: NDArray[np.bool_] | None = None) -> float:
-        """Add to the normal equations by Huber's weights, views of `told` only; return the cost."""
+    def add(self, normal: Normal, chosen: NDArray[np.bool_] | None = None) -> float:
+        """Add to the normal equations by Huber's weights, `chosen` views only; return the cost."""
         weight, cost = huber(np.sqrt(np.square(self.off).sum(axis=1)), _PRIOR_HUBER)
-        if told is not None:
-            weight, cost = np.where(told, weight, 0.0), np.where(told, cost, 0.0)
+        if chosen is not None:
+            weight, cost = np.where(chosen, weight, 0.0), np.where(chosen, cost, 0.0)
         groups = normal.corner.shape[0] - SHARED
         view, shared = self.by_view * weight[:, None, None], self.by_shared * weight[:, None, None]
         normal.diagonal += np.einsum("nki,nkj->nij", view, self.by_view)
@@ -170,9 +170,9 @@ def _add_places(normal: Normal, solution: Solution, tags: Tags) -> float:
 
 def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
     centre = solution.cameras.centre_m
-    told = np.isfinite(tags.height_m)
+    tagged = np.isfinite(tags.height_m)
     rows = _Rows(len(centre), 1)
-    tag, each = np.where(told, tags.height_m, 0.0), 1.0 / tags.height_sigma_m
+    tag, each = np.where(tagged, tags.height_m, 0.0), 1.0 / tags.height_sigma_m
     away = centre[:, :2] - solution.middle_m
     above = centre[:, 2] - np.einsum("ni,i->n", away, solution.slope)
     rows.off[:, 0] = (above - tag * (1.0 + solution.shared[HEIGHT])) * each
@@ -180,20 +180,20 @@ def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
     rows.by_view[:, 0, :2] = -each[:, None] * solution.slope
     rows.by_shared[:, 0, HEIGHT] = -tag * each
     rows.by_shared[:, 0, SLOPE] = -away * each[:, None]
-    cost = rows.add(normal, told)
+    cost = rows.add(normal, tagged)
     unknown = _Rows(len(centre), 1)
     above_m = solution.cameras.above_m()
     middle = float(np.median(above_m))
     unknown.off[:, 0] = (above_m / middle - 1.0) / _UNKNOWN_HEIGHT
     unknown.by_view[:, 0, 2] = 1.0 / middle / _UNKNOWN_HEIGHT
-    return cost + unknown.add(normal, ~told)
+    return cost + unknown.add(normal, ~tagged)
 
 
 def _add_yaws(normal: Normal, solution: Solution, tags: Tags) -> float:
     axes = solution.cameras.axes
-    told = np.isfinite(tags.yaw_rad)
+    tagged = np.isfinite(tags.yaw_rad)
     rows = _Rows(len(axes), 1)
-    away = bearing(axes) - np.where(told, tags.yaw_rad, 0.0) - solution.shared[YAW]
+    away = bearing(axes) - np.where(tagged, tags.yaw_rad, 0.0) - solution.shared[YAW]
     each = 1.0 / tags.yaw_sigma_rad
     rows.off[:, 0] = np.arctan2(np.sin(away), np.cos(away)) * each
     east, north = axes[:, 0, 1], axes[:, 1, 1]
@@ -202,7 +202,7 @@ def _add_yaws(normal: Normal, solution: Solution, tags: Tags) -> float:
     row = north[:, None] * by_turn[:, 0] - east[:, None] * by_turn[:, 1]
     rows.by_view[:, 0, 3:] = row * (each / (east**2 + north**2))[:, None]
     rows.by_shared[:, 0, YAW] = -each
-    return rows.add(normal, told)
+    return rows.add(normal, tagged)
 
 
 def _add_tilts(normal: Normal, solution: Solution, tags: Tags) -> float:
@@ -274,7 +274,7 @@ def _descend(solution: Solution, ties: Ties, tags: Tags, limit_px: float) -> Sol
 def _stepped(solution: Solution, steps: Floats, shared: Floats) -> Solution:
     groups = len(shared) - SHARED
     cameras = moved(solution.cameras, steps, shared[:groups])
-    # nobody takes a picture from below the ground
+    # no camera is below the ground
     least_m = 0.2 * solution.cameras.above_m()
     cameras.centre_m[:, 2] += np.maximum(least_m - cameras.above_m(), 0.0)
     return Solution(cameras, solution.shared + shared[groups:], solution.middle_m, math.inf)

@@ -36,7 +36,7 @@ MOST_YAW_SIGMA_RAD: Final = math.radians(15.0)
 MOST_SCALE_SIGMA: Final = 0.25
 """The same of its scale, as a share."""
 
-_HALF_TURN_CLEAR_RAD = math.radians(40.0)  # geotags so certain tell a heading from its reverse
+_HALF_TURN_CLEAR_RAD = math.radians(40.0)  # geotags so certain exclude the reverse heading
 
 
 def components(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]:
@@ -174,19 +174,19 @@ def _log_scale(
     views: Sequence[View], scale: Complex, by_tags: float, sigma: float
 ) -> tuple[float, float]:
     """Return the log of the net's scale, by geotags and tagged heights, and its uncertainty."""
-    told = [
+    tagged = [
         math.log((v.height_m.value - v.ground_m) / v.focal_px.value / abs(c))
         for v, c in zip(views, scale, strict=True)
         if v.height_m is not None and abs(c) > 0.0 and v.height_m.value > v.ground_m
     ]
-    if not told:
+    if not tagged:
         return by_tags, sigma
     spread = float(np.median([v.height_m.sigma / v.height_m.value for v in views if v.height_m]))
-    told_sigma = math.hypot(HEIGHT_BIAS, spread / math.sqrt(len(told)))
-    share = (1.0 / sigma**2) / (1.0 / sigma**2 + 1.0 / told_sigma**2)
+    tag_sigma = math.hypot(HEIGHT_BIAS, spread / math.sqrt(len(tagged)))
+    share = (1.0 / sigma**2) / (1.0 / sigma**2 + 1.0 / tag_sigma**2)
     return (
-        share * by_tags + (1.0 - share) * float(np.median(told)),
-        1.0 / math.hypot(1.0 / sigma, 1.0 / told_sigma),
+        share * by_tags + (1.0 - share) * float(np.median(tagged)),
+        1.0 / math.hypot(1.0 / sigma, 1.0 / tag_sigma),
     )
 
 
@@ -214,9 +214,9 @@ def _angle(
         axis += math.pi
     turned[known] = np.cos(wanted - axis) < 0.0
     each = float(np.median([p.sigma for p in priors]))
-    told_sigma = math.hypot(YAW_BIAS_RAD, each / math.sqrt(len(known)))
-    share = (1.0 / sigma**2) / (1.0 / sigma**2 + 1.0 / told_sigma**2)
+    tag_sigma = math.hypot(YAW_BIAS_RAD, each / math.sqrt(len(known)))
+    share = (1.0 / sigma**2) / (1.0 / sigma**2 + 1.0 / tag_sigma**2)
     off = math.remainder(by_tags - axis, math.tau)
-    if abs(off) > 3.0 * math.hypot(sigma, told_sigma):
-        share = 1.0 if sigma < told_sigma else 0.0  # one of them is plainly wrong
-    return axis + share * off, 1.0 / math.hypot(1.0 / sigma, 1.0 / told_sigma), turned
+    if abs(off) > 3.0 * math.hypot(sigma, tag_sigma):
+        share = 1.0 if sigma < tag_sigma else 0.0  # one of them is plainly wrong
+    return axis + share * off, 1.0 / math.hypot(1.0 / sigma, 1.0 / tag_sigma), turned

@@ -210,11 +210,11 @@ class _Registering:
         )
         kept = [self.refined[k] is not None for k in members]
         held = [p for p in local if kept[p.first] and kept[p.second]]
-        told = _as_tagged(tags, solution.cameras)
-        if told is None:
+        tagged = _as_tagged(tags, solution.cameras)
+        if tagged is None:
             self.as_tagged = None
         elif self.as_tagged is not None:
-            self.as_tagged += [(told, p) for p in held]
+            self.as_tagged += [(tagged, p) for p in held]
         self.as_refined += [(solution.cameras, p) for p in held]
 
     @staticmethod
