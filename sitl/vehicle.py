@@ -19,6 +19,7 @@ from sitl.body.physics import MAX_STEP_S, Body
 from sitl.body.sensors import Altimeter, AttitudeError
 from sitl.camera.pinhole import Shot
 from sitl.codec import Message
+from sitl.copter.aircraft import Device
 from sitl.copter.motion import Airframe
 from sitl.faults.faults import Faults
 from sitl.faults.injection import SIM_PARAMETERS, inject
@@ -76,9 +77,8 @@ class SimVehicle:
         airframe = Airframe(
             spec.max_speed_m_s, spec.max_accel_m_s2, spec.ready_after_s, quirks.stick
         )
-        self._ap = flavour.aircraft(
-            self._body, self._error, self._battery, airframe, quirks, self._seed
-        )
+        device = Device(self._body, self._error, self._battery, airframe, quirks, self._seed)
+        self._ap = flavour.aircraft(device)
         self._telemetry = flavour.telemetry(self._ap, world, self._altimeter, self._wind, quirks)
         self._streams = Streams()
         for message_id, interval_s in flavour.commands.default_s.items():

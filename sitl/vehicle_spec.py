@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
@@ -10,11 +10,7 @@ from typing import NamedTuple
 from missions.units import LatLon
 from sitl.ardupilot.autopilot import Autopilot
 from sitl.ardupilot.commands import ArduPilotCommands
-from sitl.body.battery import Battery
-from sitl.body.estimator import Estimator
-from sitl.body.physics import Body
 from sitl.camera.pinhole import CameraSpec
-from sitl.copter.motion import Airframe
 from sitl.mavlink.commands import Commands
 from sitl.mavlink.interpreter import Interpreter
 from sitl.mavlink.telemetry import Telemetry
@@ -122,9 +118,7 @@ class VehicleTruth:
 class Flavour(NamedTuple):
     """The classes of one autopilot."""
 
-    aircraft: Callable[
-        [Body, Estimator, Battery, Airframe, Quirks, tuple[int, int]], Autopilot | Px4Autopilot
-    ]
+    aircraft: type[Autopilot | Px4Autopilot]
     telemetry: type[Telemetry]
     commands: type[Commands]
     interpreter: type[Interpreter]

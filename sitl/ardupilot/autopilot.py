@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from sitl.ardupilot.aiding import Ek3Aiding
 from sitl.ardupilot.failsafes import ArduPilotFailsafes
-from sitl.body.battery import Battery
-from sitl.body.estimator import Estimator
-from sitl.body.physics import IDLE, Body, Command
-from sitl.copter.aircraft import Aircraft
+from sitl.body.physics import IDLE, Command
+from sitl.copter.aircraft import Aircraft, Device
 from sitl.copter.failsafes import CRITICAL, INFO
 from sitl.copter.fence import Fence, names
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import LEVEL, UNARMABLE, Mode, Phase
-from sitl.copter.motion import Airframe
 from sitl.copter.params import Parameters, copter_tuning
 from sitl.copter.route import Progress
 from sitl.copter.trajectory import (
@@ -22,7 +19,6 @@ from sitl.copter.trajectory import (
     copter_speed,
     shaping_jerk,
 )
-from sitl.quirks import Quirks
 
 _LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
 _ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS
@@ -40,24 +36,16 @@ class Autopilot(Aircraft):
     speed_law = staticmethod(copter_speed)
     first_item = 1
 
-    def __init__(
-        self,
-        body: Body,
-        error: Estimator,
-        battery: Battery,
-        airframe: Airframe,
-        quirks: Quirks,
-        seed: tuple[int, int],
-    ) -> None:
+    def __init__(self, device: Device) -> None:
         parameters = Parameters()
-        aiding = Ek3Aiding(body, error, parameters)
+        aiding = Ek3Aiding(device.body, device.error, parameters)
         # PSC_JERK_XY of 0 leaves it to what the vehicle can do
         follower = ShapedFollower(lambda: shaping_jerk(parameters["PSC_JERK_XY"] or MOST_JERK_M_S3))
-        super().__init__(body, error, battery, airframe, parameters, Fence(), aiding, follower)
+        super().__init__(device, parameters, Fence(), aiding, follower)
         self.mode = Mode.STABILIZE
         self.failsafes = ArduPilotFailsafes()
-        self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
-        if quirks.camera == "autopilot":
+        self.parameters.preset("BATT_CAPACITY", self.battery.capacity_mah)
+        if device.quirks.camera == "autopilot":
             self.parameters.preset("CAM1_TYPE", 1)
         self._next_prearm_s = _PREARM_EVERY_S
         self._mission_started = False  # on the ground, AUTO waits for MISSION_START

@@ -22,6 +22,7 @@ from sitl.copter.params import Parameters
 from sitl.copter.route import Route
 from sitl.copter.trajectory import Follower, Setpoint
 from sitl.copter.transfer import Plans
+from sitl.quirks import Quirks
 
 _PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
 _HOME_SHARE = 0.5
@@ -40,6 +41,17 @@ class Notice(NamedTuple):
     arguments: bytes = b""
 
 
+class Device(NamedTuple):
+    """What an autopilot is built into; `seed`: the world's, and the system id."""
+
+    body: Body
+    error: Estimator
+    battery: Battery
+    airframe: Airframe
+    quirks: Quirks
+    seed: tuple[int, int]
+
+
 class Aircraft(Motion, ABC):
     """One autopilot; `step` advances it, the other methods are what a pilot can request.
 
@@ -53,19 +65,16 @@ class Aircraft(Motion, ABC):
 
     def __init__(
         self,
-        body: Body,
-        error: Estimator,
-        battery: Battery,
-        airframe: Airframe,
+        device: Device,
         parameters: Parameters,
         fence: Fence,
         aiding: Aiding,
         follower: Follower,
     ) -> None:
-        super().__init__(body, airframe, parameters, follower)
-        self.error = error
+        super().__init__(device.body, device.airframe, parameters, follower)
+        self.error = device.error
         self.aiding = aiding
-        self.battery = battery
+        self.battery = device.battery
         self.armed = False
         self.plans: Plans = {MISSION: [], FENCE: [], RALLY: []}
         self.route = Route(self.plans[MISSION], self.first_item)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from sitl.body.battery import Battery
-from sitl.body.estimator import Estimator
-from sitl.body.physics import IDLE, Body, Command
-from sitl.copter.aircraft import Aircraft
+from sitl.body.physics import IDLE, Command
+from sitl.copter.aircraft import Aircraft, Device
 from sitl.copter.failsafes import CHARGE_CRITICAL, CRITICAL, INFO, WARNING
 from sitl.copter.fence import names
 from sitl.copter.modes import Phase
-from sitl.copter.motion import Airframe
 from sitl.copter.params import Parameters
 from sitl.copter.route import Progress
 from sitl.copter.trajectory import DelayedFollower, Setpoint, px4_speed
@@ -17,7 +14,6 @@ from sitl.px4.aiding import Ekf2Aiding, HomeCorrection
 from sitl.px4.failsafes import Px4Failsafes, Setpoints
 from sitl.px4.modes import BY_HAND, LEVEL, UNARMABLE, Px4Mode
 from sitl.px4.params import TABLE, Px4Fence, px4_tuning
-from sitl.quirks import Quirks
 
 # A stream of places and velocities at 10 Hz was followed 0.33 s late (0.12 to 0.73 s, 90 % of the
 # time), most in the first seconds of a path
@@ -41,25 +37,17 @@ class Px4Autopilot(Aircraft):
     speed_law = staticmethod(px4_speed)
     first_item = 0
 
-    def __init__(
-        self,
-        body: Body,
-        error: Estimator,
-        battery: Battery,
-        airframe: Airframe,
-        quirks: Quirks,
-        seed: tuple[int, int],
-    ) -> None:
+    def __init__(self, device: Device) -> None:
         parameters = Parameters(TABLE)
-        aiding = Ekf2Aiding(body, error, parameters)
+        aiding = Ekf2Aiding(device.body, device.error, parameters)
         follower = DelayedFollower(_SETPOINT_DELAY_S, _FIRST_DELAY_S)
-        super().__init__(body, error, battery, airframe, parameters, Px4Fence(), aiding, follower)
-        parameters.preset("BAT1_CAPACITY", battery.capacity_mah)
-        parameters.preset("MAV_SYS_ID", seed[1])
+        super().__init__(device, parameters, Px4Fence(), aiding, follower)
+        parameters.preset("BAT1_CAPACITY", self.battery.capacity_mah)
+        parameters.preset("MAV_SYS_ID", device.seed[1])
         self.mode = Px4Mode.HOLD
         self.failsafes = Px4Failsafes()
         self.setpoints = Setpoints()
-        self.correction = HomeCorrection((*seed, _HOME_SEED), quirks.home_moves_m)
+        self.correction = HomeCorrection((*device.seed, _HOME_SEED), device.quirks.home_moves_m)
         self._after_disarming = self._intended = Px4Mode.HOLD
         self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
         self._has_flown = False  # since it was armed
