@@ -21,17 +21,17 @@ from sitl.mavlink.commands import (
 )
 
 _GLOBAL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
-_FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
 
 
 class ArduPilotCommands(Commands):
     """ArduCopter's."""
 
+    forces_arming = 2989.0
+
     ap: Autopilot
 
     def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
         return {
-            mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             mav.MAV_CMD_DO_SET_MODE: self._set_mode,
             mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mav.MAV_CMD_NAV_LAND: lambda _: self._mode(Mode.LAND),
@@ -43,15 +43,6 @@ class ArduPilotCommands(Commands):
             mav.MAV_CMD_DO_FENCE_ENABLE: self._fence_enable,
             mav.MAV_CMD_SET_EKF_SOURCE_SET: self._choose_sources,
         }
-
-    def _arm_disarm(self, request: Request) -> Reply:
-        if request.p[0] == 1.0:
-            refusal = self.ap.arm(force=request.p[1] == _FORCE_ARM)
-        elif request.p[0] == 0.0:
-            refusal = self.ap.disarm(force=request.p[1] == _FORCE_DISARM)
-        else:
-            return Reply(UNSUPPORTED)
-        return self.answer(refusal)
 
     def _set_mode(self, request: Request) -> Reply:
         base, number = request.integer(1), request.integer(2)

@@ -75,6 +75,7 @@ def statustext(severity: int, text: str) -> Message:
 
 
 HIGHEST_M = 10_000.0
+_FORCE = 21196.0
 _AMSL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
 _HOME_FRAMES = (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 _TERRAIN_FRAMES = (mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
@@ -103,6 +104,8 @@ class Commands(ABC):
     """The MAV_RESULT of a command that cannot be executed now."""
     nowhere: ClassVar[int] = DENIED
     """The MAV_RESULT of EXTERNAL_POSITION_ESTIMATE for an invalid place."""
+    forces_arming: ClassVar[float] = _FORCE
+    """Parameter 2 of COMPONENT_ARM_DISARM that arms whatever the checks object to."""
     unknown_rally_frames: ClassVar[tuple[int, ...]] = ()
     """Frames of rally points that are accepted, and that a return does not support."""
     default_s: ClassVar[Mapping[int, float]] = {}
@@ -121,6 +124,7 @@ class Commands(ABC):
         self.ap.route.locate = self._item_place
         self.ap.route.camera = self._route_camera
         self._table: dict[int, Callable[[Request], Reply]] = {
+            mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             mav.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
             mav.MAV_CMD_DO_SET_MISSION_CURRENT: self._mission_current,
             mav.MAV_CMD_DO_SET_HOME: self._set_home,
@@ -245,6 +249,14 @@ class Commands(ABC):
         if refusal is None:
             return Reply(ACCEPTED)
         return Reply(self.refused, (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),))
+
+    def _arm_disarm(self, request: Request) -> Reply:
+        arm, force = request.p[:2]
+        if arm == 1.0:
+            return self.answer(self.ap.arm(force == self.forces_arming))
+        if arm == 0.0:
+            return self.answer(self.ap.disarm(force == _FORCE))
+        return Reply(UNSUPPORTED)
 
     def _prearm_checks(self, _: Request) -> Reply:
         if self.ap.armed:

@@ -27,7 +27,6 @@ from sitl.px4.autopilot import Px4Autopilot, Wish
 from sitl.px4.modes import Px4Mode, wanted
 from sitl.px4.telemetry import DEFAULT_S
 
-_FORCE = 21196.0
 _NAN_AS_INT = 0x7FF80000
 _GLOBAL: int = mav.MAV_FRAME_GLOBAL
 
@@ -45,7 +44,6 @@ class Px4Commands(Commands):
 
     def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
         return {
-            mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             mav.MAV_CMD_DO_SET_MODE: self._set_mode,
             mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mav.MAV_CMD_NAV_LAND: lambda _: self._mode(Px4Mode.LAND),
@@ -61,14 +59,6 @@ class Px4Commands(Commands):
             return Reply(ACCEPTED)
         self.ap.send_text(mav.MAV_SEVERITY_CRITICAL, refusal)
         return Reply(self.refused)
-
-    def _arm_disarm(self, request: Request) -> Reply:
-        force = request.p[1] == _FORCE
-        if request.p[0] == 1.0:
-            return self.answer(self.ap.arm(force))
-        if request.p[0] == 0.0:
-            return self.answer(self.ap.disarm(force))
-        return Reply(UNSUPPORTED)
 
     def _set_mode(self, request: Request) -> Reply:
         base, main, sub = request.integer(1), request.integer(2), request.integer(3)
