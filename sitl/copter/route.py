@@ -78,15 +78,13 @@ class Route:
 
     def jump_to(self, seq: int, pilot: Aircraft) -> bool:
         """Execute MISSION_SET_CURRENT; home stands for the first item. False: no such item."""
-        if not 0 <= seq < len(self.plan):
-            return False
-        seq = max(self.first, seq)
-        if seq >= len(self.plan):
+        index = max(self.first, seq)
+        if seq < 0 or index >= len(self.plan):
             return False
         if self.progress == Progress.ACTIVE:
-            self._search(seq, pilot)
+            self._search(index, pilot)
         else:
-            self.current = seq
+            self.current = index
             self.progress = Progress.PAUSED
         return True
 
