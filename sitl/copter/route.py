@@ -52,7 +52,7 @@ class Route:
         self.camera: Callable[[tuple[float, int] | None], None] = lambda _: None
         self._item: Item | None = None
         self._pending: list[int] = []
-        self._held_since: tuple[float, Place] | None = None  # when and where a condition began
+        self._held_since_s: float | None = None  # when a condition began
         self._jumps: dict[int, int] = {}
         self._goal: Place | None = None
         self._arrived_s: float | None = None
@@ -153,7 +153,7 @@ class Route:
 
     def _search(self, index: int, pilot: Aircraft) -> None:
         self._pending.clear()
-        self._held_since = None
+        self._held_since_s = None
         self._item = None
         jumps = 0
         while index < len(self.plan):
@@ -254,22 +254,20 @@ class Route:
                 self._pending.clear()
                 return
             item = self.plan[index]
-            if self._held_since is None:
+            if self._held_since_s is None:
                 text = f"Mission: {index} {NAMES[item.command]}"
                 idle = item.command in IDLE_COMMANDS
                 pilot.send_text(INFO, text + " has no effect" * idle)
-                self._held_since = (pilot.t_s, pilot.estimate.place)
+                self._held_since_s = pilot.t_s
                 self._do(item, pilot)
-            if not self._condition_met(item, pilot):
+            if not self._condition_met(item, pilot, pilot.t_s - self._held_since_s):
                 return
-            self._held_since = None
+            self._held_since_s = None
             self._pending.pop(0)
 
-    def _condition_met(self, item: Item, pilot: Aircraft) -> bool:
-        assert self._held_since is not None
-        begun_s, _ = self._held_since
+    def _condition_met(self, item: Item, pilot: Aircraft, held_s: float) -> bool:
         if item.command == mav.MAV_CMD_CONDITION_DELAY:
-            return pilot.t_s - begun_s >= item.p[0]
+            return held_s >= item.p[0]
         if item.command == mav.MAV_CMD_CONDITION_DISTANCE:
             return self._goal is None or pilot.distance_to(self._goal) <= item.p[0]
         return item.command != mav.MAV_CMD_CONDITION_YAW or pilot.turned
