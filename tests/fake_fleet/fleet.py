@@ -62,7 +62,6 @@ class Fleet:
     dead: bool = False  # the mission has ended, and nothing is taken in
     homing: bool = False  # it failed, and its guardians still bring vehicles down
     back_s: float = math.inf  # when it is started again
-    failure: Exception | None = None
     settled_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -121,7 +120,6 @@ class Fleet:
         try:
             self.state, orders = step(self.setting, self.state, event)
         except Exception as failure:
-            self.failure = failure
             text = f"{type(failure).__name__}: {failure} at {event}"
             self.referee.note(self.t_s, "traceback", text)
             self.die(kill=False, away_s=math.inf)
