@@ -31,7 +31,7 @@ from uavmap.output.formats.layers import (
 
 
 def write(data: MapData, path: Path, utc: str | None = None) -> None:
-    """Write map.geojson, a feature a line; `utc` is its date, ISO 8601, if it is known.
+    """Write map.geojson, a feature a line; `utc` is its date, ISO 8601, where known.
 
     Features by their property `kind`:
 

@@ -69,10 +69,3 @@ class Lines:
             if isinstance(words, dict):
                 found.append(words)
         return found
-
-
-# --- orders ----------------------------------------------------------------------------------
-PAUSE: Final = "pause"
-GO_ON: Final = "continue"
-HOME: Final = "return"
-"""Everybody comes home, or the vehicle that is named."""

@@ -20,7 +20,7 @@ from nicegui import Client, background_tasks, ui
 from uavmap.ui.page.access_guard import Guard
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.hub import Hub
-from uavmap.ui.page.page_pipe import GO_ON, HOME, PAUSE, Words
+from uavmap.ui.page.page_pipe import Words
 
 UPDATE_S: Final = 0.1
 """Minimum time between two updates of a browser, real seconds."""
@@ -123,13 +123,13 @@ class Visitor:
     # --- orders ----------------------------------------------------------------------------
     def _add_buttons(self) -> None:
         for name, label, question in (
-            (PAUSE, "Pause", "Everybody holds where they are?"),
-            (GO_ON, "Continue", "The mission goes on?"),
-            (HOME, "Return", ""),
+            ("pause", "Pause", "Everybody holds where they are?"),
+            ("continue", "Continue", "The mission goes on?"),
+            ("return", "Return", ""),
         ):
             button = ui.button(label).props("no-caps outline color=grey-9 padding='xs md'")
             button.mark(name).props(f"data-order={name}")
-            button.on_click(self._return if name == HOME else self._asking(name, question))
+            button.on_click(self._asking(name, question) if question else self._return)
             self._buttons[name] = button
 
     def _asking(self, name: str, question: str) -> Callable[[], Any]:
@@ -143,7 +143,7 @@ class Visitor:
         choices = {0: "everybody"} | {number: f"vehicle {number}" for number in self._listed}
         question = "Who comes home? A vehicle that is called stays there until a resume."
         if (vehicle := await _asked(question, "Return", "Cancel", choices)) is not None:
-            await self._order({"do": HOME, "vehicle": vehicle or None})
+            await self._order({"do": "return", "vehicle": vehicle or None})
 
     async def _order(self, order: Words) -> None:
         if self._hub.board.field("hands_off") or self._hub.ended:
@@ -165,7 +165,8 @@ class Visitor:
         paused = bool(board.field("paused"))
         self._why.set_text("" if self._hub.ended else why)  # which the banner shows
         for name, button in self._buttons.items():
-            button.set_visibility(not why and (name == HOME or paused == (name == GO_ON)))
+            fits = name == "return" or paused == (name == "continue")
+            button.set_visibility(not why and fits)
 
     # --- time ------------------------------------------------------------------------------
     def _add_slider(self) -> None:

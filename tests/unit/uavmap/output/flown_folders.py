@@ -1,7 +1,5 @@
 """Folders of results for the tests of reports and files: a small recorded flight, or part of it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

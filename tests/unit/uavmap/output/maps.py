@@ -1,7 +1,5 @@
 """A small map with everything in it, for the tests of the writers."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One map of several journals: any order, any state, and what makes none together."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

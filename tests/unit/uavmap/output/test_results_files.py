@@ -1,7 +1,5 @@
 """summary.json, and files that are there whole or not at all."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """map.png: pixels at known places have the colours that they should have."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the frames of a flight say of its detector, and when the flight tells nothing."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 

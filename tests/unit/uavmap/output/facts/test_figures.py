@@ -1,7 +1,5 @@
 """Figures of a hand-made flight, against numbers that were added up by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

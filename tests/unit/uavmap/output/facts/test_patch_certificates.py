@@ -1,7 +1,5 @@
 """The certificates of patches, against what was counted by hand, and in any order of the facts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scores of maps drawn by hand, on a grid of 4 m cells."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Simulated runs that several tests look at."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from missions.lab.arena.arena_run import Comms, run

@@ -1,7 +1,5 @@
 """The film of a run, or of a journal, tells what was known when, and where everybody was."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -111,10 +109,7 @@ def test_what_was_judged_and_where_the_vehicle_was_as_seen_from_the_roi():
     assert abs(second.place.east - 1.0) < 0.05  # 8 m out, 4 m of them drifted away below it
     assert abs(film.start_at(10.0).east + 1.0) < 0.05
     states = [(change.t, change.cell, change.state) for change in film.changes]
-    assert states[:2] == [
-        (10.0, Cell(2, 0), "non-roi"),
-        (10.0, Cell(3, 0), "non-roi"),
-    ]
+    assert states[:2] == [(10.0, Cell(2, 0), "non-roi"), (10.0, Cell(3, 0), "non-roi")]
     assert [state for t, cell, state in states if cell == Cell(2, 0)][-1] != "non-roi"
     assert Cell(2, 0) in state.belief.roi
 

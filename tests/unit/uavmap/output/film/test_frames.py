@@ -1,7 +1,5 @@
 """Frames and files: opened again, the right things are in the right places."""
 
-from __future__ import annotations
-
 from unittest.mock import MagicMock
 
 import cv2

@@ -1,8 +1,6 @@
 """A flight as a Rerun recording, with a stand-in for rerun-sdk that notes what is logged. With the
 SDK itself `tests/e2e/commands/test_animate.py` writes a recording."""
 
-from __future__ import annotations
-
 import io
 import sys
 from unittest.mock import MagicMock

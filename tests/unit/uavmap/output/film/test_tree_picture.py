@@ -1,7 +1,5 @@
 """The picture of a tree: backbone and ribs, laid out without a crossing, as PNG and SVG."""
 
-from __future__ import annotations
-
 import io
 from itertools import combinations, pairwise
 from xml.etree import ElementTree

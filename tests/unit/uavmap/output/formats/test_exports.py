@@ -1,7 +1,5 @@
 """Files that people open, read back by those who did not write them."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import io

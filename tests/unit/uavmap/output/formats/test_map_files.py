@@ -1,7 +1,5 @@
 """map.geojson and map.kml, read back with json, shapely and an XML parser."""
 
-from __future__ import annotations
-
 import json
 import xml.etree.ElementTree as ET
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Every plan that is written is one by QGroundControl's documentation, and `new` reads it back."""
 
-from __future__ import annotations
-
 import copy
 import json
 

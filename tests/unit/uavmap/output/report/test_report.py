@@ -1,7 +1,5 @@
 """report.html: what it says, that nothing in it is loaded or run, and that it comes to be there."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

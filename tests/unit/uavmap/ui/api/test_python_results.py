@@ -1,7 +1,5 @@
 """Results as Python gets them: geometries, tables, plots, and what is wrong with a folder."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys

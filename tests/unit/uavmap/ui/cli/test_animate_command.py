@@ -1,7 +1,5 @@
 """`uavmap animate` of missions that have little to show."""
 
-from __future__ import annotations
-
 import pytest
 
 from missions.events import Connected, FrameSeen, Vote

@@ -1,7 +1,5 @@
 """Whatever is wrong with the input: exit code 2 and a line that says so, in process."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import socket

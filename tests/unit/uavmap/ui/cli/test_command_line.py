@@ -1,7 +1,5 @@
 """The command before a command is chosen: quick, and of help."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

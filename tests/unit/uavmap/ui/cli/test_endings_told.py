@@ -1,7 +1,5 @@
 """How a flight that is kept from going on ends, and what the operator is told of it."""
 
-from __future__ import annotations
-
 import errno
 import io
 from dataclasses import replace

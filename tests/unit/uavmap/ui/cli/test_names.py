@@ -1,7 +1,5 @@
 """Names of missions and of files: none leads out of the results, none ends in a traceback."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

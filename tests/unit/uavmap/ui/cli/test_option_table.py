@@ -1,7 +1,5 @@
 """Options are declared once: parsers, `FlightOptions`, Python and the page follow the table."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import fields
 from pathlib import Path

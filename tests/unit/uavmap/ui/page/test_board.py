@@ -1,7 +1,5 @@
 """Deltas add up to the snapshot, however seldom a browser is told."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

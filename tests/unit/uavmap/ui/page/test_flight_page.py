@@ -1,7 +1,5 @@
 """A page beside a flight: it is told everything, and never ends or changes the flight."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

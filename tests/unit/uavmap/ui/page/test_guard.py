@@ -1,7 +1,5 @@
 """Who may look at the page: its cookie, and pages of other origins; `test_server` has the token."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

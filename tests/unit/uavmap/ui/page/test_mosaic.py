@@ -1,7 +1,5 @@
 """The ground that grows beneath the cells of a live page."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -1,7 +1,5 @@
 """Tiles from a file under the map: the right ground at the right place."""
 
-from __future__ import annotations
-
 import math
 import sqlite3
 from contextlib import closing

@@ -1,7 +1,5 @@
 """The page's process through HTTP and NiceGUI's socket, without a browser; tests are the flight."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

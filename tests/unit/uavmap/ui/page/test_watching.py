@@ -1,7 +1,5 @@
 """A recorded flight on a board: the cells of its map, the figures of its summary."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

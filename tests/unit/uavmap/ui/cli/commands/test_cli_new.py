@@ -1,7 +1,5 @@
 """`uavmap new` and `uavmap check --map` as a user runs them, in process."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """What `uavmap onboard` and `uavmap resume` say of options that cannot be."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.support.small_missions import mission_text, square

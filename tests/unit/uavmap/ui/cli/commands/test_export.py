@@ -1,7 +1,5 @@
 """Files for ground stations: what they hold, and that the simulated autopilots take and fly it."""
 
-from __future__ import annotations
-
 import json
 import math
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """`uavmap tune` from pictures and examples to a detector that `replay` maps with."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil
