@@ -199,14 +199,12 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
     flown, made = flown_of(folder), FORMATS[options.to]
     report_incomplete(flown, say)
     files = files_of(flown, options.to)
-    out: Path | None = options.out
-    if out is None:
-        target = folder / made.name if made.several else folder
-        shown = folder / made.name
-    else:
-        shown, target = out, out if made.several else out.parent
-        files = files if made.several else dict.fromkeys([out.name], *files.values())
-        _overwrite_nothing(out, files, made)
+    shown = options.out or folder / made.name
+    target = shown if made.several else shown.parent
+    if not made.several:
+        files = dict.fromkeys([shown.name], *files.values())
+    if options.out is not None:
+        _overwrite_nothing(shown, files, made)
     for name in files:
         refuse_open(target / name)
     _write_map(target, files, made)

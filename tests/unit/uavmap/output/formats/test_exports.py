@@ -356,6 +356,7 @@ def test_what_does_not_fit_together_is_told_in_a_line(folder, tmp_path, refused)
     for options, said in (
         (["--to", "kml", "--out", there], "is there already"),
         (["--to", "shp", "--out", there], "is a file; give a folder"),
+        (["--to", "shp", "--out", there / "below"], "below: cannot be written"),
         (["--to", "kml", "--out", tmp_path / "no" / "x.kml"], "there is no folder"),
         (["--to", "kml", "--plan", there], "--plan is for a plan"),
         (["--to", "kml", "--above-sea"], "--above-sea is for a plan"),

@@ -207,30 +207,24 @@ def test_a_ring_over_the_antimeridian_is_clockwise_too():
 
 
 # --- the autopilots take it and fly it ----------------------------------------------------------
-def mission_messages(plan, *, home):
-    """The mission as QGroundControl uploads it: to an ArduPilot with the home in front."""
-    rows = []
-    if home:
-        lat, lon, amsl_m = plan["mission"]["plannedHomePosition"]
-        rows.append((0, 16, (0.0, 0.0, 0.0, 0.0, lat, lon, amsl_m)))
+def messages_of(plan, *, home):
+    """A plan as QGroundControl uploads it, by kind: to an ArduPilot with the home in front."""
+    none = (0.0, 0.0, 0.0, 0.0)
+    mission = [(0, 16, (*none, *plan["mission"]["plannedHomePosition"]))] if home else []
     for item in plan["mission"]["items"]:
         params = tuple(math.nan if value is None else value for value in item["params"])
-        rows.append((item["frame"], item["command"], params))
-    return [message(seq, MISSION, *row) for seq, row in enumerate(rows)]
-
-
-def fence_messages(plan):
-    rows = []
-    for polygon in plan["geoFence"]["polygons"]:
-        ring = polygon["polygon"]
-        command = 5001 if polygon["inclusion"] else 5002
-        rows += [(0, command, (float(len(ring)), 0.0, 0.0, 0.0, *c, 0.0)) for c in ring]
-    return [message(seq, FENCE, *row) for seq, row in enumerate(rows)]
-
-
-def rally_messages(plan):
-    points = plan["rallyPoints"]["points"]
-    return [message(i, RALLY, 3, 5100, (0.0, 0.0, 0.0, 0.0, *p)) for i, p in enumerate(points)]
+        mission.append((item["frame"], item["command"], params))
+    fence = [
+        (0, 5001 if polygon["inclusion"] else 5002, (float(len(ring)), *none[1:], *corner, 0.0))
+        for polygon in plan["geoFence"]["polygons"]
+        for ring in [polygon["polygon"]]
+        for corner in ring
+    ]
+    rally = [(3, 5100, (*none, *point)) for point in plan["rallyPoints"]["points"]]
+    return {
+        kind: [message(seq, kind, *row) for seq, row in enumerate(rows)]
+        for kind, rows in {MISSION: mission, FENCE: fence, RALLY: rally}.items()
+    }
 
 
 def message(seq, kind, frame, command, params):
@@ -271,11 +265,7 @@ def test_a_px4_takes_mission_fence_and_rally_points_and_tells_the_same(tmp_path,
     start = setting.mission.start
     (vehicle,) = sitl_fleet(1, autopilot="px4", home=(*start.position, 488.5, 0.0))
     vehicle.run(6.0)
-    sent = {
-        MISSION: mission_messages(plan, home=False),
-        FENCE: fence_messages(plan),
-        RALLY: rally_messages(plan),
-    }
+    sent = messages_of(plan, home=False)
     for kind, items in sent.items():
         upload(vehicle, items, kind)
     for kind, items in sent.items():
@@ -292,9 +282,8 @@ def test_the_exported_search_is_flown_from_take_off_to_the_ground(tmp_path, sitl
     plan = exported(tmp_path, file)
     (vehicle,) = sitl_fleet(1, home=(*setting.mission.start.position, 488.5, 0.0), seed=3)
     vehicle.run(6.0)
-    upload(vehicle, fence_messages(plan), FENCE)
-    upload(vehicle, rally_messages(plan), RALLY)
-    upload(vehicle, mission_messages(plan, home=True), MISSION)
+    for kind, items in messages_of(plan, home=True).items():
+        upload(vehicle, items, kind)
     assert vehicle.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == 0
     assert vehicle.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
     assert vehicle.command(mav.MAV_CMD_DO_SET_MODE, 1, AUTO) == 0
