@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.jit import kernel
+from missions.planning.kernels.jit import kernel, part
 
 Ints = NDArray[np.int32]
 Ranks = NDArray[np.int8]
@@ -38,7 +38,7 @@ def adjacency(vertices: int, ends: Ints) -> tuple[Ints, Ints]:
     return first, beside
 
 
-@kernel
+@part
 def nearest_unvisited(
     first: Ints, beside: Ints, rank: Ranks, visited: Ranks, seen: Ints, queue: Ints, start: int
 ) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.jit import kernel
+from missions.planning.kernels.jit import kernel, part
 
 Ints = NDArray[np.int32]
 
@@ -34,7 +34,7 @@ def neighbours(m: int) -> tuple[Ints, Ints]:
     return near, degree
 
 
-@kernel
+@part
 def _draw(state: int) -> int:
     """The next random number, 1 to 2^32 - 1: Marsaglia's xorshift."""
     state ^= (state << 13) & MASK
@@ -65,7 +65,7 @@ more. Of equals one by chance, with the state 0 the first in `near`. RANDOM leav
 """
 
 
-@kernel
+@part
 def _step(
     rule: int, near: Ints, degree: Ints, marks: Ints, place: int, state: int
 ) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.jit import kernel
+from missions.planning.kernels.jit import kernel, part
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
@@ -30,7 +30,7 @@ _BELOW = 7  # robots at or below it; not kept for the start
 _LOOKED = 16
 
 
-@kernel
+@part
 def _look(rows: Ints, v: int) -> None:
     """Look from v: hang new children, and mark the subtrees that are explored by it."""
     rows[v, _STATE] |= _LOOKED
@@ -48,7 +48,7 @@ def _look(rows: Ints, v: int) -> None:
         v = p
 
 
-@kernel
+@part
 def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
     """Smaller is better: not entered yet, then the fewest robots."""
     entered, robots = 0, 0
@@ -60,7 +60,7 @@ def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
     return entered + robots
 
 
-@kernel
+@part
 def _next(rows: Ints, away: Longs, branch: Ints, v: int) -> int:
     """The next vertex of a robot at v; `branch` is scratch space for four children."""
     low, high = 0, 0
@@ -84,7 +84,7 @@ def _next(rows: Ints, away: Longs, branch: Ints, v: int) -> int:
     return int(branch[low])
 
 
-@kernel
+@part
 def _homewards(rows: Ints, steps: Ints, v: int) -> int:
     """The next cell on a shortest way to the start; of several the first."""
     best = -1
@@ -95,7 +95,7 @@ def _homewards(rows: Ints, steps: Ints, v: int) -> int:
     return best
 
 
-@kernel
+@part
 def _arrive(
     rows: Ints, away: Longs, at: Ints, end_t: Floats, t: float, arrived: Ints, fresh: Ints
 ) -> int:
@@ -125,7 +125,7 @@ def _arrive(
     return count
 
 
-@kernel
+@part
 def _later(rows: Ints, away: Longs, v: int, w: int) -> bool:
     """Whether v is looked from after w, if robots arrive there together."""
     return (rows[v, DEPTH], -away[v], v) > (rows[w, DEPTH], -away[w], w)
@@ -158,8 +158,10 @@ def play(
         `PARENT` and `DEPTH` hold the tree.
     """
     rows = np.zeros((near.shape[0], 8), np.int32)
-    rows[:, :4] = near
-    rows[:, PARENT] = UNKNOWN
+    for v in range(near.shape[0]):
+        for d in range(4):
+            rows[v, d] = near[v, d]
+        rows[v, PARENT] = UNKNOWN
     rows[start, PARENT] = start
     _look(rows, start)
     branch = np.empty(4, np.int32)
