@@ -34,7 +34,7 @@ WAYS_RAD: Final = tuple(math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0
 
 
 def column_radius_m(separation_m: float) -> float:
-    """How far from a pad everybody else stays, metres.
+    """Return how far from a pad all others stay, m.
 
     >>> column_radius_m(4.0)
     8.0

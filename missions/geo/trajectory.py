@@ -117,7 +117,7 @@ class Trajectory:
     """When it is at rest at its end."""
     pieces: tuple[Piece, ...]
     drift_m_s: tuple[float, float] = (0.0, 0.0)
-    """Of the region over ground, east and north: the pieces are told in the region's frame."""
+    """Of the region over ground, east and north: the pieces are in the region's frame."""
 
     @property
     def length_m(self) -> float:

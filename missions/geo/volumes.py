@@ -1,8 +1,8 @@
-"""Who is where in the air: layers, and columns over the pads.
+"""Reservations of airspace: layers, and columns over the pads.
 
 Every vehicle flies in a layer of its own height, so two legs never meet. Only a vehicle that
 climbs or descends over its pad crosses the layers below its own. So a column is closed to legs
-while somebody is in it, and nobody enters a column while a leg passes through it.
+while a vehicle is in it, and none enters a column while a leg passes through it.
 """
 
 from __future__ import annotations

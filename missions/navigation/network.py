@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 UNEASE_M: Final = 0.3
-"""By how much a step errs that nobody vouches for, beyond what dead reckoning does."""
+"""By how much a step errs that nothing vouches for, beyond what dead reckoning does."""
 
 
 @dataclass(frozen=True, slots=True)
 class ToldErrors:
-    """What told positions err by; standard deviations in one direction.
+    """Errors of reported positions; standard deviations in one direction.
 
     Attributes:
         satellites_m: Of a position by satellites, above 0.
@@ -74,9 +74,9 @@ class Disagreement:
     Attributes:
         error_m: Told minus true position of the newest keyframe, east and north.
         sigma_m: Its standard deviation in one direction.
-        since_s: When the lie began, as far as that can be told: rather too early.
-        leap_m: The farthest that the told position leapt from one picture to another in the last
-            minute; 0 where it did not.
+        since_s: When the lie began, as far as that can be known: rather too early.
+        leap_m: The farthest that the reported position leapt from one picture to another in the
+            last minute; 0 where it did not.
     """
 
     error_m: tuple[float, float]
@@ -116,8 +116,8 @@ class Steps:
 class Links:
     """`excess + e[to] - e[begin] - c * moved` is 0, with a variance.
 
-    `moved` is the movement that the ground shows, `excess` what it is more than the told one; `c`
-    is the sum of `share` times the turns at `knots` (both of shape (links, 4)).
+    `moved` is the movement that the ground shows, `excess` what it is more than the reported
+    one; `c` is the sum of `share` times the turns at `knots` (both of shape (links, 4)).
     """
 
     begin: Numbers

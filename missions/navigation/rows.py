@@ -22,7 +22,7 @@ from missions.navigation.network import (
 )
 
 _ANYWHERE_M: Final = 1000.0  # the error of a first keyframe whose satellites are not trusted
-_LEAP_M: Final = 100.0  # how far a told position may leap, once links have shown that it did
+_LEAP_M: Final = 100.0  # how far a reported position may leap, once links have shown that it did
 _KNOT_S: Final = 3.0  # between times at which scale and rotation are known; longer if it must be
 _MOST_KNOTS: Final = 40
 _BEND: Final = 0.1  # of what a process without inertia would do between knots: filters smooth
@@ -30,9 +30,9 @@ _BEND: Final = 0.1  # of what a process without inertia would do between knots: 
 
 @dataclass(slots=True)
 class Key:
-    """A keyframe; `way_m` is along all that was told, from the first one on.
+    """A keyframe; `way_m` is along all that was reported, from the first one on.
 
-    `leapt`: the told position leapt on the way here, as links have shown.
+    `leapt`: the reported position leapt on the way here, as links have shown.
     """
 
     t_s: float
@@ -154,7 +154,7 @@ def steps_of(keys: Sequence[Key], errors: ToldErrors, trusted_until_s: float) ->
 def sparse_steps_of(keys: Sequence[Key], errors: ToldErrors, every_s: float) -> Steps:
     """The same where satellites are asked only so often: from one time to the next they err anew.
 
-    What is between is held as if nobody vouched for it.
+    What is between is held as if nothing vouched for it.
     """
     loose = steps_of(keys, errors, -math.inf)
     some = [0]
@@ -173,7 +173,7 @@ def sparse_steps_of(keys: Sequence[Key], errors: ToldErrors, every_s: float) -> 
 
 
 def _wander_m2(before: Key, key: Key, errors: ToldErrors) -> float:
-    """How far the error may go from one keyframe to the next, nobody vouching for it."""
+    """How far the error may go from one keyframe to the next, with nothing vouching for it."""
     if key.leapt:
         return _LEAP_M**2
     way_m = key.way_m - before.way_m  # of those in between, which were removed, too

@@ -1,7 +1,7 @@
-"""The way of one vehicle: keyframes, links between them, and the error of what was told.
+"""The way of one vehicle: keyframes, links between them, and the error of what was reported.
 
-    told = true + error        at each keyframe, east and north
-    moved (by the ground) = told movement - change of the error + scale and rotation + noise
+    reported = true + error        at each keyframe, east and north
+    moved (by the ground) = reported movement - change of the error + scale and rotation + noise
     zoom (by the ground)  = change of scale and rotation + noise
 
 While satellites are trusted, the error is a Gauss-Markov process around 0. Else it moves freely, by
@@ -43,7 +43,7 @@ from missions.navigation.rows import (
 )
 
 LATEST_S: Final = 30.0
-"""What is newer than this may be a lie that nobody has noticed yet."""
+"""What is newer than this may be a lie that is not noticed yet."""
 
 _RATIOS: Final = (0.3, 0.45, 0.7, 1.0, 1.45)  # to what is assumed; without a word said, about 1
 _EVERY_S: Final = 10.0  # filters smooth: within seconds all satellites look steady
@@ -80,7 +80,7 @@ def learned_m(keys: dict[int, Key], ties: Sequence[Tie], errors: ToldErrors) -> 
 
 
 _LEARN_S: Final = 8.0  # between two times at which it is asked how good satellites are
-_LEAPS_S: Final = 60.0  # for so long a leap is held against satellites
+_LEAPS_S: Final = 60.0  # time for which a leap counts against satellites
 _BEGINNINGS_S: Final = (6.0, 15.0, 40.0, 80.0, 160.0)  # since when satellites might lie
 
 
@@ -283,7 +283,7 @@ class Track:
         return Disagreement(told.error_m, told.sigma_m, since_s, leap_m)
 
     def _greatest_leap(self) -> tuple[float, float]:
-        """How far the told position leapt in the last minute, and when; 0 and never."""
+        """Return how far the reported position leapt in the last minute, and when; 0 and never."""
         keys, errors = list(self._keys.values()), self._settled().errors_m
         leaps = [
             (float(abs(errors[k] - errors[k - 1])), keys[k].t_s)
@@ -293,12 +293,12 @@ class Track:
         return max(leaps, default=(0.0, math.inf))
 
     def _by_one_picture(self) -> bool:
-        """Only one picture, which may be wrong, shows that the newest told position leapt."""
+        """Only one picture, which may be wrong, shows that the newest reported position leapt."""
         mine = sum(link.to == self.newest and link.state == "held" for link in self._links)
         return self._newest.leapt and mine < 2
 
     def _began_s(self, found: Solution, earliest_s: float) -> float:
-        """The last time at which the told position was still as good as satellites are."""
+        """The last time at which the reported position was still as good as satellites are."""
         usual_m = self.satellites_m
         began_s = earliest_s
         for key, error in zip(self._keys.values(), found.errors_m, strict=True):

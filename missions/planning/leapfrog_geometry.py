@@ -35,7 +35,7 @@ LEAST_M: Final = 0.5
 
 
 class Role(StrEnum):
-    """Who moves in a step."""
+    """Vehicles of a step."""
 
     MAPPER = "mapper"
     TRACKER = "tracker"
@@ -96,7 +96,7 @@ class Step:
     """One vehicle moves, the other hovers.
 
     Attributes:
-        mover: Who moves.
+        mover: The vehicle that moves.
         way: Its places, metres east and north, from the first to the last.
         hovering: Where the other one is.
     """

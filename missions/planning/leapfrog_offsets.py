@@ -4,7 +4,7 @@ Without satellites an autopilot reports a place by dead reckoning. Its error gro
 a scale and a rotation of the odometer, constant for an outage, and by a wander. A Kalman filter
 follows both errors at once; three things are measured:
 
-    told      the way that each tells to have flown: its error changes with that
+    reported  the way that each reports to have flown: its error changes with that
     sighted   where the tracker sees the mapper: the difference of both errors
     held      how far one that hovers was moved over ground since it stopped, as its pictures show:
               by how much its own error has changed since then
@@ -39,15 +39,15 @@ class OffsetNoise:
     """Standard deviations of what the filter rests on: at least 0, `start_m` above 0.
 
     Attributes:
-        start_m: Of a place told by satellites, in each direction.
+        start_m: Of a place reported by satellites, in each direction.
         odometer: Of the odometer's scale and of its rotation, in radians: share of the distance.
         changing: The share of the speed by which it errs besides, and not always alike.
         wander_m_s: The same at rest.
         wander_s: For how long such an error lasts.
         heading_rad: Of the tracker's camera: how well north is known.
-        mount_rad: By how much the tracker's camera is tilted otherwise than told, all the time. It
+        mount_rad: By how much the tracker's camera is tilted otherwise than reported, always. It
             shifts all sightings alike, so hops are not wrong by it.
-        alike_s: For so long the errors of sightings are alike: the attitude's, mostly.
+        alike_s: For how long the errors of sightings are alike: the attitude's, mostly.
     """
 
     start_m: float = 0.3
@@ -61,7 +61,7 @@ class OffsetNoise:
 
 
 class Offsets:
-    """By how much both told places are off: told less true, metres along the grid's axes.
+    """Errors of both reported places: reported less true, metres along the grid's axes.
 
     >>> both = Offsets()
     >>> both.moved(Role.MAPPER, (10.0, 0.0), 5.0)
@@ -83,7 +83,7 @@ class Offsets:
             self.restart(role)
 
     def off(self, role: Role) -> tuple[float, float]:
-        """The error of a told place, east and north."""
+        """Return the error of a reported place, east and north."""
         i = _INDEX[role]
         return float(self.mean[i]), float(self.mean[i + 1])
 
@@ -98,7 +98,7 @@ class Offsets:
 
     # --- what is measured ------------------------------------------------------------------------
     def restart(self, role: Role) -> None:
-        """Its place is told by satellites: not off but for their error."""
+        """Reset: its place is reported by satellites, and off by their error only."""
         i, noise = _INDEX[role], self._noise
         own = slice(i, i + _EACH)
         self.mean[own] = 0.0
@@ -109,7 +109,7 @@ class Offsets:
             self.spread[i + 2 + k, i + 2 + k] = noise.odometer**2
 
     def moved(self, role: Role, told_m: tuple[float, float], passed_s: float) -> None:
-        """It tells to have moved so far, east and north, in a time of at least 0 s."""
+        """Take in how far it reports to have moved, east and north, in a time of at least 0 s."""
         i, noise = _INDEX[role], self._noise
         east, north = told_m
         step = np.eye(_STATES)
@@ -134,13 +134,13 @@ class Offsets:
         """The tracker sees the mapper.
 
         Args:
-            told_m: From the tracker to the mapper by both told places at the exposure.
-            seen_m: The same as the picture shows it, by the camera's told heading.
+            told_m: From the tracker to the mapper by both reported places at the exposure.
+            seen_m: The same as the picture shows it, by the camera's reported heading.
             covariance_m2: (2, 2), of `seen_m`, without the heading's error.
             after_s: Since the sighting before; the errors of those soon after each other are alike.
             tilts_m: (2, 2), metres that the mapper seems to move, east and north (rows), for each
                 radian that the camera tilts to the picture's right and downwards (columns); None:
-                the camera is tilted as told.
+                the camera is tilted as reported.
 
         Returns:
             False where it is not believed: it is farther off than chance explains.

@@ -4,9 +4,9 @@
 each valid by itself. A team of R robots begins and ends at the start; T is the largest number of
 steps of a robot. The grid is bipartite, so a closed walk has an even number of steps.
 
-1. *Eccentricity.* Somebody goes to the farthest cell and back: T >= 2 ecc(start).
-2. *Shell.* Somebody visits at least ceil(N / R) of the N cells whose distance is at least d and has
-   the parity of d. The way there and back takes 2 d steps, and from one of these cells to the
+1. *Eccentricity.* A robot goes to the farthest cell and back: T >= 2 ecc(start).
+2. *Shell.* One robot visits at least ceil(N / R) of the N cells whose distance is at least d and
+   has the parity of d. The way there and back takes 2 d steps, and from one of these cells to the
    next it is at least two: T >= 2 d - 2 + 2 ceil(N / R).
 3. *Blocks.* Contract all cells nearer than d to one vertex. What is left stays bipartite, and the
    closed walks of all robots together visit every vertex of every biconnected block. Within a
@@ -95,7 +95,7 @@ def flight_lower_bound(roi: Collection[Cell], start: Cell, robots: int, metric: 
     """Time that the last robot needs at least to look from every cell and return in flight.
 
     A cell's Euclidean distance from the start counts. Of the N cells at distance d or farther
-    somebody visits k >= ceil(N / R); it flies d out, d back, and in between k - 1 legs of at least
+    one robot visits k >= ceil(N / R); it flies d out, d back, and in between k - 1 legs of at least
     the length of a cell; and it looks k times. Over a closed tour a unit of length costs at least
     1 / sqrt(Sr^2 - Sp^2). The largest of these over all d. The look from the start, which comes
     before any move, is not counted.
@@ -110,7 +110,7 @@ def flight_lower_bound(roi: Collection[Cell], start: Cell, robots: int, metric: 
 def one_way_lower_bound(
     roi: Collection[Cell], start: Cell, robots: int, metric: Metric, breaks: int = 0
 ) -> float:
-    """As `flight_lower_bound`, but nobody returns, and the way may be broken off.
+    """As `flight_lower_bound`, but no robot returns, and the way may be broken off.
 
     A way that does not close may lead with the drift all along: a unit of length costs at least
     1 / (Sr + Sp). Who breaks off, as for a battery, goes on anywhere: every break is worth a leg,
@@ -125,7 +125,7 @@ def one_way_lower_bound(
 
 
 def _shares(roi: Collection[Cell], start: Cell, robots: int) -> Iterator[tuple[float, int]]:
-    """By Euclidean distance: how many cells so far or farther somebody has to visit."""
+    """By Euclidean distance: how many cells so far or farther one robot has to visit."""
     far = sorted(
         math.hypot(cell.east - start.east, cell.north - start.north)
         for cell in roi

@@ -78,7 +78,7 @@ def draw(state: Ints, n: int) -> int:
 
 @part
 def team_s(total: Floats, last: float) -> float:
-    """Seconds of a team: the part `last` of the last vehicle's, the rest of everybody's."""
+    """Seconds of a team: the part `last` of the last vehicle's, the rest of the mean."""
     most, both = 0.0, 0.0
     for v in range(total.shape[0]):
         most = max(most, total[v])

@@ -255,29 +255,20 @@ def _cut_corner(
 
 
 @part
-def lay_pieces(
-    par: Floats,
-    lead: Floats,
-    n_lead: int,
-    turn_v: float,
-    x: float,
-    y: float,
-    heading: float,
-    way: Floats,
-    m: int,
-    pieces: Floats,
-    reached: Ints,
-) -> int:
+def _lay_pieces(team: Team, v: int, choice: int, way: Floats, m: int, room: Room) -> int:
     """Lead-in, then waypoints: the number of pieces, or -1 where they cannot be flown.
 
-    `lead` has `n_lead` pieces that end at (`x`, `y`) with `heading`. From there the vehicle goes on
-    with an arc at the speed `turn_v`; at rest it turns on the spot. `way` has `m` >= 1 waypoints,
-    the last is the end. `reached` gets for each waypoint the piece at whose end it is passed.
+    After the lead-in the vehicle goes on with an arc; at rest it turns on the spot. `way` has
+    `m` >= 1 waypoints, the last is the end. `room.reached` gets for each waypoint the piece at
+    whose end it is passed.
     """
-    if n_lead < 0:
+    par, pieces, reached = team.pars[v], room.pieces, room.reached
+    x, y, heading = team.starts[v, choice, 0], team.starts[v, choice, 1], team.starts[v, choice, 2]
+    turn_v = team.starts[v, choice, 3] if choice < LEADS - 1 else 0.0
+    n = team.n_leads[v, choice]
+    if n < 0:
         return -1
-    _copy_rows(lead, 0, n_lead, pieces, 0)
-    n = n_lead
+    _copy_rows(team.leads[v, choice], 0, n, pieces, 0)
     if turn_v < SLOW:
         if n > 0:
             pieces[n - 1, P_END] = 0.0
@@ -480,15 +471,10 @@ def fly(team: Team, v: int, choice: int, way: Floats, m: int, room: Room) -> tup
 
     `choice` is its lead-in: the last is a halt, from which all can be flown.
     """
-    par, start = team.pars[v], team.starts[v, choice]
-    turn_v = start[3] if choice < LEADS - 1 else 0.0
-    n = lay_pieces(
-        par, team.leads[v, choice], team.n_leads[v, choice], turn_v, start[0], start[1], start[2],
-        way, m, room.pieces, room.reached,
-    )  # fmt: skip
+    n = _lay_pieces(team, v, choice, way, m, room)
     if n < 0:
         return 0, 0, _NEVER
-    count, total = profile(par, room.pieces, n, team.v0[v], room.caps, room.segs)
+    count, total = profile(team.pars[v], room.pieces, n, team.v0[v], room.caps, room.segs)
     if count < 0:
         return 0, 0, _NEVER
     return n, count, total
@@ -575,15 +561,14 @@ def worth_of_rest(
     total_s: float,
     since_s: float,
     cells: Cells,
-    shown: Indices,
-    times: Singles,
     urgent: float,
 ) -> float:
     """The worth of the frames on the rest of a path that was begun `since_s` ago.
 
-    They are added to what is covered. `shown` and `times` are room for them.
+    They are added to what is covered.
     """
     out = np.empty(6)
+    shown, times = np.empty(MOST_HITS, np.int32), np.empty(MOST_HITS, np.float32)
     held = par[NEXT_FRAME_S], par[FULL_RATE_S]
     par[NEXT_FRAME_S] += since_s
     par[FULL_RATE_S] += since_s

@@ -1,4 +1,4 @@
-"""Tours of a team past places: where to look from, in what order, and who does it.
+"""Tours of a team past places: observation points, their order, and which vehicle visits them.
 
 Of a large region with an outline that is known the annealing of `missions.planning.kernels.swath`
 finds a good path only from a good beginning: each of its steps weighs every frame. Here a tour is
@@ -56,16 +56,16 @@ def _richest(row: Ints) -> int:
 
 @kernel
 def look_from(
-    work: Flags, columns: int, rows: int, wide: int, high: int, places: Floats, of: Ints
-) -> int:
-    """Places from which all work is seen, greedily; returns how many.
+    work: Flags, columns: int, rows: int, wide: int, high: int, most: int
+) -> tuple[Floats, Ints]:
+    """At most so many places from which all work is seen, greedily: (places, place of each cell).
 
     `work` has a 1 for each cell of a window of `columns` by `rows`; from a place `wide` by `high`
-    cells are seen. `places` gets the middle of each such rectangle, in cells from the middle of the
-    first cell of the window; `of` gets for each cell of work the number of its place, else -1. No
-    more places than `places` has rows.
+    cells are seen. A place is the middle of such a rectangle, in cells from the middle of the first
+    cell of the window. A cell without work, or beyond the last place, has the place -1.
     """
     left = work.copy()
+    places, of = np.empty((most, 2)), np.empty(columns * rows, np.int64)
     tall, broad = rows - high + 1, columns - wide + 1
     seen = np.zeros((tall, broad), np.int64)
     for r in range(rows):
@@ -79,7 +79,7 @@ def look_from(
     for i in range(tall):
         best[i] = _richest(seen[i])
     count = 0
-    while count < places.shape[0]:
+    while count < most:
         at = 0
         for i in range(1, tall):
             if seen[i, best[i]] > seen[at, best[at]]:
@@ -101,7 +101,7 @@ def look_from(
         places[count, 0] = j0 + 0.5 * (wide - 1)
         places[count, 1] = at + 0.5 * (high - 1)
         count += 1
-    return count
+    return places[:count].copy(), of
 
 
 @part
@@ -181,7 +181,7 @@ def tour_s(crew: Crew, v: int, places: Floats, order: Ints, m: int) -> float:
 
 @kernel
 def begin_with(crew: Crew, places: Floats, n: int, order: Ints, counts: Ints) -> None:
-    """A first tour: who is done first goes on to the place that is nearest to it."""
+    """Lay a first tour: the vehicle that is done first goes on to the place nearest to it."""
     vehicles = counts.shape[0]
     at = crew.start.copy()
     busy = crew.begin_s.copy()

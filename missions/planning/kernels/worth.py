@@ -35,8 +35,6 @@ def flood(positive: Flags, root: int, width: int, height: int, member: Flags, qu
 
     They are in `queue`, nearest first.
     """
-    for c in range(width * height):
-        member[c] = 0
     if root < 0 or positive[root] == 0:
         return 0
     member[root] = 1
@@ -102,29 +100,26 @@ def value(
     least: float,
     closed: Flags,
     asked: Flags,
-    worth: Floats,
-    need: Ints,
-    member: Flags,
-    queue: Ints,
-    chance: Floats,
-) -> tuple[int, int]:
-    """What a frame of each cell is worth, and how many are: (cells of work, cells with worth).
+) -> tuple[Floats, Ints, Ints, int]:
+    """What a frame of each cell is worth: (worth, frames needed, cells with worth, work).
 
     Work is a cell that is not decided and lies next to a member of the region (or is one), or
     has a 1 in `asked`. The region is what hangs together with `root`, all that is positive where
     that is -1. Cells up to `rings` beyond have the chance that they will be work: that of a
     neighbour to be ROI, by its own neighbourhood, times the neighbour's own chance; less than
-    `least` is none. `closed` cells are nobody's. `worth`, `need`, `member` and `chance` are outputs
-    by cell, `queue` has the cells with worth, the work first.
+    `least` is none. `closed` cells have none. The first two are by cell; of the cells with worth
+    those of work come first, and `work` is their number.
     """
     cells = width * height
     against = frames - majority + 1
     positive = np.zeros(cells, np.uint8)
+    member = np.zeros(cells, np.uint8)
+    need = np.zeros(cells, np.int64)
+    worth, chance = np.zeros(cells), np.zeros(cells)
     for c in range(cells):
-        worth[c], need[c], chance[c] = 0.0, 0, 0.0
         if yes[c] > no[c] or (c == root and yes[c] >= no[c]):
             positive[c] = 1
-    region = np.empty(cells, np.int64)
+    region, queue = np.empty(cells, np.int64), np.empty(cells, np.int64)
     if root >= 0:
         members = flood(positive, root, width, height, member, region)
     else:
@@ -171,7 +166,7 @@ def value(
                 queue[end] = d
                 end += 1
         begin = stop
-    return work, end
+    return worth, need, queue[:end].copy(), work
 
 
 @kernel

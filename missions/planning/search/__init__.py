@@ -1,1 +1,1 @@
-"""Lanes of the search: where they lie, who flies which, in which order."""
+"""Lanes of the search: where they lie, which vehicle flies them, in which order."""

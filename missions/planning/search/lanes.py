@@ -246,7 +246,7 @@ def share_by_time(lanes: Sequence[Lane], pads: Sequence[GridPoint]) -> Blocks:
 
 
 def longest_m(blocks: Blocks, pads: Sequence[GridPoint]) -> float:
-    """How far the one flies who flies farthest."""
+    """Return the length of the longest tour, m."""
     return max(tour_m(pad, block)[0] for pad, block in zip(pads, blocks, strict=True))
 
 
@@ -256,7 +256,7 @@ def _spread(lanes: Sequence[Lane], axis: int) -> float:
 
 
 def _least_longest_m(vehicles: int, lanes: int, way_m: _Way) -> float:
-    """How far the one flies who flies farthest, at best."""
+    """Return the least length of the longest tour, m."""
     least_m = [0.0] + [math.inf] * lanes
     for k in range(vehicles):
         found_m = []

@@ -1,6 +1,6 @@
 """A rolling horizon: at every step routes for the whole team through all that is left to look at.
 
-The nodes are the known vertices that nobody has looked from. Every robot has a route through its
+The nodes are the known vertices that no robot has looked from. Every robot has a route through its
 nodes and home; a node counts with the unobserved cells round it besides, for what may lie behind.
 The routes are improved from those of the last step, and each robot makes the first step of its own.
 
@@ -16,10 +16,10 @@ grows with the cells C and the depth D. A planner may go on as long as, after it
 
 where h is when the last robot would be home if all turned back after these moves, by shortest known
 ways; c and d are the cells and the depth known; and c' counts the vertices of T', the known tree
-pruned to the paths from the root to vertices that nobody looked from.
+pruned to the paths from the root to vertices that no robot looked from.
 
-When (1) would fail, all go home, wait for the last, and explore T' by Algorithm 1 as if nobody had
-been there; what they find hangs below it. Then the makespan is at most 2 B(C, D):
+When (1) would fail, all go home, wait for the last, and explore T' by Algorithm 1 as if no robot
+had been there; what they find hangs below it. Then the makespan is at most 2 B(C, D):
 
 * The robots stand where (1) allowed them to be, so all are home by h.
 * T' is explored by Algorithm 1 from the root and from nothing: with C' vertices and depth D' at its
@@ -71,7 +71,7 @@ class Retreat:
         if tree.is_explored(tree.root):
             return {r: step_home(tree, at[r]) for r in robots}, replace(self, home=home)
         started = bool(self.passed) or set(robots) != set(at) or home >= set(at)
-        if not started:  # who is home waits for the last
+        if not started:  # those at home wait for the last
             homeward: dict[int, Cell | None] = {r: step_home(tree, at[r]) for r in robots}
             return homeward, Retreat(dropped, frozenset(), home)
         exploring = tuple(r for r in robots if r in home)
@@ -98,7 +98,7 @@ def _closed(tree: Tree, dropped: frozenset[Cell]) -> frozenset[Cell]:
 
 
 def _anew(tree: Tree, dropped: Collection[Cell], passed: Collection[Cell]) -> Tree:
-    """T': what is not dropped, looked from only where somebody has been since."""
+    """T': what is not dropped, looked from only where a robot has been since."""
     return Tree.of(
         tree.root,
         {
@@ -186,7 +186,7 @@ def _ahead(
     wide = ground
     if asked:
         small = together and len(at) <= SMALL_TEAM and not situation.metric.straight
-        wide = ground.with_nooks() if small else ground  # nobody keeps to a mere guess
+        wide = ground.with_nooks() if small else ground  # no robot keeps to a mere guess
         away = situation.away.difference(robots)
         places = {r: cell for r, cell in {**at, **goals}.items() if r not in away}
         sites = Sites.of(situation, wide, places)

@@ -127,7 +127,7 @@ def _binary(branch: Branch) -> tuple[Branch, Branch]:
 
 
 def _rank(tree: Tree, robots: Mapping[Cell, int], branch: Branch) -> tuple[bool, int]:
-    """Smaller is better: nobody has been there yet, then the fewest robots.
+    """Smaller is better: no robot has been there yet, then the fewest robots.
 
     A dummy vertex has been entered as soon as one of its children has.
     """

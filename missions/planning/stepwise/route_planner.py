@@ -164,7 +164,7 @@ class Sites:
 
     @classmethod
     def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
-        """The nodes are the vertices that nobody has looked from or is bound for."""
+        """The nodes are the vertices that no robot has looked from or is bound for."""
         from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above
 
         tree, metric = situation.tree, situation.metric

@@ -1,4 +1,4 @@
-"""A window of the grid as arrays: the votes of each cell, and where nobody may look or be."""
+"""A window of the grid as arrays: the votes of each cell, and what is closed or forbidden."""
 
 from __future__ import annotations
 

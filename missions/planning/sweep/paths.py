@@ -1,4 +1,4 @@
-"""Paths as the kernels take them and as trajectories, one made of the other, and who flies them.
+"""Paths as the kernels take them and as trajectories, one made of the other, and the vehicles.
 
 Lengths are metres in the frame of the region.
 """
@@ -212,4 +212,4 @@ class Flyer:
     route: Route | None = None
     """Of the path."""
     blind_s: float = 0.0
-    """So long after a plan begins it takes no frame that counts: it still comes down."""
+    """Time from the beginning of a plan until a frame counts, s: the vehicle still descends."""

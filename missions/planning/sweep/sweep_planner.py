@@ -27,7 +27,6 @@ from missions.planning.sweep.chart import Chart, Flags
 from missions.planning.sweep.paths import (
     Floats,
     Flyer,
-    Ints,
     Route,
     Tuning,
     Valued,
@@ -90,7 +89,7 @@ class _Search:
 
     @classmethod
     def of(cls, rows: Floats, chart: Chart, valued: Valued) -> _Search:
-        """Nobody has begun or has waypoints yet."""
+        """Create a search in which no vehicle has begun or has waypoints."""
         count, begins = len(rows), kernels.LEADS
         worth, need, _, _ = valued
         return cls(
@@ -122,24 +121,18 @@ class Planner:
 
     def worth(
         self, chart: Chart, root: int, frames: int, majority: int, asked: Flags | None = None
-    ) -> tuple[Floats, Ints, Ints, int]:
-        """What a frame of each cell is worth: (worth, frames needed, cells with worth, work).
+    ) -> Valued:
+        """What a frame of each cell is worth.
 
         Of the region that hangs together with `root`, or with -1 of all patches of it; and of
         cells with a 1 in `asked`, whatever they may be.
         """
-        size = chart.columns * chart.rows
-        worth, chance = np.zeros(size), np.zeros(size)
-        need, queue = np.zeros(size, np.int64), np.zeros(size, np.int64)
-        member = np.zeros(size, np.uint8)
         tuning = self.tuning
-        work, end = worths.value(
+        return worths.value(
             chart.yes, chart.no, majority, frames, root, chart.columns, chart.rows,
             tuning.penalty_s, tuning.prize_s, tuning.rings, tuning.least_chance, chart.closed,
-            np.zeros(size, np.uint8) if asked is None else asked,
-            worth, need, member, queue, chance,
+            np.zeros_like(chart.closed) if asked is None else asked,
         )  # fmt: skip
-        return worth, need, queue[:end].copy(), work
 
     def worth_of_all(self, chart: Chart, wanted: Flags, frames: int, majority: int) -> Valued:
         """The same where every cell with a 1 in `wanted` is work, whatever it may be."""
@@ -204,11 +197,9 @@ class Planner:
         return 0.1 * self.tuning.penalty_s
 
     def _cost_of_kept(self, team: Sequence[Flyer], search: _Search, begin_s: float) -> float:
-        """What it costs to fly on as before; infinite where somebody has nothing to fly."""
+        """What it costs to fly on as before; infinite where a vehicle has nothing to fly."""
         seen_s, rest = 0.0, []
         cells = search.cells._replace(cover=search.cells.cover.copy())
-        shown = np.empty(kernels.MOST_HITS, np.int32)
-        times = np.empty(kernels.MOST_HITS, np.float32)
         for k, flyer in enumerate(team):
             if flyer.path is None or flyer.route is None:
                 return math.inf
@@ -216,7 +207,7 @@ class Planner:
             rest.append(max(0.0, path.end_s - begin_s))
             seen_s += kernels.worth_of_rest(
                 search.team.pars[k], segments, len(segments), path.end_s - path.begin_s,
-                begin_s - path.begin_s, cells, shown, times, self._urgent,
+                begin_s - path.begin_s, cells, self._urgent,
             )  # fmt: skip
         last = self.tuning.last_share
         return last * max(rest) + (1.0 - last) * sum(rest) / len(rest) - seen_s

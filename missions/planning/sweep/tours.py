@@ -42,7 +42,7 @@ class Tours:
 
     waypoints: Waypoints
     mine: Ints
-    """By cell of the chart: which vehicle is to see it; -1 where nobody has to."""
+    """By cell of the chart: which vehicle is to see it; -1 where none has to."""
     cost_s: float
 
 
@@ -66,14 +66,12 @@ def lay_tours(
     _, _, cells, work = valued
     if work < least or not team:
         return None
-    size = chart.columns * chart.rows
-    flags = np.zeros(size, np.uint8)
+    flags = np.zeros(chart.columns * chart.rows, np.uint8)
     flags[cells[:work]] = 1
     wide = min(_seen_cells(f.kinematics.half_east_m, chart.cell_m) for f in team)
     high = min(_seen_cells(f.kinematics.half_north_m, chart.cell_m) for f in team)
-    places, of = np.zeros((MOST_PLACES, 2)), np.zeros(size, np.int64)
-    count = kernels.look_from(flags, chart.columns, chart.rows, wide, high, places, of)
-    places = (places[:count] + np.array([chart.west, chart.south])) * chart.cell_m
+    places, of = kernels.look_from(flags, chart.columns, chart.rows, wide, high, MOST_PLACES)
+    places, count = (places + np.array([chart.west, chart.south])) * chart.cell_m, len(places)
     crew = _crew(team, delays_s, begin_s)
     order = np.zeros((len(team), count + 1), np.int64)
     counts = np.zeros(len(team), np.int64)

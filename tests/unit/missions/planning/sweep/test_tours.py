@@ -74,8 +74,7 @@ def test_a_plan_from_tours_is_shorter_than_one_from_nothing() -> None:
 def test_little_work_needs_no_tours_and_places_see_all_of_it() -> None:
     chart, wanted, valued, _ = rectangle(3)
     assert lay_tours(chart, [FLYER], [0.0], valued, 0.0, seed=1) is None
-    places, of = np.zeros((100, 2)), np.zeros(chart.columns * chart.rows, np.int64)
-    count = kernels.look_from(wanted, chart.columns, chart.rows, 3, 2, places, of)
-    assert set(of[wanted == 1].tolist()) == set(range(count))
-    steps = [abs(a - b).sum() for a, b in pairwise(places[:count])]
+    places, of = kernels.look_from(wanted, chart.columns, chart.rows, 3, 2, 100)
+    assert set(of[wanted == 1].tolist()) == set(range(len(places)))
+    steps = [abs(a - b).sum() for a, b in pairwise(places)]
     assert all(step > 0.0 for step in steps)
