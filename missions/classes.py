@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 MOST_NUMBER: Final = 254
 """Largest number of a class; 0 is not region, and 255 undecided."""
 
+ClassNumber = Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBER)]
 _Micrometres = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 
 
@@ -19,7 +20,7 @@ class RegionClass(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    number: Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBER)]
+    number: ClassNumber
     thickness_um: Annotated[tuple[_Micrometres, ...], Field(min_length=1, max_length=2)] | None = (
         None
     )

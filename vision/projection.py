@@ -12,7 +12,6 @@ from typing import Final, Literal
 
 import cv2
 import numpy as np
-from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
@@ -21,6 +20,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, edges, project
+from vision.cell_shares import MOST_SAMPLES, OUTSIDE, seen_shares
 from vision.detectors.interface import UNSURE, Detector, Judgement, Marks, judged
 
 SEEN_SHARE: Final = 0.9
@@ -35,14 +35,8 @@ ENOUGH_PX: Final = 64.0
 HALF_SEEN: Final = 0.5
 """Least part of a cell in a picture for a vote."""
 
-_SAMPLES: Final = 48  # a cell's side in samples: a share is good to about a hundredth
 _SAMPLES_A_PIXEL: Final = 0.8  # of 25 px some 400 samples: a share is good to a hundredth
 _TERRAIN_SAMPLES: Final = 32  # the same over a terrain: a share is good to some hundredths
-_BLOCK_SAMPLES: Final = 3072  # the most samples along a side of what is resampled at once
-_OUTSIDE: Final = 127  # marks samples past the picture's edge; a mask holds only 0 and 255
-_PACKED: Final = 64  # more than the samples along a cell's side
-_MARKS: Final = np.zeros(256, np.uint8)
-_MARKS[255], _MARKS[_OUTSIDE] = 1, _PACKED
 _CORNERS: Final = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 Floats = NDArray[np.float64]
@@ -159,8 +153,8 @@ class Projection:
             return self._seen_cell_by_cell(marks, cells)
         matrix = self.camera.homography(self.pose, self.grid, self.t_s)
         cell_px = self.camera.pixels_per_cell(self.pose.height_m, self.grid.cell_m)
-        samples = _SAMPLES if finely else math.ceil(_SAMPLES_A_PIXEL * cell_px)
-        return _seen_shares(marks, matrix, self.grid, cells, samples)
+        samples = MOST_SAMPLES if finely else math.ceil(_SAMPLES_A_PIXEL * cell_px)
+        return seen_shares(marks, matrix, self.grid, cells, samples)
 
     def _seen_cell_by_cell(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
         """Return the same over a terrain, of cells in front of the camera."""
@@ -174,9 +168,9 @@ class Projection:
                 (_TERRAIN_SAMPLES, _TERRAIN_SAMPLES),
                 flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
                 borderMode=cv2.BORDER_CONSTANT,
-                borderValue=(_OUTSIDE,),
+                borderValue=(OUTSIDE,),
             )
-            inside = part != _OUTSIDE
+            inside = part != OUTSIDE
             seen = int(np.count_nonzero(inside))
             if marks.dtype == np.uint8:
                 roi = float(np.count_nonzero(part == 255))
@@ -246,66 +240,6 @@ def _whole(inside: NDArray[np.bool_]) -> Cells:
 def _weighty(shares: Floats, seen: Floats, heavy: Floats) -> Floats:
     """Return shares, -1 where not half of a cell is seen, or what is seen weighs nothing."""
     return np.where((seen >= HALF_SEEN) & (heavy > 0.0), shares, -1.0)
-
-
-def _seen_shares(
-    marks: Marks, matrix: Floats, grid: Grid, cells: Cells, most_samples: int
-) -> tuple[Floats, Floats]:
-    """Return of each cell the part of what is seen that is ROI, and the part that is seen.
-
-    Args:
-        marks: Shape (rows, columns): uint8, 255 for ROI, else 0; or float32, a probability from 0
-            to 1, whose mean is the share.
-        matrix: 3 x 3, from `Camera.homography`.
-        most_samples: Samples along a cell's side. More than its pixels add nothing.
-    """
-    west, south = (int(n) for n in cells.min(axis=0))
-    east, north = (int(n) for n in cells.max(axis=0))
-    across, along = east - west + 1, north - south + 1
-    samples = max(1, min(most_samples, _SAMPLES, _BLOCK_SAMPLES // max(across, along)))
-    step_m = grid.cell_m / samples
-    ground_of_sample = np.array(
-        [
-            [step_m, 0.0, (west - 0.5) * grid.cell_m + step_m / 2],
-            [0.0, -step_m, (north + 0.5) * grid.cell_m - step_m / 2],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    block = cv2.warpPerspective(
-        marks,
-        matrix @ ground_of_sample,
-        (across * samples, along * samples),
-        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=(_OUTSIDE,),  # no mask and no probability has this value
-    )
-    roi, outside = _counted(block, samples) if marks.dtype == np.uint8 else _summed(block, samples)
-    seen = samples * samples - outside
-    at = (north - cells[:, 1], cells[:, 0] - west)
-    return roi[at] / np.maximum(seen[at], 1), seen[at] / (samples * samples)
-
-
-def _counted(block: MatLike, samples: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Count each cell's samples that are ROI, and those past the picture's edge.
-
-    Both in one sum over the rows, which lie side by side in memory: a column of a cell has fewer
-    samples than `_PACKED`.
-    """
-    rows, columns = block.shape[0] // samples, block.shape[1] // samples
-    marks = np.asarray(cv2.LUT(block, _MARKS), dtype=np.uint8).reshape(rows, samples, -1)
-    tall = np.add.reduce(marks, axis=1, dtype=np.uint16).reshape(rows, columns, samples)
-    roi: NDArray[np.intp] = (tall % _PACKED).sum(axis=2, dtype=np.intp)
-    outside: NDArray[np.intp] = (tall // _PACKED).sum(axis=2, dtype=np.intp)
-    return roi, outside
-
-
-def _summed(block: MatLike, samples: int) -> tuple[Floats, NDArray[np.intp]]:
-    """Sum the probabilities in each cell, and count its samples past the edge."""
-    rows, columns = block.shape[0] // samples, block.shape[1] // samples
-    by_cell = np.asarray(block, dtype=np.float32).reshape(rows, samples, columns, samples)
-    inside = by_cell != _OUTSIDE
-    roi: Floats = by_cell.sum(axis=(1, 3), where=inside, dtype=np.float64)
-    return roi, np.count_nonzero(~inside, axis=(1, 3))
 
 
 def weights(seen: Floats, corners_px: Floats, slant: Floats) -> Floats:

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -72,6 +73,10 @@ MATERIALS: Final[Mapping[str, Material]] = {
     "oil": Material((70, 66, 60), 2, 7, 3),
     "sand": Material((150, 178, 190), 6, 6, 2),
     "weed": Material((70, 78, 70), 9, 9, 3),
+    "sheen": Material((144, 132, 110), 3, 6, 3),
+    "rainbow": Material((150, 104, 140), 3, 7, 14),
+    "metallic": Material((96, 92, 86), 2, 6, 2),
+    "true colour": Material((38, 58, 92), 3, 6, 3),
 }  # fmt: skip
 
 
@@ -152,13 +157,14 @@ class Canvas:
     def __init__(self, seed: int, ground: str) -> None:
         self.rng: Final = np.random.default_rng(seed)
         self.image: Plane = rendered(self.rng, MATERIALS[ground])
-        self.region: Mask = np.zeros(SHAPE, np.bool_)
+        self.numbers: Image = np.zeros(SHAPE, np.uint8)
 
-    def paint(self, where: Mask, material: str, *, region: bool = False) -> None:
+    def paint(self, where: Mask, material: str, *, number: int = 0) -> None:
+        """Paint an area; `number` is that of its class, 0 of what is not region."""
         made = rendered(self.rng, MATERIALS[material])
         soft = cv2.GaussianBlur(where.astype(np.float32), (0, 0), 2.0)[:, :, None]
         self.image = np.asarray(self.image * (1 - soft) + made * soft, np.float32)
-        self.region = np.asarray(self.region & ~where if not region else self.region | where)
+        self.numbers[where] = number
 
     def shade(self, where: Mask, toward_m: tuple[float, float]) -> None:
         east, north = (round(part / GSD_M) for part in toward_m)
@@ -181,11 +187,15 @@ class Canvas:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """A site from above: `image` (rows, columns, 3), uint8, north up, and its region."""
+    """A site from above: `image` (rows, columns, 3), uint8, north up; the class of each pixel."""
 
     name: str
     image: Image
-    region: Mask
+    numbers: Image
+
+    @property
+    def region(self) -> Mask:
+        return self.numbers > 0
 
 
 def _box(west: float, south: float, east: float, north: float) -> list[tuple[float, float]]:
@@ -199,8 +209,8 @@ def _track(canvas: Canvas) -> None:
     canvas.paint(area(rng, _box(110, 78, 180, 150), 2.0), "bare soil")
     canvas.paint(area(rng, _box(120, -5, 200, 46), 1.0), "ploughed soil")
     line = [(0, 40), (40, 52), (75, 48), (104, 64), (140, 58), (192, 66)]
-    canvas.paint(lane(rng, line, 6.0, 0.5), "gravel", region=True)
-    canvas.paint(lane(rng, [(58, 0), (64, 30), (62, 50)], 5.0, 0.4), "gravel", region=True)
+    canvas.paint(lane(rng, line, 6.0, 0.5), "gravel", number=1)
+    canvas.paint(lane(rng, [(58, 0), (64, 30), (62, 50)], 5.0, 0.4), "gravel", number=1)
     house, shed = area(rng, _box(150, 90, 168, 102), 0.0), area(rng, _box(128, 18, 142, 30), 0.0)
     canvas.shade(house | shed, (2.0, 3.0))
     canvas.paint(house, "roof")
@@ -214,7 +224,7 @@ def _burn(canvas: Canvas) -> None:
     rng = canvas.rng
     canvas.paint(area(rng, _box(-5, -5, 70, 50), 3.0), "meadow")
     burnt = [(20, 60), (70, 40), (118, 62), (150, 48), (160, 88), (110, 112), (60, 120), (28, 96)]
-    canvas.paint(area(rng, burnt, 3.0), "burnt", region=True)
+    canvas.paint(area(rng, burnt, 3.0), "burnt", number=1)
     canvas.paint(area(rng, _box(66, 72, 84, 86), 2.5), "dry grass")
     canvas.paint(lane(rng, [(172, 0), (168, 60), (182, 150)], 6.5, 0.2), "asphalt")
     pond = area(rng, [(118, 8), (150, 4), (158, 26), (130, 34)], 2.0)
@@ -230,7 +240,7 @@ def _flood(canvas: Canvas) -> None:
     water = [(0, 50), (40, 44), (80, 66), (130, 74), (192, 96), (192, 126), (120, 108), (60, 104),
              (0, 90)]  # fmt: skip
     flooded = area(rng, water, 2.5)
-    canvas.paint(flooded, "muddy water", region=True)
+    canvas.paint(flooded, "muddy water", number=1)
     canvas.glint(flooded, 0.02)
     canvas.paint(area(rng, _box(122, 8, 176, 50), 1.5), "bare soil")
     canvas.paint(lane(rng, [(100, 0), (108, 40), (116, 70)], 4.0, 0.3), "gravel")
@@ -244,15 +254,38 @@ def _spill(canvas: Canvas) -> None:
     """Oil on the sea before a beach; weed, wet sand and a cloud's shadow are as dark."""
     rng = canvas.rng
     oil = [(20, 50), (62, 40), (100, 58), (150, 52), (168, 78), (120, 92), (70, 84), (34, 80)]
-    canvas.paint(area(rng, oil, 4.0), "oil", region=True)
+    canvas.paint(area(rng, oil, 4.0), "oil", number=1)
     canvas.paint(area(rng, _box(54, 58, 70, 68), 2.0), "sea")
     canvas.glint(np.ones(SHAPE, np.bool_), 0.004)
     canvas.paint(area(rng, _box(-5, 116, 200, 150), 3.0), "sand")
-    canvas.paint(discs(rng, 22, 3.0, 110, 190) & ~canvas.region, "weed")
+    canvas.paint(discs(rng, 22, 3.0, 110, 190) & (canvas.numbers == 0), "weed")
     canvas.shade(area(rng, _box(120, 10, 175, 36), 5.0), (0.0, 0.0001))
     shadow = area(rng, _box(118, 6, 172, 34), 6.0)
     soft = cv2.GaussianBlur(shadow.astype(np.float32), (0, 0), 25.0)[:, :, None]
     canvas.image = np.asarray(canvas.image * (1 - 0.42 * soft), np.float32)
+
+
+CLASSES: Final = """\
+sheen = {number = 1, thickness_um = [0.04, 0.30]}
+rainbow = {number = 2, thickness_um = [0.30, 5.0]}
+metallic = {number = 3, thickness_um = [5.0, 50.0]}
+true_colour = {number = 4, thickness_um = [50.0]}
+"""
+"""Those of the site `slick`."""
+
+
+def _slick(canvas: Canvas) -> None:
+    """Oil of four appearances on the sea, each film on a thinner one, before a beach."""
+    rng = canvas.rng
+    films = ("sheen", "rainbow", "metallic", "true colour")
+    for number, film in enumerate(films, start=1):
+        reach = 1.16 - 0.25 * number
+        ring = [(96 + reach * east, 62 + reach * north) for east, north in (
+            (-92, -14), (-50, -46), (10, -40), (64, -50), (92, -8), (60, 34), (-8, 40), (-60, 34)
+        )]  # fmt: skip
+        canvas.paint(area(rng, ring, 2.5), film, number=number)
+    canvas.glint(np.ones(SHAPE, np.bool_), 0.004)
+    canvas.paint(area(rng, _box(-5, 122, 200, 150), 3.0), "sand")
 
 
 SITES: Final[Mapping[str, tuple[str, Callable[[Canvas], None]]]] = {
@@ -260,6 +293,7 @@ SITES: Final[Mapping[str, tuple[str, Callable[[Canvas], None]]]] = {
     "burn": ("dry grass", _burn),
     "flood": ("meadow", _flood),
     "spill": ("sea", _spill),
+    "slick": ("sea", _slick),
 }
 
 
@@ -268,7 +302,7 @@ def site(name: str, seed: int = 1) -> Site:
     canvas = Canvas(seed, ground)
     draw(canvas)
     image = np.clip(canvas.image, 0, 255).astype(np.uint8)
-    return Site(name, image, canvas.region)
+    return Site(name, image, canvas.numbers)
 
 
 # --- photographs ---------------------------------------------------------------------------------
@@ -284,12 +318,16 @@ class Shot:
 
     name: str
     image: Image
-    region: Mask
+    numbers: Image
     to_pixel: NDArray[np.float64]
     east_m: float
     north_m: float
     yaw_rad: float
     t_s: float
+
+    @property
+    def region(self) -> Mask:
+        return self.numbers > 0
 
 
 def photographed(place: Site, seed: int = 1) -> list[Shot]:
@@ -326,8 +364,8 @@ def _shot(
     image = cv2.warpAffine(
         place.image, matrix, PHOTO_PX, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REFLECT
     ).astype(np.float32)
-    region = cv2.warpAffine(
-        place.region.astype(np.uint8), matrix, PHOTO_PX, flags=cv2.INTER_NEAREST,
+    numbers = cv2.warpAffine(
+        place.numbers, matrix, PHOTO_PX, flags=cv2.INTER_NEAREST,
         borderMode=cv2.BORDER_REFLECT,
     )  # fmt: skip
     stops, balance = rng.uniform(-0.5, 0.5), rng.normal(0, 0.03, 3)
@@ -337,7 +375,7 @@ def _shot(
     image = image * gain + rng.normal(0, 2.0, image.shape)
     levels = np.clip(image, 0, 255).astype(np.uint8)
     return Shot(
-        f"IMG_{number:04}", levels, np.asarray(region > 0), to_pixel, *pose, t_s=2.0 * number
+        f"IMG_{number:04}", levels, np.asarray(numbers, np.uint8), to_pixel, *pose, t_s=2.0 * number
     )
 
 
@@ -362,6 +400,14 @@ def paint(shots: Sequence[Shot], folder: Path) -> None:
         cv2.imwrite(str(folder / f"{shot.name}.png"), shot.region.astype(np.uint8) * 255)
 
 
+def paint_classes(shots: Sequence[Shot], folder: Path) -> None:
+    """Write masks of the numbers of classes, and `classes.toml`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "classes.toml").write_text(CLASSES)
+    for shot in shots:
+        cv2.imwrite(str(folder / f"{shot.name}.png"), shot.numbers)
+
+
 def western(shots: Sequence[Shot], count: int = 3) -> list[Shot]:
     """Return photographs of the western half that show region and surround, spread over it."""
     some = [s for s in shots if s.east_m < WIDTH_M * 0.42 and 0.05 < s.region.mean() < 0.8]
@@ -370,10 +416,33 @@ def western(shots: Sequence[Shot], count: int = 3) -> list[Shot]:
 
 
 # --- maps ----------------------------------------------------------------------------------------
+def classes_of_cells(folder: Path, place: Site) -> NDArray[np.int64]:
+    """Return a row for each cell of a map within the site: the number on the map, and in truth.
+
+    In truth a cell of which half or more is region has the class that covers most of it.
+    """
+    by_name = {name: one["number"] for name, one in tomllib.loads(CLASSES).items()}
+    rows = []
+    for told, part in _cells(folder, place):
+        counts = np.bincount(part.ravel(), minlength=5)
+        truth = int(counts[1:].argmax()) + 1 if 2 * counts[0] <= part.size else 0
+        rows.append((by_name[told["class"]] if "class" in told else 0, truth))
+    return np.array(rows)
+
+
 def judged_cells(folder: Path, place: Site) -> tuple[Mask, Mask, Mask]:
     """Return which cells of a map within the site are region, unsure, and region in truth."""
+    rows = []
+    for told, part in _cells(folder, place):
+        state = told["state"]
+        rows.append((state not in NOT_ROI, state == "unsure", bool((part > 0).mean() >= 0.5)))
+    region, unsure, truth = np.array(rows).T
+    return region, unsure, truth
+
+
+def _cells(folder: Path, place: Site) -> Iterator[tuple[Mapping[str, Any], Image]]:
+    """Yield the properties of each cell of a map within the site, and the site's classes there."""
     plane = LocalPlane(ORIGIN)
-    rows: list[tuple[bool, bool, bool]] = []
     features = json.loads((folder / "map.geojson").read_text("utf-8"))["features"]
     for feature in features:
         if feature["properties"]["kind"] != "cell":
@@ -384,8 +453,4 @@ def judged_cells(folder: Path, place: Site) -> tuple[Mask, Mask, Mask]:
         if min(east.min(), north.min()) < 0 or east.max() > SHAPE[1] or north.max() > SHAPE[0]:
             continue
         lines = slice(int(SHAPE[0] - north.max()), int(SHAPE[0] - north.min()))
-        part = place.region[lines, int(east.min()) : int(east.max())]
-        state = feature["properties"]["state"]
-        rows.append((state not in NOT_ROI, state == "unsure", bool(part.mean() >= 0.5)))
-    region, unsure, truth = np.array(rows).T
-    return region, unsure, truth
+        yield feature["properties"], place.numbers[lines, int(east.min()) : int(east.max())]

@@ -25,7 +25,7 @@ from missions.mission.messages import explain
 from missions.mission.schema import Mission
 from missions.mission.sections import LATER, DetectorSection
 from uavmap.base.text_files import read_bytes, read_text
-from uavmap.load.onnx_model import LARGEST_TOML, onnx_detector
+from uavmap.load.onnx_model import LARGEST_TOML, onnx_detector, onnx_settings
 from vision.detectors import (
     FINDS,
     FROM_FILES,
@@ -126,6 +126,13 @@ def region_in_words(section: DetectorSection) -> str:
     >>> region_in_words(DetectorSection(name="paved", paved={}))
     'bare ground: not green, and brighter than 90 of 255'
     """
+    if section.classes is not None:
+        names = [section.classes.names[number] for number in section.explored]
+        return f"{', '.join(names)}: {_looks(section)}"
+    return _looks(section)
+
+
+def _looks(section: DetectorSection) -> str:
     if section.model is not None:
         return f"what the model {Path(section.model).name} was made to find"
     words: str | None = getattr(detector_of_section(section), "words", None)
@@ -153,17 +160,39 @@ def resolved_section(
     `MissionFileError`.
 
     A `detector` (a name, or a folder of `uavmap tune`) replaces the table, except for `view` and
-    `share` where it does not set them.
+    `share` where it does not set them, and `classes.region`. Classes that the table does not give
+    come from the file beside the model.
     """
-    found = None if section is None else dict(section)
+    found, region = None if section is None else dict(section), dict[str, Any]()
     if detector is not None:
         before = found or {}
         kept = {key: before[key] for key in ("view", "share") if key in before}
+        region = {key: names for key, names in _classes_in(before).items() if key == "region"}
         found = kept | _given(detector)
-    if found is None or not isinstance(model := found.get("model"), str) or not model:
-        return found
-    path = _whole(folder, model)
-    return {**found, "model": str(path), "model_sha256": _sha256(_model(path))}
+    if found is None:
+        return None
+    beside: Mapping[str, Any] = {}
+    if isinstance(model := found.get("model"), str) and model:
+        path = _whole(folder, model)
+        found |= {"model": str(path), "model_sha256": _sha256(_model(path))}
+        beside = _classes_beside(path, found.get("name"))
+    classes = {**beside, **_classes_in(found)}
+    return {**found, "classes": classes | region} if classes else found
+
+
+def _classes_in(section: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the table of classes of a section; empty without one."""
+    classes = section.get("classes")
+    return classes if isinstance(classes, Mapping) else {}
+
+
+def _classes_beside(model: Path, name: object) -> Mapping[str, Any]:
+    """Return the table of classes in the file that belongs to a model; empty without any."""
+    if name == "onnx":
+        classes = onnx_settings(model).classes
+        return {} if classes is None else classes.model_dump(mode="json", exclude_unset=True)
+    beside = model.parent / DETECTOR_TOML
+    return _classes_in(_given(beside)) if beside.is_file() else {}
 
 
 def detector_text(detector: Path) -> str:

@@ -24,12 +24,14 @@ LARGEST_TOML: Final = 100_000
 def onnx_detector(path: Path, data: bytes, parameters: Mapping[str, Any]) -> Detector:
     """Return the detector of an ONNX file and the TOML of the same name beside it. Raises
     `MissionFileError` without the extra, and for faults of the files."""
-    settings = _settings(path.with_suffix(".toml"))
+    settings = onnx_settings(path)
     run: Run = _Session(data)
     return build_detector("onnx", OnnxDetector, {"run": run, "settings": settings, **parameters})
 
 
-def _settings(path: Path) -> OnnxSettings:
+def onnx_settings(model: Path) -> OnnxSettings:
+    """Return the settings beside the file of a model. Raises `MissionFileError`."""
+    path = model.with_suffix(".toml")
     try:
         return OnnxSettings.model_validate(tomllib.loads(read_text(path, LARGEST_TOML)))
     except OSError as error:

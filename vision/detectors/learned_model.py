@@ -1,7 +1,8 @@
 """A model that `uavmap tune` has learned: its file, its answer, and what it does not know.
 
 Its file is JSON, so reading one runs nothing that it holds. A model has one or two parts, a
-logistic regression and boosted trees; its answer is the calibrated mean of theirs. A tree has at
+logistic regression and boosted trees; its answer is the calibrated mean of theirs. Of which class a
+pixel of the region is, a linear rule over the same features tells. A tree has at
 most eight leaves: the leaves that its conditions leave over are eight bits of a byte, and a table
 of 256 values gives their worth (QuickScorer, Lucchese and others, 2015), for all pixels at once.
 Beside its probability a pixel has a familiarity (`vision.detectors.familiarity`).
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from missions.classes import Classes, ClassNumber
 from missions.errors import MissionFileError
 from vision.detectors.familiarity import NAMES, Familiar, Familiarity
 from vision.detectors.interface import UNFAMILIAR, Judgement, check_number, marked, sigmoid
@@ -28,7 +30,8 @@ from vision.detectors.pixel_features import FEATURES, features, working_picture
 Array = NDArray[np.float32]
 
 FORMAT: Final = "uavmap detector"
-VERSION: Final = 2
+VERSION: Final = 3
+READ: Final = (2, VERSION)
 LEAVES: Final = 8
 LARGEST_BYTES: Final = 8_000_000
 
@@ -75,11 +78,31 @@ class Trees(_Part):
     trees: Annotated[tuple[Tree, ...], Field(max_length=1000)]
 
 
+class ClassRule(_Part):
+    """Tells the classes of a region apart: a pixel is of the one with the largest sum.
+
+    `numbers` are theirs; each has a row of `weights`, of standardised features, and a `bias`.
+    """
+
+    numbers: Annotated[tuple[ClassNumber, ...], Field(min_length=1)]
+    mean: tuple[_Number, ...]
+    scale: tuple[Annotated[_Number, Field(gt=0)], ...]
+    weights: tuple[tuple[_Number, ...], ...]
+    bias: tuple[_Number, ...]
+
+    def sums(self, values: Array) -> Array:
+        """Return the sum of each class, (classes, n), of features (count, n)."""
+        weights = np.array(self.weights) / np.array(self.scale)
+        bias = np.array(self.bias) - weights @ np.array(self.mean)
+        found = weights.astype(np.float32) @ values + bias.astype(np.float32)[:, None]
+        return np.asarray(found, np.float32)
+
+
 class Model(_Part):
     """A learned detector; `threshold` is the least probability of a marked pixel."""
 
     format: Literal["uavmap detector"] = "uavmap detector"
-    version: Literal[2] = 2
+    version: Literal[2, 3] = 3
     features: Annotated[tuple[str, ...], Field(min_length=1)]
     working_width_px: Annotated[int, Field(ge=32, le=8000)] = 1000
     parts: Annotated[tuple[Logistic | Trees, ...], Field(min_length=1, max_length=4)]
@@ -90,6 +113,9 @@ class Model(_Part):
     familiarity: Familiarity
     wrong_at_most: Annotated[_Number, Field(ge=0, le=1)]
     """A bound on the part of the familiar cells that are judged wrong in another picture."""
+
+    classes: ClassRule | None = None
+    """Of a model that tells classes of the region apart."""
 
     @model_validator(mode="after")
     def _fits(self) -> Model:
@@ -102,6 +128,12 @@ class Model(_Part):
                     raise ValueError(f"a logistic part needs {count} means, scales and weights")
             elif any(f >= count for tree in part.trees for f in tree.feature):
                 raise ValueError("a tree asks for a feature that there is not")
+        if (rule := self.classes) is not None:
+            rows = (rule.mean, rule.scale, *rule.weights)
+            if {len(row) for row in rows} != {count} or (
+                not len(rule.numbers) == len(rule.weights) == len(rule.bias)
+            ):
+                raise ValueError(f"each class needs {count} weights, and a bias")
         return self
 
 
@@ -125,10 +157,10 @@ def read_model(data: bytes, source: str) -> Model:
             raise MissionFileError(
                 f"{source}: not a detector's model that `uavmap tune` has written"
             )
-        if tables.get("version") != VERSION:
+        if tables.get("version") not in READ:
             raise MissionFileError(
                 f"{source}: a model of version {tables.get('version')!r}; this uavmap reads "
-                f"{VERSION}: train it again with `uavmap tune`"
+                f"{' and '.join(map(str, READ))}: train it again with `uavmap tune`"
             )
         return Model.model_validate(tables)
     except ValidationError as error:
@@ -203,6 +235,7 @@ _UNLIKE: Final = 64
 """About so many unfamiliar places of a picture are kept."""
 _EVERY: Final = 2
 """Familiarity changes slowly: every second described place is compared."""
+_NEAREST: Final = cv2.INTER_NEAREST
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +245,7 @@ class LearnedDetector:
     Attributes:
         model: The file of a model, or the model.
         threshold: Least probability of a marked pixel, 0 to 1; 0 takes the model's own.
+        classes: Those that the model tells apart; the probability is that of the explored ones.
     """
 
     name: ClassVar[str] = "learned"
@@ -219,6 +253,7 @@ class LearnedDetector:
 
     model: bytes | Model
     threshold: float = 0.0
+    classes: Classes | None = None
     _model: Model = field(init=False, repr=False)
     _scorer: Scorer = field(init=False, repr=False)
     _familiar: Familiar = field(init=False, repr=False)
@@ -229,6 +264,13 @@ class LearnedDetector:
         if not isinstance(model, Model):
             model = read_model(model, "detector.model")
         scorer = Scorer(model.parts, model.slope, model.offset)
+        told = () if model.classes is None else tuple(sorted(model.classes.numbers))
+        if self.classes is not None and tuple(self.classes.names) != told:
+            numbers = ", ".join(map(str, told)) or "none"
+            raise MissionFileError(
+                f"detector.classes has the numbers {', '.join(map(str, self.classes.names))}; the "
+                f"model tells apart: {numbers}"
+            )
         object.__setattr__(self, "_model", model)
         object.__setattr__(self, "_scorer", scorer)
         object.__setattr__(self, "_familiar", Familiar.of(model.familiarity))
@@ -236,7 +278,7 @@ class LearnedDetector:
     def judged(self, image: NDArray[Any]) -> Judgement:
         """See `Judgement`. Raises `ImageError` for a picture without three channels."""
         size = (image.shape[1], image.shape[0])
-        share, values = self._described(image)
+        share, values, sums = self._described(image)
         some = values[: len(NAMES), ::_EVERY, ::_EVERY]
         region = share[::_EVERY, ::_EVERY] >= self._least
         some = np.ascontiguousarray(some).reshape(len(NAMES), -1)
@@ -248,27 +290,54 @@ class LearnedDetector:
             for one in (share, familiarity)
         )
         marks = np.where(familiarity >= UNFAMILIAR, share, np.float32(0.0))
-        return Judgement(marks, familiarity, unlike[:: max(1, len(unlike) // _UNLIKE)])
+        unlike = unlike[:: max(1, len(unlike) // _UNLIKE)]
+        if sums is None:
+            return Judgement(marks, familiarity, unlike)
+        of_class = cv2.resize(self._numbers[sums.argmax(axis=0)], size, interpolation=_NEAREST)
+        classes = np.where(marks >= np.float32(self._least), of_class, np.uint8(0))
+        explored = cv2.resize(self._explored(sums), size, interpolation=cv2.INTER_LINEAR)
+        marks = np.asarray(marks * explored, np.float32)
+        return Judgement(marks, familiarity, unlike, classes)
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """See `Detector.probability`. Raises `ImageError` for a picture without three channels."""
-        share, _ = self._described(image)
+        share, _, sums = self._described(image)
         size = (image.shape[1], image.shape[0])
+        if sums is not None:
+            share = share * self._explored(sums)
         return np.asarray(cv2.resize(share, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
         return marked(self.probability(image), self._least)
 
-    def _described(self, image: NDArray[Any]) -> tuple[Array, Array]:
-        """Return the probabilities of the described places, and their features `NAMES` first."""
+    def _described(self, image: NDArray[Any]) -> tuple[Array, Array, Array | None]:
+        """Return probabilities of the described places, features `NAMES` first, sums of classes."""
         model = self._model
         picture = working_picture(image, model.working_width_px)
         names = (*NAMES, *(name for name in model.features if name not in NAMES))
         values = features(picture, names)
         of_model = values[[names.index(name) for name in model.features]]
         share = self._scorer.probability(of_model.reshape(len(of_model), -1))
-        return share.reshape(values.shape[1:]), values
+        sums = None
+        if self.classes is not None and model.classes is not None:
+            sums = model.classes.sums(of_model.reshape(len(of_model), -1))
+            sums = sums.reshape(-1, *values.shape[1:])
+        return share.reshape(values.shape[1:]), values, sums
+
+    @property
+    def _numbers(self) -> NDArray[np.uint8]:
+        """The numbers of the model's classes, in the order of their sums."""
+        rule = self._model.classes
+        return np.array(() if rule is None else rule.numbers, np.uint8)
+
+    def _explored(self, sums: Array) -> Array:
+        """Return the probability that a place of the region is of a class that is explored."""
+        wanted = np.isin(self._numbers, () if self.classes is None else self.classes.explored)
+        if wanted.all():
+            return np.ones(sums.shape[1:], np.float32)
+        powers = np.exp(sums - sums.max(axis=0))
+        return np.asarray(powers[wanted].sum(axis=0) / powers.sum(axis=0), np.float32)
 
     @property
     def _least(self) -> float:

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from missions.classes import Classes
 from missions.errors import ImageError, MissionFileError
-from vision.detectors.interface import check_number, marked, sigmoid
+from vision.detectors.interface import Judgement, check_number, marked, sigmoid
 
 Array = NDArray[np.float32]
 Run = Callable[[Array], NDArray[Any]]
@@ -45,13 +46,16 @@ class OnnxSettings(BaseModel):
     """Channel of the answer that is the ROI."""
     calibrated: bool = False
     """Whether its probability is one; see `Detector.calibrated`."""
+    classes: Classes | None = None
+    """The classes that the model tells apart; their numbers are channels of the answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class OnnxDetector:
     """The ROI is what a segmentation model takes for it, tile by tile.
 
-    Pixels are marked from the probability `threshold` on, 0 to 1.
+    Pixels are marked from the probability `threshold` on, 0 to 1. With `classes`, whose numbers are
+    channels, it is that of the explored ones together, and a pixel is of the most probable class.
     """
 
     name: ClassVar[str] = "onnx"
@@ -59,6 +63,7 @@ class OnnxDetector:
     run: Run
     settings: OnnxSettings
     threshold: float = 0.5
+    classes: Classes | None = None
 
     def __post_init__(self) -> None:
         check_number("threshold", self.threshold, 0.0, 1.0)
@@ -70,12 +75,40 @@ class OnnxDetector:
         """See `Detector.calibrated`."""
         return self.settings.calibrated
 
+    def judged(self, image: NDArray[Any]) -> Judgement:
+        """See `Judgement`."""
+        if self.classes is None:
+            share = self.probability(image)
+            return Judgement(share if self.calibrated else marked(share, self.threshold))
+        shares = self._shares(image)
+        numbers = np.array(self._channels, np.uint8)
+        some = shares.sum(axis=2) >= np.float32(self.threshold)
+        classes = np.where(some, numbers[shares.argmax(axis=2)], np.uint8(0))
+        share = self._explored(shares)
+        marks = share if self.calibrated else marked(share, self.threshold)
+        return Judgement(marks, classes=classes)
+
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """See `Detector.probability`. Raises `ImageError` for an answer of another shape."""
+        return self._explored(self._shares(image))
+
+    @property
+    def _channels(self) -> tuple[int, ...]:
+        """Channels of the answer that are read."""
+        return (self.settings.channel,) if self.classes is None else tuple(self.classes.names)
+
+    def _explored(self, shares: Array) -> Array:
+        """Return the probability of what is explored, of those of the channels."""
+        if self.classes is not None:
+            shares = shares[:, :, np.isin(self._channels, self.classes.explored)]
+        return np.asarray(np.clip(shares.sum(axis=2), 0.0, 1.0), np.float32)
+
+    def _shares(self, image: NDArray[Any]) -> Array:
+        """Return the probabilities of the channels, (rows, columns, channels)."""
         rows, columns = image.shape[:2]
         picture = self._prepared(image)
         tall, wide = picture.shape[:2]
-        total = np.zeros((tall, wide), np.float32)
+        total = np.zeros((tall, wide, len(self._channels)), np.float32)
         weight = np.zeros((tall, wide), np.float32)
         tile = self.settings.tile_px
         ramp = np.minimum(np.arange(tile) + 1, tile - np.arange(tile)).astype(np.float32)
@@ -84,11 +117,11 @@ class OnnxDetector:
             for left in _starts(wide, tile):
                 part = picture[top : top + tile, left : left + tile]
                 share = self._share(np.ascontiguousarray(part.transpose(2, 0, 1)[None]))
-                total[top : top + tile, left : left + tile] += share * window
+                total[top : top + tile, left : left + tile] += share * window[:, :, None]
                 weight[top : top + tile, left : left + tile] += window
-        whole = (total / weight)[: self._tall(rows), : self._tall(columns)]
+        whole = (total / weight[:, :, None])[: self._tall(rows), : self._tall(columns)]
         found = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_LINEAR)
-        return np.clip(np.asarray(found, np.float32), 0.0, 1.0)
+        return np.asarray(found, np.float32).reshape(rows, columns, -1)
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
@@ -117,22 +150,26 @@ class OnnxDetector:
         return values
 
     def _share(self, batch: Array) -> Array:
+        """Return the probabilities of the channels in a tile, (rows, columns, channels)."""
         tile = self.settings.tile_px
         answer = np.asarray(self.run(batch), np.float32)
         if answer.ndim == 3:
             answer = answer[:, None]
-        channel = self.settings.channel
-        if answer.ndim != 4 or answer.shape[2:] != (tile, tile) or channel >= answer.shape[1]:
+        channels = list(self._channels)
+        last = max(channels)
+        if answer.ndim != 4 or answer.shape[2:] != (tile, tile) or last >= answer.shape[1]:
             raise ImageError(
                 f"the model's answer has the shape {answer.shape}, for a tile of {tile} px and "
-                f"channel {channel}; is the TOML file beside it right?"
+                f"channel {last}; is the TOML file beside it right?"
             )
         if self.settings.output == "probability":
-            return np.asarray(answer[0, channel], np.float32)
-        if answer.shape[1] == 1:
-            return sigmoid(answer[0, 0])
-        powers = np.exp(answer[0] - answer[0].max(axis=0))
-        return np.asarray(powers[channel] / powers.sum(axis=0), np.float32)
+            shares = answer[0, channels]
+        elif answer.shape[1] == 1:
+            shares = sigmoid(answer[0])
+        else:
+            powers = np.exp(answer[0] - answer[0].max(axis=0))
+            shares = powers[channels] / powers.sum(axis=0)
+        return np.asarray(shares.transpose(1, 2, 0), np.float32)
 
 
 def _starts(side_px: int, tile_px: int) -> list[int]:

@@ -80,7 +80,7 @@ def examples(chosen: Sequence[str]) -> list[Example]:
         rows, columns = picture.shape[:2]  # a quarter of 2250 rows is 562 or 563
         drawn = truth(name).astype(np.uint8)
         region = cv2.resize(drawn, (columns, rows), interpolation=cv2.INTER_NEAREST) > 0
-        found.append(Example(name, picture, region, np.ones_like(region)))
+        found.append(Example(name, picture, region.astype(np.uint8)))
     return found
 
 

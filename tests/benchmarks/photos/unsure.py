@@ -22,6 +22,7 @@ from uavmap.photos.tune.selection import Counts
 from uavmap.ui.cli import main as uavmap
 
 SEEDS = (1, 2, 3)
+NAMES = ("track", "burn", "flood", "spill")
 ASKED = 2
 HEAD = "site   seed painted        all: IoU prec. rec.  sure: IoU prec. rec.  share wrong bound"
 
@@ -68,7 +69,7 @@ def main() -> None:
     seeds = asked(__doc__, seeds=SEEDS).seeds
     print(HEAD)
     for seed in seeds:
-        for name in sites.SITES:
+        for name in NAMES:
             with tempfile.TemporaryDirectory() as folder:
                 drill(name, seed, Path(folder))
 

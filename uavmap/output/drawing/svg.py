@@ -24,7 +24,7 @@ from uavmap.output.drawing.scene import (
     Shape,
     View,
 )
-from uavmap.output.facts.map_model import runs
+from uavmap.output.facts.cell_outlines import runs
 
 LEFT_PX: Final = 84
 """Margin of a map on its left, px: labels of a graticule stand there."""

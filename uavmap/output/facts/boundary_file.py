@@ -21,7 +21,8 @@ from shapely.geometry.base import BaseGeometry
 from missions.geo.grid import Grid
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
-from uavmap.output.facts.map_model import Runs, placed, runs
+from uavmap.output.facts.cell_outlines import Runs, runs
+from uavmap.output.facts.map_model import placed
 from uavmap.output.formats import geojson_encoder as geojson
 
 DECIMALS: Final = 8

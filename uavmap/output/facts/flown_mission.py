@@ -22,8 +22,10 @@ from missions.mission.views import rim_share
 from uavmap.base.text_files import read_text
 from uavmap.base.version import __version__
 from uavmap.journal.flight_plan import FlightPlan
+from uavmap.output.facts.cell_outlines import NEIGHBOURS, beside, packed
+from uavmap.output.facts.class_areas import class_figures
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.map_model import MapData, class_figures, on_ground, packed
+from uavmap.output.facts.map_model import MapData, on_ground
 
 DERIVED: Final = "derived from the pictures"
 """Source of a mission derived for a replay: its box and fence are not drawn."""
@@ -101,9 +103,6 @@ def taken_meta(first_s: float | None, clock: str) -> dict[str, Any]:
 
 
 # --- the size of the region -----------------------------------------------------------------------
-_NEIGHBOURS: Final = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]], np.int32)
-
-
 @dataclass(frozen=True, slots=True)
 class Extent:
     """A region in numbers: square metres and metres on the ground.
@@ -175,9 +174,8 @@ def _around(roi: NDArray[np.int32], judged: NDArray[np.int32]) -> tuple[int, int
     >>> _around(np.array([[0, 0]], np.int32), np.array([[1, 0], [0, 1], [0, -1], [5, 5]], np.int32))
     (1, 3, 1, 1)
     """
-    inside, known = packed(roi), packed(judged)
-    near = packed((roi[:, None] + _NEIGHBOURS).reshape(-1, 2))
-    outer = ~np.isin(near, inside)
+    near, known = packed((roi[:, None] + NEIGHBOURS).reshape(-1, 2)), packed(judged)
+    outer = beside(roi).ravel()
     unjudged = outer & ~np.isin(near, known)
     rim, open_cells = (int(side.reshape(-1, 4).any(axis=1).sum()) for side in (outer, unjudged))
     outside, beyond = (len(np.unique(near[side])) for side in (outer, unjudged))

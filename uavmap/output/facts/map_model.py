@@ -2,78 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, Literal, NamedTuple, Self, get_args
+from typing import Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from shapely import affinity
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
-from shapely.geometry.polygon import orient
 
 from missions.classes import Classes
 from missions.geo.grid import Grid
 from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell, LatLon
-
-Runs = list[tuple[int, int, int]]
-"""Row, first and last column of neighbours in a row."""
-
-
-def outline(cells: Collection[Cell], grid: Grid) -> Polygon | MultiPolygon:
-    """Unite cells in ground metres of the grid's moving frame.
-
-    Exterior rings run counter-clockwise, holes clockwise. Cells that share only a corner are
-    separate parts. No cells give an empty polygon.
-
-    >>> from missions.units import LatLon
-    >>> shape = outline([Cell(0, 0), Cell(1, 0)], Grid.at(LatLon(48.0, 11.0), cell_m=4.0))
-    >>> shape.bounds, len(shape.exterior.coords)
-    ((-2.0, -2.0, 6.0, 2.0), 5)
-    """
-    if not cells:
-        return Polygon()
-    # on the lattice of half cells, corners are whole numbers and edges meet exactly
-    row, first, last = 2.0 * np.array(runs(np.array(list(cells))), dtype=np.float64).T
-    united = shapely.union_all(shapely.box(first - 1, row - 1, last + 1, row + 1))
-    half_m = grid.cell_m / 2
-    scaled = affinity.scale(united, half_m, half_m, origin=(0.0, 0.0))
-    parts = []
-    for part in getattr(scaled, "geoms", [scaled]):
-        outer, *holes = (_corners(ring) for ring in (part.exterior, *part.interiors))
-        parts.append(orient(Polygon(outer, holes)))
-    return parts[0] if len(parts) == 1 else MultiPolygon(parts)
-
-
-def runs(cells: NDArray[np.integer]) -> Runs:
-    """Return row, first and last column of each run of neighbours.
-
-    >>> runs(np.array([[4, 1], [5, 1], [7, 1], [5, 2]]))
-    [(1, 4, 5), (1, 7, 7), (2, 5, 5)]
-    """
-    if not len(cells):
-        return []
-    order = np.lexsort((cells[:, 0], cells[:, 1]))
-    columns, rows = cells[order].T
-    breaks = np.flatnonzero((np.diff(rows) != 0) | (np.diff(columns) != 1))
-    first, last = np.r_[0, breaks + 1], np.r_[breaks, len(rows) - 1]
-    return list(
-        zip(rows[first].tolist(), columns[first].tolist(), columns[last].tolist(), strict=True)
-    )
-
-
-def _corners(ring: shapely.LinearRing) -> NDArray[np.float64]:
-    """Return the vertices at which an axis-parallel ring turns."""
-    points = shapely.get_coordinates(ring)[:-1]
-    before, after = (np.roll(points, by, axis=0) for by in (1, -1))
-    straight = ((before == points) & (points == after)).any(axis=1)
-    found: NDArray[np.float64] = points[~straight]
-    return found
-
+from uavmap.output.facts.cell_outlines import outline
+from uavmap.output.facts.class_areas import ClassArea, class_areas
 
 State = Literal[
     "non-roi",
@@ -211,81 +155,12 @@ class CellTable:
         return {state: count for state, count in zip(_STATES, many, strict=True) if count}
 
 
-def packed(cells: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Pack each cell into a whole number, in the order of the cells.
-
-    >>> packed(np.array([[0, -1], [0, 1], [1, 0]], np.int32)).argsort().tolist()
-    [0, 1, 2]
-    """
-    found: NDArray[np.int64] = (cells[:, 0].astype(np.int64) << 32) + cells[:, 1]
-    return found
-
-
 @dataclass(frozen=True, slots=True)
 class Track:
     """Where a vehicle went: (mission seconds, position over ground, metres above home)."""
 
     vehicle: int
     points: tuple[tuple[float, LatLon, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ClassArea:
-    """The cells of a class of the region, and how large it is.
-
-    Attributes:
-        outline: Around its cells, in the moving frame; may be empty.
-        area_m2: Of its cells.
-        low_m2: The area that frames saw of it in its cells, on average.
-        high_m2: Its cells, and what frames saw of it in others.
-        thickness_um: The least, and the greatest if there is a bound above; None: not known.
-    """
-
-    number: int
-    name: str
-    cells: tuple[Cell, ...]
-    outline: Polygon | MultiPolygon
-    area_m2: float
-    low_m2: float
-    high_m2: float
-    thickness_um: tuple[float, ...] | None
-
-    @property
-    def volume_l(self) -> tuple[float, float | None] | None:
-        """The least and the greatest volume, litres: a micrometre on a square metre is 1 ml."""
-        if self.thickness_um is None:
-            return None
-        least, *most = (um / 1000.0 for um in self.thickness_um)
-        return self.low_m2 * least, self.high_m2 * most[0] if most else None
-
-    def figures(self) -> dict[str, Any]:
-        """Return the figures for files; litres only where a thickness is known."""
-        found = {
-            "number": self.number,
-            "name": self.name,
-            "cells": len(self.cells),
-            "area_m2": round(self.area_m2, 1),
-            "area_low_m2": round(self.low_m2, 1),
-            "area_high_m2": round(self.high_m2, 1),
-        }
-        if self.volume_l is None:
-            return found
-        low_l, high_l = self.volume_l
-        volume_l = [round(low_l, 3), None if high_l is None else round(high_l, 3)]
-        return {**found, "volume_l": volume_l}
-
-
-def class_figures(classes: Sequence[ClassArea]) -> dict[str, Any]:
-    """Return what the summary has of classes, and their volume together; empty without any."""
-    if not classes:
-        return {}
-    found: dict[str, Any] = {"classes": [one.figures() for one in classes]}
-    volumes_l = [one.volume_l for one in classes if one.volume_l is not None]
-    if volumes_l:
-        low_l, high_l = zip(*volumes_l, strict=True)
-        most_l = None if None in high_l else round(sum(high_l), 3)
-        found["volume_l"] = [round(sum(low_l), 3), most_l]
-    return found
 
 
 @dataclass(frozen=True)
@@ -335,29 +210,10 @@ class MapData:
     @cached_property
     def class_areas(self) -> tuple[ClassArea, ...]:
         """The classes of the region, by number; none where the detector knows the region only."""
-        table, shares = self.cells, self.cells.shares
+        shares = self.cells.shares
         if self.classes is None or shares is None:
             return ()
-        cell_m2, which = self.grid.cell_m**2, table.classes
-        found = []
-        for column, number in enumerate(self.classes.explored):
-            name, share = self.classes.names[number], shares[:, column]
-            there = which == column
-            cells = tuple(Cell(*cell) for cell in table.cells[there].tolist())
-            inside_m2, beside_m2 = (float(share[some].sum()) * cell_m2 for some in (there, ~there))
-            found.append(
-                ClassArea(
-                    number,
-                    name,
-                    cells,
-                    outline(cells, self.grid),
-                    len(cells) * cell_m2,
-                    inside_m2,
-                    len(cells) * cell_m2 + beside_m2,
-                    self.classes.by_name[name].thickness_um,
-                )
-            )
-        return tuple(found)
+        return class_areas(self.classes, self.grid, self.cells.cells, shares, self.cells.classes)
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:

@@ -26,7 +26,7 @@ from shapely.ops import unary_union
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission, positions
 from missions.units import Cell
-from uavmap.output.facts.map_model import outline
+from uavmap.output.facts.cell_outlines import outline
 
 MISSED_SHARE = 0.5
 """Share from which on a cell belongs on the map, and a verdict of no is wrong."""

@@ -18,8 +18,9 @@ from shapely.geometry.base import BaseGeometry
 from uavmap.base.atomic_write import write_parts
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import Colour
+from uavmap.output.facts.class_areas import ClassArea
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import NOT_ROI, ClassArea, MapData
+from uavmap.output.facts.map_model import NOT_ROI, MapData
 from uavmap.output.formats.layers import (
     DECIMALS,
     Layer,

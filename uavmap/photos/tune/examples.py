@@ -1,43 +1,41 @@
 """Pictures and what people have painted on them.
 
 A mask is a picture of the same shape, named after the photograph: white is region, black is not,
-mid-grey is undecided. Polygons are GeoJSON in longitude and latitude, projected into the pictures
-through their poses.
+mid-grey is undecided. Where `classes.toml` lies beside it, its gray values, or indices of its
+palette, are numbers of classes. Polygons are in `uavmap.photos.tune.polygons`.
 """
 
 from __future__ import annotations
 
 import io
 import itertools
-import json
-import math
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from pydantic import ValidationError
 
+from missions.classes import Classes
 from missions.errors import ImageError
-from missions.geo.grid import Grid
-from missions.units import LatLon
+from missions.mission.messages import explain
 from uavmap.base.image_files import opened
-from uavmap.base.messages import muted
 from uavmap.base.text_files import read_text
-from uavmap.photos.registration.refined_pictures import refined
-from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import SUFFIXES, decoded, eight_bits
-from uavmap.photos.sources.picture_record import Placed, credible
-from vision.camera import Camera, project
+from uavmap.photos.tune.polygons import REGION, SURROUND, UNKNOWN, Polygons
 from vision.detectors.pixel_features import working_picture
 
 BLACK: Final = 85
 WHITE: Final = 170
 """A mask's gray values up to BLACK are not region, from WHITE on region, between them undecided."""
 UNDECIDED: Final = 128
+CLASSES_TOML: Final = "classes.toml"
+"""Beside examples of several classes: the table `[detector.classes]`, without its heading."""
 _DEEP: Final = 257.0  # 65535 is white
 _COLOURED: Final = 48  # levels between the channels of a pixel; JPEG and scaling make some
 _MOST_COLOURED: Final = 0.02  # of the pixels: a stray stroke is none
@@ -67,7 +65,28 @@ def mask_of(data: bytes, name: str) -> Gray:
     return gray
 
 
-def _gray(picture: Image.Image, name: str) -> Gray:
+def class_mask(data: bytes, name: str, classes: Classes) -> Gray:
+    """Return a mask of numbers of classes (rows, columns): 0 is surround, `UNKNOWN` undecided.
+
+    Raises `ImageError` for what is no picture, is in colour, or holds another number.
+    """
+    with opened(io.BytesIO(data), name) as picture:
+        if picture.mode in ("P", "L", "I;16", "I"):
+            levels = np.asarray(picture)
+        else:
+            levels = _gray(picture, name, UNKNOWN)
+    known = (0, *classes.names, UNKNOWN)
+    strange = np.setdiff1d(levels, known)
+    if strange.size:
+        named = ", ".join(f"{number} {text}" for number, text in classes.names.items())
+        raise ImageError(
+            f"{name}: holds {strange[0]}, which is the number of no class in {CLASSES_TOML}: "
+            f"expected 0 for what is not region, {UNKNOWN} for undecided, {named}"
+        )
+    return levels.astype(np.uint8)
+
+
+def _gray(picture: Image.Image, name: str, undecided: int = UNDECIDED) -> Gray:
     rgba = np.asarray(picture.convert("RGBA"))
     seen = rgba[..., 3] >= UNDECIDED
     rgb = rgba[..., :3]
@@ -78,7 +97,7 @@ def _gray(picture: Image.Image, name: str) -> Gray:
             "mid-grey where you cannot tell, in a picture without anything else"
         )
     gray = np.array(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY), np.uint8)
-    gray[~seen] = UNDECIDED
+    gray[~seen] = undecided
     return gray
 
 
@@ -116,28 +135,34 @@ def masks_by_picture(
 # --- examples ------------------------------------------------------------------------------------
 POLYGONS: Final = frozenset({".geojson", ".json"})
 _SHAPE_DIFFERS: Final = 0.02
-_LARGEST_GEOJSON: Final = 20_000_000
-_GRID_M: Final = 2.0  # the grid only carries metres here
-_WGS84: Final = ("CRS84", "EPSG::4326", "EPSG:4326")
-_KINDS: Final = ("region", "surround", "undecided")
+_LARGEST_TOML: Final = 100_000
 
 
 @dataclass(frozen=True, slots=True)
 class Example:
-    """A picture at the working width with what is known of its pixels.
+    """A picture at the working width with what is painted on its pixels, (rows, columns).
 
-    `region` and `known` are (rows, columns), bool; `region` is undefined where `known` is false.
+    `painted`: the number of a class, `REGION` without classes; `SURROUND`; or `UNKNOWN`.
     """
 
     name: str
     picture: NDArray[np.uint8]
-    region: NDArray[np.bool_]
-    known: NDArray[np.bool_]
+    painted: NDArray[np.uint8]
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Where something is painted."""
+        return np.asarray(self.painted != UNKNOWN)
+
+    @property
+    def region(self) -> NDArray[np.bool_]:
+        """Where it is painted as region."""
+        return np.asarray(self.known & (self.painted != SURROUND))
 
     @property
     def shows(self) -> tuple[bool, bool]:
         """Whether some of it is region, and some surround."""
-        return bool((self.region & self.known).any()), bool((~self.region & self.known).any())
+        return bool(self.region.any()), bool((self.painted == SURROUND).any())
 
 
 def list_pictures(images: Path) -> list[Path]:
@@ -186,6 +211,24 @@ def file_bytes(path: Path) -> bytes:
         raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
 
 
+def read_classes(where: Path) -> Classes | None:
+    """Return the classes of examples; None where no `classes.toml` lies with them.
+
+    Raises `ImageError` for a file that holds none.
+    """
+    path = where.with_name(CLASSES_TOML) if where.is_file() else where / CLASSES_TOML
+    if not path.is_file():
+        return None
+    try:
+        return Classes.model_validate(tomllib.loads(read_text(path, _LARGEST_TOML)))
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValidationError as error:
+        raise ImageError(f"{path}: {explain(error, Classes)[0].removeprefix(': ')}") from None
+    except ValueError as error:
+        raise ImageError(f"{path}: not a TOML file: {error}") from None
+
+
 def load_examples(
     images: Path, where: Path, width_px: int, say: Callable[[str], None] = lambda text: None
 ) -> list[Example]:
@@ -219,8 +262,9 @@ def load_examples(
             f"--examples {where}: no masks (NAME.png, named after the pictures) and no *.geojson; "
             f"paint some, for example {pictures[0].stem}.png: white region, black not"
         )
-    found = {e.name: e for e in _projected(images, polygons, width_px, say)} if polygons else {}
-    found |= {e.name: e for e in _painted(pictures, masks, width_px)}
+    classes = read_classes(where)
+    found = {e.name: e for e in _projected(images, polygons, classes, width_px, say)}
+    found |= {e.name: e for e in _painted(pictures, masks, classes, width_px)}
     examples = [found[name] for name in sorted(found)]
     region, surround = (any(e.shows[kind] for e in examples) for kind in (0, 1))
     if polygons and not region:
@@ -235,10 +279,18 @@ def load_examples(
 
 
 # --- masks -----------------------------------------------------------------------------------
-def _painted(pictures: list[Path], masks: list[Path], width_px: int) -> Iterator[Example]:
+def _painted(
+    pictures: list[Path], masks: list[Path], classes: Classes | None, width_px: int
+) -> Iterator[Example]:
     for path, mask in masks_by_picture(pictures, masks):
         picture = read_picture(path, width_px)
-        painted = mask_of(file_bytes(mask), str(mask))
+        data = file_bytes(mask)
+        if classes is None:
+            gray = mask_of(data, str(mask))
+            painted = np.full_like(gray, UNKNOWN)
+            painted[gray <= BLACK], painted[gray >= WHITE] = SURROUND, REGION
+        else:
+            painted = class_mask(data, str(mask), classes)
         (rows, columns), (tall, wide) = picture.shape[:2], painted.shape
         if abs(wide / tall - columns / rows) > _SHAPE_DIFFERS * columns / rows:
             raise ImageError(
@@ -248,128 +300,27 @@ def _painted(pictures: list[Path], masks: list[Path], width_px: int) -> Iterator
         painted = np.asarray(
             cv2.resize(painted, (columns, rows), interpolation=cv2.INTER_NEAREST), np.uint8
         )
-        known = (painted <= BLACK) | (painted >= WHITE)
-        yield Example(path.stem, picture, painted >= WHITE, known)
+        yield Example(path.stem, picture, painted)
 
 
 # --- polygons --------------------------------------------------------------------------------
-Rings = list[NDArray[np.float64]]
-
-
 def _projected(
-    images: Path, files: list[Path], width_px: int, say: Callable[[str], None]
+    images: Path,
+    files: list[Path],
+    classes: Classes | None,
+    width_px: int,
+    say: Callable[[str], None],
 ) -> Iterator[Example]:
-    """Yield the pictures with the polygons, by their best poses."""
-    shapes = [shape for path in files for shape in _shapes(path)]
-    gathered = gather(open_source(images))
-    with muted():
-        better = refined(gathered)
-    verdicts = credible(better.gathered.posed)
-    placed = [entry for entry in verdicts if not isinstance(entry, str)]
-    if not placed:
-        raise ImageError(
-            f"{images}: polygons cannot be projected into pictures without a pose "
-            f"({gathered.pictures[0].name}: {verdicts[0]}); paint masks"
-        )
-    grid = Grid.at(placed[0].pose.position, _GRID_M)
-    limited = any(kind == "surround" for kind, _ in shapes)
-    for entry in placed:
+    """Yield the pictures that polygons lie in, by their best poses."""
+    if not files:
+        return
+    polygons = Polygons.of(images, files, classes)
+    for placed in polygons.placed:
         try:
-            picture = read_picture(images / entry.picture.name, width_px)
+            picture = read_picture(images / placed.picture.name, width_px)
         except ImageError as error:  # nobody has painted it, so nobody misses it
             say(f"left out: {error}")
             continue
-        drawn = {kind: _drawn(kind, shapes, entry, grid, picture.shape[:2]) for kind in _KINDS}
-        region = drawn["region"]
-        known = (region | drawn["surround"]) if limited else np.ones_like(region)
-        known &= ~drawn["undecided"]
-        if known.any():
-            yield Example(Path(entry.picture.name).stem, picture, region, known)
-
-
-def _drawn(
-    kind: str,
-    shapes: list[tuple[str, Rings]],
-    placed: Placed,
-    grid: Grid,
-    shape: tuple[int, ...],
-) -> NDArray[np.bool_]:
-    """Return where the polygons of a kind lie in a picture."""
-    rows, columns = shape
-    lens = placed.picture.lens
-    if lens is None:
-        raise ImageError(
-            f"{placed.picture.name}: no tag tells its focal length, without which polygons cannot "
-            "be projected into it; paint a mask"
-        )
-    matrix = Camera(lens.hfov_rad, columns, rows).homography(placed.pose, grid, 0.0)
-    drawn = np.zeros((rows, columns), np.uint8)
-    for found, rings in shapes:
-        if found != kind:
-            continue
-        layer = np.zeros((rows, columns), np.uint8)
-        for ring in rings:  # even-odd: the first is the outline, the others are holes
-            metres = [grid.fixed(LatLon(lat, lon)) for lon, lat in ring]
-            pixels, _ = project(matrix, np.array([[p.east_m, p.north_m] for p in metres]))
-            if np.isfinite(pixels).all() and np.abs(pixels).max() < 1e6:
-                one = np.zeros_like(layer)
-                cv2.fillPoly(one, [np.round(pixels * 16).astype(np.int32)], (255,), shift=4)
-                layer ^= one
-        drawn |= layer
-    return drawn > 0
-
-
-def _shapes(path: Path) -> list[tuple[str, Rings]]:
-    """Return the polygons of a GeoJSON file with the property `kind`, else region."""
-    try:
-        root = json.loads(read_text(path, _LARGEST_GEOJSON))
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, RecursionError) as error:
-        raise ImageError(f"{path}: not JSON ({error})") from None
-    _refuse_other_crs(root, path)
-    features = root.get("features") if isinstance(root, dict) else None
-    if not isinstance(features, list) or not features:
-        raise ImageError(f"{path}: no FeatureCollection with features; draw polygons")
-    shapes = []
-    for i, feature in enumerate(features):
-        where, feature = f"{path}: features[{i}]", feature if isinstance(feature, dict) else {}
-        geometry, properties = feature.get("geometry"), feature.get("properties") or {}
-        kind = properties.get("kind", "region") if isinstance(properties, dict) else "region"
-        if kind not in _KINDS:
-            raise ImageError(f"{where}: kind is {kind!r}: expected one of {', '.join(_KINDS)}")
-        sort = geometry.get("type") if isinstance(geometry, dict) else None
-        if not isinstance(geometry, dict) or sort not in ("Polygon", "MultiPolygon"):
-            raise ImageError(f"{where}: a {sort}; draw a Polygon or a MultiPolygon")
-        parts = geometry.get("coordinates")
-        for part in [parts] if sort == "Polygon" else (parts or []):
-            shapes.append((kind, _rings(part, where)))
-    return shapes
-
-
-def _refuse_other_crs(root: Any, path: Path) -> None:
-    """Raise `ImageError` if a file names another coordinate system, as old GeoJSON may."""
-    crs = root.get("crs") if isinstance(root, dict) else None
-    if crs is None:
-        return
-    text = json.dumps(crs)
-    if not any(name in text for name in _WGS84):
-        raise ImageError(
-            f"{path}: crs is {text[:80]}; export the polygons as GeoJSON (RFC 7946), which is in "
-            "WGS84 (EPSG:4326)"
-        )
-
-
-def _rings(part: Any, where: str) -> Rings:
-    try:
-        rings = [np.array([[float(p[0]), float(p[1])] for p in ring]) for ring in part]
-    except (TypeError, ValueError, IndexError, KeyError):
-        raise ImageError(f"{where}: not rings of [longitude, latitude]") from None
-    for ring in rings:
-        good = len(ring) >= 3 and bool(np.isfinite(ring).all())
-        if not good or (np.abs(ring) > [180.0, 90.0]).any() or math.isnan(ring.sum()):
-            raise ImageError(
-                f"{where}: a ring of less than 3 places, or of no places on Earth; coordinates are "
-                "longitude and latitude in WGS84 (EPSG:4326)"
-            )
-    return rings
+        painted = polygons.painted(placed, picture.shape[:2])
+        if (painted != UNKNOWN).any():
+            yield Example(Path(placed.picture.name).stem, picture, painted)

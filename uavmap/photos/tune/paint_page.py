@@ -24,11 +24,20 @@ import cv2
 from missions.errors import ImageError, OutputError
 from uavmap.base.atomic_write import write_bytes
 from uavmap.base.image_files import read_image
-from uavmap.photos.tune.examples import file_bytes, list_pictures, read_picture, refuse_same_folder
+from uavmap.photos.tune.examples import (
+    UNDECIDED,
+    file_bytes,
+    list_pictures,
+    read_classes,
+    read_picture,
+    refuse_same_folder,
+)
+from uavmap.photos.tune.polygons import SURROUND, UNKNOWN
 from uavmap.photos.tune.study import Study
 
 HOST: Final = "127.0.0.1"
 MOST_BYTES: Final = 16_000_000
+REGION_GRAY: Final = 255
 _PAGE: Final = "paint.html"
 _POLICY: Final = (
     "default-src 'none'; img-src 'self' blob:; connect-src 'self'; script-src 'unsafe-inline'; "
@@ -50,11 +59,23 @@ class Easel:
         self.pictures: Final = list_pictures(images)
         self.masks: Final = masks
         self.width_px: Final = width_px
+        self.classes: Final = read_classes(masks)
         self.done: Final = threading.Event()
 
     def told(self) -> list[dict[str, Any]]:
         """Return the names, and which of them are painted."""
         return [{"name": p.stem, "painted": self._mask(p).exists()} for p in self.pictures]
+
+    def kinds(self) -> list[dict[str, Any]]:
+        """Return what can be painted: which kind of ground, its name, its gray value in a mask."""
+        region = {REGION_GRAY: "region"} if self.classes is None else self.classes.names
+        kind = "region" if self.classes is None else "class"
+        undecided = UNDECIDED if self.classes is None else UNKNOWN
+        return [
+            *({"kind": kind, "name": name, "level": level} for level, name in region.items()),
+            {"kind": "surround", "name": "surround", "level": SURROUND},
+            {"kind": "undecided", "name": "undecided", "level": undecided},
+        ]
 
     def picture(self, index: int) -> bytes:
         """Return a picture at the working width, as JPEG. Raises `ImageError`."""
@@ -116,13 +137,17 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(HTTPStatus.OK, page, "text/html; charset=utf-8")
         elif what == "pictures":
             self._answer(HTTPStatus.OK, json.dumps(self._easel.told()).encode(), "application/json")
+        elif what == "kinds":
+            self._answer(
+                HTTPStatus.OK, json.dumps(self._easel.kinds()).encode(), "application/json"
+            )
         elif what == "picture" and index is not None:
             self._answer(HTTPStatus.OK, self._easel.picture(index), "image/jpeg")
         elif what == "mask" and index is not None and (data := self._easel.mask(index)):
             self._answer(HTTPStatus.OK, data, "image/png")
         elif what == "round":
-            told = None if study is None else study.round.as_json()
-            self._answer(HTTPStatus.OK, json.dumps(told).encode(), "application/json")
+            now = None if study is None else study.round.as_json()
+            self._answer(HTTPStatus.OK, json.dumps(now).encode(), "application/json")
         elif (study is not None and what == "map" and (data := study.map())) or (
             study is not None
             and what == "doubtful"

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from missions.errors import UavmapError
 from uavmap.base.extras import install_command
 from uavmap.photos.tune.examples import Example
+from uavmap.photos.tune.polygons import SURROUND, UNKNOWN
 from vision.detectors.learned_model import LEAVES, Logistic, Scorer, Tree, Trees
 from vision.detectors.pixel_features import described_shape, features
 
@@ -37,14 +38,15 @@ _CLEAR: Final = 0.8  # a place is a sample if so much of it is of one kind
 class Described:
     """A picture as the learners see it.
 
-    `values` is (features, places), `region` the part of each place that is region; the places lie
-    in `rows` and `columns`.
+    `values` is (features, places), `region` the part of each place that is region, `numbers` the
+    class of those that are mostly of one, else 0; the places lie in `rows` and `columns`.
     """
 
     name: str
     values: NDArray[np.float32]
     region: NDArray[np.float32]
     known: NDArray[np.bool_]
+    numbers: NDArray[np.uint8]
     rows: int
     columns: int
 
@@ -54,12 +56,16 @@ def described(example: Example) -> Described:
     values = features(example.picture)
     rows, columns = described_shape(*example.picture.shape[:2])
     known = _mean(example.known, rows, columns)
-    region = _mean(example.region & example.known, rows, columns) / np.maximum(known, 1e-6)
+    region = _mean(example.region, rows, columns) / np.maximum(known, 1e-6)
+    numbers = np.zeros((rows, columns), np.uint8)
+    for number in np.setdiff1d(example.painted, (SURROUND, UNKNOWN)):
+        numbers[_mean(example.painted == number, rows, columns) >= _CLEAR] = number
     return Described(
         example.name,
         values.reshape(len(values), -1),
         np.minimum(region, 1.0).ravel().astype(np.float32),
         (known > 0.5).ravel(),
+        numbers.ravel(),
         rows,
         columns,
     )
@@ -106,11 +112,8 @@ def _moved(example: Example, rng: np.random.Generator) -> Example:
         return np.asarray(moved, np.uint8)
 
     how = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
-    region, known = (
-        warped(mask.astype(np.uint8), cv2.INTER_NEAREST) > 0
-        for mask in (example.region, example.known)
-    )
-    return Example(example.name, warped(example.picture, how), region, known)
+    painted = warped(example.painted, cv2.INTER_NEAREST)
+    return Example(example.name, warped(example.picture, how), painted)
 
 
 def _exposed(example: Example, rng: np.random.Generator) -> Example:

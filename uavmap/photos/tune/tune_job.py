@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -15,13 +15,21 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
+from missions.classes import Classes
 from missions.errors import ImageError, MissionFileError, OutputError
 from uavmap.base.atomic_write import umask, write_bytes, write_text
 from uavmap.output.drawing.judged import RED, outline
 from uavmap.output.summary import encode
 from uavmap.photos.draft_map import MAP, Drafts
 from uavmap.photos.next_pictures import NEXT, write_next
-from uavmap.photos.tune.examples import Example, list_pictures, load_examples, read_picture
+from uavmap.photos.tune.class_training import check_classes, class_counts, fit_classes
+from uavmap.photos.tune.examples import (
+    Example,
+    list_pictures,
+    load_examples,
+    read_classes,
+    read_picture,
+)
 from uavmap.photos.tune.familiar_ground import (
     Sure,
     familiar_ground,
@@ -65,6 +73,8 @@ class Wishes:
     cell_px: float = 25.0
     kinds: tuple[str, ...] = KINDS
     sets: tuple[str, ...] = tuple(SETS)
+    classes: Classes | None = None
+    """Those that are painted."""
 
 
 def tune(
@@ -82,6 +92,7 @@ def tune(
     `OutputError` when the disk refuses.
     """
     need_learner()
+    wishes = replace(wishes, classes=read_classes(where))
     examples = load_examples(images, where, wishes.width_px, say)
     others = _others(images, {example.name for example in examples}, wishes, say)
     say(f"{len(examples)} painted, {len(others)} others to normalise features by")
@@ -90,7 +101,7 @@ def tune(
     try:
         with _whole(out) as folder:
             write_bytes(folder / MODEL, model_bytes(found.model))
-            write_text(folder / DETECTOR, _detector_toml(choice, report))
+            write_text(folder / DETECTOR, _detector_toml(choice, report, wishes.classes))
             write_text(folder / REPORT, encode(report) + "\n")
             _draw(folder / OVERLAYS, examples, others[:_SHOWN], choice, found.model)
             _draft(drafts or Drafts(images), folder, say)
@@ -127,12 +138,16 @@ def _whole(out: Path) -> Iterator[Path]:
 
 
 class Learned(NamedTuple):
-    """A model, the choice of cross-validation, the examples described, and how sure each is."""
+    """A model, the choice of cross-validation, the examples described, and how sure each is.
+
+    `classes` counts the places of each, if several are painted.
+    """
 
     model: Model
     choice: Choice
     pictures: Sequence[Picture]
     sure: Sequence[Sure]
+    classes: Mapping[int, Counts]
 
 
 def _replace(new: Path, old: Path) -> None:
@@ -154,6 +169,9 @@ def learned(
     region or all that is not.
     """
     _check_spread(examples)
+    numbers = () if wishes.classes is None else tuple(wishes.classes.names)
+    if wishes.classes is not None:
+        check_classes(examples, wishes.classes)
     pictures = []
     for number, example in enumerate(examples):
         rng = np.random.default_rng([wishes.seed, number])
@@ -173,8 +191,10 @@ def learned(
         threshold=choice.threshold,
         familiarity=ground.familiarity,
         wrong_at_most=wrong_at_most(sure),
+        classes=fit_classes(pictures, numbers, names, scale, wishes.seed) if numbers else None,
     )
-    return Learned(model, choice, pictures, sure)
+    classes = class_counts(pictures, choice, numbers, scale, wishes.seed) if numbers else {}
+    return Learned(model, choice, pictures, sure, classes)
 
 
 def _check_spread(examples: Sequence[Example]) -> None:
@@ -248,6 +268,18 @@ def _report(found: Learned, wishes: Wishes) -> dict[str, Any]:
         "cell_iou_spread": [round(min(ious), 4), round(max(ious), 4)],
         "pictures": rows,
         "tried": dict(choice.tried),
+        **_class_report(found.classes, wishes.classes),
+    }
+
+
+def _class_report(counts: Mapping[int, Counts], classes: Classes | None) -> dict[str, Any]:
+    if classes is None:
+        return {}
+    return {
+        "classes": [
+            {"number": number, "name": name, **_figures(counts[number])}
+            for number, name in classes.names.items()
+        ]
     }
 
 
@@ -263,8 +295,10 @@ def _figures(counts: Counts) -> dict[str, float]:
     }
 
 
-def _detector_toml(choice: Choice, report: dict[str, Any]) -> str:
-    section = {"name": "learned", "model": MODEL, "share": choice.share}
+def _detector_toml(choice: Choice, report: dict[str, Any], classes: Classes | None) -> str:
+    section: dict[str, Any] = {"name": "learned", "model": MODEL, "share": choice.share}
+    if classes is not None:
+        section["classes"] = classes.model_dump(mode="json", exclude_unset=True)
     pixels, cells = report["pixels"], report["cells"]
     return (
         "# Written by `uavmap tune`. On painted pictures that it was not learned from:\n"
@@ -293,7 +327,7 @@ def _draw(
         small = share.reshape(described_shape(rows, columns))
         whole = cv2.resize(small, (columns, rows), interpolation=cv2.INTER_LINEAR)
         drawn = example.picture.copy()
-        outline(drawn, example.region & example.known, _GREEN)
+        outline(drawn, example.region, _GREEN)
         outline(drawn, np.asarray(whole >= choice.threshold), RED)
         _write_jpeg(folder / f"{example.name}.jpg", drawn)
     detector = LearnedDetector(model)

@@ -31,6 +31,8 @@ from uavmap.load.detector_source import (
     detector_text,
     keep_detector,
     known_detectors,
+    region_in_words,
+    resolved_section,
 )
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.photos.sources.inventory import gather
@@ -236,6 +238,43 @@ def test_an_answer_of_another_shape_is_said(tmp_path):
         detector.mask(np.zeros((40, 40, 3), np.uint8))
 
 
+TWO = "oil = {number = 2}\nweed = {number = 1}\n"
+
+
+@pytest.mark.parametrize("beside", ["net.toml", "detector.toml"])
+def test_classes_come_from_the_file_beside_the_model_and_the_region_from_the_mission(
+    beside, tmp_path
+):
+    """As a mission names the model, and as `--detector` names its folder."""
+    name, model = ("onnx", "net.onnx") if beside == "net.toml" else ("learned", "model.json")
+    (tmp_path / model).write_bytes(b"any")
+    table, oil, weed = f'name = "{name}"\nmodel = "{model}"', {"number": 2}, {"number": 1}
+    (tmp_path / "net.toml").write_text(f"tile_px = 32\n[classes]\n{TWO}")
+    (tmp_path / "detector.toml").write_text(
+        f"[detector]\n{table}\n" + ("" if name == "onnx" else f"[detector.classes]\n{TWO}")
+    )
+    given = {"name": name, "model": model}
+    found = resolved_section(given, tmp_path, None)
+    assert found is not None
+    assert found["classes"] == {"oil": oil, "weed": weed}
+    region = {"classes": {"region": ["oil"]}}
+    found = resolved_section(given | region, tmp_path, None)
+    assert DetectorSection.model_validate(found).explored == (2,)
+    mission = {"name": "threshold", "share": 0.2, **region}
+    found = resolved_section(mission, tmp_path, tmp_path)
+    assert DetectorSection.model_validate(found).explored == (2,)
+    assert found is not None
+    assert found["share"] == 0.2
+
+
+def test_words_for_the_region_name_the_classes_that_are_explored():
+    colours = {"samples": {"oil": [[9, 9, 9]], "weed": [[9, 200, 9]]}}
+    table = {"name": "color", "color": colours, "classes": {"oil": {"number": 1}}}
+    table["classes"] |= {"weed": {"number": 2}, "region": ["oil"]}
+    told = region_in_words(DetectorSection.model_validate(table))
+    assert told == "oil: coloured like rgb(9, 9, 9), rgb(9, 200, 9)"
+
+
 def test_sections_read_back_from_json_as_they_were():
     for more in ("", '[detector]\nname = "paved"\n[detector.paved]\ngreenness = 0.1'):
         given = section(more)
@@ -327,7 +366,7 @@ def test_an_interrupted_tuning_leaves_nothing(error, tmp_path, monkeypatch):
 
     monkeypatch.setattr(tuning, "load_examples", lambda *_: [])
     monkeypatch.setattr(tuning, "need_learner", lambda: None)
-    monkeypatch.setattr(tuning, "learned", lambda *_: tuning.Learned(MODEL, None, [], []))
+    monkeypatch.setattr(tuning, "learned", lambda *_: tuning.Learned(MODEL, None, [], [], {}))
     monkeypatch.setattr(tuning, "_report", lambda *_: {"pixels": {}, "cells": {}})
     monkeypatch.setattr(tuning, "_detector_toml", lambda *_: "")
     monkeypatch.setattr(tuning, "_draw", fails)  # the last that is written

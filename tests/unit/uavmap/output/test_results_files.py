@@ -14,7 +14,7 @@ from missions.geo.grid import Grid
 from missions.units import Cell, LatLon
 from uavmap.base import atomic_write as atomic
 from uavmap.output import summary
-from uavmap.output.facts.map_model import outline
+from uavmap.output.facts.cell_outlines import outline
 
 GRID = Grid.at(LatLon(48.0, 11.0), cell_m=4.0)
 

@@ -32,7 +32,8 @@ examples:
 
 Paint at least two or three pictures, best of different light: for photos/DJI_0021.JPG a picture
 painted/DJI_0021.png of the same shape, white where the region is, black where it is not, mid-grey
-where you cannot tell. Polygons in GeoJSON (longitude, latitude) are projected into the pictures
+where you cannot tell. Beside a classes.toml, gray values are numbers of classes (docs/classes.md).
+Polygons in GeoJSON (longitude, latitude) are projected into the pictures
 through the poses in their tags. Training needs scikit-learn, the extra `tune`.
 """
 DESCRIPTION: Final = (
@@ -127,6 +128,9 @@ def _show(report: dict[str, Any]) -> None:
     table.add_section()
     table.add_row("all", "", *_numbers(report))
     PipeConsole().print(table)
+    for one in report.get("classes", ()):
+        figures = ", ".join(f"{key} {one[key]:.2f}" for key in ("precision", "recall"))
+        print(f"{one['name']} ({one['number']}), by pixels: {figures}, IoU {one['iou']:.2f}")
     low, high = report["cell_iou_spread"]
     print(f"cell IoU from {low:.2f} to {high:.2f} over {len(report['pictures'])} pictures")
     bound = 100 * report["wrong_at_most"]

@@ -17,7 +17,7 @@ from missions.units import Cell
 from tests.support.journals import PLAN, begun
 from tests.unit.uavmap.ui.cli.commands.test_export import mission_file, text_of
 from uavmap.load.mission_source import load, mission_of_text
-from uavmap.output.facts.map_model import outline
+from uavmap.output.facts.cell_outlines import outline
 from uavmap.ui.cli import main
 
 ISLAND = frozenset(Cell(i, k) for i in range(14, 18) for k in range(9, 11))

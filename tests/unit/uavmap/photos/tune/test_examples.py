@@ -281,3 +281,103 @@ def test_masks_do_not_lie_among_the_pictures(tmp_path: Path) -> None:
         load_examples(tmp_path, tmp_path / "." / "", 64)
     with pytest.raises(ImageError, match=r"a\.(jpg|png) and a\.(jpg|png): to which"):
         Easel(tmp_path, tmp_path / "masks", 64)
+
+
+# --- classes -------------------------------------------------------------------------------------
+TWO = "oil = {number = 2}\nweed = {number = 7}\n"
+NUMBERS = np.zeros((90, 160), np.uint8)
+NUMBERS[:40], NUMBERS[60:80], NUMBERS[80:] = 7, 2, 255
+
+
+def indexed(numbers: np.ndarray) -> Image.Image:
+    picture = Image.fromarray(numbers, "P")
+    picture.putpalette(np.random.default_rng(1).integers(0, 256, 768).tolist())
+    return picture
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [
+        Image.fromarray(NUMBERS),
+        indexed(NUMBERS),
+        Image.fromarray(NUMBERS.astype(np.uint16)),
+        Image.fromarray(np.dstack([NUMBERS] * 3)),
+        Image.fromarray(np.dstack([NUMBERS * (NUMBERS < 255), 255 - NUMBERS // 255 * 255])),
+    ],
+)
+def test_mask_beside_classes_holds_numbers_in_whatever_way_it_was_saved(
+    picture: Image.Image, images: Path, where: Path
+) -> None:
+    (where / "classes.toml").write_text(TWO)
+    picture.save(where / "1.png")
+    (example,) = load_examples(images, where, WIDE)
+    parts = [float((example.painted == number).mean()) for number in (7, 0, 2, 255)]
+    assert parts == pytest.approx([40 / 90, 20 / 90, 20 / 90, 10 / 90], abs=0.01)
+    assert example.known.mean() == pytest.approx(80 / 90, abs=0.01)
+    assert example.region.mean() == pytest.approx(60 / 90, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("toml", "picture", "why"),
+    [
+        (TWO, Image.fromarray(NUMBERS + (NUMBERS == 2)), r"1.png: holds 3, .* 2 oil, 7 weed"),
+        (TWO, Image.fromarray(red(NUMBERS)), "1.png: is in colour"),
+        ("oil = 3", Image.fromarray(NUMBERS), r"classes.toml: oil: must be a table"),
+        ("", Image.fromarray(NUMBERS), r"classes.toml: no class; add one"),
+        ("oil", Image.fromarray(NUMBERS), r"classes.toml: not a TOML file"),
+    ],
+)
+def test_mask_or_table_of_classes_that_means_nothing_is_refused(
+    toml: str, picture: Image.Image, why: str, images: Path, where: Path
+) -> None:
+    (where / "classes.toml").write_text(toml)
+    picture.save(where / "1.png")
+    with pytest.raises(ImageError, match=why):
+        load_examples(images, where, WIDE)
+
+
+@pytest.mark.parametrize("told", ["oil", 2])
+def test_polygon_has_a_class_by_name_or_number(
+    told: str | int, images: Path, tmp_path: Path
+) -> None:
+    path = region_file(tmp_path / "region.geojson")
+    plain = load_examples(images, path, WIDE)
+    (tmp_path / "classes.toml").write_text(TWO)
+    with pytest.raises(ImageError, match=r"class is None: expected one of oil \(2\), weed \(7\)"):
+        load_examples(images, path, WIDE)
+    root = json.loads(path.read_text("utf-8"))
+    root["features"][0]["properties"] = {"class": told}
+    path.write_text(json.dumps(root), "utf-8")
+    found = load_examples(images, path, WIDE)
+    assert [set(np.unique(example.painted)) for example in found] == [{0, 2}] * len(plain)
+    for one, other in zip(found, plain, strict=True):
+        assert np.array_equal(one.region, other.region)
+
+
+def test_class_that_one_picture_shows_is_refused(
+    images: Path, where: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (where / "classes.toml").write_text(TWO)
+    Image.fromarray(NUMBERS).save(where / "1.png")
+    Image.fromarray(NUMBERS * (NUMBERS != 2)).save(where / "2.png")
+    line = ["tune", str(images), "--examples", str(where), "--out", str(tmp_path / "eyes")]
+    assert main([*line, *SMALL]) == 2
+    assert "1 of 2 painted pictures shows oil (2); paint at least two" in capsys.readouterr().err
+
+
+def test_page_has_a_button_for_each_class(easel: Easel, address: str, tmp_path: Path) -> None:
+    kinds = json.loads(asked("GET", f"{address}kinds")[1])
+    assert [(one["name"], one["level"]) for one in kinds] == [
+        ("region", 255), ("surround", 0), ("undecided", 128),
+    ]  # fmt: skip
+    (easel.masks / "classes.toml").write_text(TWO)
+    with served(Easel(tmp_path / "images", easel.masks, 64)) as several:
+        kinds = json.loads(asked("GET", f"{several}kinds")[1])
+        assert [(one["name"], one["level"]) for one in kinds] == [
+            ("oil", 2), ("weed", 7), ("surround", 0), ("undecided", 255),
+        ]  # fmt: skip
+        out = io.BytesIO()
+        Image.fromarray(np.dstack([NUMBERS[:60, :80]] * 3)).save(out, "PNG")
+        assert asked("PUT", f"{several}mask/1", out.getvalue())[0] == 200
+    with Image.open(easel.masks / "b.png") as kept:
+        assert np.array_equal(np.asarray(kept), NUMBERS[:60, :80])

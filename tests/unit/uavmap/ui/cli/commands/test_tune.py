@@ -135,7 +135,7 @@ def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(tuned, tmp_pa
         (lambda data: data[:200], "damaged"),
         (lambda data: b"\x80\x04\x95", "damaged"),
         (lambda data: b'{"format": "other"}', "not a detector's model"),
-        (lambda data: data.replace(b'"version":2', b'"version":9'), "version 9"),
+        (lambda data: data.replace(b'"version":3', b'"version":9'), "version 9"),
         (lambda data: data.replace(b'"bias"', b'"bios"'), "damaged"),
         (lambda data: data.replace(b'"light"', b'"leight"', 1), "unknown feature 'leight'"),
     ],
@@ -189,7 +189,7 @@ def test_polygons_teach_in_the_pictures_that_can_be_read(tuned, tmp_path):
 def test_variants_show_the_same_ground_otherwise():
     picture = np.asarray(paint(10.0, 10.0, 0.0))
     region = picture[:, :, 0] < 140
-    example = Example("x", picture, region, np.ones_like(region))
+    example = Example("x", picture, region.astype(np.uint8))
     for variant in variants(example, np.random.default_rng(3), 4):
         assert not np.array_equal(variant.picture, picture)
         levels = variant.picture[:, :, 1].astype(float)
