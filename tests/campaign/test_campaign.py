@@ -1,7 +1,5 @@
 """A short campaign: the long one is `python -m tests.campaign --flights 10000`."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

@@ -1,7 +1,5 @@
 """The page on height and speed: its picture is that of the code, its figures are the defaults."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

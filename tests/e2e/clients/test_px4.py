@@ -1,7 +1,5 @@
 """uavmap and PX4s: in one process, and two over real sockets."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

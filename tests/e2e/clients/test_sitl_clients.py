@@ -3,8 +3,6 @@
 MAVProxy is the one that `make setup` puts beside the interpreter, or that UAVMAP_MAVPROXY names.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

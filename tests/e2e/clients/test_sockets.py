@@ -1,7 +1,5 @@
 """`uavmap sitl` in one process, `uavmap fly --connect` in another: real UDP, real HTTP."""
 
-from __future__ import annotations
-
 import json
 import signal
 

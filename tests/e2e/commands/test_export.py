@@ -1,7 +1,5 @@
 """What `uavmap export` makes of a mission is read by MAVSDK, and taken by the simulator."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`uavmap replay`, `uavmap check`, and what the command says of bad input."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

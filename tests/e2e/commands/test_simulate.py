@@ -1,7 +1,5 @@
 """`uavmap simulate` as a process."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

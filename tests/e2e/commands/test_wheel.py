@@ -1,7 +1,5 @@
 """What is shipped: the four packages, typed, with the shipped missions, and nothing else."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 

@@ -1,7 +1,5 @@
 """`uavmap fly --sim` as a user runs it, its results read by programs other than ours."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Golden values against pyproj: zones, projection, convergence, scale, the grid on the ground."""
 
-from __future__ import annotations
-
 import math
 
 import pyproj

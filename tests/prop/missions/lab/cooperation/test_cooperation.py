@@ -1,7 +1,5 @@
 """Robots that watch each other: what holds on grounds of any shape."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
