@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+import shutil
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -50,16 +51,28 @@ def view(of: np.ndarray, east_m: float, north_m: float) -> Image.Image:
     return Image.fromarray(of[top : top + HEIGHT, left : left + WIDTH])
 
 
-@pytest.fixture
-def photos(tmp_path: Path) -> Path:
-    folder, field = tmp_path / "photos", ground()
-    folder.mkdir()
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, field = tmp_path_factory.mktemp("photos"), ground()
     for number, (east_m, north_m) in enumerate(PLACES):
         image = view(field, east_m, north_m)
         shot(
             folder / f"{number}.jpg", number, (east_m + 0.7 * (-1) ** number, north_m), image=image
         )
     return folder
+
+
+@pytest.fixture(scope="module")
+def good(photos: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("good") / "out"
+    assert replayed(photos, folder)["photographs_refused"] == 0
+    return folder
+
+
+@pytest.fixture
+def more(photos: Path, tmp_path: Path) -> Path:
+    """A copy of the photographs, to which others are added."""
+    return Path(shutil.copytree(photos, tmp_path / "photos"))
 
 
 def replayed(photos: Path, out: Path, *more: object) -> dict[str, Any]:
@@ -92,16 +105,15 @@ def aslant(image: Image.Image) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("bad", [blurred, dark, from_high, aslant])
-def test_replay_one_bad_picture_more_changes_no_cell(bad, photos, tmp_path):
+def test_replay_one_bad_picture_more_changes_no_cell(bad, more, good, tmp_path):
     """Neither through the poses of the others nor through the grid that is derived from all."""
-    assert replayed(photos, tmp_path / "good")["photographs_refused"] == 0
     image = view(ground(), 18.0, 5.0)
-    shot(photos / "bad.jpg", 50, (60.0, 5.0), 25.0, **bad(image))
-    summary = replayed(photos, tmp_path / "with")
+    shot(more / "bad.jpg", 50, (60.0, 5.0), 25.0, **bad(image))
+    summary = replayed(more, tmp_path / "with")
     assert summary["photographs_refused"] == 1
-    assert cells(tmp_path / "with") == cells(tmp_path / "good")
+    assert cells(tmp_path / "with") == cells(good)
     text = (tmp_path / "with" / "mission.toml").read_text("utf-8")
-    assert text == (tmp_path / "good" / "mission.toml").read_text("utf-8")
+    assert text == (good / "mission.toml").read_text("utf-8")
     (row,) = [
         line
         for line in (tmp_path / "with" / "pictures.csv").read_text("utf-8").splitlines()
@@ -111,12 +123,11 @@ def test_replay_one_bad_picture_more_changes_no_cell(bad, photos, tmp_path):
     assert "bad.jpg: " in (tmp_path / "with" / "report.html").read_text("utf-8")
 
 
-def test_replay_the_same_picture_twice_changes_no_cell(photos, tmp_path):
-    replayed(photos, tmp_path / "good")
-    (photos / "again.jpg").write_bytes((photos / "2.jpg").read_bytes())
-    summary = replayed(photos, tmp_path / "with")
+def test_replay_the_same_picture_twice_changes_no_cell(more, good, tmp_path):
+    shutil.copy(more / "2.jpg", more / "again.jpg")
+    summary = replayed(more, tmp_path / "with")
     assert summary["photographs_twice"] == 1
-    assert cells(tmp_path / "with") == cells(tmp_path / "good")
+    assert cells(tmp_path / "with") == cells(good)
 
 
 def fences(out: Path) -> int:

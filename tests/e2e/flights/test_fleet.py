@@ -32,11 +32,11 @@ from uavmap.load.mission_source import load
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner.simulated_fleet import fly_fleet
 
-TRUE = [(10.0, 26.0), (34.0, 22.0), (36.0, 36.0), (24.0, 42.0), (12.0, 38.0)]
+TRUE = [(10.0, 18.0), (34.0, 16.0), (36.0, 28.0), (24.0, 31.0), (12.0, 29.0)]
 
 
 def made(tmp_path: Path, vehicles: int = 3) -> Path:
-    text = field_text(vehicles, box=square(0.0, 14.0, 44.0, 36.0), region=TRUE)
+    text = field_text(vehicles, box=square(0.0, 14.0, 44.0, 20.0), region=TRUE)
     file = tmp_path / "field.toml"
     file.write_text(with_small_pictures(text), encoding="utf-8")
     return file
@@ -96,12 +96,9 @@ def test_two_that_never_hear_each_other_each_map_it_all(tmp_path):
 
 
 def test_a_radio_that_is_none_is_refused(tmp_path):
-    done = rig.uavmap(
-        "fly", made(tmp_path), "--sim", "--comms", "range:x", "--out", tmp_path / "out"
-    )
+    done = rig.flown(made(tmp_path), tmp_path / "out", "--comms", "range:x").done
     assert done.code == 2
     assert "--comms range:x" in done.err
-    assert "Traceback" not in done.err
 
 
 def test_pads_too_near_to_each_other_are_refused(tmp_path):
@@ -109,7 +106,7 @@ def test_pads_too_near_to_each_other_are_refused(tmp_path):
     text = file.read_text()
     near = [place for line in text.splitlines() if (place := line).startswith("home = ")]
     file.write_text(text.replace(near[-1], near[-2]), encoding="utf-8")
-    done = rig.uavmap("fly", file, "--sim", "--comms", "free", "--out", tmp_path / "out")
+    done = rig.flown(file, tmp_path / "out", "--comms", "free").done
     assert done.code == 2
     assert "vehicles[].home" in done.err or "pads" in done.err
 
@@ -151,7 +148,7 @@ def test_pads_whose_heights_contradict_the_mission_keep_a_fleet_on_the_ground(
     """Pads 60 m apart on a slope of a tenth, receivers that are good to half a metre."""
     homes_m = [(0.0, 0.0), (60.0, 0.0)]
     text = mission_text(
-        square(-6.0, 14.0, 72.0, 40.0), square(-20.0, -14.0, 104.0, 84.0), vehicles=2,
+        square(8.0, 14.0, 40.0, 20.0), square(-20.0, -14.0, 104.0, 84.0), vehicles=2,
         homes=homes_m, capacity_wh=60.0, strategy="swath", regions=[TRUE],
     )  # fmt: skip
     first, one, two = text.split("[[vehicles]]\n")
