@@ -116,6 +116,7 @@ def _run(
     err: Connection,
 ) -> None:
     """Be the command, in the fork."""
+    os.setsid()  # a Ctrl-C is sent to all processes of a run, as by a terminal of its own
     resource.setrlimit(resource.RLIMIT_FSIZE, (room_bytes, room_bytes))
     for end, number in ((out, 1), (err, 2)):
         os.dup2(end.fileno(), number)

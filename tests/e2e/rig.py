@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import queue
 import signal
 import socket
 import subprocess
@@ -221,16 +220,10 @@ def simulator(
     arguments = ["sitl", "--mission", mission(name), "--speedup", speedup, "--vehicles", vehicles]
     arguments += ["--autopilot", autopilot, "--seed", seed]
     with started(*arguments, "--port", port, "--http-port", http_port) as process:
-        lines: queue.Queue[str] = queue.Queue()
-        stdout = process.stdout
-        reader = threading.Thread(target=lambda: [lines.put(line) for line in stdout])
-        reader.start()
-        try:
-            yield [lines.get(timeout=PATIENCE_S).strip() for _ in range(vehicles)]
-            assert process.poll() is None, "the simulator has died"
-        finally:
-            process.kill()
-            reader.join()
+        urls = [process.stdout.readline().strip() for _ in range(vehicles)]
+        assert all(urls), process.communicate()
+        yield urls
+        assert process.poll() is None, "the simulator has died"
 
 
 class Relay(threading.Thread):

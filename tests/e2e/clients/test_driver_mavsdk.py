@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -54,21 +53,10 @@ def test_a_killed_aircraft_process_takes_its_mavsdk_with_it_and_the_next_goes_on
 @linux_only
 def test_control_c_brings_it_home_and_leaves_nothing_behind(folder):
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
-        # a terminal sends Ctrl-C to all of its processes
-        process = subprocess.Popen(
-            rig.command(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP, *BY_MAVSDK)),
-            env=rig.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            start_new_session=True,
-        )  # fmt: skip
-        try:
-            rig.wait_for(folder, "frame_seen")
+        with rig.in_flight(urls, folder, SPEEDUP, *BY_MAVSDK) as process:
             (child,) = children_of(rig.aircraft_process(folder))
             os.killpg(process.pid, signal.SIGINT)
             done = rig.ended(process)
-        finally:
-            if process.poll() is None:
-                process.kill()
-            process.communicate()
         # and the other driver goes on
         again = rig.uavmap("resume", folder, "--json", "--driver", "pymavlink")
     again.completed()
