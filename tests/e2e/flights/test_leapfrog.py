@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import bisect
-import json
 import math
 from collections.abc import Sequence
 
@@ -13,10 +12,8 @@ from missions.events import Navigated
 from missions.flight.setting import Setting
 from sitl.vehicle import SimVehicle
 from tests.benchmarks.frame import truth_shown
+from tests.benchmarks.watched import flown
 from tests.support.small_missions import EXACT_ATTITUDE, mission_text, square
-from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL
-from uavmap.ui.cli import main
 
 LOST_S = 22.0
 TABLES = """
@@ -44,7 +41,7 @@ at_s = 22.0
 
 
 @pytest.mark.parametrize(("attitude", "sigmas"), [(EXACT_ATTITUDE, 3.0), ("", 4.0)])
-def test_both_know_where_they_are_after_satellites_are_lost(attitude, sigmas, tmp_path):
+def test_both_know_where_they_are_after_satellites_are_lost(attitude, sigmas):
     text = mission_text(
         square(2, 6, 14, 8), square(-20, -20, 60, 60), vehicles=2, capacity_wh=60.0,
         strategy="leapfrog", layer_m=8.0, mounting="gimbal", interval_s=0.5,
@@ -53,8 +50,6 @@ def test_both_know_where_they_are_after_satellites_are_lost(attitude, sigmas, tm
     text = text.replace(
         "[camera]\n", "[camera]\nwidth_px = 320\nheight_px = 240\npixels_per_cell = 40\n"
     )
-    file = tmp_path / "pair.toml"
-    file.write_text(text + TABLES + attitude, "utf-8")
     errors: dict[int, list[tuple[float, float, float]]] = {1: [], 2: []}
 
     def look(vehicles: Sequence[SimVehicle], _: Setting) -> None:
@@ -62,20 +57,14 @@ def test_both_know_where_they_are_after_satellites_are_lost(attitude, sigmas, tm
             truth = vehicle.truth
             errors[vehicle.spec.system_id].append((truth.t_s, *truth.estimate_error_m))
 
-    out = tmp_path / "results"
     with truth_shown(look):
-        assert main(["fly", str(file), "--sim", "--out", str(out), "--seed", "3"]) == 0
-    summary = json.loads((out / "summary.json").read_text("utf-8"))
-    assert summary["completed"]
-    assert summary["cells_missed"] == 0
-    assert set(summary["navigation"]) == {"1", "2"}
-    with Journal.open(out / JOURNAL) as journal:
-        told = [e for e in journal.events() if isinstance(e, Navigated) and e.off_m is not None]
+        flight = flown("leapfrog", text + TABLES + attitude, 3)
+    assert (flight.code, flight.summary["cells_missed"]) == (0, 0), flight.line()
+    assert set(flight.summary["navigation"]) == {"1", "2"}
+    told = [e for e in flight.events if isinstance(e, Navigated) and e.off_m is not None]
     assert {event.vehicle for event in told} == {1, 2}
     for event in told:
         assert event.gnss == "lost"
-        assert event.off_m is not None
-        assert event.sigma_m is not None
         track = errors[event.vehicle]
         _, east_m, north_m = track[bisect.bisect_left(track, (event.t_s,))]
         left_m = math.hypot(event.off_m.east_m - east_m, event.off_m.north_m - north_m)

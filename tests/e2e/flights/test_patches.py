@@ -15,8 +15,6 @@ from missions.flight.state import State
 from missions.flight.step import step
 from tests.e2e import rig
 from tests.support.small_missions import EXACT_ATTITUDE
-from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
 from uavmap.output.facts.figures import figures
 from uavmap.output.results import map_data
@@ -80,8 +78,7 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     assert len(summary["patches"]) == 2
     assert summary["false_positives"] == 0
     assert summary["min_separation_m"] > 3.0
-    with Journal.open(tmp_path / "out" / JOURNAL) as journal:
-        events = [from_json(body) for body in journal.bodies()]
+    events = list(map(from_json, rig.bodies(tmp_path / "out")))
     heights = [event.height_m for event in events if isinstance(event, Tracked)]
     assert 29.0 < max(heights) < 38.0
     overviews = [e.overview for e in events if isinstance(e, FrameSeen)]
@@ -114,8 +111,8 @@ def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(
     assert len(summary["patches"]) == 2
     assert summary["patches_in_all"]["complete"]
     assert summary["min_separation_m"] > 3.0
-    with Journal.open(tmp_path / "out" / JOURNAL) as journal:
-        told = [e for e in map(from_json, journal.bodies()) if isinstance(e, Tracked)]
+    events = map(from_json, rig.bodies(tmp_path / "out"))
+    told = [event for event in events if isinstance(event, Tracked)]
     for number in (1, 2):
         heights = [(e.t_s, e.height_m) for e in told if e.vehicle == number]
         assert 29.0 < max(height_m for _, height_m in heights) < 31.5
