@@ -166,7 +166,6 @@ class Witness(Observer):
     last: dict[int, Any] = field(default_factory=dict)
     outside_s: dict[int, float] = field(default_factory=dict)
     flagged: set[tuple[int, str]] = field(default_factory=set)
-    crashed_at: dict[int, GridPoint] = field(default_factory=dict)
     at: dict[int, GridPoint] = field(default_factory=dict)
     struck_m_s: dict[int, float] = field(default_factory=dict)
     """How fast each came down in the moment before it met the ground last."""

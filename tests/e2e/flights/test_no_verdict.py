@@ -43,7 +43,8 @@ def test_flight_over_real_ground_default_detector_sees_nothing_ends_without_a_ve
 
 
 def test_flight_whose_detector_takes_all_for_region_ends_without_a_verdict(tmp_path):
-    flight = rig.flown_text(SPECK.replace("dilations = 4", "intensity = 254"), tmp_path)
+    text = SPECK.replace("dilations = 4", "intensity = 254")
+    flight = rig.flown_text(text, tmp_path, "--strategy", "swath")
     done, folder = flight.done, flight.folder
     assert_no_verdict(done, folder, "% of the ")
     assert "for region: check whether it fits this ground" in done.err
