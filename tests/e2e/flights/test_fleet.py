@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 import json
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ from missions.errors import PreflightError
 from missions.events import Event
 from missions.fleet_events import Apart, Heard, Shared
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.mission.fleet_checks import check_fleet, with_pads_apart
@@ -21,16 +23,19 @@ from missions.mission.places import homes
 from missions.mission.schema import VehicleSection
 from missions.units import Cell, PadHeight
 from tests.e2e import rig
-from tests.support.fleet_rig import Death, Mishaps, field_text
-from tests.support.fleet_rig import flown as beset
+from tests.support.fleet_rig import field_text
 from tests.support.plans import plan_of
 from tests.support.small_missions import joined, mission_text, square, with_small_pictures
+from uavmap.fleet.radio import Radios, SealedRadio
 from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.load.mission_source import load
 from uavmap.mavlink.vehicle_view import VehicleView
-from uavmap.runner.simulated_fleet import fly_fleet
+from uavmap.runner import simulated_fleet
+from uavmap.runner.one_flight import Flight
+from uavmap.runner.operator.onlooker import folded
+from uavmap.runner.simulated_fleet import SimulatedFleet, fly_fleet, of_member
 
 TRUE = [(10.0, 18.0), (34.0, 16.0), (36.0, 28.0), (24.0, 31.0), (12.0, 29.0)]
 
@@ -111,13 +116,62 @@ def test_pads_too_near_to_each_other_are_refused(tmp_path):
     assert "vehicles[].home" in done.err or "pads" in done.err
 
 
-def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(tmp_path):
-    """Messages overtake each other, one clock is off, and nobody is told of any of it."""
+class Beset(SimulatedFleet):
+    """A fleet whose member 1 dies after 21 s, as a process does: no goodbye, its queue is lost, and
+    nothing more goes to its vehicle; it starts again with its journal 2 s later."""
+
+    async def fly(self) -> dict[str, Any]:
+        async with asyncio.timeout(1_500.0):
+            return await super().fly()
+
+    async def live(self, number: int) -> None:
+        flight, loop = self.flights[number], asyncio.get_running_loop()
+        flight.clock.set(7.0 if number == 3 else 0.0)
+        if number != 1:
+            await super().live(number)
+            return
+        sealed, folder = self.radio(flight, number), self.folder(number)
+        radios = [sealed.radio]
+        with of_member(number):
+            speaking = SealedRadio(Radios(radios), sealed.seal)
+            program = asyncio.create_task(flight.fly_member(self.world, speaking))
+        await asyncio.wait([program], timeout=21.0 - loop.time())
+        clock_s = flight.clock.now_s() - loop.time()
+        self.world.open_session(number - 1, lambda frame: None)  # nobody hears it any more
+        self.air.silence(number)
+        radios.clear()  # what was scheduled may still run, unheard
+        flight._journal.close()
+        program.cancel()
+        await asyncio.gather(program, return_exceptions=True)
+        await asyncio.sleep(2.0)
+        opened, mine = Journal.open(folder / JOURNAL), setting_of(self.setting.mission, number)
+        state = folded(mine, opened.events())
+        again = self.flights[number] = Flight(FlightPlan.read(opened), mine, folder, opened, state)
+        again.clock.set(clock_s + loop.time())
+        with of_member(number):
+            await again.fly_member(self.world, self.radio(again, number, 2))
+        self.air.silence(number)
+
+
+def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(folder, monkeypatch):
+    """Messages overtake each other, one clock is 7 s ahead, and nobody is told of any of it."""
     text = field_text(more='[[sim.faults]]\nvehicle = 2\nat_s = 40.9\nkind = "motor"\n')
     model = LinkModel(delay_s=0.1, jitter_s=4.0, doubled=0.3)
-    mishaps = Mishaps(model, {3: 7.0}, (Death(1, 21.0, 2.0),), frozenset({2}))
-    outcome = beset(text, mishaps, tmp_path / "out", 22)
-    assert not outcome.forbidden, outcome.said
+    monkeypatch.setattr(simulated_fleet, "link_model", lambda words: model)
+    monkeypatch.setattr(simulated_fleet, "SimulatedFleet", Beset)
+    summary = fly_fleet(plan_of("field.toml", text, seed=22, comms="free"), folder)
+    (down,) = summary["aircraft_down"]
+    assert down.startswith("vehicle 2 ")
+    assert summary["cells_missed"] == summary["cells_undecided"] == summary["unsearched_m"] == 0
+    assert summary["fence_breaches"] == summary["reserve_violations"] == 0
+    assert summary["min_separation_m"] > 3.9
+    assert min(summary["bytes_on_air"].values()) > 0
+    first, _, third = members(folder)
+    assert region(first) == region(third)
+    for member in (first, third):
+        assert rig.events(member, "landed")
+        assert not rig.events(member, "crashed")
+    assert rig.events(first, "resumed")
 
 
 def test_pads_without_a_place_lie_far_enough_apart():
