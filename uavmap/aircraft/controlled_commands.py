@@ -23,7 +23,8 @@ from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon
 from uavmap.aircraft.control import HEARTBEAT_WAIT_S, Control, Holder
 from uavmap.aircraft.guardian.monitor import Monitor
-from uavmap.mavlink.session import Session, position_target
+from uavmap.mavlink.session import Message, Session
+from uavmap.mavlink.vehicle_view import VehicleView
 
 PAUSE_S: Final = 0.1
 """Pause before a command without an acknowledgement, or unsent, is sent again, s."""
@@ -45,6 +46,22 @@ class NotOursError(CommandRefusedError):
 
 def _never() -> bool:
     return False
+
+
+def position_target(
+    view: VehicleView,
+    frame: int,
+    type_mask: int,
+    place: LatLon,
+    z: float,
+    velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    yaw_rad: float = 0.0,
+) -> Message:
+    """SET_POSITION_TARGET_GLOBAL_INT; `type_mask` names what of it does not count."""
+    return mav.MAVLink_set_position_target_global_int_message(
+        0, view.system_id, view.autopilot_component, frame, type_mask, round(place.lat_deg * 1e7),
+        round(place.lon_deg * 1e7), z, *velocity_ned_m_s, 0.0, 0.0, 0.0, yaw_rad, 0.0,
+    )  # fmt: skip
 
 
 class ControlledCommands:

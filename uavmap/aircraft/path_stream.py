@@ -23,10 +23,15 @@ from missions.errors import LinkError
 from missions.geo.braking import Course
 from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
-from uavmap.aircraft.controlled_commands import MODE_S, ControlledCommands, NotOursError
+from uavmap.aircraft.controlled_commands import (
+    MODE_S,
+    ControlledCommands,
+    NotOursError,
+    position_target,
+)
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.parameters import Parameter, Parameters
-from uavmap.mavlink.session import Message, Session, position_target
+from uavmap.mavlink.session import Message, Session
 
 INTERVAL_S: Final = 0.1
 """4 Hz were enough for a real one: some may get lost."""

@@ -62,22 +62,6 @@ def result_name(result: int) -> str:
     return _RESULT_NAMES.get(result, str(result))
 
 
-def position_target(
-    view: VehicleView,
-    frame: int,
-    type_mask: int,
-    place: LatLon,
-    z: float,
-    velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    yaw_rad: float = 0.0,
-) -> Message:
-    """SET_POSITION_TARGET_GLOBAL_INT; `type_mask` names what of it does not count."""
-    return mav.MAVLink_set_position_target_global_int_message(
-        0, view.system_id, view.autopilot_component, frame, type_mask, round(place.lat_deg * 1e7),
-        round(place.lon_deg * 1e7), z, *velocity_ned_m_s, 0.0, 0.0, 0.0, yaw_rad, 0.0,
-    )  # fmt: skip
-
-
 class Session:
     """One vehicle at the other end of a link. `send` takes frames to the link, `record` sees every
     frame of both directions; a command is repeated after `ack_wait_s` without an acknowledgement.
