@@ -44,13 +44,7 @@ _NAMES: Final = tuple(
 
 
 def failsafe_of(words: Iterable[str]) -> str | None:
-    """The failsafe that a vehicle's latest words name, with the words; None where they name none.
-
-    >>> failsafe_of(["Battery 1 is low 9.90V used 31 mAh", "Battery Failsafe"])
-    'battery failsafe: Battery 1 is low 9.90V used 31 mAh'
-    >>> failsafe_of(["Fence Breached"]), failsafe_of(["GPS Glitch cleared", "Mission: 1 WP"])
-    ('fence breached', None)
-    """
+    """The failsafe that a vehicle's latest texts name, with the text; None where they name none."""
     told = [text for text in words if text and not _OVER.search(text)]
     if due := [text for text in told if text.startswith(DUE)]:
         told = due  # the autopilot's own word counts before what others may mean

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import functools
-import operator
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -58,7 +56,8 @@ class Streams:
     @property
     def _rates(self) -> Mapping[int, float]:
         """Hz, by message id."""
-        return functools.reduce(operator.or_, map(dict, self._also), dict(self._view.kind.streams))
+        every = (self._view.kind.streams, *self._also)
+        return {message_id: hz for rates in every for message_id, hz in rates.items()}
 
     @property
     def go_on(self) -> bool:

@@ -82,15 +82,7 @@ class _History(Generic[T]):
 
 
 class Whereabouts(_History[Fix]):
-    """The positions of the last `KEPT_S`.
-
-    >>> track = Whereabouts()
-    >>> track.take(Fix(10.0, LatLon(47.0, 8.0), 12.0, (0.0, 0.0, 0.0)))
-    >>> track.take(Fix(11.0, LatLon(47.0002, 8.0), 14.0, (0.0, 0.0, 0.0)))
-    >>> place = track.at(10.5)
-    >>> round(place.position.lat_deg, 6), round(place.height_m, 6), place.gap_s
-    (47.0001, 13.0, 0.5)
-    """
+    """The positions of the last `KEPT_S`."""
 
     def take(self, fix: Fix) -> None:
         """Take in a position."""
@@ -124,17 +116,7 @@ _NEARLY_SAME: Final = 0.9995
 
 
 class Attitudes(_History[Quaternion]):
-    """The attitudes of the last `KEPT_S`.
-
-    >>> track = Attitudes()
-    >>> track.take(10.0, Quaternion.from_euler(0.0, 0.0, 0.0))
-    >>> track.take(10.4, Quaternion.from_euler(0.0, 0.0, 0.8))
-    >>> half_way = track.at(10.2)
-    >>> round(2.0 * math.asin(half_way.z), 6)
-    0.4
-    >>> track.at(11.0) is None
-    True
-    """
+    """The attitudes of the last `KEPT_S`."""
 
     def take(self, boot_s: float, attitude: Quaternion) -> None:
         """Take in an attitude, the first of each time."""

@@ -54,11 +54,7 @@ class Permit(Protocol):
 
 
 def result_name(result: int) -> str:
-    """A MAV_RESULT in words.
-
-    >>> result_name(2), result_name(200)
-    ('denied', '200')
-    """
+    """A MAV_RESULT in words; its number where it has none."""
     return _RESULT_NAMES.get(result, str(result))
 
 

@@ -56,17 +56,7 @@ class _Open:
 
 
 class Texts:
-    """Puts texts together; a chunk that is lost leaves a gap, and holds nothing up.
-
-    >>> from pymavlink.dialects.v20 import ardupilotmega as mav
-    >>> said = Texts()
-    >>> first = mav.MAVLink_statustext_message(4, b"x" * 50, id=7, chunk_seq=0)
-    >>> said.take(1, first, now_s=0.0)
-    []
-    >>> rest = mav.MAVLink_statustext_message(4, b"yz", id=7, chunk_seq=1)
-    >>> [text.words[-4:] for text in said.take(1, rest, now_s=0.1)]
-    ['xxyz']
-    """
+    """Puts texts together; a chunk that is lost leaves a gap, and holds nothing up."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], _Open] = {}
@@ -169,14 +159,8 @@ _WORDS: Final = {
 
 
 def event_text(event: Any, *, numbered: bool) -> Text | None:
-    """The words of an EVENT; None where they are not known, unless its number is to be reported.
-
-    >>> from uavmap.mavlink.autopilots import EventMessage
-    >>> number = 1 << 24 | number_of("commander_failsafe_enter")
-    >>> arguments = [0, 0, 6, 0, 6, 2, *[0] * 34]
-    >>> event_text(EventMessage(number, 0, 0, 0, 0, 0x42, arguments), numbered=False).words
-    'Failsafe activated due to ground station connection lost, triggering RTL'
-    """
+    """The words of an EVENT; None where they are not known, unless `numbered` asks for its
+    number."""
     number = event.id & 0xFFFFFF
     words = _WORDS.get(number)
     if number in _ARGUMENTS:

@@ -118,13 +118,7 @@ SLACK_S: Final = 0.05
 
 
 class Cadence:
-    """The rhythm of an order, for a camera that takes pictures without being told.
-
-    >>> cadence = Cadence()
-    >>> cadence.start(10.0, 1.0, 2)
-    >>> [t_s for t_s in (9.9, 10.1, 10.5, 11.0, 12.0) if cadence.take(t_s)]
-    [10.1, 11.0]
-    """
+    """The rhythm of an order, for a camera that takes pictures by itself."""
 
     def __init__(self) -> None:
         self._interval_s = 0.0

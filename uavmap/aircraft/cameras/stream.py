@@ -31,11 +31,6 @@ class Freshness:
 
     After a stall of the network a stream delivers what has piled up, frame upon frame. Such frames
     are of an earlier moment, and would be put where the vehicle is by now.
-
-    >>> times = [0.0, 0.1, 0.2, 1.5, 1.51, 1.52, 1.6, 1.7]
-    >>> watch = Freshness()
-    >>> [t_s for t_s in times if watch.fresh(t_s)]
-    [0.0, 0.1, 0.2, 1.6, 1.7]
     """
 
     def __init__(self) -> None:

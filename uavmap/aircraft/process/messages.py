@@ -293,12 +293,7 @@ def encode(message: Message) -> bytes:
 
 
 class Decoder:
-    """Messages from bytes that come in pieces.
-
-    >>> decoder, wire = Decoder(), encode(Swapped(2))
-    >>> list(decoder.feed(wire[:5])), list(decoder.feed(wire[5:]))
-    ([], [Swapped(vehicle=2, kind='swapped')])
-    """
+    """Messages from bytes that come in pieces."""
 
     def __init__(self, *, known: bool = True) -> None:
         self.known = known
