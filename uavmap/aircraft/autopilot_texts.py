@@ -158,14 +158,13 @@ class Spoken:
             self._untold += 1
             return
         times = 1 if known is None else known.times
-        self._remember(text, now_s)
-        self._say(text, times)
-        self._keep(text, times, cause)
-
-    def _remember(self, text: Text, now_s: float) -> None:
         while len(self._known) >= MOST_KNOWN:
             del self._known[next(iter(self._known))]
         self._known[text.severity, text.words] = _Known(now_s)
+        self._say(text, times)
+        if self._kept < MOST_TOLD or cause is not None:
+            self._kept += 1
+            self._reporter.happened(Told, text.severity, text.words, times=times, cause=cause)
 
     def _say(self, text: Text, times: int) -> None:
         number, line = self._reporter.number, self._reporter.line
@@ -175,9 +174,3 @@ class Spoken:
         severity = _SEVERITIES[min(max(text.severity, 0), 7)]
         again = f" ({times} times)" if times > 1 else ""
         line(f"[vehicle {number}, {severity}] {text.words}{again}")
-
-    def _keep(self, text: Text, times: int, cause: str | None) -> None:
-        if self._kept >= MOST_TOLD and cause is None:
-            return
-        self._kept += 1
-        self._reporter.happened(Told, text.severity, text.words, times=times, cause=cause)

@@ -181,7 +181,8 @@ class MavlinkVehicle:
         if self._tasks is None:
             raise RuntimeError("a vehicle takes orders only while it runs")
         self._monitor.on_path = isinstance(order, FlyPath)
-        goes_on = isinstance(order, FlyPath) and self._flies_path(order)
+        busy = self._task is not None and not self._task.done() and not self.guardian.acting
+        goes_on = isinstance(order, FlyPath) and busy and self._manoeuvres.goes_on(order)
         if not goes_on:
             self._stand_aside()
         self.guardian.told(self._tasks_of.task(order))
@@ -209,10 +210,6 @@ class MavlinkVehicle:
             self.guardian.heard_again()
         else:
             self._reporter.happened(LinkLost)
-
-    def _flies_path(self, order: FlyPath) -> bool:
-        busy = self._task is not None and not self._task.done()
-        return busy and not self.guardian.acting and self._manoeuvres.goes_on(order)
 
     def _stand_aside(self) -> None:
         self._manoeuvres.called_off()
