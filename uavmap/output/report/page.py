@@ -295,9 +295,13 @@ class Shown(NamedTuple):
 
 def boundary_frames(flown: Flown) -> list[Shown]:
     """Return at most `MOST` readable frames, in their order along the boundary."""
-    kept = list(kept_by_time(flown).values())
-    shown = (_shown(flown, frame) for frame in _nearest(flown, kept))
-    return [frame for frame in shown if frame is not None]
+    shown = []
+    for frame in _nearest(flown, list(kept_by_time(flown).values())):
+        name = PurePath(frame.frame).name  # never a path that leads elsewhere
+        address = _address(flown.folder / FRAMES / name, _WIDE_PX)
+        if address is not None:
+            shown.append(Shown(printable(name), frame, address))
+    return shown
 
 
 def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
@@ -326,12 +330,6 @@ def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
         if best is not None:
             found.append(best)
     return [kept[i] for i in found]
-
-
-def _shown(flown: Flown, frame: KeptFrame) -> Shown | None:
-    name = PurePath(frame.frame).name  # never a path that leads elsewhere
-    address = _address(flown.folder / FRAMES / name, _WIDE_PX)
-    return None if address is None else Shown(printable(name), frame, address)
 
 
 def _address(path: Path, wide_px: int) -> str | None:

@@ -138,18 +138,13 @@ def run(options: argparse.Namespace) -> int:
         if options.waypoints is not None:
             text = waypoints_text(flight.home, home_amsl_m, flight.items)
             texts[options.waypoints.with_stem(f"{options.waypoints.stem}{number}")] = text
-    _write(texts, say)
-    return 0
-
-
-def _write(texts: dict[Path, str], say: Callable[[str], None]) -> None:
-    """Write the files, all or, where one is there already, none. Raises `OutputError`."""
-    for path in texts:
+    for path in texts:  # all are written, or none
         if path.exists():
             raise OutputError(f"{path}: is there already; choose another name, or move it away")
     for path, text in texts.items():
         save(path, text.encode())
         say(f"wrote {path}")
+    return 0
 
 
 def _flights(

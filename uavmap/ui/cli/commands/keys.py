@@ -102,17 +102,14 @@ _WHAT_REMOVE: Final = "{name} will forget its key. From then on it obeys whoever
 async def _disarmed(session: Session, url: str) -> None:
     """Wait for a new message of the vehicle. Raises `LinkError` where it is armed, or silent."""
     begin_s = asyncio.get_running_loop().time()
-    while not await _heard(session, begin_s):
+    while True:
+        session.heartbeat()  # some vehicles only answer
+        if await session.until(lambda: session.view.heard_s > begin_s, 1.0):
+            break
         if asyncio.get_running_loop().time() - begin_s > ANSWER_S:
             raise LinkError(f"{url}: no vehicle answered within {ANSWER_S:g} s")
     if session.view.armed:
         raise LinkError(f"{url}: the vehicle is armed; a key is changed on a disarmed one only")
-
-
-async def _heard(session: Session, begin_s: float) -> bool:
-    """Return whether a message comes within a second; some vehicles only answer."""
-    session.heartbeat()
-    return await session.until(lambda: session.view.heard_s > begin_s, 1.0)
 
 
 async def give_key(session: Session, signing: Signing, url: str) -> None:
