@@ -1,7 +1,6 @@
-"""One map of several journals: of the members of a fleet, or of several flights.
+"""One map of several journals: of the members of a fleet, or of several flights, in any order.
 
-The journals may come in any order. Where the journal of a member is missing or lacks its end, its
-frames count as far as other members received them.
+Where the journal of a member is missing or cut, its frames count as far as others received them.
 """
 
 from __future__ import annotations

@@ -135,8 +135,7 @@ class Replayed:
         cells: Every cell that was seen, sorted.
         undecided: Cells in too few pictures to be ROI; shape (n, 2).
         taken: Of each used picture seconds since the first, place, height in metres.
-        refused: Number of different pictures that are not used.
-        copies: Number of files that are copies of another one.
+        refused: Number of pictures that are not used, without `copies` of others.
     """
 
     cells: CellTable

@@ -16,10 +16,7 @@ _QUALITY: Final = 85
 
 
 def outlined(image: NDArray[np.uint8], region: NDArray[Any]) -> bytes:
-    """Draw the outline of the region into a picture, (rows, columns, 3); return it as a small JPEG.
-
-    `region`, of any size, is not 0 where the detector marks region.
-    """
+    """Draw the outline of `region`, where it is not 0, into a BGR picture; return a small JPEG."""
     columns = min(image.shape[1], MOST_WIDE_PX)
     rows = max(1, round(image.shape[0] * columns / image.shape[1]))
     small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)

@@ -28,9 +28,7 @@ Bounds = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The rectangle that a drawing shows, from its upper left corner; on a page rows count
-    downwards.
-    """
+    """The rectangle that a drawing shows; a page's rows count down from its upper left corner."""
 
     left_m: float
     top_m: float

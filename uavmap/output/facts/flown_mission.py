@@ -147,9 +147,7 @@ class Extent:
 
 
 def extent(data: MapData, least: float, most: float) -> Extent:
-    """Measure a map's region; a cell may belong to it from share `least` on, and does from `most`
-    on.
-    """
+    """Measure a map's region: cells may belong to it from a share `least`, and do from `most`."""
     table = data.cells
     roi = table.cells[table.roi]
     rim, beside, beyond, open_cells = _around(roi, table.cells[table.are("non-roi")])
@@ -251,9 +249,7 @@ def _boundary_of(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryF
 # --- a flight with its results --------------------------------------------------------------------
 @dataclass(frozen=True)
 class Flown:
-    """A flight with its results, or a replay of recorded pictures; `values` are those of
-    summary.json.
-    """
+    """A flight with its results, or a replay of recorded pictures; `values` is its summary.json."""
 
     folder: Path
     plan: FlightPlan

@@ -141,9 +141,7 @@ class Film:
         return len(self.roi | {cell for cell, state in last.items() if state not in NOT_ROI})
 
     def times(self) -> list[float]:
-        """Return the times of the frames, evenly spaced from 0 to the end: at most `LONGEST_S` in
-        all.
-        """
+        """Return the times of the frames, evenly spaced: with the hold at most `LONGEST_S`."""
         pace = _FRAMES_A_STEP if self.unit is Unit.STEPS else FPS / _QUICKEST
         most = round((LONGEST_S - HOLD_S) * FPS) - 1
         intervals = min(max(math.ceil(self.end_t * pace), 1), most)

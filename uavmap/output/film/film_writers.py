@@ -288,10 +288,7 @@ def gif(frames: Sequence[Image.Image]) -> bytes:
 
 
 class _FewColours:
-    """Frames in a palette: colours with a meaning exactly, blends by the nearest colour.
-
-    Pillow's own search for the nearest rounds every colour first: paper would turn grey.
-    """
+    """Frames in a palette of exact colours with a meaning, which Pillow would round."""
 
     def __init__(self, film: Film) -> None:
         keys = list(dict.fromkeys((*KEY_COLOURS, *TRACKS)))

@@ -1,7 +1,6 @@
 """A CSV file per layer: its columns, longitude and latitude, and WKT of lines and areas.
 
-Decimal points, commas, UTF-8, CRLF (RFC 4180). A text that a spreadsheet would take for a formula
-gets an apostrophe in front.
+RFC 4180, UTF-8; a text that a spreadsheet would take for a formula gets an apostrophe in front.
 """
 
 from __future__ import annotations

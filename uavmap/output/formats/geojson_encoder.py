@@ -47,9 +47,7 @@ def write(data: MapData, path: Path, utc: str | None = None) -> None:
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """Encode a file per layer, by name, with mission, version, dates and the grid's system as
-    members.
-    """
+    """Encode a file per layer, by name; mission, version, dates and grid are members of each."""
     return {f"{layer.name}.geojson": "".join(_layer(flown, layer)).encode() for layer in layers}
 
 

@@ -1,7 +1,4 @@
-"""flight.gpx: tracks of all sorties with their times, outline of the region, homes (GPX 1.1).
-
-Elevations are above the sea; without the height of home above the sea there are none.
-"""
+"""flight.gpx: tracks with times, outline and homes (GPX 1.1); elevations where home's is known."""
 
 from __future__ import annotations
 

@@ -246,9 +246,7 @@ def _frames(flown: Flown) -> Layer:
 
 
 def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
-    """Return a flight's kept frames by vehicle and time, without impossible places of an edited
-    file.
-    """
+    """Return a flight's kept frames by vehicle and time, those with a possible place."""
     if flown.recorded:
         return {}
     try:

@@ -1,7 +1,6 @@
-"""A Shapefile per layer: .shp, .shx, .dbf, .prj and .cpg, in the UTM zone of the grid.
+"""A Shapefile per layer, in the UTM zone of the grid, with the date of the map.
 
-The date of a .dbf is the map's; times are text, for its dates have no hours. A text is cut at 254
-bytes.
+Times are text, for a .dbf has no hours. A text is cut at 254 bytes.
 """
 
 from __future__ import annotations

@@ -34,9 +34,7 @@ LANDED: Final = "the flight is over"
 
 
 class FlightPage(Onlooker):
-    """Show a flight on a page, with its lines. A `simulated` one takes no orders; `now_s` is real
-    time.
-    """
+    """Shows a flight and its lines. A `simulated` one takes no orders; `now_s` is real time."""
 
     def __init__(
         self,

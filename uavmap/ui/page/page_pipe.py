@@ -1,12 +1,8 @@
-"""Messages between a flight and the process of its page: words in JSON, and bytes behind them.
+"""Messages between a flight and the process of its page.
 
-    4 bytes  length of the words, big-endian
-    4 bytes  length of what follows them
-    words    an object
-    bytes    a picture, mostly nothing
-
-Back come lines of JSON: orders, which mean the same as the keys, and pass the same gate, guardians
-and rules.
+A message is two big-endian lengths of 4 bytes, words as a JSON object, and bytes: a picture, mostly
+nothing. Orders come back as lines of JSON; they mean the same as the keys, and pass the same gate,
+guardians and rules.
 """
 
 from __future__ import annotations

@@ -102,9 +102,7 @@ def growing(setting: Setting, beneath: Background | None) -> Background | None:
 
 
 def of_mosaic(path: Path, setting: Setting) -> Background | None:
-    """Return the mosaic in a results folder; None without one or rasterio, or where the region
-    drifts.
-    """
+    """Return the mosaic of some results; None without it or rasterio, or for a drifting region."""
     if not path.is_file() or not there() or setting.grid.drift_speed_m_s:
         return None
     import rasterio  # noqa: PLC0415 - an extra

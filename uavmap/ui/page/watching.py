@@ -48,16 +48,14 @@ _CODES: Final = {state: code for code, state in enumerate(STATES)}
 
 
 class Watcher:
-    """Puts a flight on a board.
+    """Puts a flight on a board; `state` is that before the first event.
 
     Args:
-        setting: Of the mission.
-        state: Before the first event.
         recorded: Whether the pictures were recorded, and nothing flies.
         weighed: Whether recorded pictures are weighed.
         real: Whether the ground was not painted by the simulator in the flight's process.
         words: Whether vehicles' messages go into the log here.
-        dear_s: Longest computation of a certificate that is repeated, seconds of the clock.
+        dear_s: Maximum time of a certificate that is computed again, seconds of the clock.
         now_s: A clock, seconds.
     """
 

@@ -115,10 +115,7 @@ def check_kind(path: Path, option: str) -> None:
 
 
 def write_map(setting: Setting, figures: Mapping[str, Any], path: Path) -> None:
-    """Write the plan with the figures of `estimate`: a page (.html) or a picture (.png).
-
-    Raises `OutputError`.
-    """
+    """Write the plan, with figures of `estimate`, as .html or .png. Raises `OutputError`."""
     facts = plan_facts(setting, figures)
     warnings = flyable.warnings(setting.mission, setting.grid)
     notes = [f"{name}: {value}" for name, value in (*facts, *(("note", w) for w in warnings))]
