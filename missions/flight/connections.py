@@ -1,4 +1,4 @@
-"""Who has a vehicle, and whether it can be told anything: links, pilots, a resumed mission."""
+"""Which vehicle can be commanded: links, pilots, failsafes, a resumed mission."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from missions.orders import Land, StandDown, TakeOff
 
 RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
 LIFTED_M = 1.0
-"""A vehicle that is higher above home has left the ground."""
+"""Height above home beyond which a vehicle has left the ground, m."""
 GAINED = 0.05
-"""A battery that was swapped holds so much more of its capacity than the one before."""
+"""Least gain of charge by a battery swap, share of the capacity."""
 
 
 def resume(setting: Setting, state: State) -> State:
-    """Everybody takes part again; what they carried out died with the process."""
+    """Have all vehicles take part again, without the orders of the process that ended."""
     root = state.tree.root if state.tree is not None else None
     vehicles = {
         number: replace(v, phase=Phase.APART, order=None, on_lane=False)
@@ -52,7 +52,7 @@ def _lies_somewhere(vehicle: VehicleState) -> bool:
 
 
 def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """A vehicle has answered, for the first time or again."""
+    """A vehicle is connected, or reconnected."""
     phase = Phase.GROUNDED
     if event.airborne:
         phase = Phase.AIRBORNE if event.ours else Phase.YIELDED
@@ -81,18 +81,11 @@ def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> Vehi
     return _on_its_way_home(taken_up, event, vehicle)
 
 
-def _has_new_battery(found: VehicleState, before: VehicleState, setting: Setting) -> bool:
-    """Whether people have put a fresh battery in."""
-    capacity_wh = setting.energy.capacity_wh
-    gained_wh = found.remaining_wh - before.remaining_wh
-    return found.remaining_wh >= FRESH * capacity_wh and gained_wh >= GAINED * capacity_wh
-
-
 def _found_on_the_ground(
     connected: VehicleState, before: VehicleState, setting: Setting
 ) -> VehicleState:
-    """A vehicle that has flown, and stands away from its pad now, is down there; so is one that
-    fell onto its pad, until somebody has given it a fresh battery."""
+    """A vehicle that has flown and stands away from its pad is down; so is one that fell onto its
+    pad, until it has a fresh battery."""
     away_m = connected.position.distance_to(connected.home)
     has_flown = before.was_down or not (before.landed and before.cleared)
     # one that people put elsewhere starts with a new home; one beside a blocked pad is close
@@ -101,9 +94,11 @@ def _found_on_the_ground(
         return connected
     fell = before.was_down and not before.landed_away_m
     lies_there = fell and connected.position.distance_to(before.position) <= PAD_M
+    capacity_wh, charge_wh = setting.energy.capacity_wh, connected.remaining_wh
+    gained = charge_wh - before.remaining_wh >= GAINED * capacity_wh
     if away_m > beside_m:
         note = f"it came down {away_m:.0f} m from its pad, and lies there still"
-    elif lies_there and not _has_new_battery(connected, before, setting):
+    elif lies_there and not (gained and charge_wh >= FRESH * capacity_wh):
         note = "it fell on its pad, and nobody has given it a fresh battery since"
     else:
         # an autopilot takes the place where it lies for its home
@@ -115,16 +110,16 @@ def _found_on_the_ground(
 def _on_its_way_home(
     connected: VehicleState, event: Connected, before: VehicleState
 ) -> VehicleState:
-    """A vehicle that was coming home when it fell silent goes on doing so."""
+    """A vehicle that was coming home when its link was lost goes on doing so."""
     reason = before.return_reason
-    if before.phase is Phase.LOST:  # nobody knows what it has been through
+    if before.phase is Phase.LOST:
         reason = reason or ReturnReason.BATTERY
     if event.mode == "rtl":
         resumed = reason or (None if before.note else ReturnReason.BATTERY)
         guarded = connected.stood_down(Phase.GUARDED, before.note)
         return replace(guarded, return_reason=resumed)
     if event.mode == "land":
-        # a resume forgets why; whoever lands at its pad waits there for a battery and the crew
+        # a resume forgets why; a vehicle that lands at its pad waits there for a battery
         reason = reason or ReturnReason.BATTERY
         landing = replace(connected, return_reason=reason, over_home=True, order=Land())
         return replace(landing, braking_until_s=None, note=before.note)
@@ -132,9 +127,9 @@ def _on_its_way_home(
 
 
 def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """It is silent: what it carries out is remembered, for its air stays reserved.
+    """Its last order is kept, for the air of that stays reserved.
 
-    From the order to take off it counts as in the air, until it is heard on the ground.
+    From the order to take off it counts as in the air, until it reports from the ground.
     """
     if vehicle.phase is Phase.OFFLINE:
         return vehicle
@@ -164,7 +159,7 @@ def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> Ve
 def taken_away(
     vehicle: VehicleState, setting: Setting, phase: Phase, note: str, *, returns: bool
 ) -> VehicleState:
-    """Somebody else flies it, who may have its autopilot return (`returns`)."""
+    """A pilot, a failsafe or its guardian flies it; `returns`: its autopilot flies it home."""
     return replace(
         set_free(vehicle, setting.grid.cell_m),
         phase=phase,

@@ -17,37 +17,38 @@ from missions.planning.search.lanes import point_on
 from missions.units import GridPoint
 
 NEARER_SHARES = (0.75, 0.5, 0.25)
-"""Of a way home that is blocked farther on, so much is tried, ..."""
+"""Shares of a way home that are tried where it is blocked farther on, ..."""
 NEARER_M = 40.0
-"""... unless that is too short to be worth it."""
+"""... and the shortest part that is worth it, m."""
 REACTION_S = 3.0
-"""Between two reports of the battery, and until a vehicle has turned round."""
+"""Time between two reports of the battery, and until a vehicle has turned round, s."""
 HEARD_S = 1.0
-"""So long a vehicle flies on along its path before it hears that it has to come home."""
+"""Time that a vehicle flies on along its path before it receives that it has to come home, s."""
 REST_S = 2.0
-"""Until it is seen to be at rest, and has turned round."""
+"""Time until a vehicle is seen to be at rest, and has turned round, s."""
 BESIDE_M = 20.0
-"""Within this distance a vehicle stands beside its pad, not away from it. The energy to fly so far
-is kept while it waits for a blocked pad."""
+"""Distance within which a vehicle stands beside its pad, m. The energy to fly so far is kept while
+it waits for a blocked pad."""
 
 
 def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Interrupt whatever a vehicle does once it has to come home."""
     called = state.recalled or vehicle.called_home
-    if isinstance(vehicle.order, TakeOff) and (called or state.exploration_finished):
-        return _call_off(state, vehicle)
+    if called or state.exploration_finished:
+        reason = ReturnReason.RECALLED if called else ReturnReason.DONE
+        if isinstance(vehicle.order, TakeOff):  # it ends where it began, motors on or not
+            up = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=reason)
+            return state.with_vehicle(replace(up, over_home=True, order=Land()))
+        return send_home(setting, state, vehicle, reason) if vehicle.works else state
     if not vehicle.works:
         return state
-    if called:
-        return send_home(setting, state, vehicle, ReturnReason.RECALLED)
-    if state.exploration_finished:
-        return send_home(setting, state, vehicle, ReturnReason.DONE)
+    note = ""
     if not setting.fence.contains(vehicle.position):
-        vehicle = replace(vehicle, note="it was outside of the geofence")
-        return send_home(setting, state, vehicle, ReturnReason.FAULT)
-    if vehicle.wind_m_s > setting.energy.max_airspeed_m_s:
-        wind = f"the wind of {vehicle.wind_m_s:.0f} m/s is more than it can hold"
-        return send_home(setting, state, replace(vehicle, note=wind), ReturnReason.FAULT)
+        note = "it was outside of the geofence"
+    elif vehicle.wind_m_s > setting.energy.max_airspeed_m_s:
+        note = f"the wind of {vehicle.wind_m_s:.0f} m/s is more than it can hold"
+    if note:
+        return send_home(setting, state, replace(vehicle, note=note), ReturnReason.FAULT)
     if not _can_still_turn(setting, vehicle, state.t_s):
         return send_home(setting, state, vehicle, ReturnReason.BATTERY)
     return state
@@ -56,7 +57,7 @@ def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
 def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:
     """Whether the way home may begin later than now.
 
-    A path is flown on until the vehicle has heard of it and come to rest; only there it turns.
+    A vehicle on a path flies on until it has received the order and come to rest.
     """
     path = vehicle.path
     if path is None:
@@ -64,14 +65,6 @@ def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool
     stop = braked(path, max(path.begin_s, t_s + HEARD_S), setting.energy.accel_m_s2)
     place = stop.at(stop.end_s).place
     return has_energy_for(setting, vehicle, place, hover_s=REST_S)
-
-
-def _call_off(state: State, vehicle: VehicleState) -> State:
-    """A take-off that is under way ends where it began, whether the motors turn yet or not."""
-    called = state.recalled or vehicle.called_home
-    return_reason = ReturnReason.RECALLED if called else ReturnReason.DONE
-    called_off = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=return_reason)
-    return state.with_vehicle(replace(called_off, over_home=True, order=Land()))
 
 
 def has_energy_for(
@@ -98,18 +91,14 @@ def has_energy_for(
 
 
 def energy_of(setting: Setting, vehicle: VehicleState) -> EnergyModel:
-    """The energy model in the worse of the wind that was given and the wind that was measured."""
+    """Return the energy model in the given or the measured wind, whichever is stronger."""
     if vehicle.wind_m_s <= setting.energy.wind_m_s:
         return setting.energy
     return replace(setting.energy, wind_m_s=vehicle.wind_m_s)
 
 
 def way_home(setting: Setting, start: GridPoint, pad: GridPoint) -> tuple[GridPoint, ...]:
-    """The way to a pad: inside the margin as far as there is one, also to a pad that is not.
-
-    A vehicle seldom stands exactly where its mission says; the last metres to a pad in the margin
-    are flown straight.
-    """
+    """Return the way to a pad inside the margin; the last metres to a pad in it are straight."""
     return setting.fence.route(start, pad) or setting.fence.route_near(start, pad) or (pad,)
 
 
@@ -120,30 +109,29 @@ def go_home(setting: Setting, state: State, vehicle: VehicleState, reason: Retur
 
 
 def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """The next order of a vehicle that comes home, once it is at rest."""
+    """Give the next order to a vehicle that comes home, once it is at rest."""
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
     if vehicle.is_over_pad:
-        # it is there already, perhaps half-way down: no need to climb first
+        # perhaps half-way down already: no need to climb first
         vehicle = replace(vehicle, over_home=True)
     after = Airspace(setting, state).reserve_or_wait(vehicle, home_order(setting, vehicle))
     waits = isinstance(after.vehicles[vehicle.vehicle].order, Hold)
     if waits and vehicle.over_home and not _can_wait(setting, vehicle):
         return _land_beside(setting, after, after.vehicles[vehicle.vehicle])
-    if waits and not vehicle.over_home and _waits_in_vain(setting, state, vehicle):
-        # nobody knows whether the air is free; that the battery will be empty is known
+    if not waits or vehicle.over_home:
+        return after
+    if _stalls(setting, state, vehicle):
+        # whether the air is free is not known; that the battery will be empty is
         note = "its way home stayed blocked: it returns by its autopilot"
         return state.with_vehicle(vehicle.left_to_autopilot(note))
-    if waits and not vehicle.over_home:
-        return _come_nearer(setting, state, after, vehicle)
-    return after
+    return _come_nearer(setting, state, after, vehicle)
 
 
 def _come_nearer(setting: Setting, state: State, waiting: State, vehicle: VehicleState) -> State:
     """Fly a part of a way home whose air is reserved farther on.
 
-    Who waited where it is for another that comes home before it in the same layer would use up
-    there what it needs for its own way.
+    A vehicle that waited where it is would use up there what it needs for its own way.
     """
     route = way_home(setting, vehicle.position, vehicle.pad)
     length_m = route_length_m(vehicle.position, route)
@@ -171,24 +159,21 @@ def _first_of(
     return tuple(part)
 
 
-def _waits_in_vain(setting: Setting, state: State, vehicle: VehicleState) -> bool:
-    """Whether the way home stays blocked by one that cannot be told to make way, until the last
-    moment at which the autopilot, which climbs first, brings it home with the reserve."""
-    blocked = bool(Airspace(setting, state).uncontrolled_but(vehicle))
+def _stalls(setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    """Whether a vehicle that cannot be commanded blocks the way home until the last moment at
+    which the autopilot, which climbs first, brings it home with the reserve."""
+    if not Airspace(setting, state).uncontrolled_but(vehicle):
+        return False
     returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + setting.relief_m
     climb_m = max(returns_m - vehicle.height_m, 0.0)
     energy = setting.energy
     climb_s = climb_m / energy.climb_m_s + climb_m / energy.descent_m_s
-    return blocked and not has_energy_for(
-        setting, vehicle, vehicle.position, hover_s=2.0 * REACTION_S + climb_s
-    )
+    hover_s = 2.0 * REACTION_S + climb_s
+    return not has_energy_for(setting, vehicle, vehicle.position, hover_s)
 
 
 def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
-    """Whether there is energy to wait for the pad, to fly beside it, and to land with the reserve.
-
-    What is kept for flying beside is a leg of the length of a pad's surroundings.
-    """
+    """Whether there is energy to wait, to fly beside the pad, and to land with the reserve."""
     energy = energy_of(setting, vehicle)
     need_wh = energy.home_wh(BESIDE_M, vehicle.height_m, vehicle.drawn_w)
     need_wh += energy.hover_wh(REACTION_S, vehicle.drawn_w)
@@ -208,10 +193,8 @@ def _land_beside(setting: Setting, state: State, vehicle: VehicleState) -> State
 
 
 def send_home(setting: Setting, state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
-    """Take back what a vehicle was ordered and send it home for a reason."""
-    fruitless = vehicle.fruitless_sorties
-    if vehicle.on_lane and vehicle.lane_seen_m:
-        fruitless = 0
+    """Interrupt what a vehicle does, and send it home for a reason."""
+    fruitless = 0 if vehicle.on_lane and vehicle.lane_seen_m else vehicle.fruitless_sorties
     left = set_free(vehicle, setting.grid.cell_m)  # the next sortie goes on with what is unseen
     return state.with_vehicle(
         replace(
@@ -223,7 +206,7 @@ def send_home(setting: Setting, state: State, vehicle: VehicleState, reason: Ret
 
 
 def home_order(setting: Setting, vehicle: VehicleState) -> Order:
-    """Fly over the pad, or land when there."""
+    """Return the order to fly over the pad, or to land when there."""
     if vehicle.over_home:
         return Land()
     return vehicle.leg(way_home(setting, vehicle.position, vehicle.pad))

@@ -50,7 +50,7 @@ from missions.orders import AwaitBattery, FlyTo, StandDown, TakeOff
 
 
 def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """A landing: at its pad it is over, elsewhere somebody has to fetch the vehicle."""
+    """A landing: away from its pad, the crew has to fetch the vehicle."""
     position = vehicle.position if event.position is None else event.position
     down = replace(
         lane_left(vehicle, setting.grid.cell_m),
@@ -67,7 +67,7 @@ def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleSta
     if vehicle.phase is Phase.YIELDED:
         if away_m <= PAD_M:
             return down
-        # it stays whose it is; but somebody has to know, also where all is explored without it
+        # the crew has to know, also where all is explored without it
         note = f"{vehicle.note}; it landed {away_m:.0f} m from its pad"
         return replace(down, landed_away_m=away_m, note=note)
     if away_m > PAD_M or vehicle.phase is Phase.DOWN:
@@ -101,27 +101,25 @@ def crashed(event: Crashed, vehicle: VehicleState, setting: Setting) -> VehicleS
 
 _DRAW_SMOOTHING_S = 15.0
 REST_M_S = 0.5
-"""A vehicle that is slower has come to rest."""
+"""Speed below which a vehicle is at rest, m/s."""
 MOST_FRAMES_LOST = 5
-"""After so many lost pictures in a row the vehicle comes home."""
+"""Lost pictures in a row after which a vehicle comes home."""
 MOST_SILENT_S = 10.0
-"""On a path that is flown without stopping it comes home after so long without a picture, if so
-many were lost..."""
+"""Least time without a picture on a path until then, s..."""
 NOTHING_S = 25.0
-"""... and after so long, and twice the time between two, if not even a lost one was told."""
+"""... and with no report of a lost picture either, besides two intervals of the camera, s."""
 MOST_HOME_REFUSED = 2
-"""So often the way home is tried again before the autopilot returns by itself."""
+"""Attempts at the return path before the autopilot returns by itself..."""
 MOST_HOME_REFUSED_AROUND = 10
-"""... where its straight way would lead over what the fence forbids: some fifteen seconds."""
+"""... where its straight way leads over what the fence forbids: some fifteen seconds."""
 MOST_BEHIND = 3
-"""A vehicle that its path has left behind goes on from where it is, so often in a row..."""
+"""How often in a row a vehicle that fell behind its path goes on from where it is..."""
 BEHIND_S = 30.0
-"""... if it was not for so long between."""
+"""... and the longest time between two such falls, s."""
 BESIDE_PAD_M = 5.0
-"""Who was sent home and has arrived farther from its pad has flown a part of its way. Nearer is a
-pad that has moved a little since."""
+"""Distance to its pad beyond which a vehicle has flown only a part of its way home, m."""
 MOST_EMPTY_PASSES = 2
-"""After so many lanes in a row without a judged frame the vehicle comes home."""
+"""Lanes in a row without a judged frame after which a vehicle comes home."""
 
 
 _OF_ALL: Final[Mapping[type, Callable[[Setting, State, Any], State]]] = {
@@ -143,7 +141,7 @@ _OF_ALL: Final[Mapping[type, Callable[[Setting, State, Any], State]]] = {
 
 
 def apply(setting: Setting, state: State, event: Event) -> State:
-    """The state after an event, before anybody is given a new order."""
+    """Return the state after an event, before any vehicle is given a new order."""
     state = replace(state, t_s=max(state.t_s, event.t_s))
     if (rule := _OF_ALL.get(type(event))) is not None:
         return rule(setting, state, event)
@@ -173,18 +171,16 @@ _changed.register(called_home)
 def _(event: LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
     up = replace(vehicle, landed=False, landed_away_m=0.0)
     if vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
-        # a take-off that nobody acknowledged, and that was given up: it cannot stay up there
-        note = vehicle.note or "it left the ground without an order"
-        return replace(
-            up, phase=Phase.AIRBORNE, order=None, return_reason=ReturnReason.FAULT, note=note
-        )
+        # a take-off that was given up without an acknowledgement: it cannot stay up there
+        up = replace(up, phase=Phase.AIRBORNE, order=None, return_reason=ReturnReason.FAULT)
+        return replace(up, note=vehicle.note or "it left the ground without an order")
     return up
 
 
 @_changed.register
 def _(event: Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
     home = vehicle.home if event.home is None else event.home
-    if vehicle.phase is not Phase.GROUNDED:  # somebody else has it by now
+    if vehicle.phase is not Phase.GROUNDED:  # it is not under our control by now
         return replace(vehicle, landed=False, cleared=False, home=home)
     return replace(
         vehicle,
@@ -208,7 +204,7 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     used_wh = vehicle.remaining_wh - event.remaining_wh
     drawn_w = vehicle.drawn_w
     known = vehicle.remaining_wh > 0.0 and event.remaining_wh > 0.0
-    # rises count, too: of an estimate that wavers the falls alone are no consumption
+    # rises count as well: of an estimate that wavers the falls alone are no consumption
     if not vehicle.landed and elapsed_s > 0.0 and known:
         weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
         drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
@@ -233,7 +229,7 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
 
 @_changed.register
 def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    if vehicle.phase is not Phase.AIRBORNE:  # somebody else has it by now
+    if vehicle.phase is not Phase.AIRBORNE:  # it is not under our control by now
         return replace(vehicle, position=event.position)
     on_path = vehicle.path is not None
     leg = vehicle.order if isinstance(vehicle.order, FlyTo) else None
@@ -248,14 +244,13 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
         return replace(arrived, over_home=not part)
     if on_path and not vehicle.on_lane:
         return arrived
-    near_m = setting.grid.cell_m  # else it got out of somebody's way, and has yet to go there
+    near_m = setting.grid.cell_m  # else it has made way, and has yet to go there
     cell = vehicle.vertex if vehicle.candidate is None else vehicle.candidate
     if cell is not None:
-        target = setting.grid.to_fixed(setting.grid.centre_of(cell), event.t_s)
-        return replace(arrived, at_target=event.position.distance_to(target) <= near_m)
+        away_m = event.position.distance_to(setting.where(cell, event.t_s))
+        return replace(arrived, at_target=away_m <= near_m)
     if not vehicle.on_lane:
-        lanes = vehicle.lanes
-        here = setting.to_lanes(event.position, event.t_s)
+        here, lanes = setting.to_lanes(event.position, event.t_s), vehicle.lanes
         begun = bool(lanes) and here.distance_to(lanes[0][0]) <= near_m
         return replace(arrived, on_lane=begun)
     flown = lane_flown(arrived, setting.grid.cell_m)
@@ -287,7 +282,7 @@ def _nothing_s(setting: Setting) -> float:
 
 
 def _comes_home(vehicle: VehicleState, t_s: float, setting: Setting, note: str) -> VehicleState:
-    """A vehicle that cannot go on leaves what it does, and takes no further part."""
+    """Have a vehicle that cannot go on leave what it does, and take no further part."""
     left = set_free(vehicle.interrupted(t_s), setting.grid.cell_m)
     return replace(left, return_reason=ReturnReason.FAULT, note=note)
 
@@ -301,12 +296,12 @@ def _(event: Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
 
 @_changed.register
 def _(event: Navigated, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    return vehicle  # what it tells of places is corrected already
+    return vehicle  # places are corrected by it already
 
 
 @_changed.register
 def _(event: BatterySwapped, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    if vehicle.phase is not Phase.GROUNDED:  # it does not follow us: no reason to take off
+    if vehicle.phase is not Phase.GROUNDED:  # no reason to take off
         return replace(vehicle, remaining_wh=event.remaining_wh, drawn_w=0.0)
     return replace(
         vehicle,
