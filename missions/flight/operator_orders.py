@@ -1,7 +1,6 @@
-"""What the operator's word changes in flight: pause, go on, one vehicle home, a cell left out.
+"""What the operator changes in flight: pause, continue, one vehicle home, a cell left out.
 
-The rules that keep vehicles from harm hold all the same. In a pause a vehicle makes way and flies
-home when its battery says so, and who was on its way home goes on.
+In a pause a vehicle still makes way, and flies home when its battery is low or if it has begun to.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ CALLED_HOME = "called home by the operator"
 
 
 def paused(setting: Setting, state: State) -> State:
-    """Everybody who works comes to rest and holds; take-offs under way end at their height."""
+    """Have vehicles that work come to rest and hold; take-offs under way go on."""
     vehicles = {
         number: _stopped(setting, state, vehicle) if vehicle.works else vehicle
         for number, vehicle in state.vehicles.items()
@@ -35,18 +34,12 @@ def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting)
 
 
 def to_skip(setting: Setting, state: State, vehicle: VehicleState) -> Cell | None:
-    """The cell that a vehicle looks from, or is on its way to; None where there is none to skip.
-
-    Paths without stopping lead over many cells, and lanes over all of them.
-    """
+    """Return the cell that a vehicle looks from, or is on its way to; None on a path."""
     return setting.strategy.in_force(state).to_skip(state, vehicle)
 
 
 def skip(setting: Setting, state: State, event: CellSkipped) -> State:
-    """Nobody looks from a cell; who was about to goes on with the next. It is told in the end.
-
-    What was decided meanwhile stays as it is.
-    """
+    """Leave a cell out: vehicles that were about to look from it go on with the next."""
     cell = event.cell
     if to_skip(setting, state, state.vehicles[event.vehicle]) != cell:
         return state
@@ -62,7 +55,7 @@ def skip(setting: Setting, state: State, event: CellSkipped) -> State:
 
 
 def skipped_for_good(state: State) -> State:
-    """The state with the skipped cells done, also those that were found to be ROI only later."""
+    """Return the state with skipped cells done, also those that became region only later."""
     tree = state.tree
     for cell in state.skipped if tree is not None else ():
         if tree is not None and cell in tree and not tree.has_looked(cell):
@@ -71,7 +64,7 @@ def skipped_for_good(state: State) -> State:
 
 
 def explained(state: State, event: Told) -> State:
-    """Why a failsafe has a vehicle, where it said so only afterwards: a note, and nothing else."""
+    """Note why a failsafe has a vehicle that reports the cause only afterwards."""
     vehicle = state.vehicles[event.vehicle]
     if event.cause is None or vehicle.phase is not Phase.YIELDED or event.cause in vehicle.note:
         return state

@@ -1,9 +1,8 @@
-"""Giving a path that is flown without stopping, and taking it back: where it may lead, and when.
+"""Paths that are flown without stopping: where they may lead, and when they end early.
 
 A path is given only if the fence allows all of it, and the air of its next
-`missions.flight.airspace.needs.AHEAD_S` seconds is clear. That is checked again at every report,
-and a vehicle brakes along its path before it meets air that another has reserved (`keep_clear`).
-At every report `missions.flight.return_home` checks whether the energy lasts.
+`missions.flight.airspace.needs.AHEAD_S` seconds is clear. That is checked again at every report:
+a vehicle brakes along its path before it meets air that another has reserved (`keep_clear`).
 """
 
 from __future__ import annotations
@@ -26,11 +25,11 @@ from missions.orders import FlyPath
 from missions.units import GridPoint
 
 NOTICE_S: Final = 1.0
-"""A plan begins so long after it is made: what is streamed is up to 0.75 s ahead of its time."""
+"""Time from a plan to its begin, s: setpoints are streamed up to 0.75 s ahead."""
 CORNER_CUT_M: Final = 0.005
-"""Corners of the fence are not cut: a vehicle nearly stops there."""
+"""Cut of a corner of the fence, m: a vehicle nearly stops there."""
 DEPTH_M: Final = 1.5
-"""Who is farther outside flies so far inside first."""
+"""How far inside a vehicle flies that was outside, m."""
 
 
 def give_path(
@@ -67,40 +66,31 @@ def through(
     drifts: bool = False,
     cuts_m: Sequence[float] = LANE_CUTS_M,
 ) -> Trajectory:
-    """A path from rest through some points, cut as far as the fence allows.
+    """Return a path from rest through some points, cut as far as the fence allows.
 
-    `corners` says of each point whether it is a corner of the fence, which is not cut. What
-    `drifts` is told in the frame of the region, else in the fixed one.
+    `corners` says of each point whether it is a corner of the fence, which is not cut. With
+    `drifts` points lie in the frame of the region, else in the fixed one.
     """
     speed = setting.path_speed_m_s(vehicle.cruise_height_m, vehicle.wind_m_s)
-    drift_m_s = (0.0, 0.0)
-    here = vehicle.position
+    drift_m_s, here, grid = (0.0, 0.0), vehicle.position, setting.grid
     if drifts:
-        grid = setting.grid
         drift_m_s = grid.drift_east_m_s, grid.drift_north_m_s
         here = grid.to_moving(here, begin_s)
-    places = [here, *points]
-    path = None
     for cut_m in (*cuts_m, CORNER_CUT_M):
         cuts = [CORNER_CUT_M, *(CORNER_CUT_M if corner else cut_m for corner in corners)]
         path = rounded_path(
-            places,
-            round(begin_s, 3),
-            speed_m_s=speed,
-            cut_m=cuts,
-            accel_m_s2=setting.energy.accel_m_s2,
-            drift_m_s=drift_m_s,
-        )
+            [here, *points], round(begin_s, 3), speed_m_s=speed, cut_m=cuts,
+            accel_m_s2=setting.energy.accel_m_s2, drift_m_s=drift_m_s,
+        )  # fmt: skip
         if allowed(setting.fence, path):
             break
-    assert path is not None
     return path
 
 
 def along_route(
     setting: Setting, vehicle: VehicleState, route: Sequence[GridPoint], begin_s: float
 ) -> Trajectory:
-    """A path from rest along a way inside the fence, round the corners of which it leads."""
+    """Return a path from rest along a way inside the fence."""
     corners = [True] * (len(route) - 1) + [False]
     return through(setting, vehicle, list(route), corners, begin_s)
 
@@ -128,7 +118,7 @@ def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State 
 
 
 def keep_clear(setting: Setting, state: State) -> State:
-    """Let those brake along their paths whose next seconds lead into air that others reserve."""
+    """Have vehicles brake whose paths lead into air that others reserve."""
     for number in state.our_numbers:
         vehicle = state.vehicles[number]
         order = vehicle.order
@@ -142,7 +132,7 @@ def keep_clear(setting: Setting, state: State) -> State:
 
 
 def brake(setting: Setting, state: State, vehicle: VehicleState, order: FlyPath) -> State:
-    """Let a vehicle come to rest along its path, unless it does so anyway."""
+    """Have a vehicle come to rest along its path, unless it does so anyway."""
     path = order.trajectory
     stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), setting.energy.accel_m_s2)
     if stop.end_s >= path.end_s - 0.5:

@@ -5,13 +5,10 @@
     air.reserve(vehicle, order)         the state with the order; None if its air is not clear
     state.holding(vehicle)              releases all but the air that the vehicle waits in
 
-A reservation is the order that a vehicle carries out: nothing is kept beside it that could differ
-from what is flown. A vehicle that cannot be commanded reserves all the air that it may be in: a
-silent one flies on with its last order, and may return by itself; a pilot or a failsafe may go
-anywhere near. When such a reservation changes, `stop_conflicting` checks orders under way again.
-
-A member of a fleet that leaves its own layer or column asks the others for a column of air, and
-has it once all of them have promised to keep out of it (`ask_for_column`, `can_promise`).
+A reservation is the order that a vehicle carries out: nothing is kept beside it. A vehicle that
+cannot be commanded reserves all the air that it may be in. When that changes, `stop_conflicting`
+checks orders under way again. A member of a fleet that leaves its own layer or column asks the
+others for a column of air, and has it once all have promised to keep out of it.
 """
 
 from __future__ import annotations
@@ -69,36 +66,25 @@ class Airspace:
         return not any(self._meet(needs, other) for other in others)
 
     def reserve(self, vehicle: VehicleState, order: Order) -> State | None:
-        """Return the state in which a vehicle carries out an order; None if its air is not clear.
-
-        A path also has to stay clear of vehicles that cannot be commanded: else it would be stopped
-        at the next report (`stop_conflicting`).
-        """
+        """Return the state with an order carried out; None if its air is not clear."""
+        # a path that leads into uncontrolled air would be stopped at the next report
         blocked = isinstance(order, FlyPath) and self._leads_into_uncontrolled(vehicle, order)
         if blocked or not self.is_clear(vehicle, order):
             return None
         return self.state.with_vehicle(replace(vehicle, order=order))
 
     def reserve_or_wait(self, vehicle: VehicleState, order: Order) -> State:
-        """Reserve the air for an order, or for a detour on the way home; else the vehicle waits.
-
-        One on the ground stays there.
-        """
-        given = self.reserve(vehicle, order)
-        if given is not None:
+        """Reserve the air for an order, or for a detour on the way home; else the vehicle waits."""
+        if (given := self.reserve(vehicle, order)) is not None:
             return given
         if isinstance(order, FlyTo) and vehicle.return_reason is not None:
             for detour in self._detours(vehicle, order):
-                given = self.reserve(vehicle, detour)
-                if given is not None:
+                if (given := self.reserve(vehicle, detour)) is not None:
                     return given
         return self.state if vehicle.landed else self.state.holding(vehicle)
 
     def leave(self, vehicle: VehicleState, route: tuple[GridPoint, ...]) -> State:
-        """Return the state in which a member leaves air that may be another's, clear or not.
-
-        For a column or layer of its own, or where the others cannot be asked.
-        """
+        """Return the state in which a member leaves air that may be another's, clear or not."""
         return self.state.with_vehicle(replace(vehicle, order=vehicle.leg(route), at_target=False))
 
     def over_own_pad(self, vehicle: VehicleState) -> State:
@@ -125,7 +111,7 @@ class Airspace:
         return state
 
     def make_way(self, vehicle: VehicleState) -> State | None:
-        """Return the state in which a vehicle flies out of uncontrolled or closed air.
+        """Return the state in which a vehicle leaves uncontrolled or closed air.
 
         None where it is in no such air, or where no place beside it is clear.
         """
@@ -144,10 +130,7 @@ class Airspace:
         return None
 
     def _leads_into_uncontrolled(self, vehicle: VehicleState, order: Order) -> bool:
-        """Whether an order leads through uncontrolled air, or air that is closed to ours.
-
-        A vehicle that is in such air already may leave it.
-        """
+        """Whether an order leads into uncontrolled or closed air; out of it is allowed."""
         others, closed = self.uncontrolled_but(vehicle), self._closed()
         if not others and not closed:
             return False
@@ -184,11 +167,8 @@ class Airspace:
             )
 
     def _detours(self, vehicle: VehicleState, order: FlyTo) -> list[FlyTo]:
-        """Ways home round the columns of others, the shortest first.
-
-        A landing takes half a minute: a vehicle that comes home for a battery cannot always wait
-        that long.
-        """
+        """Ways home round the columns of others, the shortest first: a landing takes half a minute,
+        for which a vehicle with a low battery cannot always wait."""
         fence, ways = self.setting.fence, []
         others = self._reserved_by_others(vehicle, order)
         for centre in {air.path[0] for air in others if len(set(air.path)) == 1}:
@@ -322,22 +302,18 @@ class Airspace:
     def can_promise(self, column: Column) -> bool:
         """Return whether ours can promise to keep out of a column until it is open again.
 
-        Either it stands and stays, or it is under our control, is out of the column, and its next
-        seconds do not lead into it. A vehicle that others control, or that is silent in the air,
-        promises nothing.
+        Either it stands and stays, or it is under our control, is out of the column, and its order
+        does not lead into it.
         """
-        return all(
-            (ours.landed and not isinstance(ours.order, TakeOff))
-            or (not ours.uncontrolled and self._keeps_out(ours, column))
-            for ours in self.state.ours
-        )
-
-    def _keeps_out(self, vehicle: VehicleState, column: Column) -> bool:
-        """Whether a vehicle is out of a column, and its order does not lead into it."""
-        here = replace(hover_air(vehicle), stray_m=stopping_m(self.setting))
-        needs = self._needed(vehicle, vehicle.order)
         air = column_air(column)
-        return not self._meet(here, air) and not self._meet(needs, air)
+        for ours in self.state.ours:
+            if ours.landed and not isinstance(ours.order, TakeOff):
+                continue
+            here = replace(hover_air(ours), stray_m=stopping_m(self.setting))
+            needs = self._needed(ours, ours.order)
+            if ours.uncontrolled or self._meet(here, air) or self._meet(needs, air):
+                return False
+        return True
 
     def columns_meet(self, one: Column, other: Column) -> bool:
         """Return whether two columns come too near to each other."""

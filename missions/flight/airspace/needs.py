@@ -1,7 +1,7 @@
 """The air that a vehicle needs: for an order, while it hovers, or where it may be uncontrolled.
 
-Every vehicle flies in its layer; whoever climbs or descends needs the column over its pad. Heights
-are above the home of the vehicle that reported first, so homes need not be level.
+Every vehicle flies in its layer; one that climbs or descends needs the column over its pad. Heights
+are above one level, so homes need not be level.
 """
 
 from __future__ import annotations
@@ -19,16 +19,14 @@ RTL_HEIGHT_M = 30.0
 """Greatest height above home that is expected of an autopilot's return, m: PX4's; ArduCopter's is
 15 m."""
 AHEAD_S = 8.0
-"""Part of a path that is reserved, s: more than it takes to receive another reservation and to come
-to rest."""
+"""Part of a path that is reserved, s: more than it takes to come to rest for another's air."""
 SILENT_AHEAD_S = 12.0
-"""The same of a silent vehicle, from its last report on, s: five until its link is called lost, one
-until its stream counts as ended, and what it takes to come to rest."""
+"""The same of a silent vehicle from its last report on, s: five until its link counts as lost, one
+until its stream ends, and what it takes to come to rest."""
 _AHEAD_STEP_S = 0.5
 _REMEMBERED = 256
 _PLACES: dict[tuple[int, float, float], tuple[Trajectory, tuple[GridPoint, ...]]] = {}
-"""Where paths lead: in one step of a mission each vehicle asks that of each other one. A path is
-kept with its answer, so that no other can have its number."""
+"""Where paths lead. A path is kept with its answer, so that no other can have its id."""
 
 
 def hover_air(vehicle: VehicleState, place: GridPoint | None = None) -> Volume:
@@ -59,8 +57,8 @@ def needed_air(setting: Setting, t_s: float, vehicle: VehicleState, order: Order
 def uncontrolled_air(setting: Setting, t_s: float, vehicle: VehicleState) -> list[Volume]:
     """Return the air in which a vehicle may be that cannot be commanded.
 
-    A silent one flies on with its last order, and its failsafe may bring it home from any point of
-    that, at its return height. One that returns flies straight home. A pilot's goes anywhere near.
+    A silent one flies on with its last order, and its failsafe may bring it home from anywhere on
+    that, at its return height. One that returns flies straight home. A pilot flies anywhere near.
     """
     low_m = vehicle.home_level_m
     # it returns level, at a height above home, also over ground that is lower than the highest

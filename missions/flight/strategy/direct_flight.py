@@ -1,8 +1,7 @@
 """Flying straight to what is left, where the planner of paths finds no way.
 
-Its plans are improved by small changes, which seldom lead round a hole of the fence, or through a
-passage. So when everybody waits and cells are still needed, the nearest place from which one of
-them is seen, and to which a way inside the fence leads, is flown to and looked from.
+Its plans are improved by small changes, which seldom lead round a hole of the fence. So when all
+vehicles wait and cells are still needed, one flies to the nearest observation point.
 """
 
 from __future__ import annotations
@@ -44,10 +43,7 @@ def fetch(
     known: Known,
     tried: Collection[Cell],
 ) -> Fetch | None:
-    """The shortest way of a team to see a cell that is needed; None if there is none.
-
-    `tried` are the places from which nothing more was to be seen.
-    """
+    """Return the shortest way of a team to a needed cell, not by way of places that were tried."""
     needed = _needed(setting, known)
     found: list[tuple[float, int, Cell, tuple[GridPoint, ...]]] = []
     for number, vehicle in sorted(team.items()):

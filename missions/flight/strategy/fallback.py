@@ -1,16 +1,13 @@
-"""When flight without stopping has had its time: the rest is explored by stopping and looking.
+"""When paths have had their time: the rest is explored with stops.
 
 Let B(C, D) be the seconds that `rdfs` takes at most for a tree of C cells and depth D (Lemma 1, a
-move being a leg between two cells and half a look). Paths without stopping may take as long as
-`patience_s`: B of what is known, and `LEAST_PATIENCE_S` at least. If the region is not decided by
-then, everybody flies to its root, and `rdfs` explores it as if nobody had been there but those
-whose neighbours are all decided. B grows with C and D, and what is known is never more than what is
-there; so the whole exploration, ways home and battery swaps apart, takes at most
+move being a leg between two cells and half a look). Paths may take `patience_s`. If the region is
+not decided by then, all vehicles fly to its root, and `rdfs` explores it; cells whose neighbours
+are all decided count as visited. B grows with C and D, so the exploration takes at most
 
     max(LEAST_PATIENCE_S, B(C, D)) + a leg to the root + B(C, D)
 
-seconds: twice the bound of Algorithm 1, a leg and two minutes. Flight without stopping takes a
-fifth of B or less, so this is for a world in which its frames decide nothing.
+seconds, ways home and battery swaps apart. Paths take a fifth of B or less.
 """
 
 from __future__ import annotations
@@ -26,11 +23,10 @@ LEAST_PATIENCE_S: Final = 120.0
 
 
 def moves_s(setting: Setting, moves: float) -> float:
-    """A bound in moves as a bound in seconds, for this mission's team.
+    """Return a bound in moves as a bound in seconds.
 
-    A move takes at most a leg between two cells. Tours are closed, and a vertex is looked from
-    once, when it is first reached: at most every second move ends with a look, and the root has
-    one besides.
+    A move takes at most a leg between two cells. Tours are closed and each vertex is visited once,
+    so at most every second move ends with a look, and the root has one besides.
     """
     mission = setting.mission
     move_s = setting.energy.leg_s(mission.grid.cell_m) + setting.look_s / 2.0
@@ -39,12 +35,12 @@ def moves_s(setting: Setting, moves: float) -> float:
 
 
 def bound_s(setting: Setting, cells: int, depth: int) -> float:
-    """B: the seconds in which `rdfs` explores a tree at most, of this mission's team."""
+    """Return B: the most seconds in which `rdfs` explores a tree."""
     return moves_s(setting, rdfs_bound_moves(cells, depth, len(setting.mission.vehicles)))
 
 
 def patience_s(setting: Setting, state: State) -> float:
-    """For how long a region may be explored without stopping, given what is known of it."""
+    """Return for how long paths may explore what is known of a region, s."""
     if state.tree is None:
         return LEAST_PATIENCE_S
     known = max(len(state.tree), len(state.belief.roi))
@@ -52,14 +48,14 @@ def patience_s(setting: Setting, state: State) -> float:
 
 
 def whole_bound_s(setting: Setting, cells: int, depth: int) -> float:
-    """What an exploration without stopping takes at most, with what it may fall back on."""
+    """Return the most seconds of an exploration by paths and what they fall back on."""
     stops_s = bound_s(setting, cells, depth)
     to_root_s = setting.energy.leg_s(cells * setting.grid.cell_m)
     return max(LEAST_PATIENCE_S, stops_s) + to_root_s + stops_s
 
 
 def fall_back(state: State) -> State:
-    """Everybody who explores leaves its path and goes to the root."""
+    """Have all vehicles that explore leave their paths for the root."""
     root = None if state.tree is None else state.tree.root
     vehicles = {}
     for number, vehicle in state.vehicles.items():

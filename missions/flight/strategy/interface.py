@@ -1,12 +1,10 @@
 """What a strategy is: how vehicles find a region and map it.
 
-`missions.flight.step` and the modules below it ask `setting.strategy` wherever strategies
-differ; nowhere else is that decided by a name or a flag. A strategy keeps nothing between two
-calls: what it has to remember is `State.memory`. So a resume repeats what was flown.
+The reducer asks `setting.strategy` wherever strategies differ. A strategy keeps nothing between
+two calls: what it has to remember is `State.memory`. So a resume repeats what was flown.
 
-To add one, inherit from `Strategy` or from one of those beside this file, redefine what differs,
-and give it a name with `missions.flight.strategies.register`, or by an entry point
-(docs/strategies.md).
+To add one, inherit from `Strategy` or a strategy beside this file, and give it a name with
+`missions.flight.strategies.register`, or by an entry point (docs/strategies.md).
 """
 
 from __future__ import annotations
@@ -120,7 +118,7 @@ class Strategy(ABC):
     """Whether lanes drift with the cells; else they lie still over ground."""
 
     def in_force(self, state: State) -> Strategy:
-        """The strategy that is followed now: this one, or what it falls back on."""
+        """Return the strategy that is followed now: this one, or what it falls back on."""
         return self
 
     # --- before the flight ----------------------------------------------------------------------
@@ -129,22 +127,21 @@ class Strategy(ABC):
         """Lay lanes over the box, inside of the fence."""
 
     def shares(self, setting: Setting) -> Shares:
-        """The lanes of each vehicle; with a prior so that the region is expected to be seen
-        soonest."""
+        """Return the lanes of each vehicle; by a prior so that the region is seen soonest."""
         if setting.likely:
             blocks = soonest(setting.likely, setting.pads, self.pace(setting))
             return tuple(tuple(part.lane for part in block) for block in blocks)
         return share_out(setting.lanes, len(setting.pads))
 
     def begins_with(self, setting: Setting) -> Shares:
-        """The lanes that each vehicle holds when the mission begins."""
+        """Return the lanes that each vehicle holds when the mission begins."""
         return setting.shares
 
     def rest_s(
         self, setting: Setting, state: State, lanes_m: float, cells: int, team: int
     ) -> float:
-        """About how long a team takes for the rest of its lanes, and then for cells, seconds."""
-        if lanes_m:  # what lanes leave undecided is flown to in the end
+        """Return about how long a team takes for the rest of its lanes, or for cells, seconds."""
+        if lanes_m:
             return lanes_m / setting.energy.speed_m_s / team
         return cells * self.cell_s(setting) / team
 
@@ -161,45 +158,42 @@ class Strategy(ABC):
         """Return about how long a cell of the region takes one vehicle, seconds."""
 
     def bound_s(self, setting: Setting, tree: Tree) -> float | None:
-        """The longest that an exploration of this tree may take, seconds; None without a bound."""
+        """Return the bound of an exploration of this tree, seconds; None without one."""
         return None
 
     # --- what has to be decided -----------------------------------------------------------------
     def asked_for(self, setting: Setting, state: State) -> Iterable[Cell]:
-        """The cells that have to be decided and are not, whatever lies beside them."""
+        """Return the cells that have to be decided and are not, whatever lies beside them."""
         return ()
 
     def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
-        """All cells that have to be decided and are not, those beside a patch among them."""
+        """Return all cells that have to be decided and are not, also those beside a patch."""
         return frozenset()
 
     def concluded(self, setting: Setting, state: State, left: tuple[Lane, ...]) -> State:
-        """The state at the end, by the map of a whole fleet: how far the mission has come.
-
-        `left` are the stretches of lanes that no frame has shown.
-        """
+        """Return the state at the end by the map of a whole fleet; `left` are unseen lanes."""
         return replace(state, exhausted=state.tree is None and not left)
 
     # --- the search -----------------------------------------------------------------------------
     def searched(self, setting: Setting, state: State) -> State:
-        """Note that the search has ended in vain once no vehicle has a lane or a suspicion."""
+        """Note that the search is over once no vehicle has a lane or a suspicion."""
         done = all(v.idle_in_search for v in state.vehicles.values())
         return replace(state, exhausted=done)
 
     def still_searches(self, vehicle: VehicleState) -> bool:
-        """Whether a vehicle flies its lanes to their end before it maps."""
+        """Return whether a vehicle flies its lanes to their end before it maps."""
         return False
 
     def keeps_lanes(self, vehicle: VehicleState) -> bool:
-        """Whether a vehicle flies all lanes that it holds on one path, and can spare none."""
+        """Return whether a vehicle flies all its lanes on one path, and can spare none."""
         return False
 
     def least_lane_m(self, setting: Setting) -> float:
-        """What is left of a lane and is shorter is no lane any more, metres."""
+        """Return the least length of what is left of a lane to be flown as one, metres."""
         return 0.0
 
     def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
-        """Return what says whether a lane has done its work at a cell: any frame has judged it."""
+        """Return what says whether a lane has done its work at a cell: a frame has judged it."""
         return state.belief.open_tallies.as_dict().__contains__
 
     @abstractmethod
@@ -224,14 +218,14 @@ class Strategy(ABC):
     def first_target(
         self, setting: Setting, state: State, vehicle: VehicleState
     ) -> GridPoint | None:
-        """Where a vehicle on the ground would fly first; None where nothing is left for it."""
+        """Return where a vehicle on the ground would fly first; None: nothing is left."""
         cell = vehicle.vertex or vehicle.candidate
         if cell is not None:
             return setting.where(cell, state.t_s)
         return setting.over_ground(vehicle.lanes[0][0], state.t_s) if vehicle.lanes else None
 
     def without_target(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
-        """The state where nothing is left for a vehicle on the ground."""
+        """Return the state in which nothing is left for a vehicle on the ground."""
         if setting.lanes or state.tree is not None:
             return state
         note = (
@@ -240,17 +234,16 @@ class Strategy(ABC):
         return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
 
     def give_up_far(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
-        """Give up what the last vehicle cannot reach on a full battery; None: it takes no more
-        part."""
+        """Give up what the last vehicle does not reach on a full battery; None: end its part."""
         return None
 
     def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
-        """The cell that a vehicle looks from, or is on its way to; None where there is none."""
+        """Return the cell that a vehicle looks from, or is on its way to."""
         return None
 
     # --- work that is shared --------------------------------------------------------------------
     def replan_s(self, setting: Setting) -> float:
-        """How long a plan is flown at least, seconds."""
+        """Return how long a plan is flown at least, seconds."""
         return 0.0
 
     def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
@@ -258,11 +251,11 @@ class Strategy(ABC):
         return Work(state, work.memory)
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
-        """Whether a vehicle of a fleet has to hear of others before it does anything."""
+        """Return whether a member has to receive of others before it does anything."""
         return False
 
     def held_until_s(
         self, setting: Setting, state: State, vehicle: VehicleState, t_s: float
     ) -> float:
-        """Until when a member that is out of contact since `t_s` is left what it was to do."""
+        """Return until when a member that is out of contact since `t_s` is left its work."""
         return t_s

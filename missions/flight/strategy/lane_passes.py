@@ -1,8 +1,8 @@
-"""Searching without a stop: one path along the lanes of a vehicle that nobody has judged yet.
+"""Searching without a stop: one path along the lanes of a vehicle that no frame has judged yet.
 
 A lane is flown beside the middle of its rows: to windward, as a camera that tilts with the airframe
-looks to leeward; and beside those of its rows that were judged already, so what a frame has missed
-once is in the middle of the picture when the lane is flown again.
+looks to leeward; and beside rows that were judged already, so that what frames have missed is in
+the middle of the picture when the lane is flown again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from missions.planning.search.strip import Strip
 from missions.units import GridPoint
 
 WORTH_S: Final = 8.0
-"""A path that ends sooner is flown to its end."""
+"""Least remaining time of a path that is ended early, s."""
 
 
 def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -53,7 +53,7 @@ def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> Stat
 
 
 def give_up_lane(state: State, vehicle: VehicleState) -> State:
-    """Note that no way leads to the first lane of a vehicle, which waits where it is."""
+    """Note that no way leads to the first lane of a vehicle, which waits."""
     lost = (*state.unreachable_lanes, vehicle.lanes[0])
     state = replace(state, unreachable_lanes=lost)
     return state.holding(replace(vehicle, lanes=vehicle.lanes[1:]))
@@ -89,8 +89,7 @@ def _way_along(
 ) -> tuple[list[GridPoint], list[bool]]:
     """The points of a way along the lanes of a vehicle, and which of them are the fence's corners.
 
-    Lanes that drift are flown in the frame of the cells. Where the fence forces a way round, it is
-    looked for as things lie when the vehicle will be there.
+    A way round an obstacle is planned for the time when the vehicle will be there.
     """
     points: list[GridPoint] = []
     corners: list[bool] = []
@@ -122,11 +121,10 @@ def _way_along(
 
 
 def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
-    """What of some lanes has a column with a cell that no frame has judged.
+    """Return the parts of lanes that have a cell which no frame has judged.
 
-    While a region drifts other cells come below a lane that lies still: it is flown as it is.
-    Where the whole box is seen, what is left of lanes and short is flown to once they are, in the
-    best order that is found.
+    A lane that lies still while the region drifts is flown as it is: other cells come below it.
+    Parts shorter than the strategy's `least_lane_m` are left to the planner of paths.
     """
     grid, judged = setting.grid, setting.heights.searched(state)
     if cells_drift_out(setting):
@@ -146,9 +144,9 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
 
 
 def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
-    """Lanes in such directions that the ways between them are shortest, from a place on.
+    """Return lanes in such directions that the ways between them are shortest, from a place on.
 
-    With a prior whole lanes are flown as they are: it has chosen their directions.
+    With a prior whole lanes keep the direction that it has chosen.
     """
     ways: list[tuple[float, tuple[Lane, ...]]] = [(0.0, ())]
     for lane in lanes:
@@ -177,7 +175,7 @@ def _is_whole(setting: Setting, lane: Lane) -> bool:
 
 
 def end_searched(setting: Setting, state: State) -> State:
-    """Let those brake whose lanes others have seen meanwhile, from higher up or in their stead."""
+    """Have vehicles brake whose lanes others have seen meanwhile."""
     if state.tree is not None or cells_drift_out(setting):
         return state
     for number in state.our_numbers:
@@ -193,10 +191,7 @@ def end_searched(setting: Setting, state: State) -> State:
 
 
 def drop_seen(setting: Setting, state: State) -> State:
-    """Without what members of a fleet hold who will not fly it, and others have seen meanwhile.
-
-    They tell it for as long as they are heard, and those out of contact are taken to hold it.
-    """
+    """Drop lanes that others have seen from members of a fleet that will not fly them."""
     for number, vehicle in state.vehicles.items():
         gone = vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED)
         if number not in state.our_numbers and gone and vehicle.lanes:
@@ -213,7 +208,7 @@ def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
 
 
 def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lane) -> Lane:
-    """Where a lane is flown, so far beside the middle of its rows as the fence allows."""
+    """Return where a lane is flown, as far beside the middle of its rows as the fence allows."""
     grid = setting.grid
     strip = Strip.of(grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
     beside_m = beside_rows_m(

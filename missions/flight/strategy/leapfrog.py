@@ -2,13 +2,11 @@
 
 The mapper flies a piece of the lanes while the tracker hovers above and sees the marker on its top;
 then the mapper hovers, and the tracker flies on (`missions.planning.leapfrog_geometry`). So both
-know where they are without satellites (`uavmap.aircraft.leapfrog_sight`); here is only who moves
-when.
+know where they are without satellites (`uavmap.aircraft.leapfrog_sight`).
 
-A round leads along all lanes that have a cell of the box which is not decided, the last one back
-over the mapper's pad. Nobody flies alone: they take off when both can, and when one of them comes
-home, or is taken away, the other comes home as well. With fresh batteries both go on with what is
-left.
+A round leads along all lanes that have an undecided cell of the box, the last one back over the
+mapper's pad. Neither flies alone: they take off when both can, and when one comes home or is not
+under our control, the other comes home as well.
 """
 
 from __future__ import annotations
@@ -39,13 +37,13 @@ MAPPER: Final = 1
 """The vehicle in the lowest layer."""
 TRACKER: Final = 2
 NEAR_M: Final = 0.7
-"""Who is so near to the end of its way has flown it: as near as it has arrived."""
+"""Distance to the end of its way within which a vehicle has flown it, m."""
 REST_S: Final = 1.5
-"""Between two moves both are at rest for so long: what moves is not seen well."""
+"""Time at rest between two moves, s: what moves is not seen well."""
 STALLED_S: Final = 60.0
-"""If nobody may move for so long, what is left is given up."""
+"""Time without a move after which what is left is given up, s."""
 BESIDES_S: Final = 4.0
-"""A step takes about so much longer than its flight: what is seen, reported and ordered."""
+"""About what a step takes besides its flight, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +96,7 @@ def take_turns(setting: Setting, state: State) -> State:
 
 
 def _together(setting: Setting, state: State) -> State:
-    """Send home whose partner comes home or was taken away; end it when one takes no more part."""
+    """Send a vehicle home with its partner; end the round when one takes no more part."""
     vehicles = state.vehicles.values()
     if any(v.ended for v in vehicles) and all(v.landed or v.ended for v in vehicles):
         return give_up_rest(setting, state)
@@ -125,7 +123,7 @@ def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
         step = memory.steps[memory.index]
         at = state.vehicles[MAPPER if step.mover is Role.MAPPER else TRACKER].position
         is_there = at.distance_to(GridPoint(*step.end)) <= NEAR_M
-        # a way may lead back to near its beginning: who has not begun it has not flown it
+        # a way may lead back to near its beginning: it has to be begun to count
         if not (is_there and (memory.begun or step.length_m <= NEAR_M)):
             break
         rests_s = state.t_s + (REST_S if memory.begun else 0.0)

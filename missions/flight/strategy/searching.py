@@ -19,7 +19,7 @@ from missions.orders import FlyTo, Look, Order, Sweep
 from missions.units import Cell, GridPoint
 
 EXTRA_FRAMES = 6
-"""A look may take so many times its frames before it gives up on a neighbour."""
+"""Most frames of a look, in those of one ballot."""
 
 
 def visit(
@@ -78,7 +78,7 @@ def _stays_inside(
 
 
 def drifts_out(setting: Setting, state: State, cell: Cell) -> bool:
-    """Whether a drifting cell is, or within `REACTION_S` will be, where the fence allows nobody."""
+    """Return whether a cell is outside of the fence, or will be within `REACTION_S`."""
     if setting.grid.drift_speed_m_s == 0.0:
         return False
     now = setting.where(cell, state.t_s)
@@ -87,7 +87,7 @@ def drifts_out(setting: Setting, state: State, cell: Cell) -> bool:
 
 
 def give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:
-    """Nobody may fly there now: the vehicle waits where it is."""
+    """Have a vehicle wait whose cell is beyond the fence."""
     if state.tree is None:
         return state.holding(replace(vehicle, candidate=None, at_target=False))
     state = mark_unreachable(state, vehicle, cell)
@@ -95,10 +95,7 @@ def give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:
 
 
 def mark_unreachable(state: State, vehicle: VehicleState, cell: Cell) -> State:
-    """Go on in the tree as if the vehicle had been at a vertex where it cannot fly.
-
-    If nobody has looked from there, nobody will: the result is incomplete.
-    """
+    """Go on in the tree as if the vehicle had been at a vertex; the result is incomplete."""
     if state.tree is not None and not state.tree.has_looked(cell):
         tree = state.tree.looked(cell, ())
         state = replace(state, tree=tree, abandoned=state.abandoned | {cell})
@@ -146,11 +143,9 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
 
 
 def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """Take over a suspicion of a vehicle that dropped out, or lanes of the one with most left.
+    """Take over a suspicion of a vehicle that dropped out, or a lane of the one with most left.
 
-    Lanes are taken from the far end; a vehicle that dropped out leaves all of its lanes. A path
-    leads along all lanes of a vehicle. In a search it pays to be at the far end sooner than that;
-    in a survey the lane would be flown twice.
+    Lanes are taken from the far end; a vehicle that dropped out leaves all of its lanes.
     """
     for other in state.vehicles.values():
         gone = other.phase not in (Phase.AIRBORNE, Phase.GROUNDED)

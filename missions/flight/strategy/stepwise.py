@@ -27,14 +27,11 @@ from missions.planning.stepwise.interface import promised_moves, refuse_impossib
 from missions.units import Cell, GridPoint
 
 WAIT_S: Final = 20.0
-"""Where everybody is told to wait, and for so long nothing new is known, nothing will be."""
+"""Time without news after which waiting for any is given up, s."""
 
 
 def explore_moves(explorer: Explorer, setting: Setting, state: State) -> State:
-    """Let the explorer say where robots move that stand at a vertex which is done.
-
-    Raises `StrategyError` for a move that cannot be.
-    """
+    """Ask the explorer where robots move whose vertex is done. Raises `StrategyError`."""
     tree = state.tree
     if tree is None or tree.is_explored(tree.root):
         return state
@@ -63,10 +60,7 @@ def explore_moves(explorer: Explorer, setting: Setting, state: State) -> State:
 def _end_in_vain(
     explorer: Explorer, setting: Setting, state: State, waiting: frozenset[int]
 ) -> State:
-    """Send everybody home whom the strategy leaves waiting, while nobody is there to change it.
-
-    Else they would hover, battery after battery.
-    """
+    """Send all vehicles home that the strategy leaves waiting: they would hover for ever."""
     still = [v for v in state.vehicles.values() if not v.ended]
     alone = all(v.vehicle in waiting and _waits(v) for v in still)
     if not waiting or not alone or state.last_wait is None:
@@ -104,12 +98,12 @@ def _away(vehicle: VehicleState) -> bool:
 
 
 def _present(state: State, away: frozenset[int]) -> dict[int, Cell]:
-    """Where those are who explore and are not away."""
+    """The vertices of robots that are not away."""
     return {n: cell for n, cell in state.robots().items() if n not in away}
 
 
 def _told_to_wait(state: State, away: frozenset[int]) -> frozenset[int]:
-    """Who was told to wait and has nothing new to go by: the tree, and where the others are."""
+    """The vehicles that were told to wait, if neither the tree nor the places have changed."""
     if state.last_wait is None:
         return frozenset()
     tree, places, waiting, _ = state.last_wait

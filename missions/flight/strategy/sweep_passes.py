@@ -1,14 +1,11 @@
-"""Searching and exploring without a stop: paths that are planned anew while they are flown.
+"""Exploring without a stop: paths that are planned anew while they are flown.
 
 A path is an exact function of time, so where a vehicle will be when the next plan begins is known
-without telemetry. The lanes of a search are one path; once the region is found, the planner
-(`missions.planning.sweep.sweep_planner`) is asked again whenever frames were judged since, and
-every plan begins `NOTICE_S` in the future, where the present path will be by then.
+without telemetry. The planner (`missions.planning.sweep.sweep_planner`) is asked again whenever
+frames were judged since, and every plan begins `NOTICE_S` in the future, on the present path.
 
-Whether a path may be flown is decided by `missions.flight.path_orders`. Who has nothing to fly,
-or may not fly what was planned, is planned for again after `RETRY_S`. When nobody's frames have
-added a vote for longer than the paths took, what is left cannot be decided: it is given up, and
-told.
+A vehicle that has nothing to fly, or may not fly what was planned, is planned for again after
+`RETRY_S`. When no frame has added a vote for longer than the paths took, what is left is given up.
 """
 
 from __future__ import annotations
@@ -37,20 +34,22 @@ if TYPE_CHECKING:
     from missions.planning.sweep.tours import Waypoints
 
 REPLAN_S: Final = 0.4
+"""Shortest time between two plans, s."""
 RETRY_S: Final = 2.0
-"""Who waits is planned for again after so long, news or not."""
-VAIN_S: Final = 20.0
-VAIN_SHARE: Final = 1.2
-"""Frames that add no vote for so long, and for so many times the longest path, are in vain."""
+"""Time after which a waiting vehicle is planned for again without news, s."""
+STALLED_S: Final = 20.0
+STALLED_SHARE: Final = 1.2
+"""Time without a vote after which plans are stalled: s, and durations of the longest path."""
 STEP_M: Final = 1.0
-MOST_PRESSING: Final = 3
-"""So often work that a plan leaves undone is given more weight; then it is flown to straight."""
-PRESSING: Final = 4.0
+"""Shortest path that leads anywhere, m."""
+MOST_PRIORITY: Final = 3
+"""How often work that a plan leaves undone gets a higher priority; then it is flown to straight."""
+PRIORITY: Final = 4.0
+"""Factor of the penalty of work left undone for each step of its priority."""
 ALONE_TIMES: Final = 2.0
-"""So much more it costs a member of a fleet to leave what is its own part: while it flies home past
-it nobody else looks there, and then somebody comes from farther away."""
+"""The same for a member's own part: no other vehicle maps it on its way."""
 NEAR_PAD_M: Final = 10.0
-"""Who waits for others is near enough to its pad."""
+"""Distance to its pad within which a vehicle waits for others, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,37 +60,33 @@ class PassMemory:
     frames: int = -1
     """How many frames were judged by then."""
     waiting: frozenset[int] = frozenset()
-    """Who had nothing to fly after it."""
+    """Vehicles that had nothing to fly after it."""
     routes: Mapping[int, Route] = field(default_factory=dict)
     paths: Mapping[int, Trajectory] = field(default_factory=dict)
     decisions: int = 0
     flown_s: float = 0.0
-    """For how long somebody has explored."""
-    pressing: int = 0
+    """For how long vehicles have explored."""
+    priority: int = 0
     votes: int = 0
     """How many votes counted by then."""
-    vain_s: float = 0.0
+    stalled_s: float = 0.0
     """For how long plans were flown since then without one more."""
     longest_s: float = 0.0
     """How long the longest path of that time takes."""
     fetching: Mapping[int, Trajectory] = field(default_factory=dict)
-    """Who was sent straight to what is left: they are not planned for until they are there."""
+    """Vehicles that fly straight to what is left, and are not planned for until they are there."""
     tried: frozenset[Cell] = frozenset()
-    """Where they looked from since a vote was last added."""
+    """Their observation points since a vote was last added."""
     tour: TourMemory = field(default_factory=TourMemory)
 
     @property
-    def in_vain(self) -> bool:
+    def is_stalled(self) -> bool:
         """Whether plans have been flown to their ends, and on, without a vote that counts."""
-        return self.vain_s > VAIN_S + VAIN_SHARE * self.longest_s
+        return self.stalled_s > STALLED_S + STALLED_SHARE * self.longest_s
 
 
-# --- exploration -------------------------------------------------------------------------------
 def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
-    """Plan anew for everybody who explores, if there is news and the last plan is not quite new.
-
-    Where all lanes are flown that is who has none left, for what those of the others do not show.
-    """
+    """Plan anew for all vehicles that explore, if there is news and the last plan is old enough."""
     tree = state.tree
     lanes_left = any(map(strategy.still_searches, state.vehicles.values()))
     memory = _memory(state)
@@ -114,11 +109,11 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
     able = {n: v for n, v in state.vehicles.items() if _able(v)}
     home_s = max(over_home_s(team[n], memory.paths.get(n), begin_s) for n in ours)
     known = chart_of(setting, state, None if tree is None else tree.root, begin_s, able, home_s)
-    memory = replace(memory, frames=frames, pressing=0 if fresh else memory.pressing)
+    memory = replace(memory, frames=frames, priority=0 if fresh else memory.priority)
     memory = _gone_on(memory, state, team)
     if tree is not None and memory.flown_s > patience_s(setting, state):
         return fall_back(state)
-    if memory.in_vain and not lanes_left:
+    if memory.is_stalled and not lanes_left:
         return give_up_rest(setting, replace(state, memory=memory))
     if memory.tried and waiting == ours:
         return _fetch(setting, state, memory, known, waiting)
@@ -141,8 +136,8 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
-        if value_of(setting, known)[3] > 0:  # others see to it: nothing is in vain yet
-            state = replace(state, memory=replace(memory, waiting=waiting, vain_s=0.0))
+        if value_of(setting, known)[3] > 0:  # others see to it: nothing stalls yet
+            state = replace(state, memory=replace(memory, waiting=waiting, stalled_s=0.0))
             return _homeward(setting, state, waiting)
     if plan.work == 0:
         state = replace(state, memory=replace(memory, waiting=waiting))
@@ -154,15 +149,15 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
     )
     if idle != ours or blocked or others_can:
         return replace(state, memory=replace(memory, waiting=idle))
-    if all(map(_nowhere, plan.paths)) and memory.pressing < MOST_PRESSING:
+    if all(map(_nowhere, plan.paths)) and memory.priority < MOST_PRIORITY:
         # once more, with more weight
-        memory = replace(memory, pressing=memory.pressing + 1, waiting=frozenset())
+        memory = replace(memory, priority=memory.priority + 1, waiting=frozenset())
         return replace(state, memory=memory)
     return _fetch(setting, state, memory, known, idle)
 
 
 def _homeward(setting: Setting, state: State, waiting: frozenset[int]) -> State:
-    """Have those who wait while others map fly towards their pads, planned for on the way."""
+    """Have vehicles that wait while others map fly towards their pads."""
     for number in sorted(waiting):
         vehicle = state.vehicles[number]
         route = setting.fence.route(vehicle.position, over_pad(setting, vehicle))
@@ -174,7 +169,7 @@ def _homeward(setting: Setting, state: State, waiting: frozenset[int]) -> State:
 def _fetch(
     setting: Setting, state: State, memory: PassMemory, known: Known, idle: frozenset[int]
 ) -> State:
-    """Have the nearest of those who wait fly to what is left; give it up if nobody can."""
+    """Have the nearest waiting vehicle fly to what is left; give it up if none can."""
     waiting = {n: state.vehicles[n] for n in idle}
     found = fetch(setting, state, waiting, known, memory.tried)
     if found is None:
@@ -211,12 +206,15 @@ def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState])
     """The memory at a new plan: whether the last ones have added a vote."""
     votes = sum(total for _, total in state.belief.open_tallies.values())
     since_s = min(state.t_s - memory.planned_s, RETRY_S)
-    memory, vain_s = replace(memory, flown_s=memory.flown_s + since_s), memory.vain_s + since_s
+    memory, stalled_s = (
+        replace(memory, flown_s=memory.flown_s + since_s),
+        memory.stalled_s + since_s,
+    )
     if votes != memory.votes:
         ends = (v.path.end_s for v in team.values() if v.path is not None)
         left_s = max((end_s - state.t_s for end_s in ends), default=0.0)
-        memory, vain_s = replace(memory, votes=votes, longest_s=left_s, tried=frozenset()), 0.0
-    return replace(memory, planned_s=state.t_s, vain_s=vain_s, decisions=memory.decisions + 1)
+        memory, stalled_s = replace(memory, votes=votes, longest_s=left_s, tried=frozenset()), 0.0
+    return replace(memory, planned_s=state.t_s, stalled_s=stalled_s, decisions=memory.decisions + 1)
 
 
 def _takes_part(
@@ -255,7 +253,7 @@ def _plan(
     from missions.planning.sweep.paths import Tuning  # noqa: PLC0415, as above
 
     votes = setting.mission.votes
-    penalty_s = Tuning().penalty_s * times * PRESSING**memory.pressing
+    penalty_s = Tuning().penalty_s * times * PRIORITY**memory.priority
     return plan_once(
         setting.plans, Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames,
         votes.positive, begin_s, memory.decisions, tours,
@@ -269,7 +267,7 @@ def _fly(
     plan: Plan,
     memory: PassMemory,
 ) -> tuple[State, PassMemory, bool]:
-    """Give the paths that are new and may be flown; and whether somebody waits for free air."""
+    """Give the paths that are new and may be flown; and whether a vehicle waits for clear air."""
     grid = setting.grid
     drift = (grid.drift_east_m_s, grid.drift_north_m_s)
     routes, paths = dict(memory.routes), dict(memory.paths)
@@ -277,7 +275,7 @@ def _fly(
     for number, path, route in zip(team, plan.paths, plan.routes, strict=True):
         vehicle = state.vehicles[number]
         if path is None or (vehicle.idle and _nowhere(path)) or number not in state.our_numbers:
-            continue  # what others of a fleet fly they have told; theirs is planned for ours' sake
+            continue  # others report what they fly; theirs is planned for the sake of ours
         flown = replace(path, drift_m_s=drift)
         before = vehicle.order
         state = give_path(setting, state, vehicle, flown, partly=True)
@@ -286,11 +284,11 @@ def _fly(
             routes[number], paths[number] = route, flown
             longest_s = max(longest_s, flown.end_s - state.t_s)
         elif vehicle.idle and allowed(setting.fence, flown):
-            blocked = True  # its air is reserved, which passes: nothing is in vain yet
+            blocked = True  # its air is reserved, which passes: nothing stalls yet
         elif vehicle.idle:
             state = setting.team.way_out(setting, state, vehicle)
-    vain_s = 0.0 if blocked else memory.vain_s
-    memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, vain_s=vain_s)
+    stalled_s = 0.0 if blocked else memory.stalled_s
+    memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, stalled_s=stalled_s)
     return state, memory, blocked
 
 
@@ -299,9 +297,8 @@ def _nowhere(path: Trajectory | None) -> bool:
     return path is None or path.length_m < STEP_M
 
 
-# --- what grows, what is given up --------------------------------------------------------------
 def give_up_rest(setting: Setting, state: State) -> State:
-    """Nobody can decide what is left: what is known of it counts, and it is told."""
+    """Give up what cannot be decided: what is known of it counts."""
     tree = state.tree
     if tree is None:
         open_ = setting.strategy.open_cells(setting, state)

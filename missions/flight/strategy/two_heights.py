@@ -1,13 +1,12 @@
 """Searching high and mapping low: which vehicle changes its layer, where and when.
 
-With `search.altitude_m` lanes are flown in layers of their own above all those from which the map
-is made, so wide that few of them see the box. What such a frame shows of plain ground counts
-(`missions.mapping.overview`); all else is looked at from below.
+With `search.altitude_m` lanes are flown in layers of their own above those from which the map is
+made. What such a frame shows of plain ground counts (`missions.mapping.overview`); all else is
+observed from below.
 
-A vehicle changes its layer where it is, or a few metres beside, in air that is clear. If
-the mission says how fast the autopilot climbs and descends, it does so on its way: at take-off it
-climbs only as far as the way to its first lane leaves to be climbed, and who has no lanes left
-flies to what has to be mapped while it comes down.
+A vehicle changes its layer where it is, or a few metres beside. If the mission says how fast the
+autopilot climbs and descends, it does so on its way: at take-off it leaves a part of the climb for
+the way to its first lane, and with no lanes left it descends on its way to what is to be mapped.
 """
 
 from __future__ import annotations
@@ -24,11 +23,11 @@ from missions.planning.search.lanes import Lane, point_on
 from missions.units import Cell
 
 MOST_OFF: Final = 0.4
-"""Of a lane at most this part is left out at either end, because it is seen from before it."""
+"""Largest part of a lane that is left out at either end, because it is seen from before it."""
 ROUND: Final = 0.05
-"""Corners between lanes of a search from on high are cut by this share of a lane's width."""
+"""Cut of corners between lanes of a search from on high, share of a lane's width."""
 ON_THE_WAY: Final = 0.8
-"""So much of what a vehicle can climb on its way to its first lane is left for it at take-off."""
+"""Share of what a vehicle can climb on its way to its first lane that is left at take-off."""
 
 
 class OneHeight:
@@ -43,7 +42,7 @@ class OneHeight:
         return setting.mission.altitude_m(vehicle.vehicle - 1)
 
     def in_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
-        """Whether a vehicle is where it works, or will be by the time it has to."""
+        """Return whether a vehicle is where it works, or will be in time."""
         return True
 
     def take_off_height_m(self, setting: Setting, state: State, vehicle: VehicleState) -> float:
@@ -107,11 +106,7 @@ class TwoHeights(OneHeight):
         return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
 
     def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
-        """What lanes have found is mapped at once.
-
-        To look for it takes milliseconds over a large region: once a report of the vehicle is soon
-        enough.
-        """
+        """What lanes have found is mapped at once: it is looked for at each report."""
         return vehicle.tracked_s == state.t_s
 
     def cuts_m(self, setting: Setting) -> tuple[float, ...]:
@@ -119,8 +114,7 @@ class TwoHeights(OneHeight):
         return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
 
     def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
-        """The last column is in the picture for a verdict at full speed, and one frame more; the
-        turn that follows adds the others."""
+        """The last column is in the picture for a verdict at full speed, and one frame more."""
         mission, height_m = setting.mission, vehicle.cruise_height_m
         halves_m = setting.seen_whole_m(height_m)
         ahead_m = halves_m[0] if setting.east_ahead else halves_m[1]
@@ -137,10 +131,9 @@ def heights_for(mission: Mission) -> OneHeight:
 
 
 def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
-    """How far a vehicle climbs on its way to its first lane, while it flies as fast as it may.
+    """Return how far a vehicle climbs on its way to its first lane at full speed.
 
-    0 where the mission does not say how fast the autopilot climbs (`flight.climb_m_s`), and for a
-    member of a fleet, which has promised the others to keep to its layer.
+    0 without `flight.climb_m_s`, and for a member of a fleet, which has to keep to its layer.
     """
     climb_m_s = setting.mission.flight.climb_m_s
     if climb_m_s is None or not vehicle.lanes or not setting.team.climbs_on_path:

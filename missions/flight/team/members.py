@@ -1,14 +1,12 @@
-"""What members of a fleet tell each other: a reducer for each, that commands one vehicle.
+"""What members of a fleet report to each other: each has a reducer that commands one vehicle.
 
-Each member runs the same rules on what it knows: its own events, and what it has heard. Another's
-vehicle stands in the state as its member tells it (`Heard`). Who maps what is laid out by one of
-those who hear each other (`missions.flight.team.work_shares`), and nobody is obeyed in anything
-else. A member out of contact (`Apart`) goes on with its own share, leaves to others what they were
-to do for as long as that should take them, and then does what they have left. What others have
-decided (`Shared`) counts as votes for what is done next; the map of the results is made of all
-facts (`missions.mapping.joined_map`).
-
-That nobody meets anybody does not hang on any of this: `missions.geo.columns`.
+Each member runs the same rules on its own events and on what it has received. Another's vehicle
+stands in the state as its member reports it (`Heard`). Parts of the map are laid out by one of the
+members that hear each other (`missions.flight.team.work_shares`). A member out of contact (`Apart`)
+goes on with its own share, leaves others theirs for as long as that should take, and then does what
+they have left. What others have decided (`Shared`) counts as votes; the map of the results is made
+of all facts (`missions.mapping.joined_map`). Separation does not depend on any of this:
+`missions.geo.columns`.
 """
 
 from __future__ import annotations
@@ -42,7 +40,7 @@ _PHASES: Final = {
 }
 ON_GROUND: Final = ("stands", "ended", "down")
 FLY_LANES: Final = ("stands", "flies", "returns")
-"""What they do who will fly the lanes that they hold; of others they may be taken."""
+"""What members do that will fly the lanes they hold; lanes of others may be taken."""
 
 
 def heard(setting: Setting, state: State, event: Heard) -> State:
@@ -72,8 +70,7 @@ def heard(setting: Setting, state: State, event: Heard) -> State:
 
 
 def apart(setting: Setting, state: State, event: Apart) -> State:
-    """The state without word of another member: what it holds may be taken when it should be done,
-    and ours is."""
+    """Return the state with a member out of contact, whose work is left to it for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
@@ -140,11 +137,9 @@ def _path(setting: Setting, event: Heard) -> FlyPath | None:
 def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
     """Give another the lanes that it holds, and leave it those of ours that it comes to sooner.
 
-    Of two who hold the same lane the one keeps it in whose order it stands earlier, at a tie the
-    one that flies, and then the one with the lower number; nobody leaves the lane that it is on.
-    They may see it differently for a moment: then both fly it, or neither has it, and whoever is
-    done first takes it up. Who cannot fly its lanes any more leaves them to whoever has taken them
-    up.
+    Of two that hold the same lane the one keeps it in whose order it stands earlier, at a tie the
+    one that flies, then the one with the lower number; the lane that a vehicle is on stays its own.
+    If they see it differently for a moment, both fly it, or the one that is done first takes it up.
     """
     if event.does not in FLY_LANES:
         taken = {lane_number(setting, lane) for ours in state.ours for lane in ours.lanes}
@@ -191,8 +186,8 @@ def with_map(state: State, facts: Facts) -> State:
 def concluded(setting: Setting, state: State) -> State:
     """Return the state at the end, with what its map says of how far the mission has come.
 
-    It differs for a service that flies nothing, and for a member whose vehicle came home before all
-    was done: others may have done the rest. Lanes are what is left of them, whoever held them.
+    It differs for a service that flies nothing, and for a member whose vehicle came home early:
+    others may have done the rest.
     """
     strategy = setting.strategy
     early = state.over and strategy.flies_all_lanes and not state.exploration_finished
