@@ -54,7 +54,7 @@ def flown_flight(
     `simulated` is what the simulator watched. The map has cells at the rim that no vote elected.
     """
     state, found = figures(setting, events)
-    if setting.member is None:  # members of a fleet share votes, and all have the same map
+    if not setting.team.shares_facts:  # facts are votes, without the shares of cells
         rim = rim_cells(events, state.belief, rim_share(setting.mission))
         state = replace(state, belief=state.belief.with_region(rim))
     truth = None

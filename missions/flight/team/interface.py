@@ -40,6 +40,8 @@ class Team(ABC):
     """The one vehicle that is commanded, 0 for none of a fleet; None: all are."""
     knows_orders: bool = True
     """Whether it knows what vehicles are ordered."""
+    shares_facts: bool = False
+    """Whether other services receive what its frames decide, and make the same map of it."""
     climbs_on_path: bool = True
     """Whether a vehicle may change its layer while it flies to somewhere else."""
 

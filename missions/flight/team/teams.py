@@ -61,6 +61,7 @@ class Member(Team):
     """A service that commands one vehicle of a fleet."""
 
     number: int = field()
+    shares_facts = True
     climbs_on_path = False  # others are asked for a column, not for a way
 
     def controls(self, number: int) -> bool:

@@ -71,7 +71,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     counter, shares = Counter(state.vehicles), Shares()
     sums, fit = FrameSums(), DetectorFit()
     # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
-    in_fleet = setting.member is not None and not setting.strategy.stops
+    in_fleet = setting.team.shares_facts and not setting.strategy.stops
     facts = facts_of(setting) if in_fleet else None
     for event in events:
         counter.before(event, state)
@@ -284,7 +284,7 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "navigation": {str(number): dict(one) for number, one in found.navigation.items()},
         "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},
     }
-    if setting.member == 0:  # merged: no journal has the orders of all
+    if not setting.team.knows_orders:  # merged: no journal has the orders of all
         values |= dict.fromkeys(
             ("exploration_s", "lower_bound_s", "ratio", "bound_makespan_s", "bound_held")
         )

@@ -72,7 +72,7 @@ class Team:
             tilt_m_s2 * (setting.energy.accel_m_s2 + DRAG_1_S * (speed_m_s + wind_m_s)),
             speed_m_s,
             setting.strategy.in_force(state).stops,
-            0.0 if setting.member is None else FACT_S,
+            FACT_S if setting.team.shares_facts else 0.0,
         )
 
     def least_s(self, ground_m2: float) -> float:
