@@ -11,7 +11,6 @@ from missions.flight.setting import Setting
 from missions.flight.state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.planning.search.lanes import Lane, along_m, offset_m, unseen
-from missions.planning.search.strip import Strip
 from missions.units import Cell, GridPoint
 
 BESIDE_CELLS = 1.5
@@ -40,7 +39,7 @@ def lane_seen(
     lane, place = vehicle.lanes[0], setting.where(vantage, t_s)
     if offset_m(lane, place) > BESIDE_CELLS * setting.grid.cell_m:
         return vehicle
-    strip = Strip.of(setting.grid, lane, setting.lane_rows, t_s)
+    strip = setting.strip(lane, t_s)
     column = vantage.east if strip.eastward else vantage.north
     if not all(judged(strip.cell(column, row)) for row in strip.rows):
         return vehicle
@@ -62,7 +61,7 @@ def lane_passed(
     """
     if not vehicle.on_lane or not shown:
         return vehicle
-    grid, rows, cell_m = setting.grid, setting.lane_rows, setting.grid.cell_m
+    grid, cell_m = setting.grid, setting.grid.cell_m
     east = sum(cell.east for cell in shown) / len(shown)
     north = sum(cell.north for cell in shown) / len(shown)
     lanes_s = setting.lane_time_s(t_s)
@@ -73,7 +72,7 @@ def lane_passed(
         known_m = () if k else vehicle.lane_seen_m
         new_m = [
             along
-            for along in Strip.of(grid, lane, rows, lanes_s).judged_m(judged, shown)
+            for along in setting.strip(lane, t_s).judged_m(judged, shown)
             if not any(abs(along - other) < KNOWN_CELLS * cell_m for other in known_m)
         ]
         if not new_m or (k and not _is_behind(setting, vehicle, t_s)):

@@ -21,6 +21,7 @@ from missions.mission.views import path_speed_m_s, seen_whole_m
 from missions.planning.search.lanes import LANE_CELLS, Lane
 from missions.planning.search.prior import LikelyLane
 from missions.planning.search.search_order import expected_s, plain_blocks
+from missions.planning.search.strip import Strip
 from missions.planning.stepwise.interface import Metric
 from missions.planning.sweep.plan_memo import PlanMemo
 from missions.units import Cell, GridPoint
@@ -138,6 +139,10 @@ class Setting:
     def over_ground(self, place: GridPoint, t_s: float) -> GridPoint:
         """Return a place in the frame of the lanes over ground: the inverse of `to_lanes`."""
         return self.grid.to_fixed(place, t_s - self.lane_time_s(t_s))
+
+    def strip(self, lane: Lane, t_s: float) -> Strip:
+        """Return the cells that a lane decides, as they lie at a time."""
+        return Strip.of(self.grid, lane, self.lane_rows, self.lane_time_s(t_s))
 
     @cached_property
     def box_cells(self) -> tuple[Cell, ...]:

@@ -37,7 +37,7 @@ def flyer_of(
     route: Route | None,
     begin_s: float,
 ) -> Flyer:
-    """A vehicle as the planner sees it: everything in the frame of the region.
+    """Return a vehicle as the planner has it, in the frame of the region.
 
     `planned` is the path that was planned for it last, and `route` what that was made of.
     """
@@ -59,6 +59,10 @@ def flyer_of(
             moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
         )
         flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
+    above_m, descent_m_s = setting.mission.overview_above_m, setting.mission.flight.descent_m_s
+    blind_s = 0.0  # while it comes down from the search it still takes pictures of the search
+    if above_m is not None and descent_m_s is not None:
+        blind_s = max(vehicle.height_m - above_m, 0.0) / descent_m_s
     end = grid.to_moving(gate_of(setting, vehicle), over_home_s(vehicle, planned, begin_s))
     return Flyer(
         flown,
@@ -66,15 +70,12 @@ def flyer_of(
         end,
         path,
         route if mine else None,
-        _blind_s(setting, vehicle),
+        blind_s,
     )
 
 
 def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: float) -> float:
-    """When a vehicle will be over its pad, by the path that was planned for it last.
-
-    The path of a search may end minutes later than the plan that replaces it.
-    """
+    """Return when a vehicle will be over its pad, by the path that was planned for it last."""
     path = vehicle.path
     if path is None or planned is None or not _is_planned(path, planned, begin_s):
         return begin_s
@@ -82,26 +83,14 @@ def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: floa
 
 
 def _is_planned(path: Trajectory, planned: Trajectory | None, t_s: float) -> bool:
-    """Whether what is flown is what was planned, from a time on, or at that time still the same:
-    one that the fence does not allow as a whole ends sooner."""
+    """Whether a path is what was planned, or still the same at a time: the fence may cut it."""
     if planned is None or planned is path:
         return planned is path
     return path.begin_s == planned.begin_s and path.at(t_s) == planned.at(t_s)
 
 
-def _blind_s(setting: Setting, vehicle: VehicleState) -> float:
-    """How long a vehicle that comes down from the search takes pictures of the search still."""
-    above_m, descent_m_s = setting.mission.overview_above_m, setting.mission.flight.descent_m_s
-    if above_m is None or descent_m_s is None:
-        return 0.0
-    return max(vehicle.height_m - above_m, 0.0) / descent_m_s
-
-
 def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> Trajectory:
-    """A path of the fixed frame as it lies in that of the region at a time.
-
-    Its velocity stays that over ground: what a drift adds is little beside it.
-    """
+    """Return a path of the fixed frame in that of the region, its velocity unchanged."""
     if path.drift_m_s == drift_m_s or drift_m_s == (0.0, 0.0):
         return path
     east_m, north_m = drift_m_s[0] * at_s, drift_m_s[1] * at_s
@@ -115,14 +104,14 @@ def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> T
 
 
 def over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
-    """Where a path ends: over the pad, or beside it where the fence allows."""
+    """Return where a path ends: over the pad, or beside it where the fence allows."""
     fence, pad = setting.fence, vehicle.pad
     return pad if fence.allows(pad) else fence.nearest(pad)
 
 
 def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
-    """Where a path ends among pads of others: before its own, where no way to the box leads past
-    the columns over theirs. From there to the pad it is flown straight."""
+    """Return where a path ends among pads of others: before its own, if no way leads past the
+    columns over theirs. From there to the pad a vehicle flies straight."""
     pad = over_pad(setting, vehicle)
     if setting.whole_fence is None:
         return pad
@@ -130,10 +119,7 @@ def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
 
 
 def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
-    """Of one vehicle in its layer, along the grid's axes.
-
-    The nose is held at `setting.yaw_rad`, so the picture's sides lie along the axes.
-    """
+    """Return what a vehicle can fly and see in its layer, along the grid's axes."""
     from missions.planning.sweep.paths import Kinematics  # noqa: PLC0415 - numba takes a second to load
 
     mission, grid = setting.mission, setting.grid
@@ -165,10 +151,10 @@ def chart_of(
     team: Mapping[int, VehicleState],
     home_s: float | None = None,
 ) -> Known:
-    """What is known, around the region, as it lies at a time; without a `root` all of the box.
+    """Return what is known around the region, as it lies at a time; without a `root` of the box.
 
-    `home_s` is when our own vehicle of a fleet will be over its pad, between those of others. What
-    lies on a lane that is still to be flown is nobody's.
+    `home_s` is when our vehicle of a fleet will be over its pad. Lanes that are still to be flown
+    are closed.
     """
     belief, cell_m = state.belief, setting.mission.grid.cell_m
     tallies = belief.open_tallies.as_dict()
@@ -188,9 +174,8 @@ def chart_of(
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
     wanted[chart.indices(list(setting.strategy.asked_for(setting, state)))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
-    time_s = setting.lane_time_s(state.t_s)
     for lane in sorted(lanes):
-        _close(chart, Strip.of(setting.grid, lane, setting.lane_rows, time_s))
+        _close(chart, setting.strip(lane, state.t_s))
     return Known(chart, -1, wanted, patches=setting.strategy.patches)
 
 
@@ -206,10 +191,7 @@ def _close(chart: Chart, strip: Strip) -> None:
 
 
 def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) -> list[Cell]:
-    """Where vehicles are, and where they will end: what lies outside of a chart is closed.
-
-    A region that drifts leaves their pads behind.
-    """
+    """Where vehicles are and will end, in the frame of the region: outside of a chart is closed."""
     grid, cell_m = setting.grid, setting.mission.grid.cell_m
     cells = []
     for vehicle in team.values():
@@ -232,10 +214,10 @@ def _fence(
     home_s: float,
     team: Mapping[int, VehicleState],
 ) -> None:
-    """Close what lies outside: half a cell inside the margin a vehicle may be.
+    """Close what lies outside of the fence, half a cell inside its margin.
 
-    The chart drifts with the region, and the fence does not. It is taken as it lies now; the
-    columns over the pads of others as they will lie when ours comes home, for there it meets them.
+    The chart drifts with the region. The fence is taken as it lies now, the columns over the pads
+    of others as they lie when ours comes home.
     """
     cell_m = chart.cell_m
     whole = setting.fence if setting.whole_fence is None else setting.whole_fence

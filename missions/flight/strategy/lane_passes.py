@@ -20,7 +20,6 @@ from missions.geo.trajectory import Trajectory
 from missions.mission.views import beside_rows_m
 from missions.orders import FlyPath
 from missions.planning.search.lanes import Lane, unseen
-from missions.planning.search.strip import Strip
 from missions.units import GridPoint
 
 WORTH_S: Final = 8.0
@@ -131,9 +130,8 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
         return lanes
     least_m = setting.strategy.least_lane_m(setting)
     found: list[Lane] = []
-    lanes_s = setting.lane_time_s(state.t_s)
     for lane in lanes:
-        seen_m = Strip.of(grid, lane, setting.lane_rows, lanes_s).judged_m(judged)
+        seen_m = setting.strip(lane, state.t_s).judged_m(judged)
         parts = unseen(lane, seen_m, grid.cell_m) if seen_m else (lane,)
         found.extend(
             part
@@ -178,6 +176,7 @@ def end_searched(setting: Setting, state: State) -> State:
     """Have vehicles brake whose lanes others have seen meanwhile."""
     if state.tree is not None or cells_drift_out(setting):
         return state
+    done = setting.strategy.lane_done(setting, state)
     for number in state.our_numbers:
         vehicle = state.vehicles[number]
         order = vehicle.order
@@ -185,7 +184,8 @@ def end_searched(setting: Setting, state: State) -> State:
             continue
         if order.trajectory.end_s <= state.t_s + WORTH_S or not vehicle.on_lane:
             continue
-        if not any(_is_open(setting, state, lane) for lane in reversed(vehicle.lanes)):
+        strips = (setting.strip(lane, state.t_s) for lane in reversed(vehicle.lanes))
+        if all(strip.is_known(done) for strip in strips):
             state = brake(setting, state, vehicle, order)
     return state
 
@@ -201,16 +201,10 @@ def drop_seen(setting: Setting, state: State) -> State:
     return state
 
 
-def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
-    """Whether a lane has a cell at which its work is not done."""
-    strip = Strip.of(setting.grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
-    return not strip.is_known(setting.strategy.lane_done(setting, state))
-
-
 def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lane) -> Lane:
     """Return where a lane is flown, as far beside the middle of its rows as the fence allows."""
     grid = setting.grid
-    strip = Strip.of(grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
+    strip = setting.strip(lane, state.t_s)
     beside_m = beside_rows_m(
         setting.mission, grid, vehicle.cruise_height_m, east_ahead=setting.east_ahead
     )

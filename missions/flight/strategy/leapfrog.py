@@ -29,7 +29,6 @@ from missions.geo.trajectory import ACCELERATION_M_S2
 from missions.mission.fleet_checks import tracker_view
 from missions.planning.leapfrog_geometry import LEAST_M, Role, Step, steps_along
 from missions.planning.search.lanes import Lane, unseen
-from missions.planning.search.strip import Strip
 from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import Cell, GridPoint
 
@@ -179,7 +178,7 @@ def lanes_left(setting: Setting, state: State) -> tuple[Lane, ...]:
 
     found: list[Lane] = []
     for lane in setting.lanes:
-        seen_m = Strip.of(grid, lane, setting.lane_rows, state.t_s).judged_m(done)
+        seen_m = setting.strip(lane, state.t_s).judged_m(done)
         found.extend(unseen(lane, seen_m, grid.cell_m) if seen_m else (lane,))
     return tuple(found)
 

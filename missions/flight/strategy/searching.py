@@ -35,7 +35,9 @@ def visit(
             return _fly_to_cell(setting, state, replace(vehicle, at_target=False), cell, stop=stop)
         if stop and not _stays_inside(setting, state, vehicle, (vehicle.position,), cell):
             return give_up(state, vehicle, cell)
-    if not stop or _someone_looks(state, vehicle, cell):
+    others = (v for n, v in state.vehicles.items() if n != vehicle.vehicle)
+    looks = (v.order for v in others if v.phase is Phase.AIRBORNE and isinstance(v.order, Look))
+    if not stop or any(look.cell == cell for look in looks):
         return state.holding(vehicle)
     frames = EXTRA_FRAMES * setting.mission.votes.frames
     return Airspace(setting, state).reserve_or_wait(
@@ -100,14 +102,6 @@ def mark_unreachable(state: State, vehicle: VehicleState, cell: Cell) -> State:
         tree = state.tree.looked(cell, ())
         state = replace(state, tree=tree, abandoned=state.abandoned | {cell})
     return state.with_vehicle(replace(vehicle, at_target=True, fruitless_sorties=0))
-
-
-def _someone_looks(state: State, vehicle: VehicleState, cell: Cell) -> bool:
-    return any(
-        isinstance(other.order, Look) and other.order.cell == cell
-        for other in state.vehicles.values()
-        if other.vehicle != vehicle.vehicle and other.phase is Phase.AIRBORNE
-    )
 
 
 def search(setting: Setting, state: State, vehicle: VehicleState) -> State:

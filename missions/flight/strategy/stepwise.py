@@ -6,7 +6,6 @@ The search flies lanes with stops for what looks like the region. Each explorer 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -41,18 +40,19 @@ def explore_moves(explorer: Explorer, setting: Setting, state: State) -> State:
     asked = tuple(n for n in sorted(at) if n not in waiting and _decides(state.vehicles[n], tree))
     if not asked:
         return _end_in_vain(explorer, setting, state, waiting)
-    metric = replace(setting.metric, passable=_passable(setting, state))
+
+    def passable(*cells: Cell) -> bool:
+        return setting.fence.allows_leg(*(setting.where(cell, state.t_s) for cell in cells))
+
+    metric = replace(setting.metric, passable=passable)
     situation = Situation(tree, at, asked, state.memory, metric, away)
     decision = explorer.decide(situation)
     refuse_impossible(explorer.name, situation, decision)
     state = replace(state, memory=decision.memory)
     for number in asked:
-        cell = decision.moves.get(number)
-        if cell is not None:
-            vehicle = replace(
-                state.vehicles[number], vertex=cell, at_target=False, fruitless_sorties=0
-            )
-            state = state.with_vehicle(vehicle)
+        if (cell := decision.moves.get(number)) is not None:
+            moves = replace(state.vehicles[number], vertex=cell, fruitless_sorties=0)
+            state = state.with_vehicle(replace(moves, at_target=False))
     stay = frozenset(n for n in asked if decision.moves.get(n) is None)
     return replace(state, last_wait=(tree, _present(state, away), waiting | stay, state.t_s))
 
@@ -62,20 +62,14 @@ def _end_in_vain(
 ) -> State:
     """Send all vehicles home that the strategy leaves waiting: they would hover for ever."""
     still = [v for v in state.vehicles.values() if not v.ended]
-    alone = all(v.vehicle in waiting and _waits(v) for v in still)
-    if not waiting or not alone or state.last_wait is None:
+    if not waiting or state.last_wait is None or state.t_s - state.last_wait[3] < WAIT_S:
         return state
-    if state.t_s - state.last_wait[3] < WAIT_S:
+    if not all(v.vehicle in waiting and v.at_target and v.idle and not _away(v) for v in still):
         return state
     for vehicle in still:
         note = f"the strategy {explorer.name} leaves it waiting, and cells are unexplored"
         state = send_home(setting, state, replace(vehicle, note=note), ReturnReason.FAULT)
     return state
-
-
-def _waits(vehicle: VehicleState) -> bool:
-    """Whether a vehicle hovers at its vertex, with nothing else to do."""
-    return vehicle.at_target and vehicle.idle and not _away(vehicle)
 
 
 def _decides(vehicle: VehicleState, tree: Tree) -> bool:
@@ -109,17 +103,6 @@ def _told_to_wait(state: State, away: frozenset[int]) -> frozenset[int]:
     tree, places, waiting, _ = state.last_wait
     same = tree is state.tree and places == _present(state, away)
     return waiting if same else frozenset()
-
-
-def _passable(setting: Setting, state: State) -> Callable[[Cell, Cell], bool]:
-    """Whether the fence allows the straight way between two cells, where they are now."""
-
-    def allowed(start: Cell, end: Cell) -> bool:
-        return setting.fence.allows_leg(
-            setting.where(start, state.t_s), setting.where(end, state.t_s)
-        )
-
-    return allowed
 
 
 def explore(setting: Setting, state: State, vehicle: VehicleState) -> State:
