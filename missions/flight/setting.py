@@ -17,7 +17,7 @@ from missions.mission.energy import CLIMB_OVERHEAD_S, EnergyModel
 from missions.mission.flyable import look_s
 from missions.mission.places import home_heights_m, homes
 from missions.mission.schema import Mission, positions
-from missions.mission.views import path_speed_m_s, seen_whole_m
+from missions.mission.views import path_speed_m_s, seen_whole_m, wind_toward
 from missions.planning.search.lanes import LANE_CELLS, Lane
 from missions.planning.search.prior import LikelyLane
 from missions.planning.search.search_order import expected_s, plain_blocks
@@ -72,6 +72,11 @@ class Setting:
     def seen_whole_m(self) -> Callable[[float], tuple[float, float]]:
         """How far east and north of the middle of a picture cells are whole, by height, m."""
         return cache(partial(seen_whole_m, self.mission, east_ahead=self.east_ahead))
+
+    @cached_property
+    def wind_m_s(self) -> tuple[float, float]:
+        """The wind of the mission file, to where it blows along grid east and north, m/s."""
+        return wind_toward(self.mission, self.grid)
 
     @property
     def member(self) -> int | None:

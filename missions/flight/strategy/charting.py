@@ -17,7 +17,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
 from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
-from missions.mission.views import DRAG_1_S, G_M_S2, wind_toward
+from missions.mission.views import DRAG_1_S, G_M_S2
 from missions.planning.search.strip import Strip
 from missions.planning.sweep.chart import Chart, Flags, Known
 from missions.units import Cell, GridPoint
@@ -126,7 +126,7 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
     height_m = vehicle.cruise_height_m
     half_east_m, half_north_m = setting.seen_whole_m(height_m)
     fixed = mission.camera.mounting == "fixed"
-    wind_east, wind_north = wind_toward(mission, grid)
+    wind_east, wind_north = setting.wind_m_s
     return Kinematics(
         speed_m_s=setting.path_speed_m_s(height_m, vehicle.wind_m_s),
         accel_m_s2=setting.energy.accel_m_s2,

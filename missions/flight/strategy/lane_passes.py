@@ -176,7 +176,6 @@ def end_searched(setting: Setting, state: State) -> State:
     """Have vehicles brake whose lanes others have seen meanwhile."""
     if state.tree is not None or cells_drift_out(setting):
         return state
-    done = setting.strategy.lane_done(setting, state)
     for number in state.our_numbers:
         vehicle = state.vehicles[number]
         order = vehicle.order
@@ -184,6 +183,7 @@ def end_searched(setting: Setting, state: State) -> State:
             continue
         if order.trajectory.end_s <= state.t_s + WORTH_S or not vehicle.on_lane:
             continue
+        done = setting.strategy.lane_done(setting, state)
         strips = (setting.strip(lane, state.t_s) for lane in reversed(vehicle.lanes))
         if all(strip.is_known(done) for strip in strips):
             state = brake(setting, state, vehicle, order)

@@ -220,24 +220,20 @@ def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState])
 def _takes_part(
     strategy: Strategy, setting: Setting, state: State, vehicle: VehicleState, memory: PassMemory
 ) -> bool:
-    if vehicle.path is not None:
-        apart = memory.fetching.get(vehicle.vehicle) is vehicle.path
+    path, ours = vehicle.path, vehicle.vehicle in state.our_numbers
+    idle = path is None and vehicle.idle
+    if not vehicle.works or vehicle.braking_until_s is not None or not (idle or path is not None):
+        return False
+    if path is not None:
+        apart = memory.fetching.get(vehicle.vehicle) is path
     else:
         # ours comes inside first; over the pad of another only that one may be
-        whole = setting.whole_fence if vehicle.vehicle not in state.our_numbers else None
+        whole = None if ours else setting.whole_fence
         apart = is_outside(whole or setting.fence, vehicle.position)
-    if (
-        vehicle.vehicle in state.our_numbers
-        and vehicle.idle
-        and strategy.gathers(setting, state, vehicle)
-    ):
+    if apart or strategy.still_searches(vehicle):
         return False
-    return not (apart or strategy.still_searches(vehicle)) and (
-        vehicle.works
-        and setting.heights.in_layer(setting, state, vehicle)
-        and vehicle.braking_until_s is None
-        and (vehicle.idle or vehicle.path is not None)
-    )
+    waits = ours and idle and strategy.gathers(setting, state, vehicle)
+    return not waits and setting.heights.in_layer(setting, state, vehicle)
 
 
 def _plan(
