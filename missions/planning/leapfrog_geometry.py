@@ -159,11 +159,12 @@ def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
     while flown < line.length - _STILL_M:
         until = _farthest(line, flown, view.reach_m)
         piece = _piece(line, flown, until)
-        centre = _centre(piece)
+        middle = shapely.minimum_bounding_circle(piece).centroid
+        centre = (float(middle.x), float(middle.y))
         if math.dist(tracker, centre) > _STILL_M:
             steps.append(Step(Role.TRACKER, (tracker, centre), mapper))
             tracker = centre
-        way = tuple((float(east), float(north)) for east, north in piece.coords)
+        way = _part(line, flown, until)
         steps.append(Step(Role.MAPPER, way, tracker))
         mapper, flown = way[-1], until
     return Leapfrog(view, tuple(steps))
@@ -192,11 +193,6 @@ def _piece(line: LineString, start_m: float, end_m: float) -> LineString:
     if not isinstance(piece, LineString):
         raise AssertionError("a piece has a length")
     return piece
-
-
-def _centre(piece: LineString) -> Point:
-    circle = shapely.minimum_bounding_circle(piece).centroid
-    return float(circle.x), float(circle.y)
 
 
 def steps_along(fence: Fence, view: TrackerView, way: list[GridPoint]) -> tuple[Step, ...]:

@@ -38,15 +38,13 @@ SQUARE = ring(0, 0, 100, 100)
         (98.1, 98, True, False),
     ],
 )
-def test_inside_the_fence_and_inside_its_margin(
-    east_m: float, north_m: float, inside: bool, allowed: bool
-) -> None:
+def test_inside_the_fence_and_inside_its_margin(east_m, north_m, inside, allowed):
     fence = Fence.of(SQUARE, [], 2.0)
     assert fence.contains(GridPoint(east_m, north_m)) is inside
     assert fence.allows(GridPoint(east_m, north_m)) is allowed
 
 
-def test_a_hole_is_outside_and_keeps_a_margin_of_its_own() -> None:
+def test_a_hole_is_outside_and_keeps_a_margin_of_its_own():
     fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
     assert not fence.contains(GridPoint(50, 50))
     assert fence.contains(GridPoint(39, 50))
@@ -55,27 +53,27 @@ def test_a_hole_is_outside_and_keeps_a_margin_of_its_own() -> None:
     assert not fence.allows(GridPoint(38.5, 38.5))  # corners of the margin are square
 
 
-def test_a_margin_that_fills_the_fence_allows_nothing() -> None:
+def test_a_margin_that_fills_the_fence_allows_nothing():
     fence = Fence.of(SQUARE, [], 60.0)
     assert not fence.allows(GridPoint(50, 50))
     assert fence.contains(GridPoint(50, 50))
     assert fence.route(GridPoint(50, 50), GridPoint(51, 50)) is None
 
 
-def test_a_leg_along_the_rim_of_the_margin_is_allowed() -> None:
+def test_a_leg_along_the_rim_of_the_margin_is_allowed():
     fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
     assert fence.allows_leg(GridPoint(38, 20), GridPoint(38, 80))
     assert not fence.allows_leg(GridPoint(39, 20), GridPoint(39, 80))
     assert not fence.allows_leg(GridPoint(20, 50), GridPoint(80, 50))
 
 
-def test_a_leg_of_no_length_is_allowed_only_where_one_may_be() -> None:
+def test_a_leg_of_no_length_is_allowed_only_where_one_may_be():
     fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
     for place, allowed in (((20, 20), True), ((50, 50), False), ((1, 50), False)):
         assert fence.allows_leg(GridPoint(*place), GridPoint(*place)) is allowed
 
 
-def test_a_leg_between_two_allowed_places_may_leave_a_hollow_fence() -> None:
+def test_a_leg_between_two_allowed_places_may_leave_a_hollow_fence():
     hollow = [GridPoint(*xy) for xy in ((0, 0), (100, 0), (100, 100), (50, 20), (0, 100))]
     fence = Fence.of(hollow, [], 1.0)
     left, right = GridPoint(5, 80), GridPoint(95, 80)
@@ -105,19 +103,19 @@ ROUTES = {
 
 
 @pytest.mark.parametrize("name", ROUTES)
-def test_a_route_leads_the_shortest_way_inside_of_the_margin(name: str) -> None:
+def test_a_route_leads_the_shortest_way_inside_of_the_margin(name):
     hole, margin_m, start, way = ROUTES[name]
     fence = Fence.of(SQUARE, [] if hole is None else [hole], margin_m)
     places = tuple(GridPoint(*place) for place in way)
     assert fence.route(GridPoint(*start), places[-1]) == places
 
 
-def test_nobody_is_sent_into_the_margin_or_through_a_wall() -> None:
+def test_nobody_is_sent_into_the_margin_or_through_a_wall():
     assert Fence.of(SQUARE, [], 5.0).route(GridPoint(50, 50), GridPoint(1, 50)) is None
     assert Fence.of(SQUARE, [WALL], 2.0).route(GridPoint(20, 50), GridPoint(80, 50)) is None
 
 
-def test_between_two_holes_there_may_be_a_way_or_none() -> None:
+def test_between_two_holes_there_may_be_a_way_or_none():
     def through(gap_m: float) -> float | None:
         south, north = ring(40, 1, 60, 50), ring(40, 50 + gap_m, 60, 99)
         fence = Fence.of(SQUARE, [south, north], 2.0)
@@ -169,7 +167,7 @@ def somewhere(fence: Fence, rng: np.random.Generator) -> GridPoint:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_routes_stay_inside_keep_the_margin_and_arrive(seed: int) -> None:
+def test_routes_stay_inside_keep_the_margin_and_arrive(seed):
     fence, exact = random_fence(seed)
     rng = np.random.default_rng([seed, 1])
     detours = 0
@@ -196,7 +194,7 @@ def test_routes_stay_inside_keep_the_margin_and_arrive(seed: int) -> None:
         assert there_m >= start.distance_to(end) - 1e-9
 
 
-def test_a_point_on_the_rim_of_the_margin_is_allowed_in_spite_of_rounding() -> None:
+def test_a_point_on_the_rim_of_the_margin_is_allowed_in_spite_of_rounding():
     """Lanes are cut at this rim, so their ends lie on it to the last bit or not quite."""
     for seed in range(20):
         fence, _ = random_fence(seed)
@@ -221,7 +219,7 @@ def shortest_m(fence: Fence, start: GridPoint, end: GridPoint) -> float:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_no_way_over_the_corners_is_shorter(seed: int) -> None:
+def test_no_way_over_the_corners_is_shorter(seed):
     fence, _ = random_fence(500 + seed)
     rng = np.random.default_rng([seed, 9])
     for _ in range(3):
@@ -236,7 +234,7 @@ def test_no_way_over_the_corners_is_shorter(seed: int) -> None:
 
 @FAST
 @given(st.floats(-20, 120), st.floats(-20, 120), st.floats(0, 20))
-def test_what_is_allowed_keeps_the_margin(east_m: float, north_m: float, margin_m: float) -> None:
+def test_what_is_allowed_keeps_the_margin(east_m, north_m, margin_m):
     hole = ring(45, 30, 55, 70)
     fence = Fence.of(SQUARE, [hole], margin_m)
     exact = Polygon(SQUARE, [hole])
@@ -251,9 +249,7 @@ def test_what_is_allowed_keeps_the_margin(east_m: float, north_m: float, margin_
 
 @FAST
 @given(st.floats(3, 97), st.floats(3, 97), st.floats(3, 97), st.floats(3, 97))
-def test_an_allowed_leg_stays_in_the_margin_all_the_way(
-    e1: float, n1: float, e2: float, n2: float
-) -> None:
+def test_an_allowed_leg_stays_in_the_margin_all_the_way(e1, n1, e2, n2):
     fence = Fence.of(SQUARE, [ring(45, 30, 55, 70)], 2.0)
     a, b = GridPoint(e1, n1), GridPoint(e2, n2)
     leg = LineString([a, b])
@@ -264,7 +260,7 @@ def test_an_allowed_leg_stays_in_the_margin_all_the_way(
             assert fence.allows(GridPoint(float(at.x), float(at.y)))
 
 
-def test_a_leg_along_an_edge_is_allowed_whatever_the_last_bits_of_its_corners_say() -> None:
+def test_a_leg_along_an_edge_is_allowed_whatever_the_last_bits_of_its_corners_say():
     """From where a lane ends at a hole the way leads around the hole, not around the fence."""
     square = [GridPoint(-20, -20), GridPoint(100, -20), GridPoint(100, 70), GridPoint(-20, 70)]
     hole = [
@@ -283,7 +279,7 @@ def test_a_leg_along_an_edge_is_allowed_whatever_the_last_bits_of_its_corners_sa
 
 
 @pytest.mark.parametrize("seed", range(15))
-def test_a_vehicle_blown_out_comes_back_by_the_nearest_way(seed: int) -> None:
+def test_a_vehicle_blown_out_comes_back_by_the_nearest_way(seed):
     fence, _ = random_fence(seed)
     rng = np.random.default_rng([seed, 2])
     end = somewhere(fence, rng)

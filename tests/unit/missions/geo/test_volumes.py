@@ -63,14 +63,12 @@ TWICE = claim((0, 0), (0, 0))
         (claim((0, 0), stray_m=9.0), claim((0, 0), low_m=18.0, stray_m=9.0), False),
     ],
 )  # fmt: skip
-def test_claims_meet_that_come_nearer_than_a_distance(
-    one: Volume, other: Volume, meets: bool
-) -> None:
+def test_claims_meet_that_come_nearer_than_a_distance(one, other, meets):
     assert one.meets(other, APART_M) is meets
     assert other.meets(one, APART_M) is meets
 
 
-def test_low_layers_bring_nobody_nearer_over_ground() -> None:
+def test_low_layers_bring_nobody_nearer_over_ground():
     """A column 5 m beside a leg, layers 4.5 m apart: the claims lie 6 m apart over ground still."""
     assert column(0.0, 5.0).meets(LEG, 6.0, 4.5)
     assert not HERE.meets(claim((0, 0), low_m=16.5), 6.0, 4.5)
@@ -88,8 +86,8 @@ claims = st.builds(
 @FAST
 @given(claims, claims, st.floats(1, 8), st.floats(0, 6), st.floats(0, 5), st.floats(0, 5))
 def test_more_distance_or_a_larger_claim_never_frees_air(
-    one: Volume, other: Volume, distance_m: float, more_m: float, wider_m: float, higher_m: float
-) -> None:
+    one, other, distance_m, more_m, wider_m, higher_m
+):
     larger = Volume(one.path, one.low_m - higher_m, one.high_m + higher_m, one.stray_m + wider_m)
     if one.meets(other, distance_m):
         assert one.meets(other, distance_m + more_m)
@@ -98,9 +96,7 @@ def test_more_distance_or_a_larger_claim_never_frees_air(
 
 @FAST
 @given(claims, claims, st.floats(1, 8), points)
-def test_moving_both_changes_nothing(
-    one: Volume, other: Volume, distance_m: float, by: GridPoint
-) -> None:
+def test_moving_both_changes_nothing(one, other, distance_m, by):
     def moved(volume: Volume) -> Volume:
         path = tuple(GridPoint(p.east_m + by.east_m, p.north_m + by.north_m) for p in volume.path)
         return Volume(path, volume.low_m, volume.high_m, volume.stray_m)
@@ -113,7 +109,7 @@ def test_moving_both_changes_nothing(
 
 @FAST
 @given(st.integers(1, 6), st.floats(4.5, 20), st.floats(2, 40))
-def test_layers_a_distance_apart_never_meet(vehicles: int, layer_m: float, lowest_m: float) -> None:
+def test_layers_a_distance_apart_never_meet(vehicles, layer_m, lowest_m):
     """What lets vehicles fly across each other: whatever their legs, their layers keep apart."""
     legs = [claim((-50, 0), (50, 0), low_m=lowest_m + i * layer_m) for i in range(vehicles)]
     least_m = min(layer_m, APART_M)

@@ -47,7 +47,7 @@ class Flight:
                 self.track.link(i, k, self.moved(i, k), SIGMA_M)
 
 
-def test_it_knows_how_well_it_knows() -> None:
+def test_it_knows_how_well_it_knows():
     squares, common = [], []
     for seed in range(60):
         flight = Flight(seed, 50)
@@ -61,7 +61,7 @@ def test_it_knows_how_well_it_knows() -> None:
     assert np.mean(common) < 0.75 * math.sqrt(math.pi / 2) * ERRORS.common
 
 
-def test_heights_that_wander_are_followed_by_zooms() -> None:
+def test_heights_that_wander_are_followed_by_zooms():
     """Scale and rotation are a process; between two pictures the ground shows how they changed."""
     squares, turned = [], []
     errors = ToldErrors(satellites_m=0.5, pointing_m=1e-3, common_s=60.0)
@@ -86,7 +86,7 @@ def test_heights_that_wander_are_followed_by_zooms() -> None:
 
 
 @pytest.mark.parametrize("sigma_m", [0.3, 0.9])
-def test_it_learns_how_good_satellites_are(sigma_m: float) -> None:
+def test_it_learns_how_good_satellites_are(sigma_m):
     learned = []
     for seed in range(4):
         flight = Flight(seed, 150, ToldErrors(satellites_m=sigma_m, satellites_s=60.0))
@@ -97,7 +97,7 @@ def test_it_learns_how_good_satellites_are(sigma_m: float) -> None:
     assert 0.7 * sigma_m < np.mean(learned) < 1.5 * sigma_m
 
 
-def test_satellites_lost_it_holds_on_to_the_map_made_before() -> None:
+def test_satellites_lost_it_holds_on_to_the_map_made_before():
     flight = Flight(3)
     flight.run(40)
     before = flight.track.estimate()
@@ -113,7 +113,7 @@ def test_satellites_lost_it_holds_on_to_the_map_made_before() -> None:
     assert said.sigma_m < before.sigma_m + 0.3
 
 
-def test_satellites_that_drift_disagree() -> None:
+def test_satellites_that_drift_disagree():
     errors = ToldErrors(satellites_m=0.3, pointing_m=1e-3)
     flight = Flight(4, errors=errors)
     told = []
@@ -132,7 +132,7 @@ def test_satellites_that_drift_disagree() -> None:
     assert said.sigma_m < 0.6
 
 
-def test_a_leap_is_believed_when_two_links_show_it() -> None:
+def test_a_leap_is_believed_when_two_links_show_it():
     flight = Flight(5, errors=ToldErrors(satellites_m=0.3))
     flight.run(41)
     flight.add(41, off=flight.off[41] + 6.0)
@@ -145,7 +145,7 @@ def test_a_leap_is_believed_when_two_links_show_it() -> None:
 
 
 @pytest.mark.parametrize("late", [False, True])
-def test_a_wrong_link_does_not_carry_it_off(late: bool) -> None:
+def test_a_wrong_link_does_not_carry_it_off(late):
     flight = Flight(6)
     flight.run(60)
     flight.add(60)
@@ -161,7 +161,7 @@ def test_a_wrong_link_does_not_carry_it_off(late: bool) -> None:
     assert flight.track.links == links
 
 
-def test_what_is_removed_stays_tied() -> None:
+def test_what_is_removed_stays_tied():
     flight = Flight(7)
     flight.run(60)
     before = flight.track.estimate()
@@ -173,7 +173,7 @@ def test_what_is_removed_stays_tied() -> None:
     assert after.sigma_m == pytest.approx(before.sigma_m, rel=0.3)
 
 
-def test_what_is_no_keyframe_or_link_is_refused() -> None:
+def test_what_is_no_keyframe_or_link_is_refused():
     track = Track()
     with pytest.raises(ValueError, match="without keyframes"):
         track.estimate()

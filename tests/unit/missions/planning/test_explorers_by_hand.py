@@ -89,12 +89,12 @@ DECISIONS: dict[str, tuple[str, Tree, dict[int, Cell], tuple[int, ...], Moves]] 
 
 
 @pytest.mark.parametrize("what", DECISIONS)
-def test_a_decision_that_can_be_checked_by_eye(what: str) -> None:
+def test_a_decision_that_can_be_checked_by_eye(what):
     name, tree, at, robots, moves = DECISIONS[what]
     assert decide(name, tree, at, *robots).moves == moves
 
 
-def test_in_flight_the_nearest_is_as_the_crow_flies() -> None:
+def test_in_flight_the_nearest_is_as_the_crow_flies():
     """Three steps round the corner are 1.4 cells in flight."""
     straight = decide("greedy", grown(*HOOK), {1: START}, metric=Metric(straight=True)).moves
     assert straight == {1: Cell(1, 1)}
@@ -110,14 +110,12 @@ def test_in_flight_the_nearest_is_as_the_crow_flies() -> None:
         ((NORTH, EAST, SOUTH), 4, [1, 1, 2]),
     ],
 )
-def test_robots_at_a_fork_part_evenly(
-    children: tuple[Cell, ...], robots: int, shares: list[int]
-) -> None:
+def test_robots_at_a_fork_part_evenly(children, robots, shares):
     moves = decide("rdfs", fork(*children), dict.fromkeys(range(1, robots + 1), START)).moves
     assert sorted(Counter(moves.values()).values()) == shares
 
 
-def test_below_its_anchor_a_robot_goes_on_in_depth() -> None:
+def test_below_its_anchor_a_robot_goes_on_in_depth():
     tree = fork(NORTH).looked(NORTH, [Cell(0, 2)])
     there = decide("bfdn", tree, {1: START})
     assert there.moves == {1: NORTH}
@@ -125,14 +123,14 @@ def test_below_its_anchor_a_robot_goes_on_in_depth() -> None:
     assert below.moves == {1: Cell(0, 2)}
 
 
-def test_when_nothing_is_open_everybody_goes_home() -> None:
+def test_when_nothing_is_open_everybody_goes_home():
     tree = fork(NORTH).looked(NORTH, [])
     for name in EXPLORERS:
         assert decide(name, tree, {1: NORTH, 2: START}).moves == {1: START, 2: None}, name
 
 
 # --- bfdn ------------------------------------------------------------------------------------
-def test_anchors_are_spread_over_the_open_vertices_of_least_depth() -> None:
+def test_anchors_are_spread_over_the_open_vertices_of_least_depth():
     tree = fork(NORTH, EAST, WEST)
     for arm in (NORTH, EAST, WEST):
         tree = tree.looked(arm, [Cell(2 * arm.east, 2 * arm.north)])
@@ -147,12 +145,12 @@ def test_anchors_are_spread_over_the_open_vertices_of_least_depth() -> None:
      ("bfdn", 100, 5, 4, 50 + 25 * (math.log(4) + 3)),
      ("bfdn", 100, 5, 50, 4 + 25 * (math.log(4) + 3))],
 )  # fmt: skip
-def test_bounds_by_hand(name: str, cells: int, depth: int, robots: int, bound: float) -> None:
+def test_bounds_by_hand(name, cells, depth, robots, bound):
     assert EXPLORERS[name].bound_moves(cells, depth, robots) == pytest.approx(bound)
 
 
 # --- marks in the world ----------------------------------------------------------------------
-def test_lrv_takes_directions_in_turn() -> None:
+def test_lrv_takes_directions_in_turn():
     """North, then (counted on arrival) east, south, west, and north again."""
     star = fork(NORTH, EAST, SOUTH, WEST)
     memory: object = None
@@ -166,7 +164,7 @@ def test_lrv_takes_directions_in_turn() -> None:
     assert taken == [NORTH, EAST, SOUTH, WEST] * 2
 
 
-def test_lrta_leaves_the_weight_of_where_it_goes_and_one_more() -> None:
+def test_lrta_leaves_the_weight_of_where_it_goes_and_one_more():
     row = Tree.rooted(START).looked(START, [EAST]).looked(EAST, [Cell(2, 0)])
     there = decide("lrta", row, {1: START})
     assert there.memory == {START: 1}
@@ -176,7 +174,7 @@ def test_lrta_leaves_the_weight_of_where_it_goes_and_one_more() -> None:
 
 
 # --- smartdfs --------------------------------------------------------------------------------
-def test_smartdfs_keeps_its_left_hand_at_the_wall() -> None:
+def test_smartdfs_keeps_its_left_hand_at_the_wall():
     """From the corner of a block it goes round along the rim before it turns in."""
     block = {Cell(e, n) for e in range(4) for n in range(4)}
     done = run(EXPLORERS["smartdfs"], block, START, 1)
@@ -186,7 +184,7 @@ def test_smartdfs_keeps_its_left_hand_at_the_wall() -> None:
 
 
 # --- retreat: home, and over again -----------------------------------------------------------
-def test_a_retreat_brings_everybody_home_before_anybody_sets_out() -> None:
+def test_a_retreat_brings_everybody_home_before_anybody_sets_out():
     tree = fork(NORTH, EAST).looked(NORTH, [Cell(0, 2)])
     retreat = Retreat.of(tree)
     assert retreat.dropped == frozenset()
@@ -198,7 +196,7 @@ def test_a_retreat_brings_everybody_home_before_anybody_sets_out() -> None:
     assert after.home == {1, 2}
 
 
-def test_a_retreat_leaves_out_what_is_explored() -> None:
+def test_a_retreat_leaves_out_what_is_explored():
     tree = fork(NORTH, EAST).looked(NORTH, [])
     retreat = Retreat.of(tree)
     assert retreat.dropped == {NORTH}
@@ -208,7 +206,7 @@ def test_a_retreat_leaves_out_what_is_explored() -> None:
 
 # --- what all say of themselves --------------------------------------------------------------
 @pytest.mark.parametrize("name", sorted(EXPLORERS))
-def test_a_strategy_names_itself_and_a_promise_of_a_bound_is_one(name: str) -> None:
+def test_a_strategy_names_itself_and_a_promise_of_a_bound_is_one(name):
     """Who states T <= or 'at most' for a number of robots gives a number there."""
     explorer = EXPLORERS[name]
     assert explorer.name == name

@@ -53,11 +53,11 @@ def block(width: int, depth: int) -> set[Cell]:
         (block(4, 4), 1, 16),
     ],
 )
-def test_bounds_of_regions_that_one_can_draw(cells: set[Cell], robots: int, moves: int) -> None:
+def test_bounds_of_regions_that_one_can_draw(cells, robots, moves):
     assert LowerBounds.of(cells, START).moves(robots) == moves
 
 
-def test_a_star_is_shared_by_its_arms() -> None:
+def test_a_star_is_shared_by_its_arms():
     star = {START, *(Cell(d * e, d * n) for e, n in START.neighbours() for d in range(1, 4))}
     bounds = LowerBounds.of(star, START)
     assert bounds.moves(1) == 2 * 12
@@ -66,34 +66,34 @@ def test_a_star_is_shared_by_its_arms() -> None:
     assert bounds.moves(40) == 6
 
 
-def test_shells_count_what_lies_at_a_distance_or_farther() -> None:
+def test_shells_count_what_lies_at_a_distance_or_farther():
     bounds = LowerBounds.of(row(4), START)
     assert bounds.shells == (Shell(1, 2, 6), Shell(2, 1, 4), Shell(3, 1, 2))
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(2, 60), st.integers(0, 999))
-def test_on_a_tree_one_robot_walks_every_edge_twice(size: int, seed: int) -> None:
+def test_on_a_tree_one_robot_walks_every_edge_twice(size, seed):
     """There the bound is the optimum, whatever the shape."""
     roi = grown("thin", size, seed)
     assert LowerBounds.of(roi.cells, roi.start).moves(1) == 2 * (len(roi.cells) - 1)
 
 
 # --- drift and flight ------------------------------------------------------------------------
-def test_a_drift_stretches_every_step_at_least_as_across() -> None:
+def test_a_drift_stretches_every_step_at_least_as_across():
     assert drift_lower_bound(30, Metric(1.0)) == 30.0
     assert drift_lower_bound(30, Metric(1.0, drift_north=0.8)) == pytest.approx(50.0)
     assert drift_lower_bound(30, Metric(2.0)) == 15.0
 
 
-def test_in_flight_the_way_there_and_back_and_the_cells_on_it() -> None:
+def test_in_flight_the_way_there_and_back_and_the_cells_on_it():
     metric = Metric(straight=True)
     assert flight_lower_bound(row(6), START, 1, metric) == 10.0
     assert flight_lower_bound([START, Cell(3, 4)], START, 1, metric) == 10.0
     assert flight_lower_bound([START], START, 1, metric) == 0.0
 
 
-def test_looks_are_paid_for_each_cell_but_the_start() -> None:
+def test_looks_are_paid_for_each_cell_but_the_start():
     """Five looks, and from a neighbour over four legs back to one: that all six cells lie in a row
     this bound does not know."""
     looking = Metric(straight=True, look=7.0)
@@ -101,7 +101,7 @@ def test_looks_are_paid_for_each_cell_but_the_start() -> None:
     assert flight_lower_bound([START], START, 1, looking) == 0.0
 
 
-def test_one_way_may_lead_with_the_drift() -> None:
+def test_one_way_may_lead_with_the_drift():
     """Against a moving ROI: 1 / (Sr + Sp) a cell, which a closed tour could not have."""
     drifting = Metric(1.0, drift_east=0.5, straight=True)
     assert one_way_lower_bound(row(6), START, 1, drifting) == pytest.approx(5.0 / 1.5)
@@ -114,27 +114,25 @@ def test_one_way_may_lead_with_the_drift() -> None:
     [(30.0, 38.0, True), (38.0, 38.0, True), (38.0 + 1e-12, 38.0, True), (38.1, 38.0, False),
      (30.0, None, None)],
 )  # fmt: skip
-def test_a_bound_is_held_up_to_a_rounding(
-    makespan: float, bound: float | None, held: bool | None
-) -> None:
+def test_a_bound_is_held_up_to_a_rounding(makespan, bound, held):
     certificate = Certificate(makespan, 20.0, bound, tree_depth=9, cells=20)
     assert certificate.bound_held is held
 
 
-def test_a_bound_in_moves_becomes_one_in_time() -> None:
+def test_a_bound_in_moves_becomes_one_in_time():
     assert bound_time(10.0, Metric()) == 10.0
     assert bound_time(10.0, Metric(speed=2.0)) == 5.0
     assert bound_time(10.0, Metric(look=4.0)) == 30.0  # every second move ends with a look
     assert bound_time(None, Metric()) is None
 
 
-def test_promises_are_for_the_tree_that_came_out() -> None:
+def test_promises_are_for_the_tree_that_came_out():
     tree = Tree.rooted(START).looked(START, list(START.neighbours()))
     assert promised_moves(EXPLORERS["rdfs"], tree, 1, Metric()) == 8.0
     assert promised_moves(EXPLORERS["rdfs-paper"], tree, 1, Metric()) is None
 
 
-def test_in_straight_flight_the_bound_in_steps_does_not_count() -> None:
+def test_in_straight_flight_the_bound_in_steps_does_not_count():
     """A diagonal is two steps on foot and 1.4 cells in flight."""
     stairs = {START, Cell(1, 0), Cell(1, 1), Cell(2, 1), Cell(2, 2)}
     static = LowerBounds.of(stairs, START)
@@ -149,18 +147,18 @@ def test_in_straight_flight_the_bound_in_steps_does_not_count() -> None:
 KINEMATICS = Kinematics(6.0, 2.0, 0.2, half_east_m=5.5, half_north_m=5.5)
 
 
-def test_nothing_to_see_takes_no_time() -> None:
+def test_nothing_to_see_takes_no_time():
     assert lower_bound_s([], Cell(0, 0), 1, 4.0, KINEMATICS) == 0.0
     assert lower_bound_s([Cell(0, 0), Cell(1, 1)], Cell(0, 0), 1, 4.0, KINEMATICS) == 0.0
 
 
-def test_the_farthest_cell_is_flown_to_and_back_from_rest_to_rest() -> None:
+def test_the_farthest_cell_is_flown_to_and_back_from_rest_to_rest():
     # its view begins at 40 - 5.5 m; the speed along that line is zero at its end
     expected = 2.0 * ((40.0 - 5.5) / 6.0 + 6.0 / 2.0)
     assert lower_bound_s([Cell(10, 0)], Cell(0, 0), 5, 4.0, KINEMATICS) == pytest.approx(expected)
 
 
-def test_many_cells_are_swept_by_the_diagonal() -> None:
+def test_many_cells_are_swept_by_the_diagonal():
     field = [Cell(i, j) for i in range(-20, 20) for j in range(-20, 20)]
     length_m = (1600 * 16.0 - 225.0) / (15.0 * math.sqrt(2.0))
     assert lower_bound_s(field, Cell(0, 0), 1, 4.0, KINEMATICS) >= least_s(length_m, 6.0, 2.0)
@@ -168,7 +166,7 @@ def test_many_cells_are_swept_by_the_diagonal() -> None:
     assert both == sorted(both, reverse=True)
 
 
-def test_far_cells_are_swept_after_the_way_to_them() -> None:
+def test_far_cells_are_swept_after_the_way_to_them():
     field = [Cell(100 + i, j) for i in range(20) for j in range(20)]
     near = min(4.0 * c.east - 5.5 for c in field)
     length_m = 2.0 * near + (400 * 16.0 - 225.0) / (15.0 * math.sqrt(2.0))

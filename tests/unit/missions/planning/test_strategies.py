@@ -30,7 +30,7 @@ class Mine:
         return Rdfs().decide(situation)
 
 
-def test_register_a_strategy_makes_it_known_to_missions_and_simulations() -> None:
+def test_register_a_strategy_makes_it_known_to_missions_and_simulations():
     box, fence = square(0.0, 0.0, 40.0, 40.0), square(-20.0, -20.0, 90.0, 90.0)
     with pytest.raises(MissionFileError, match="mine"):
         mission(box, fence, strategy="mine")
@@ -43,7 +43,7 @@ def test_register_a_strategy_makes_it_known_to_missions_and_simulations() -> Non
         del EXPLORERS["mine"]
 
 
-def test_register_a_second_strategy_of_a_name_is_refused() -> None:
+def test_register_a_second_strategy_of_a_name_is_refused():
     class Other(Mine):
         name = "rdfs"
 
@@ -56,7 +56,7 @@ def test_register_a_second_strategy_of_a_name_is_refused() -> None:
 PAGE = Path(__file__).parents[4] / "docs" / "strategies.md"
 
 
-def test_the_examples_of_the_page_run() -> None:
+def test_the_examples_of_the_page_run():
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     assert len(blocks) == 4
     names: dict[str, object] = {"__name__": "page"}
@@ -64,7 +64,7 @@ def test_the_examples_of_the_page_run() -> None:
     assert {"Nearest", "BACKWARDS"} <= names.keys()
 
 
-def test_the_table_has_a_row_for_every_strategy_in_their_order() -> None:
+def test_the_table_has_a_row_for_every_strategy_in_their_order():
     first, *_ = PAGE.read_text("utf-8").split("\n## ")
     rows = re.findall(r"^\| `([a-z-]+)` \|", first, re.MULTILINE)
     assert rows == [*EXPLORERS, *ON_PATHS]

@@ -63,7 +63,7 @@ def ahead_or_home(situation: Situation) -> dict[int, Cell | None]:
 
 
 # --- time and looks --------------------------------------------------------------------------
-def test_one_robot_along_a_row_learns_and_remembers() -> None:
+def test_one_robot_along_a_row_learns_and_remembers():
     explorer = Scripted(out_and_back)
     done = run(explorer, ROW, START, 1)
     assert [leg.end.east for leg in done.legs] == [1, 2, 3, 2, 1, 0]
@@ -83,13 +83,13 @@ def test_one_robot_along_a_row_learns_and_remembers() -> None:
     ],
     ids=["steps", "looks", "drift"],
 )
-def test_what_a_move_takes(metric: Metric, legs: list[float]) -> None:
+def test_what_a_move_takes(metric, legs):
     done = run(Scripted(out_and_back), ROW, START, 1, metric=metric)
     assert [leg.end_t - leg.start_t for leg in done.legs] == pytest.approx(legs)
     assert done.makespan == pytest.approx(sum(legs))
 
 
-def test_in_straight_flight_alone_a_move_may_lead_to_any_known_cell() -> None:
+def test_in_straight_flight_alone_a_move_may_lead_to_any_known_cell():
     done = run(Scripted(ahead_or_home), ROW, START, 1, metric=Metric(straight=True))
     assert [leg.end.east for leg in done.legs] == [1, 2, 3, 0]
     assert done.makespan == 6.0
@@ -97,7 +97,7 @@ def test_in_straight_flight_alone_a_move_may_lead_to_any_known_cell() -> None:
         run(Scripted(ahead_or_home), ROW, START, 1)
 
 
-def test_what_is_known_beforehand_need_not_be_found() -> None:
+def test_what_is_known_beforehand_need_not_be_found():
     tree = Tree.rooted(START)
     for cell in ROW:
         tree = look(tree, cell, ROW)
@@ -105,13 +105,13 @@ def test_what_is_known_beforehand_need_not_be_found() -> None:
 
 
 # --- teams -----------------------------------------------------------------------------------
-def test_who_arrives_at_the_same_instant_decides_together() -> None:
+def test_who_arrives_at_the_same_instant_decides_together():
     explorer = Scripted(out_and_back)
     run(explorer, ROW, START, 3)
     assert {situation.robots for situation in explorer.asked} == {(0, 1, 2)}
 
 
-def test_who_is_on_the_way_is_told_by_where_it_will_be() -> None:
+def test_who_is_on_the_way_is_told_by_where_it_will_be():
     """Robot 1 stays at home until robot 0 is two cells away."""
 
     def late(situation: Situation) -> dict[int, Cell | None]:
@@ -142,13 +142,13 @@ def fan_out(after: Cell | None, until: int) -> Rule:
     return rule
 
 
-def test_a_team_that_shares_knows_what_one_sees() -> None:
+def test_a_team_that_shares_knows_what_one_sees():
     explorer = Scripted(fan_out(None, len(PLUS)))
     run(explorer, PLUS, START, 2)
     assert len(explorer.asked[1].tree) == len(PLUS)
 
 
-def test_robots_that_meet_only_know_nothing_of_the_others_meanwhile() -> None:
+def test_robots_that_meet_only_know_nothing_of_the_others_meanwhile():
     explorer = Scripted(fan_out(START, 7))
     run(explorer, PLUS, START, 2, comms=Comms.MEETING)
     alone = [s for s in explorer.asked if len(s.robots) == 1][:2]
@@ -157,7 +157,7 @@ def test_robots_that_meet_only_know_nothing_of_the_others_meanwhile() -> None:
     assert len(together.tree) == len(PLUS)
 
 
-def test_who_takes_no_part_stays_where_it_is_and_goes_on_later() -> None:
+def test_who_takes_no_part_stays_where_it_is_and_goes_on_later():
     def half_day(t: float, tree: Tree) -> list[int]:
         return [] if 1.5 <= t < 5.0 else [0]
 
@@ -166,7 +166,7 @@ def test_who_takes_no_part_stays_where_it_is_and_goes_on_later() -> None:
     assert set(done.tree.vertices) == set(ROW)
 
 
-def test_who_failed_is_not_told_to_the_explorer() -> None:
+def test_who_failed_is_not_told_to_the_explorer():
     explorer = Scripted(out_and_back)
     run(explorer, ROW, START, 2, team=lambda t, tree: [0] if t < 3.0 else [0, 1])
     assert set(explorer.asked[0].at) == {0}
@@ -186,19 +186,19 @@ def test_who_failed_is_not_told_to_the_explorer() -> None:
     ],
     ids=["unknown", "itself", "waits", "silent", "stays", "to and fro"],
 )
-def test_a_strategy_that_breaks_the_rules_is_stopped(rule: Rule, message: str) -> None:
+def test_a_strategy_that_breaks_the_rules_is_stopped(rule, message):
     with pytest.raises(StrategyError, match=message) as caught:
         run(Scripted(rule), ROW, START, 1)
     assert str(caught.value).startswith("scripted: ")
 
 
-def test_a_limit_ends_a_run_that_would_have_ended_later() -> None:
+def test_a_limit_ends_a_run_that_would_have_ended_later():
     with pytest.raises(StrategyError, match="not done after 3"):
         run(Scripted(out_and_back), ROW, START, 1, limit=3.0)
     assert run(Scripted(out_and_back), ROW, START, 1, limit=6.0).makespan == 6.0
 
 
-def test_strategies_without_a_map_are_given_more_time() -> None:
+def test_strategies_without_a_map_are_given_more_time():
     assert patience_of(EXPLORERS["rdfs"]) == 1.0
     assert patience_of(EXPLORERS["random-walk"]) > patience_of(EXPLORERS["lrv"]) > 1.0
 
@@ -206,7 +206,7 @@ def test_strategies_without_a_map_are_given_more_time() -> None:
 # --- every leg of a real run -----------------------------------------------------------------
 @pytest.mark.parametrize("name", ["rdfs", "greedy", "hungarian", "bfdn"])
 @pytest.mark.parametrize("comms", list(Comms))
-def test_legs_join_up_and_nobody_flies_twice_at_once(name: str, comms: Comms) -> None:
+def test_legs_join_up_and_nobody_flies_twice_at_once(name, comms):
     roi = grown("ragged", 40, 3)
     done = run(EXPLORERS[name], roi.cells, roi.start, 4, comms=comms)
     by_robot: dict[int, list[Leg]] = {}
@@ -244,9 +244,7 @@ def test_legs_join_up_and_nobody_flies_twice_at_once(name: str, comms: Comms) ->
         ("greedy", "eden", 300, 3, 502, "f7c8790e1cbc2249"),
     ],
 )
-def test_every_move_is_the_one_that_was_recorded(
-    name: str, kind: str, cells: int, robots: int, moves: int, digest: str
-) -> None:
+def test_every_move_is_the_one_that_was_recorded(name, kind, cells, robots, moves, digest):
     """Costs here are whole and half numbers, so no machine rounds them otherwise. Who changes a
     strategy on purpose records anew, and says so in the changelog."""
     roi = grown(kind, cells, 5)

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from missions.fleet_events import Partition
 from missions.lab.arena.arena_run import Comms, Run, run
 from missions.lab.arena.radio import Links, Mind, Radio, look
-from missions.lab.arena.roi import Roi, component, grown
+from missions.lab.arena.roi import component, grown
 from missions.mapping.tree import Tree
-from missions.planning.stepwise import EXPLORERS, Explorer
+from missions.planning.stepwise import EXPLORERS
 from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
@@ -64,19 +64,17 @@ class Team:
         (Links(rate=2.0), (0, 3, 6, 7), {0.0: [4, 2, 2, 2]}),
     ],
 )
-def test_who_knows_what_when(
-    links: Links, easts: tuple[int, ...], known: dict[float, list[int]]
-) -> None:
+def test_who_knows_what_when(links, easts, known):
     team = Team(links, *easts)
     assert {t: team.instant(t) for t in known} == known
 
 
-def test_a_rate_tells_what_hangs_nearest_to_the_root_first() -> None:
+def test_a_rate_tells_what_hangs_nearest_to_the_root_first():
     team = Team(Links(rate=1.0), 0, 3, looks=6)
     assert [team.instant(t)[1] for t in (0.0, 1.0, 1.5, 2.0, 9.0, 10.0)] == [1, 2, 2, 3, 4, 5]
 
 
-def test_what_is_lost_is_told_again() -> None:
+def test_what_is_lost_is_told_again():
     team = Team(Links(loss=0.9, rate=100.0, seed=1), 0, 3)
     known = [team.instant(float(t))[1] for t in range(40)]
     assert known[0] == 0
@@ -84,7 +82,7 @@ def test_what_is_lost_is_told_again() -> None:
     assert set(known) == {0, 4}
 
 
-def test_the_loss_is_of_pairs_at_instants() -> None:
+def test_the_loss_is_of_pairs_at_instants():
     radio = Radio(Links(loss=0.3, seed=1), ROW)
     places = {0: (0.0, 0.0), 1: (1.0, 0.0)}
     heard = 0
@@ -99,9 +97,7 @@ def test_the_loss_is_of_pairs_at_instants() -> None:
     [((), {(0,), (1,), (2,)}), ((frozenset({0, 2}),), {(0, 2), (1,)})],
     ids=["nobody", "a group"],
 )
-def test_a_partition_lasts_from_its_beginning_to_its_end(
-    named: tuple[frozenset[int], ...], touch: set[tuple[int, ...]]
-) -> None:
+def test_a_partition_lasts_from_its_beginning_to_its_end(named, touch):
     radio = Radio(Links(apart=(Partition(2.0, 4.0, named),)), ROW)
     places = dict.fromkeys(range(3), (0.0, 0.0))
     found = []
@@ -111,14 +107,14 @@ def test_a_partition_lasts_from_its_beginning_to_its_end(
     assert found == [{(0, 1, 2)}, touch, touch, {(0, 1, 2)}]
 
 
-def test_who_stands_at_one_vertex_hears_whatever_the_radio_does() -> None:
+def test_who_stands_at_one_vertex_hears_whatever_the_radio_does():
     radio = Radio(Links(loss=1.0, apart=(Partition(0.0, 9.0),)), ROW)
     places = dict.fromkeys(range(3), (2.0, 0.0))
     radio.tune(1.0, places, {0: Cell(2, 0), 2: Cell(2, 0)})  # 1 flies by
     assert radio.touch == {0: (0, 2), 1: (1,), 2: (0, 2)}
 
 
-def test_those_in_touch_remember_what_the_first_does_that_is_not_done() -> None:
+def test_those_in_touch_remember_what_the_first_does_that_is_not_done():
     team = Team(Links(), 0, 3, 6)
     team.minds = {r: replace(mind, memory=f"of {r}") for r, mind in team.minds.items()}
     team.radio.tune(0.0, {r: (float(c.east), 0.0) for r, c in team.at.items()}, team.at)
@@ -126,7 +122,7 @@ def test_those_in_touch_remember_what_the_first_does_that_is_not_done() -> None:
     assert {mind.memory for mind in team.minds.values()} == {"of 1"}
 
 
-def test_a_place_that_hangs_in_no_tree_yet_is_not_heard_of() -> None:
+def test_a_place_that_hangs_in_no_tree_yet_is_not_heard_of():
     team = Team(Links(rate=1.0), 0, 3)
     team.minds[0] = Mind(
         team.minds[0].tree, {0: (5.0, Cell(5, 0)), 1: (0.0, START)}, None, team.minds[0].looked
@@ -173,9 +169,7 @@ def facts(result: Run) -> tuple[object, ...]:
 
 @settings(max_examples=150)
 @given(explorers, rois, teams, metrics, links)
-def test_every_robot_ends_at_home_and_every_cell_is_explored(
-    explorer: Explorer, roi: Roi, robots: int, metric: Metric, radio: Links
-) -> None:
+def test_every_robot_ends_at_home_and_every_cell_is_explored(explorer, roi, robots, metric, radio):
     done = run(explorer, roi.cells, roi.start, robots, metric=metric, comms=radio)
     assert set(done.tree.vertices) == component(roi.cells, roi.start)
     assert done.tree.is_explored(roi.start)
@@ -184,9 +178,7 @@ def test_every_robot_ends_at_home_and_every_cell_is_explored(
 
 @settings(max_examples=40)
 @given(explorers, rois, teams, metrics)
-def test_a_radio_without_limits_is_shared_communication(
-    explorer: Explorer, roi: Roi, robots: int, metric: Metric
-) -> None:
+def test_a_radio_without_limits_is_shared_communication(explorer, roi, robots, metric):
     shared, free = (
         run(explorer, roi.cells, roi.start, robots, metric=metric, comms=comms)
         for comms in (Comms.SHARED, Links())
@@ -210,9 +202,7 @@ def test_a_radio_without_limits_is_shared_communication(
         ]
     ),
 )
-def test_a_radio_that_nobody_hears_is_meeting(
-    explorer: Explorer, roi: Roi, robots: int, metric: Metric, silent: Links
-) -> None:
+def test_a_radio_that_nobody_hears_is_meeting(explorer, roi, robots, metric, silent):
     meeting, apart = (
         run(explorer, roi.cells, roi.start, robots, metric=metric, comms=comms)
         for comms in (Comms.MEETING, silent)
@@ -222,19 +212,19 @@ def test_a_radio_that_nobody_hears_is_meeting(
 
 @settings(max_examples=20)
 @given(explorers, rois, links)
-def test_the_same_seed_gives_the_same_moves(explorer: Explorer, roi: Roi, radio: Links) -> None:
+def test_the_same_seed_gives_the_same_moves(explorer, roi, radio):
     once, again = (run(explorer, roi.cells, roi.start, 4, comms=radio) for _ in range(2))
     assert facts(once) == facts(again)
 
 
-def test_nobody_is_led_astray_by_what_another_remembers_that_is_done() -> None:
+def test_nobody_is_led_astray_by_what_another_remembers_that_is_done():
     """With the memory of a robot at home, which is out of date, `bfdn` led three to and fro."""
     roi = grown("thin", 18, 176)
     done = run(EXPLORERS["bfdn"], roi.cells, roi.start, 5, comms=Links(range_cells=2.0))
     assert done.makespan < 50
 
 
-def test_another_seed_loses_other_messages() -> None:
+def test_another_seed_loses_other_messages():
     roi = grown("eden", 60, 3)
     seen = {
         run(EXPLORERS["rdfs"], roi.cells, roi.start, 4, comms=Links(loss=0.6, seed=seed)).legs
@@ -244,7 +234,7 @@ def test_another_seed_loses_other_messages() -> None:
 
 
 @pytest.mark.parametrize("name", ["rdfs", "horizon"])
-def test_between_meeting_and_shared_a_radio_helps(name: str) -> None:
+def test_between_meeting_and_shared_a_radio_helps(name):
     """In the mean over regions, not in each: who knows more may still choose worse."""
 
     def mean(comms: Comms | Links) -> float:

@@ -32,13 +32,13 @@ def edges(cells: set[Cell] | frozenset[Cell]) -> int:
 # --- what all growths promise ----------------------------------------------------------------
 @pytest.mark.parametrize("kind", ["eden", "ragged", "rectangle"])
 @pytest.mark.parametrize("size", [1, 2, 17, 120])
-def test_a_growth_has_as_many_cells_as_asked_for(kind: str, size: int) -> None:
+def test_a_growth_has_as_many_cells_as_asked_for(kind, size):
     assert len(KINDS[kind](size, np.random.default_rng(3))) == size
 
 
 # --- their shapes ----------------------------------------------------------------------------
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_thin_region_has_no_cycle_and_is_long_and_an_eden_is_round(seed: int) -> None:
+def test_a_thin_region_has_no_cycle_and_is_long_and_an_eden_is_round(seed):
     narrow = thin(80, np.random.default_rng(seed))
     compact = eden(len(narrow), np.random.default_rng(seed))
     assert edges(narrow) == len(narrow) - 1 < edges(compact)
@@ -57,14 +57,14 @@ def holes(cells: set[Cell]) -> int:
     return len(around) - len(component(around, Cell(min(east) - 1, min(north) - 1)))
 
 
-def test_ragged_regions_have_holes_and_rectangles_have_none() -> None:
+def test_ragged_regions_have_holes_and_rectangles_have_none():
     assert sum(holes(ragged(120, np.random.default_rng(s))) for s in SEEDS) > 20
     assert all(holes(rectangle(120, np.random.default_rng(s))) == 0 for s in SEEDS)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("size", [1, 6, 35, 120])
-def test_a_rectangle_is_one_but_for_its_last_row(size: int, seed: int) -> None:
+def test_a_rectangle_is_one_but_for_its_last_row(size, seed):
     cells = rectangle(size, np.random.default_rng(seed))
     width = max(c.east for c in cells) + 1
     height = max(c.north for c in cells) + 1
@@ -76,7 +76,7 @@ def test_a_rectangle_is_one_but_for_its_last_row(size: int, seed: int) -> None:
 
 
 # --- boundaries and regions ------------------------------------------------------------------
-def test_the_boundary_is_what_touches_the_outside() -> None:
+def test_the_boundary_is_what_touches_the_outside():
     block = {Cell(e, n) for e in range(4) for n in range(3)}
     inner = {Cell(1, 1), Cell(2, 1)}
     assert set(boundary(block)) == block - inner
@@ -86,7 +86,7 @@ def test_the_boundary_is_what_touches_the_outside() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_a_grown_region_starts_at_its_rim(kind: str, seed: int) -> None:
+def test_a_grown_region_starts_at_its_rim(kind, seed):
     roi = grown(kind, 50, seed)
     assert roi.start in boundary(roi.cells)
     assert roi.name == f"{kind}:50:{seed}"
@@ -103,6 +103,6 @@ def test_a_grown_region_starts_at_its_rim(kind: str, seed: int) -> None:
         *(("eden", n, f"a ROI of {n} cells cannot be grown") for n in (0, -1, MAX_CELLS + 1)),
     ],
 )
-def test_what_cannot_be_grown_is_refused(kind: str, cells: int, said: str) -> None:
+def test_what_cannot_be_grown_is_refused(kind, cells, said):
     with pytest.raises(RoiError, match=said):
         grown(kind, cells, 1)

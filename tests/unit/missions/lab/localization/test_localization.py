@@ -23,7 +23,7 @@ FLOWN = Noise(27 / 483, 53 / 483)
 
 # --- the paper's grids -----------------------------------------------------------------------
 @pytest.mark.parametrize(("k", "m", "moves"), [(4, 5, 303), (20, 40, 10045)])
-def test_homing_on_the_chevrons_of_figure_6(k: int, m: int, moves: int) -> None:
+def test_homing_on_the_chevrons_of_figure_6(k, m, moves):
     cells, start = chevrons(k, m)
     known = GridMap.of(cells)
     assert known.size == 4 * k * m + 8 * m + 4 * k + 4
@@ -36,7 +36,7 @@ def test_homing_on_the_chevrons_of_figure_6(k: int, m: int, moves: int) -> None:
 
 
 @pytest.mark.parametrize("k", [1, 3, 50])
-def test_the_studded_squares_of_lemma_8(k: int) -> None:
+def test_the_studded_squares_of_lemma_8(k):
     known = GridMap.of(studded(k))
     assert known.size == 3 * k**2 + 4 * k + 1
     assert known.circumnavigation == 8 * k**2 + 8 * k
@@ -46,7 +46,7 @@ def test_the_studded_squares_of_lemma_8(k: int) -> None:
 
 
 @pytest.mark.parametrize("cells", [3, 4, 7, 20])
-def test_in_a_corridor_no_method_is_faster_than_theorem_3_says(cells: int) -> None:
+def test_in_a_corridor_no_method_is_faster_than_theorem_3_says(cells):
     known = GridMap.of(corridor(cells))
     for method in METHODS.values():
         if method.bound is not None:
@@ -57,7 +57,7 @@ def test_in_a_corridor_no_method_is_faster_than_theorem_3_says(cells: int) -> No
 
 # --- the planner -----------------------------------------------------------------------------
 @pytest.mark.parametrize("spare", [0, 1, 2, 4])
-def test_the_planner_hands_over_to_homing_before_the_bound_is_broken(spare: int) -> None:
+def test_the_planner_hands_over_to_homing_before_the_bound_is_broken(spare):
     """On a map where homing may need almost all of the 4 n moves, those to spare are few."""
     known = GridMap.of(grown("rectangle", 60, 3).cells)
     planner, needed = Planner(known), homing_bound(known)
@@ -79,7 +79,7 @@ def test_the_planner_hands_over_to_homing_before_the_bound_is_broken(spare: int)
     assert told
 
 
-def test_the_planner_needs_fewer_moves_than_homing_on_average() -> None:
+def test_the_planner_needs_fewer_moves_than_homing_on_average():
     total = {"plan": 0, "homing": 0}
     for seed in range(3):
         known = GridMap.of(grown("eden", 120, seed).cells)
@@ -92,7 +92,7 @@ def test_the_planner_needs_fewer_moves_than_homing_on_average() -> None:
 
 
 # --- maps ------------------------------------------------------------------------------------
-def test_what_is_no_map_is_refused() -> None:
+def test_what_is_no_map_is_refused():
     with pytest.raises(LocalizationError, match="without cells"):
         GridMap.of([])
     with pytest.raises(LocalizationError, match=r"cell \(5, 0\) cannot be reached from \(0, 0\)"):
@@ -100,7 +100,7 @@ def test_what_is_no_map_is_refused() -> None:
 
 
 # --- the belief ------------------------------------------------------------------------------
-def test_a_belief_is_bayes_rule_by_hand() -> None:
+def test_a_belief_is_bayes_rule_by_hand():
     """Against every history of a robot in an L, written out."""
     known = GridMap.of({Cell(0, 0), Cell(1, 0), Cell(1, 1)})
     fp, fn, slip = 0.1, 0.2, 0.3
@@ -133,7 +133,7 @@ def test_a_belief_is_bayes_rule_by_hand() -> None:
     assert belief.best == max(mass, key=lambda cell: mass[cell])
 
 
-def test_a_belief_without_errors_is_the_set_of_cells_that_fit() -> None:
+def test_a_belief_without_errors_is_the_set_of_cells_that_fit():
     known = GridMap.of(corridor(5))
     belief = Belief.uniform(known).saw(known.patterns[2])
     assert belief.mass.tolist() == [0.0, 1 / 3, 1 / 3, 1 / 3, 0.0]
@@ -141,7 +141,7 @@ def test_a_belief_without_errors_is_the_set_of_cells_that_fit() -> None:
     assert (belief.best, belief.confidence) == (Cell(0, 0), 1.0)
 
 
-def test_a_belief_takes_looks_at_some_neighbours_and_moves_of_several_cells() -> None:
+def test_a_belief_takes_looks_at_some_neighbours_and_moves_of_several_cells():
     known = GridMap.of(corridor(7))
     belief = Belief.uniform(known).saw(0b100, judged=0b01000100)  # only its west and its east
     assert (belief.best, belief.confidence) == (Cell(6, 0), 1.0)
@@ -149,7 +149,7 @@ def test_a_belief_takes_looks_at_some_neighbours_and_moves_of_several_cells() ->
     assert belief.moved(0, 0, 0.5).mass.tolist() == belief.mass.tolist()
 
 
-def test_an_aircraft_may_be_beside_the_region() -> None:
+def test_an_aircraft_may_be_beside_the_region():
     """Places where it can be, and a look at the cell below: is it region?"""
     region = {Cell(1, 1), Cell(2, 1)}
     box = {Cell(east, north) for east in range(4) for north in range(3)}
@@ -161,7 +161,7 @@ def test_an_aircraft_may_be_beside_the_region() -> None:
     assert 0.5 < unsure.confidence < 1.0
 
 
-def test_what_fits_nowhere_is_said() -> None:
+def test_what_fits_nowhere_is_said():
     with pytest.raises(LocalizationError, match="fits no cell of the map"):
         Belief.uniform(GridMap.of(corridor(4))).saw(0b1)
 
@@ -172,14 +172,14 @@ def test_what_fits_nowhere_is_said() -> None:
      lambda: Errors(confidence=1.0),
      lambda: Belief.uniform(GridMap.of(corridor(2))).moved(1, 0, 1.5)],
 )  # fmt: skip
-def test_rates_that_are_none_are_refused(make) -> None:
+def test_rates_that_are_none_are_refused(make):
     with pytest.raises(LocalizationError, match="expected"):
         make()
 
 
 # --- with errors -----------------------------------------------------------------------------
 @pytest.mark.parametrize(("name", "runs"), [("plan", 150), ("depth-first", 80), ("homing", 30)])
-def test_what_is_said_with_95_percent_is_right_that_often(name: str, runs: int) -> None:
+def test_what_is_said_with_95_percent_is_right_that_often(name, runs):
     known = GridMap.of(grown("ragged", 120, 3).cells)
     errors = Errors(FLOWN, slip=0.02)
     done = []
@@ -191,7 +191,7 @@ def test_what_is_said_with_95_percent_is_right_that_often(name: str, runs: int) 
     assert sum(one.right for one in done) >= 0.95 * runs
 
 
-def test_a_robot_that_does_not_err_is_certain_and_right_with_a_belief_too() -> None:
+def test_a_robot_that_does_not_err_is_certain_and_right_with_a_belief_too():
     known = GridMap.of(grown("ragged", 60, 4).cells)
     for method in METHODS.values():
         for seed, start in enumerate(known.cells[::9]):
@@ -200,7 +200,7 @@ def test_a_robot_that_does_not_err_is_certain_and_right_with_a_belief_too() -> N
             assert done.confidence > 0.9999
 
 
-def test_a_demand_that_is_higher_takes_more_moves() -> None:
+def test_a_demand_that_is_higher_takes_more_moves():
     known = GridMap.of(grown("eden", 120, 1).cells)
 
     def moves(confidence: float) -> int:
@@ -216,11 +216,11 @@ def test_a_demand_that_is_higher_takes_more_moves() -> None:
 PAGE = (Path(__file__).parents[5] / "docs" / "localization.md").read_text("utf-8")
 
 
-def test_the_example_of_the_page_runs() -> None:
+def test_the_example_of_the_page_runs():
     (block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     exec(compile(block, "page", "exec", dont_inherit=True), {"__name__": "page"})
 
 
-def test_the_table_has_every_method_with_its_promise() -> None:
+def test_the_table_has_every_method_with_its_promise():
     rows = re.findall(r"^\| `([a-z-]+)` \| [^|]+ \| ([^|]+) \| [^|]+ \|$", PAGE, re.MULTILINE)
     assert rows == [(m.name, m.promise) for m in METHODS.values()]

@@ -54,7 +54,7 @@ def half_explored(seed: int, size: int = 30) -> tuple[set[Cell], set[Cell]]:
     return looked, seen - looked
 
 
-def test_nothing_is_imagined_in_a_corridor() -> None:
+def test_nothing_is_imagined_in_a_corridor():
     corridor = {Cell(e, 0) for e in range(5)} | {Cell(4, n) for n in range(4)}
     drawn = Drawn(corridor - {Cell(4, 3)}, {Cell(4, 3)})
     imagine(drawn.picture, drawn.width)
@@ -62,7 +62,7 @@ def test_nothing_is_imagined_in_a_corridor() -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_only_what_nobody_can_know_is_imagined(seed: int) -> None:
+def test_only_what_nobody_can_know_is_imagined(seed):
     looked, unlooked = half_explored(seed, size=60)
     drawn = Drawn(looked, unlooked)
     imagine(drawn.picture, drawn.width)
@@ -82,7 +82,7 @@ def sites(seed: int, nodes: int, robots: int) -> tuple[np.ndarray, np.ndarray, n
 
 @pytest.mark.parametrize("nodes", [2, 4, 6])
 @pytest.mark.parametrize("seed", range(4))
-def test_on_few_sites_the_search_finds_the_shortest_round(seed: int, nodes: int) -> None:
+def test_on_few_sites_the_search_finds_the_shortest_round(seed, nodes):
     """Against every order there is."""
     legs, loads, _ = sites(seed, nodes, 1)
     outlays = Outlays(legs, loads, np.zeros(nodes), 0.0)
@@ -104,7 +104,7 @@ def test_on_few_sites_the_search_finds_the_shortest_round(seed: int, nodes: int)
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_every_node_is_on_one_route_and_searching_pays(seed: int) -> None:
+def test_every_node_is_on_one_route_and_searching_pays(seed):
     rng = np.random.default_rng(seed)
     nodes, robots = int(rng.integers(1, 25)), int(rng.integers(1, 7))
     places = rng.random((nodes + robots + 1, 2)) * 20.0
@@ -128,9 +128,7 @@ def test_every_node_is_on_one_route_and_searching_pays(seed: int) -> None:
     robots=st.integers(1, 4),
     part=st.floats(0.0, 1.0),
 )
-def test_the_nearest_are_the_first_by_cost_then_by_number(
-    seed: int, nodes: int, robots: int, part: float
-) -> None:
+def test_the_nearest_are_the_first_by_cost_then_by_number(seed, nodes, robots, part):
     others = nodes + robots - 1
     many = max(1, round(part * others))
     size = nodes + robots + 1  # the last is home, to which nobody is near
@@ -164,7 +162,7 @@ def both_searches(
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
+def test_the_search_for_one_robot_is_that_for_a_team(seed):
     nodes = 2 + seed * 37 // 29
     (alone, team), _ = both_searches(seed, nodes, 1.0, 2000, 0.0)
     assert alone == team
@@ -172,13 +170,13 @@ def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
     assert alone != before or nodes < 4
 
 
-def test_the_search_for_one_robot_warms_up_as_that_for_a_team() -> None:
+def test_the_search_for_one_robot_warms_up_as_that_for_a_team():
     """With heat the two differ in rounding only: in the mean their routes are as long."""
     alone, team = np.sum([both_searches(seed, 30, 0.0, 3000, 0.1)[1] for seed in range(30)], axis=0)
     assert abs(alone / team - 1.0) < 0.01
 
 
-def test_a_nook_is_imagined_where_the_roi_is_compact() -> None:
+def test_a_nook_is_imagined_where_the_roi_is_compact():
     """Two by two cells that were looked from, then a step whose inner corner nobody has seen."""
     rows = ["00000000", "00000000", "00000000", "00022000", "00022100", "00001000", "00000000"]
     rows += ["00000000", "00000000"]

@@ -44,7 +44,7 @@ OPEN = Fence.of(ring(-1000, -1000, 1000, 1000), [], 0.0)
 
 # --- where they lie --------------------------------------------------------------------------
 @pytest.mark.parametrize("along", [0, 1])
-def test_lanes_lie_three_cells_apart_along_the_longer_side_to_and_fro(along: int) -> None:
+def test_lanes_lie_three_cells_apart_along_the_longer_side_to_and_fro(along):
     """On the middles of cells."""
     flown = lanes(ring(0, 0, 60, 44) if along == 0 else ring(0, 0, 44, 60), 4.0, OPEN)
     assert [start[1 - along] for start, _ in flown] == [4.0, 16.0, 28.0, 40.0]
@@ -64,17 +64,17 @@ def test_lanes_lie_three_cells_apart_along_the_longer_side_to_and_fro(along: int
         (24.0, [4.0, 16.0, 24.0]),  # seven
     ],
 )
-def test_so_many_rows_of_cells_need_so_many_lanes(north: float, rows: list[float]) -> None:
+def test_so_many_rows_of_cells_need_so_many_lanes(north, rows):
     flown = lanes(ring(0, -0.5, 80, north + 0.5), 4.0, OPEN)
     assert [start.north_m for start, _ in flown] == rows
 
 
-def test_a_box_narrower_than_a_cell_has_a_lane_through_its_middle() -> None:
+def test_a_box_narrower_than_a_cell_has_a_lane_through_its_middle():
     (only,) = lanes(ring(0, 1.0, 80, 3.0), 4.0, OPEN)
     assert only == lane(0, 2.0, 80)
 
 
-def test_a_hollow_box_is_searched_in_pieces() -> None:
+def test_a_hollow_box_is_searched_in_pieces():
     """A U: in the upper rows the lane has a gap."""
     corners = [(0, 0), (90, 0), (90, 30), (60, 30), (60, 10), (30, 10), (30, 30), (0, 30)]
     flown = lanes([GridPoint(*xy) for xy in corners], 4.0, OPEN)
@@ -85,7 +85,7 @@ def test_a_hollow_box_is_searched_in_pieces() -> None:
     assert by_row[28.0] == 2
 
 
-def test_a_slanting_rim_makes_lanes_as_long_as_the_longest_row_they_judge() -> None:
+def test_a_slanting_rim_makes_lanes_as_long_as_the_longest_row_they_judge():
     """A triangle: the lane in the middle of three rows is as long as the widest of them."""
     corners = [GridPoint(0, 0), GridPoint(120, 0), GridPoint(0, 60)]
     for start, end in lanes(corners, 4.0, OPEN):
@@ -94,7 +94,7 @@ def test_a_slanting_rim_makes_lanes_as_long_as_the_longest_row_they_judge() -> N
         assert start.distance_to(end) == pytest.approx(widest_m, abs=0.01)
 
 
-def test_what_the_fence_forbids_is_cut_out() -> None:
+def test_what_the_fence_forbids_is_cut_out():
     holed = Fence.of(ring(-50, -50, 150, 150), [ring(40, -20, 60, 30)], 2.0)
     flown = lanes(ring(0, 0, 100, 44), 4.0, holed)
     cut = [(a.east_m, b.east_m) for a, b in flown if a.north_m == 4.0]
@@ -103,14 +103,14 @@ def test_what_the_fence_forbids_is_cut_out() -> None:
     assert whole == [(100.0, 0.0)]
 
 
-def test_pieces_of_a_lane_that_is_flown_back_come_in_that_order() -> None:
+def test_pieces_of_a_lane_that_is_flown_back_come_in_that_order():
     holed = Fence.of(ring(-50, -50, 150, 150), [ring(40, -20, 60, 130)], 2.0)
     second = [(a.east_m, b.east_m) for a, b in lanes(ring(0, 0, 100, 44), 4.0, holed)
               if a.north_m == 16.0]  # fmt: skip
     assert second == [(100.0, 62.0), (38.0, 0.0)]
 
 
-def test_pieces_shorter_than_half_a_cell_are_left_out() -> None:
+def test_pieces_shorter_than_half_a_cell_are_left_out():
     slit = [ring(4, -20, 50, 130), ring(51.9, -20, 100, 130)]
     fence = Fence.of(ring(-50, -50, 150, 150), slit, 0.0)
     flown = lanes(ring(0, 0, 100, 20), 4.0, fence)
@@ -118,15 +118,13 @@ def test_pieces_shorter_than_half_a_cell_are_left_out() -> None:
     assert all(max(a.east_m, b.east_m) <= 4.0 for a, b in flown)
 
 
-def test_a_box_in_the_margin_has_no_lane() -> None:
+def test_a_box_in_the_margin_has_no_lane():
     assert lanes(ring(0, 0, 100, 6), 4.0, Fence.of(ring(0, 0, 100, 100), [], 8.0)) == ()
 
 
 @FAST
 @given(st.floats(20, 90), st.floats(20, 90), st.floats(2, 8))
-def test_no_two_lanes_judge_more_than_one_row_twice(
-    width: float, depth: float, cell_m: float
-) -> None:
+def test_no_two_lanes_judge_more_than_one_row_twice(width, depth, cell_m):
     """The last lane may lie nearer to the one before it; all others are three cells apart."""
     flown = lanes(ring(0, 0, width, depth), cell_m, OPEN)
     along_east = width >= depth
@@ -138,9 +136,7 @@ def test_no_two_lanes_judge_more_than_one_row_twice(
 
 @FAST
 @given(st.integers(30, 120), st.integers(4, 16), st.integers(0, 3))
-def test_a_row_or_two_that_are_left_are_not_worth_a_lane(
-    rows_in_box: int, rows: int, spare: int
-) -> None:
+def test_a_row_or_two_that_are_left_are_not_worth_a_lane(rows_in_box, rows, spare):
     """The last lane takes them; all others judge as many as ever, and none is left out."""
     box = ring(0, 0, 500, (rows_in_box - 1) * 2.0)
     plain, flown = (lanes(box, 2.0, OPEN, rows, eastward=True, spare_rows=k) for k in (0, spare))
@@ -159,9 +155,7 @@ lengths = st.lists(st.floats(1, 200), min_size=1, max_size=14)
 
 @FAST
 @given(lengths, st.integers(1, 6))
-def test_blocks_are_consecutive_and_hold_every_lane_once(
-    long_m: list[float], vehicles: int
-) -> None:
+def test_blocks_are_consecutive_and_hold_every_lane_once(long_m, vehicles):
     flown = [lane(0, 12.0 * i, length) for i, length in enumerate(long_m)]
     blocks = share_out(flown, vehicles)
     assert len(blocks) == vehicles
@@ -170,20 +164,20 @@ def test_blocks_are_consecutive_and_hold_every_lane_once(
 
 @FAST
 @given(lengths, st.integers(1, 6))
-def test_nobody_has_much_more_than_a_fair_share(long_m: list[float], vehicles: int) -> None:
+def test_nobody_has_much_more_than_a_fair_share(long_m, vehicles):
     flown = [lane(0, 12.0 * i, length) for i, length in enumerate(long_m)]
     for block in share_out(flown, vehicles):
         metres = sum(a.distance_to(b) for a, b in block)
         assert metres <= sum(long_m) / vehicles + max(long_m) + 1e-9
 
 
-def test_more_vehicles_than_lanes_leave_some_without() -> None:
+def test_more_vehicles_than_lanes_leave_some_without():
     blocks = share_out([lane(0, 0, 50), lane(0, 12, 50)], 4)
     assert sorted(map(len, blocks)) == [0, 0, 1, 1]
 
 
 # --- how far ---------------------------------------------------------------------------------
-def test_the_length_of_a_search_counts_the_ways_there_between_and_back() -> None:
+def test_the_length_of_a_search_counts_the_ways_there_between_and_back():
     block = [lane(0, 0, 30), (GridPoint(30, 12), GridPoint(0, 12))]
     home = GridPoint(0, -4)
     assert search_length_m(block, home) == pytest.approx(4 + 30 + 12 + 30 + 16)
@@ -196,7 +190,7 @@ def beside(count: int, apart_m: float, length_m: float) -> list[tuple[GridPoint,
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_no_other_cuts_have_the_slowest_at_home_sooner(seed: int) -> None:
+def test_no_other_cuts_have_the_slowest_at_home_sooner(seed):
     rng = np.random.default_rng(seed)
     lanes = beside(7, 40.0, float(rng.uniform(50, 400)))
     pads = sorted(GridPoint(float(x), -5.0) for x in rng.uniform(0, 240, 3))
@@ -210,13 +204,13 @@ def test_no_other_cuts_have_the_slowest_at_home_sooner(seed: int) -> None:
     assert flown == {frozenset(lane) for lane in lanes}
 
 
-def test_two_lanes_are_flown_out_and_back() -> None:
+def test_two_lanes_are_flown_out_and_back():
     way_m, flown = tour_m(GridPoint(0.0, 0.0), beside(2, 30.0, 100.0))
     assert way_m == 260.0
     assert [lane[0].north_m for lane in flown] == [0.0, 100.0]
 
 
-def test_who_stands_in_the_middle_gets_the_lanes_in_the_middle() -> None:
+def test_who_stands_in_the_middle_gets_the_lanes_in_the_middle():
     lanes = beside(9, 155.0, 1000.0)
     pads = [GridPoint(x, 0.0) for x in (570.0, 670.0, 595.0, 645.0, 620.0)]
     blocks = share_by_time(lanes, pads)
@@ -249,28 +243,24 @@ edges = st.floats(6, 60)
 
 @FAST
 @given(st.floats(-40, 40), st.floats(-40, 40), edges, edges, st.floats(2, 6))
-def test_every_cell_of_the_box_is_judged_from_a_lane(
-    east_m: float, north_m: float, width_m: float, depth_m: float, cell_m: float
-) -> None:
+def test_every_cell_of_the_box_is_judged_from_a_lane(east_m, north_m, width_m, depth_m, cell_m):
     judged(ring(east_m, north_m, east_m + width_m, north_m + depth_m), cell_m)
 
 
 @FAST
 @given(st.floats(0, math.tau), st.floats(20, 60), st.floats(15, 40))
-def test_a_turned_box_is_judged_up_to_its_slanting_rim(
-    turn_rad: float, width_m: float, depth_m: float
-) -> None:
+def test_a_turned_box_is_judged_up_to_its_slanting_rim(turn_rad, width_m, depth_m):
     cos, sin = math.cos(turn_rad), math.sin(turn_rad)
     box = [GridPoint(e * cos - n * sin, e * sin + n * cos) for e, n in ring(0, 0, width_m, depth_m)]
     judged(box, 4.0)
 
 
-def test_a_box_that_is_a_rounding_too_short_loses_no_row() -> None:
+def test_a_box_that_is_a_rounding_too_short_loses_no_row():
     judged(ring(0, 0, 40, 39.99999999999999), 1.0)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_lanes_stay_inside_the_fence(seed: int) -> None:
+def test_lanes_stay_inside_the_fence(seed):
     fence, exact = random_fence(seed)
     rng = np.random.default_rng([seed, 3])
     (west, south), (width, depth) = rng.uniform(-40, 0, 2), rng.uniform(20, 60, 2)
@@ -286,9 +276,7 @@ def test_lanes_stay_inside_the_fence(seed: int) -> None:
 
 @FAST
 @given(places, places, st.lists(st.floats(0, 1), max_size=30))
-def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(
-    start: GridPoint, end: GridPoint, shares: list[float]
-) -> None:
+def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(start, end, shares):
     length_m = start.distance_to(end)
     assume(length_m > 0.01)
     seen_m = [share * length_m for share in shares]
@@ -307,7 +295,7 @@ def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(
             assert any(LineString(stretch).distance(place) < 1e-6 for stretch in stretches)
 
 
-def test_a_lane_with_a_frame_over_each_cell_is_seen() -> None:
+def test_a_lane_with_a_frame_over_each_cell_is_seen():
     lane = (GridPoint(0, 0), GridPoint(40, 0))
     assert unseen(lane, [4.0 * i for i in range(11)], 4.0) == ()
     assert unseen(lane, [4.0 * i for i in range(11) if i != 5], 4.0) == ()  # one is lost

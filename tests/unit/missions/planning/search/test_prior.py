@@ -26,7 +26,7 @@ def shown(*prior: Spot | Area) -> tuple[LikelyLane, ...]:
     return likely_lanes(LANES, BOX, prior, 4.0, 3)
 
 
-def test_a_lane_over_a_narrow_spot_has_all_but_what_lies_evenly() -> None:
+def test_a_lane_over_a_narrow_spot_has_all_but_what_lies_evenly():
     found = shown(Spot(GridPoint(20.0, 28.0), 1.5))
     assert found[2].probability == pytest.approx(1 - EVEN_SHARE * 0.75, abs=0.01)
     # the third lane is flown eastward; a tenth of a quarter of the probability lies evenly
@@ -34,7 +34,7 @@ def test_a_lane_over_a_narrow_spot_has_all_but_what_lies_evenly() -> None:
     assert found[2].turned.middle_m == pytest.approx(80.0, abs=1.0)
 
 
-def test_weights_are_those_of_the_places_and_not_of_their_size() -> None:
+def test_weights_are_those_of_the_places_and_not_of_their_size():
     small = Area(Polygon([(0, 0), (100, 0), (100, 10), (0, 10)]), 1.0)
     large = Spot(GridPoint(50.0, 40.0), 1.5, 3.0)
     found = shown(small, large)
@@ -43,14 +43,14 @@ def test_weights_are_those_of_the_places_and_not_of_their_size() -> None:
     assert found[3].probability == pytest.approx(0.75 * (1 - EVEN_SHARE) + rest, abs=0.03)
 
 
-def test_a_hole_of_an_area_holds_nothing() -> None:
+def test_a_hole_of_an_area_holds_nothing():
     ring = [(0, 0), (100, 0), (100, 44), (0, 44)]
     cut = Polygon(ring, [[(-0.0, 10.0), (100, 10), (100, 34), (0, 34)]])
     found = shown(Area(cut))
     assert found[1].probability < found[0].probability / 4
 
 
-def test_of_a_box_along_north_the_same_holds() -> None:
+def test_of_a_box_along_north_the_same_holds():
     turned = [GridPoint(p.north_m, p.east_m) for p in BOX]
     along_north = likely_lanes(
         lanes(turned, 4.0, OPEN), turned, [Spot(GridPoint(28.0, 20.0), 1.5)], 4.0, 3
@@ -61,21 +61,21 @@ def test_of_a_box_along_north_the_same_holds() -> None:
     )
 
 
-def test_what_no_lane_shows_is_left_out_of_account() -> None:
+def test_what_no_lane_shows_is_left_out_of_account():
     (only,) = likely_lanes(LANES[:1], BOX, [Spot(GridPoint(50.0, 40.0), 3.0)], 4.0, 3)
     assert only.probability == pytest.approx(1.0)
     assert only.middle_m == pytest.approx(50.0, abs=1.0)
 
 
 # --- the key ---------------------------------------------------------------------------------
-def test_a_position_alone_is_a_list_of_one_place() -> None:
+def test_a_position_alone_is_a_list_of_one_place():
     short = parse_fields(HEAD + "search.prior = [48.0005, 11.0005]\n", "m.toml")
     long = parse_fields(HEAD + "search.prior = [{position = [48.0005, 11.0005]}]\n", "m.toml")
     assert short.search.prior == long.search.prior
     assert parse_fields(HEAD, "m.toml").search.prior == ()
 
 
-def test_a_point_without_a_spread_has_half_of_the_shorter_side() -> None:
+def test_a_point_without_a_spread_has_half_of_the_shorter_side():
     mission = parse_mission(HEAD + "search.prior = [48.0005, 11.0005]\n", "m.toml")
     (spot,) = prior_of(mission, setting_of(mission).grid)
     assert isinstance(spot, Spot)
@@ -95,7 +95,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("value", FAULTS)
-def test_a_fault_names_key_value_and_remedy(value: str) -> None:
+def test_a_fault_names_key_value_and_remedy(value):
     (line,) = faults(HEAD + f"search.prior = {value}\n")
     assert FAULTS[value] in line
 
@@ -115,18 +115,18 @@ OF_THE_WHOLE = {
 
 
 @pytest.mark.parametrize("value", OF_THE_WHOLE)
-def test_a_prior_must_have_to_do_with_the_box(value: str) -> None:
+def test_a_prior_must_have_to_do_with_the_box(value):
     with pytest.raises(MissionFileError) as caught:
         parse_mission(HEAD + f"search.prior = {value}\n", "m.toml")
     assert OF_THE_WHOLE[value] in str(caught.value)
 
 
-def test_one_place_in_the_box_is_enough() -> None:
+def test_one_place_in_the_box_is_enough():
     text = HEAD + "search.prior = [{position = [48.1, 11.0]}, {position = [48.0, 11.0]}]\n"
     assert len(parse_mission(text, "m.toml").search.prior) == 2
 
 
-def test_without_a_prior_nobody_knows_when_the_region_is_seen() -> None:
+def test_without_a_prior_nobody_knows_when_the_region_is_seen():
     text = mission_text(square(0, 0, 60, 40), square(-60, -60, 200, 200))
     setting = setting_of(parse_mission(text, "m.toml"))
     assert setting.likely == ()

@@ -53,7 +53,7 @@ def field(prior: tuple[float, float] | None, vehicles: int = 1, north_m: float =
 
 
 # --- by hand ---------------------------------------------------------------------------------
-def test_the_expected_time_of_two_lanes_by_hand() -> None:
+def test_the_expected_time_of_two_lanes_by_hand():
     """8 s to the middle of the first; then 22 s to its end, the next and that one's middle."""
     blocks = [(lane(0.0, 0.25), lane(15.0, 0.75).turned)]
     first_s = 0 / 5 + 2 + 20 / 5
@@ -62,13 +62,13 @@ def test_the_expected_time_of_two_lanes_by_hand() -> None:
     assert expected_s(blocks, [HOME], PACE) == pytest.approx(expected)
 
 
-def test_a_lane_is_flown_from_the_end_that_is_likelier() -> None:
+def test_a_lane_is_flown_from_the_end_that_is_likelier():
     ((flown,),) = soonest([lane(0.0, 1.0, 36.0)], [GridPoint(20.0, 0.0)], PACE)
     assert flown.lane[0].east_m == 40.0
 
 
 @pytest.mark.parametrize("vehicles", [1, 2])
-def test_no_order_at_all_is_better(vehicles: int) -> None:
+def test_no_order_at_all_is_better(vehicles):
     likely = [lane(12.0 * i, p, m) for i, (p, m) in enumerate(((0.1, 5), (0.5, 33), (0.4, 20)))]
     homes = [HOME, GridPoint(60.0, 0.0)][:vehicles]
     every: list[list[Block]] = []
@@ -83,7 +83,7 @@ def test_no_order_at_all_is_better(vehicles: int) -> None:
 
 # --- in a mission ----------------------------------------------------------------------------
 @pytest.mark.parametrize("north_m", [60.0, 220.0])
-def test_a_point_in_the_far_corner_is_looked_at_first(north_m: float) -> None:
+def test_a_point_in_the_far_corner_is_looked_at_first(north_m):
     setting = field((126.0, 4.0 + north_m), north_m=north_m)
     few = len(setting.lanes) <= EXACT_LANES
     assert few is (north_m == 60.0)  # the exact order, and the local search
@@ -94,26 +94,26 @@ def test_a_point_in_the_far_corner_is_looked_at_first(north_m: float) -> None:
     assert min(point.distance_to(far) for point in plain) > north_m / 2 - 16.0
 
 
-def test_it_is_told_how_much_sooner_that_is() -> None:
+def test_it_is_told_how_much_sooner_that_is():
     found = field((96.0, 64.0)).first_sighting_s
     assert found is not None
     soon_s, late_s = found
     assert 20.0 < soon_s < 0.5 * late_s
 
 
-def test_two_vehicles_see_it_sooner_than_one() -> None:
+def test_two_vehicles_see_it_sooner_than_one():
     one, two = (field((50.0, 64.0), vehicles).first_sighting_s for vehicles in (1, 2))
     assert one is not None
     assert two is not None
     assert two[0] < one[0]
 
 
-def test_without_a_prior_lanes_are_shared_out_as_they_lie() -> None:
+def test_without_a_prior_lanes_are_shared_out_as_they_lie():
     setting = field(None, vehicles=2)
     assert tuple(lane for block in setting.shares for lane in block) == setting.lanes
 
 
-def test_plain_blocks_are_those_of_a_search_without_a_prior() -> None:
+def test_plain_blocks_are_those_of_a_search_without_a_prior():
     setting, plain = field((96.0, 64.0), 3), field(None, 3)
     blocks = plain_blocks(setting.likely, 3)
     assert tuple(tuple(part.lane for part in block) for block in blocks) == plain.shares
@@ -134,12 +134,8 @@ OPEN = Fence.of([GridPoint(*xy) for xy in ((-1e3, -1e3), (1e3, -1e3), (1e3, 1e3)
     pause_s=st.floats(0, 4),
 )  # fmt: skip
 def test_the_order_is_never_worse_and_the_lanes_are_the_same(
-    width_m: float,
-    depth_m: float,
-    spots: list[tuple[float, float, float]],
-    homes: list[tuple[float, float]],
-    pause_s: float,
-) -> None:
+    width_m, depth_m, spots, homes, pause_s
+):
     corners = ((0.0, 0.0), (width_m, 0.0), (width_m, depth_m), (0.0, depth_m))
     box = [GridPoint(*xy) for xy in corners]
     flown = lanes(box, 4.0, OPEN)

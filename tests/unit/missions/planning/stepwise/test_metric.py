@@ -47,30 +47,28 @@ def flown(metric: Metric, start: Cell, end: Cell) -> float:
 
 @FAST
 @given(metrics, cells, cells)
-def test_a_leg_is_as_long_as_it_is_flown(metric: Metric, start: Cell, end: Cell) -> None:
+def test_a_leg_is_as_long_as_it_is_flown(metric, start, end):
     assert metric.leg(start, end) == pytest.approx(flown(metric, start, end), rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ("towards", "cost"), [(Cell(1, 0), 1 / 0.4), (Cell(-1, 0), 1 / 1.6), (Cell(0, 1), 1 / 0.8)]
 )
-def test_along_the_axes_are_the_costs_of_the_paper(towards: Cell, cost: float) -> None:
+def test_along_the_axes_are_the_costs_of_the_paper(towards, cost):
     """With the drift the ROI runs away, against it the ROI comes."""
     assert Metric(1.0, drift_east=0.6).leg(Cell(0, 0), towards) == pytest.approx(cost)
 
 
 @FAST
 @given(metrics, cells, cells, cells)
-def test_a_detour_never_saves_time(metric: Metric, a: Cell, b: Cell, c: Cell) -> None:
+def test_a_detour_never_saves_time(metric, a, b, c):
     assert metric.leg(a, c) <= metric.leg(a, b) + metric.leg(b, c) + 1e-9
     assert metric.tour_leg(a, c) <= metric.tour_leg(a, b) + metric.tour_leg(b, c) + 1e-9
 
 
 @FAST
 @given(metrics, st.lists(cells, min_size=2, max_size=7))
-def test_over_a_closed_tour_the_symmetric_part_is_all_there_is(
-    metric: Metric, stops: list[Cell]
-) -> None:
+def test_over_a_closed_tour_the_symmetric_part_is_all_there_is(metric, stops):
     tour = list(itertools.pairwise([*stops, stops[0]]))
     whole = sum(metric.leg(a, b) for a, b in tour)
     assert sum(metric.tour_leg(a, b) for a, b in tour) == pytest.approx(whole, abs=1e-9)
@@ -80,9 +78,7 @@ def test_over_a_closed_tour_the_symmetric_part_is_all_there_is(
 
 @FAST
 @given(metrics, cells, cells)
-def test_a_closed_tour_costs_between_least_and_most_per_length(
-    metric: Metric, a: Cell, b: Cell
-) -> None:
+def test_a_closed_tour_costs_between_least_and_most_per_length(metric, a, b):
     length = math.dist(a, b)
     assert metric.least_per_length * length <= metric.tour_leg(a, b) + 1e-9
     assert metric.tour_leg(a, b) <= metric.most_per_length * length + 1e-9
@@ -90,7 +86,7 @@ def test_a_closed_tour_costs_between_least_and_most_per_length(
 
 @FAST
 @given(metrics, st.integers(1, 30))
-def test_the_limits_per_length_are_reached_across_and_along(metric: Metric, length: int) -> None:
+def test_the_limits_per_length_are_reached_across_and_along(metric, length):
     """So no better bound than these holds for all directions."""
     assume(metric.drift_speed > 0.01)
     turned = Metric(metric.speed, drift_east=metric.drift_speed)
@@ -102,9 +98,7 @@ def test_the_limits_per_length_are_reached_across_and_along(metric: Metric, leng
 
 @FAST
 @given(st.floats(0.5, 10), st.floats(0, 0.95))
-def test_the_drift_factor_is_the_most_per_length_beside_the_resting_one(
-    speed: float, share: float
-) -> None:
+def test_the_drift_factor_is_the_most_per_length_beside_the_resting_one(speed, share):
     metric = Metric(speed, drift_north=speed * share)
     factor = drift_factor(speed, speed * share)
     assert metric.most_per_length * speed == pytest.approx(factor)
@@ -114,7 +108,7 @@ def test_the_drift_factor_is_the_most_per_length_beside_the_resting_one(
 @pytest.mark.parametrize(
     ("speed", "east", "north"), [(1.0, 1.0, 0.0), (1.0, 0.8, 0.7), (0.0, 0.0, 0.0), (2.0, 0, -3)]
 )
-def test_a_robot_must_keep_up_with_the_drift(speed: float, east: float, north: float) -> None:
+def test_a_robot_must_keep_up_with_the_drift(speed, east, north):
     with pytest.raises(ValueError, match="cannot keep up"):
         Metric(speed, east, north)
 
@@ -122,7 +116,7 @@ def test_a_robot_must_keep_up_with_the_drift(speed: float, east: float, north: f
 # --- from rest to rest -----------------------------------------------------------------------
 @pytest.mark.parametrize("speed", [1.0, 5.0])
 @pytest.mark.parametrize("distance", np.linspace(0.1, 30.0, 12))
-def test_a_leg_from_rest_is_that_of_even_acceleration(speed: float, distance: float) -> None:
+def test_a_leg_from_rest_is_that_of_even_acceleration(speed, distance):
     """A ramp of r seconds is speed / accel: half of it lost while speeding up, half while braking.
     Short legs are a triangle of speed, long ones a trapezoid."""
     accel = 2.0

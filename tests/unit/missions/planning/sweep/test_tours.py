@@ -41,7 +41,7 @@ def laid(size: int, *delays_s: float, seed: int = 1, before: Waypoints = ()) -> 
     return found
 
 
-def test_all_work_is_somebodys_and_two_are_done_sooner_than_one() -> None:
+def test_all_work_is_somebodys_and_two_are_done_sooner_than_one():
     _, wanted, _, _ = rectangle(30)
     one, two, same = laid(30, 0.0), laid(30, 0.0, 0.0), laid(30, 0.0, 0.0)
     assert ((one.mine >= 0) == (wanted == 1)).all()
@@ -51,17 +51,17 @@ def test_all_work_is_somebodys_and_two_are_done_sooner_than_one() -> None:
     assert same.waypoints == two.waypoints
 
 
-def test_who_is_long_busy_gets_less() -> None:
+def test_who_is_long_busy_gets_less():
     assert (laid(30, 0.0, 1000.0).mine == 1).sum() == 0
 
 
-def test_tours_go_on_unless_others_are_better() -> None:
+def test_tours_go_on_unless_others_are_better():
     first = laid(30, 0.0, 0.0)
     again = laid(30, 0.0, 0.0, seed=2, before=first.waypoints)
     assert again.cost_s <= first.cost_s + 1e-6
 
 
-def test_a_plan_from_tours_is_shorter_than_one_from_nothing() -> None:
+def test_a_plan_from_tours_is_shorter_than_one_from_nothing():
     chart, _, valued, planner = rectangle(40, moves=50)
     ends_s = []
     for begun in ((), laid(40, 0.0).waypoints):
@@ -71,7 +71,7 @@ def test_a_plan_from_tours_is_shorter_than_one_from_nothing() -> None:
     assert ends_s[1] < ends_s[0]
 
 
-def test_little_work_needs_no_tours_and_places_see_all_of_it() -> None:
+def test_little_work_needs_no_tours_and_places_see_all_of_it():
     chart, wanted, valued, _ = rectangle(3)
     assert lay_tours(chart, [FLYER], [0.0], valued, 0.0, seed=1) is None
     places, of = kernels.look_from(wanted, chart.columns, chart.rows, 3, 2, 100)

@@ -36,7 +36,7 @@ def row_file(folder: Path) -> Path:
     return path
 
 
-def test_figures_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_figures_by_hand(tmp_path, capsys):
     values = printed(capsys, "simulate", "--roi", row_file(tmp_path), "--json")
     assert set(values) == {"rois", "means"}
     row, square = values["rois"]
@@ -49,7 +49,7 @@ def test_figures_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert means["bound_held"] is True
 
 
-def test_a_drift_across_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_drift_across_a_row(tmp_path, capsys):
     """Across the drift every step costs 1 / sqrt(1 - 0.36) = 1.25; along it 1.5625 in the mean."""
     roi = row_file(tmp_path)
     across, along = (
@@ -65,7 +65,7 @@ def test_a_drift_across_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize("comms", ["shared", "meeting"])
-def test_several_strategies_on_grown_rois(capsys: pytest.CaptureFixture[str], comms: str) -> None:
+def test_several_strategies_on_grown_rois(capsys, comms):
     arguments = ["simulate", "--generate", "ragged", "--cells", 40, "--count", 3, "--robots", 3]
     arguments += ["--comms", comms, "--strategy", "rdfs,rdfs-paper", "--strategy", "rdfs", "--json"]
     once, again = (printed(capsys, *arguments) for _ in range(2))
@@ -82,9 +82,7 @@ def test_several_strategies_on_grown_rois(capsys: pytest.CaptureFixture[str], co
     assert once == again
 
 
-def test_a_radio_is_stated_and_filmed_and_bounds_are_not(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_radio_is_stated_and_filmed_and_bounds_are_not(tmp_path, capsys):
     arguments = ["simulate", "--roi", "eden:40:3", "--robots", 3, "--comms", "range:3,loss:0.5"]
     once, again, other = (
         printed(capsys, *arguments, "--json", "--strategy", "rdfs,greedy", "--seed", seed)
@@ -103,7 +101,7 @@ def test_a_radio_is_stated_and_filmed_and_bounds_are_not(
     assert film.read_bytes().startswith(b"GIF8")
 
 
-def test_the_table_names_strategies_and_bounds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_names_strategies_and_bounds(capsys):
     assert main(["simulate", "--generate", "thin", "--cells", "20", "--count", "2"]) == 0
     shown = capsys.readouterr().out
     words_of_time = "the lower bound of a ROI took another 0."
@@ -111,7 +109,7 @@ def test_the_table_names_strategies_and_bounds(capsys: pytest.CaptureFixture[str
         assert words in shown
 
 
-def test_the_figures_are_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_figures_are_written_once(tmp_path, capsys):
     out = tmp_path / "new" / "out"
     arguments = ["simulate", "--roi", "eden:9:1", "--json", "--out", str(out)]
     assert main(arguments) == 0
@@ -120,9 +118,7 @@ def test_the_figures_are_written_once(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "choose another" in capsys.readouterr().err
 
 
-def test_an_interruption_prints_what_is_done(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interruption_prints_what_is_done(monkeypatch, capsys):
     def interrupted(*arguments: Any) -> Iterator[Trial]:
         for number, trial in enumerate(trials(*arguments)):
             if number == 2:
@@ -165,9 +161,7 @@ def test_an_interruption_prints_what_is_done(
         (["--roi", "eden:9:1", "--out", f"{__file__}/new"], "cannot be made: Not a directory"),
     ],
 )
-def test_what_is_wrong_is_said_in_a_line(
-    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_wrong_is_said_in_a_line(arguments, words, capsys):
     assert main(["simulate", *arguments]) == 2
     streams = capsys.readouterr()
     assert streams.out == ""
@@ -186,14 +180,14 @@ def test_what_is_wrong_is_said_in_a_line(
         ["--generate", "eden", "--speed", "inf"],
     ],
 )
-def test_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_usage(arguments, capsys):
     with pytest.raises(SystemExit) as left:
         main(["simulate", *arguments])
     assert left.value.code == 2
     assert "usage: uavmap simulate" in capsys.readouterr().err
 
 
-def test_strategies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_strategies_are_listed(capsys):
     listed = printed(capsys, "strategies", "--json")
     assert [entry["name"] for entry in listed] == [*EXPLORERS, *ON_PATHS]
     assert all(set(entry) == {"name", "guarantee", "source", "when"} for entry in listed)
