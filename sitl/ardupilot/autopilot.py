@@ -52,11 +52,6 @@ class Autopilot(Aircraft):
         self._submode = ""  # of GUIDED: which kind of target is flown
 
     @property
-    def navigating(self) -> bool:
-        """Whether it is in the air in a mode that needs a position."""
-        return self.armed and self.airborne and self.mode not in LEVEL
-
-    @property
     def in_mission(self) -> bool:
         """Whether it is in AUTO."""
         return self.mode == Mode.AUTO

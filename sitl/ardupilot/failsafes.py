@@ -132,7 +132,8 @@ class ArduPilotFailsafes(Failsafes):
             craft.send_text(
                 CRITICAL, "GPS Glitch or Compass error" if self._glitch else "Glitch cleared"
             )
-        if not self.loses_position(craft, _POSITION_LOST_S, matters=craft.navigating):
+        navigates = craft.armed and craft.airborne and craft.mode not in LEVEL
+        if not self.loses_position(craft, _POSITION_LOST_S, matters=navigates):
             return
         if craft.parameters["FS_EKF_ACTION"] != 0.0:
             craft.set_mode(Mode.LAND)

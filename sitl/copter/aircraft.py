@@ -196,7 +196,8 @@ class Aircraft(Motion, ABC):
         self.error.move(dt_s, self.body.v_east, self.body.v_north)
         if self.error.resets != self._resets:
             self._resets = self.error.resets
-            self._replan()
+            self._shaper.active = False
+            self._follower.stop()
         self._look()
         self._watch_failsafes()
         if self.body.motors_on and self.battery.empty:

@@ -28,21 +28,15 @@ class Zone:
 
     def broken_at(self, east_m: float, north_m: float) -> bool:
         """Return whether a place is forbidden."""
-        return self._holds(east_m, north_m) != self.inclusion
-
-    def _holds(self, east_m: float, north_m: float) -> bool:
-        if len(self.ring) == 1:
-            (east, north), = self.ring  # fmt: skip
-            return math.hypot(east_m - east, north_m - north) < self.radius_m
-        inside = False
         e0, n0 = self.ring[-1]
+        inside = len(self.ring) == 1 and math.hypot(east_m - e0, north_m - n0) < self.radius_m
         for e1, n1 in self.ring:
             if (n0 > north_m) != (n1 > north_m) and (
                 east_m < e0 + (north_m - n0) / (n1 - n0) * (e1 - e0)
             ):
                 inside = not inside
             e0, n0 = e1, n1
-        return inside
+        return inside != self.inclusion
 
 
 def zones(

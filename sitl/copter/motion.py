@@ -162,10 +162,6 @@ class Motion:
         self.hold = self._stopping_point()
         self._enter(_FLY)
 
-    def _replan(self) -> None:
-        self._shaper.active = False
-        self._follower.stop()
-
     def land(self) -> None:
         """Descend on the hold position."""
         self.target = None

@@ -128,12 +128,6 @@ _PRIOR_HUBER = 2.0  # standard deviations of a tag, beyond which it pulls no str
 _UNKNOWN_HEIGHT = 0.5  # an untagged height is that of the others, within this share
 
 
-def add_tags(normal: Normal, solution: Solution, tags: Tags) -> float:
-    """Add all that tags say; return the cost."""
-    terms = (_add_places, _add_heights, _add_yaws, _add_tilts, _add_shared)
-    return sum(term(normal, solution, tags) for term in terms)
-
-
 class _Rows:
     """Residuals of tags, `count` a view, in standard deviations, with their derivatives."""
 
@@ -289,7 +283,8 @@ def linearised(
     cost = 0.0
     for begin in range(0, len(ties.source), _CHUNK):
         cost += _add_ties(normal, cameras, ties, slice(begin, begin + _CHUNK), limit_px)
-    cost += add_tags(normal, solution, tags)
+    of_tags = (_add_places, _add_heights, _add_yaws, _add_tilts, _add_shared)
+    cost += sum(add(normal, solution, tags) for add in of_tags)
     index = np.arange(UNKNOWNS)
     normal.diagonal[:, index, index] += _KEPT  # of a view that all its tie points have lost
     return Solution(cameras, solution.shared, solution.middle_m, cost), normal

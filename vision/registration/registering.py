@@ -246,12 +246,14 @@ def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, C
     yaw = -np.angle(net.scale)
     flip = np.where(net.turned, -1.0, 1.0)
     tilt = np.array([v.tilt for v in views], float) * flip[:, None]
-    found_m = net.position_sigma_m
+    found_m = math.inf  # where geotags agree better with the net than their tags say
+    if net.position_sigma_m is not None:
+        found_m = max(net.position_sigma_m, _LEAST_POSITION_SIGMA_M)
     height_m, height_sigma_m = _measured([v.height_m for v in views])
     yaw_rad, yaw_sigma_rad = _measured([v.yaw_rad for v in views])
     tags = Tags(
         place_m=np.array([[v.east_m, v.north_m] for v in views]),
-        place_sigma_m=np.array([_position_sigma_m(v, found_m) for v in views]),
+        place_sigma_m=np.array([min(v.position_sigma_m, found_m) for v in views]),
         height_m=height_m,
         height_sigma_m=height_sigma_m,
         yaw_rad=yaw_rad + np.where(net.turned, math.pi, 0.0),
@@ -272,13 +274,6 @@ def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, C
         relief,
     )
     return tags, start, cameras
-
-
-def _position_sigma_m(view: View, found_m: float | None) -> float:
-    """Return the tagged value, or that found if geotags agree better with the net."""
-    if found_m is None:
-        return view.position_sigma_m
-    return min(view.position_sigma_m, max(found_m, _LEAST_POSITION_SIGMA_M))
 
 
 def _measured(tags: Sequence[Measured | None]) -> Floats:
