@@ -53,7 +53,8 @@ def view(of: np.ndarray, east_m: float, north_m: float) -> Image.Image:
 
 @pytest.fixture(scope="module")
 def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder, field = tmp_path_factory.mktemp("photos"), ground()
+    folder, field = tmp_path_factory.mktemp("good") / "photos", ground()
+    folder.mkdir()
     for number, (east_m, north_m) in enumerate(PLACES):
         image = view(field, east_m, north_m)
         shot(
