@@ -113,7 +113,7 @@ class _Allowance:
         return True
 
 
-class Spoken:
+class AutopilotTexts:
     """The texts of one vehicle."""
 
     def __init__(self, reporter: Reporter) -> None:

@@ -18,7 +18,7 @@ SETTLE_S: Final = 5.0
 """To get going, and to come to rest."""
 
 
-class TasksOf:
+class GuardedTasks:
     """The tasks of one vehicle, from where it is now."""
 
     def __init__(self, reporter: Reporter, setting: Setting) -> None:

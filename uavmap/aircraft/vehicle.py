@@ -24,9 +24,9 @@ from missions.guardian import Limits
 from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.planning.leapfrog_geometry import Role
 from missions.units import LatLon
-from uavmap.aircraft.autopilot_texts import Spoken
+from uavmap.aircraft.autopilot_texts import AutopilotTexts
 from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
-from uavmap.aircraft.guarded_tasks import TasksOf
+from uavmap.aircraft.guarded_tasks import GuardedTasks
 from uavmap.aircraft.guardian.guardian import Guardian
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.imaging.imaging import CameraDriver
@@ -98,7 +98,7 @@ class MavlinkVehicle:
             tell,
         )
         self._monitor = Monitor(self._reporter)
-        self._monitor.why = Spoken(self._reporter).why
+        self._monitor.why = AutopilotTexts(self._reporter).why
         limits = Limits(setting.fence, setting.energy, slack_s, setting.relief_m)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits)
         self.guardian.stand_aside = self._stand_aside
@@ -117,12 +117,12 @@ class MavlinkVehicle:
         self._aids = True
         """Whether its autopilot takes a position from elsewhere, as far as is known."""
         self._manoeuvres.under_way = lambda order, target: self.guardian.told(
-            self._tasks_of.begun(order, target)
+            self._guarded_tasks.begun(order, target)
         )
         self._tasks: asyncio.TaskGroup | None = None
         self._task: asyncio.Task[None] | None = None
         self._order: Order | None = None
-        self._tasks_of = TasksOf(self._reporter, setting)
+        self._guarded_tasks = GuardedTasks(self._reporter, setting)
         self._streams = Streams(name, session, camera.streams, self._navigation.streams)
         session.listen(self._monitor.on_message)
 
@@ -185,7 +185,7 @@ class MavlinkVehicle:
         goes_on = isinstance(order, FlyPath) and busy and self._manoeuvres.goes_on(order)
         if not goes_on:
             self._stand_aside()
-        self.guardian.told(self._tasks_of.task(order))
+        self.guardian.told(self._guarded_tasks.task(order))
         if self.guardian.acting:
             return
         self._order = order

@@ -102,7 +102,7 @@ class Poses:
         if self._view.autopilot is not None:
             self._session.request_interval(mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ)
 
-    async def of(self, picture: Announcement) -> Pose:
+    async def pose_of(self, picture: Announcement) -> Pose:
         """The pose of a picture; without one of the camera's the telemetry after the exposure is
         waited for. Raises `ImageError` with what is wrong, which is counted."""
         told = picture.told

@@ -109,7 +109,7 @@ class CameraDriver:
 
     async def _taken(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> Taken:
         t_s = self._exposed_s(picture)
-        pose = await self._poses.of(picture)
+        pose = await self._poses.pose_of(picture)
         data = await picture.load()
         finder = self.navigation
         if finder is not None and finder.watches:

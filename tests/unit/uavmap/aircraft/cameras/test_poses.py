@@ -94,7 +94,7 @@ def test_in_a_turn_between_two_messages():
         for _ in range(60):
             await asyncio.sleep(0.237)
             taken_s = asyncio.get_running_loop().time()
-            pose = await poses.of(Announcement("a", taken_s, nothing))
+            pose = await poses.pose_of(Announcement("a", taken_s, nothing))
             place, height_m, turned = truth(taken_s)
             errors_m.append(distance_m(pose.position, place))
             assert pose.height_m == pytest.approx(height_m, abs=0.02)
@@ -110,12 +110,12 @@ async def test_what_a_camera_tells_comes_first(peer, poses, /):
     place, height_m, turned = truth(2.0)
     told = ToldPose(place, height_m, turned)
     taken_s = asyncio.get_running_loop().time()
-    assert await poses.of(Announcement("a", taken_s, nothing, told=told)) == Pose(
+    assert await poses.pose_of(Announcement("a", taken_s, nothing, told=told)) == Pose(
         place, height_m, turned
     )
     assert poses.streams == {}  # nothing was asked for
     half = ToldPose(place, height_m, None)
-    pose = await poses.of(Announcement("a", taken_s, nothing, told=half))
+    pose = await poses.pose_of(Announcement("a", taken_s, nothing, told=half))
     assert (pose.position, pose.height_m) == (place, height_m)
     assert angle_deg(pose.attitude, Mount(yaw_deg=90.0).attitude(turned)) < 0.1
     assert poses.streams == {mav.MAVLINK_MSG_ID_ATTITUDE: 10.0}
@@ -130,7 +130,7 @@ def test_time_that_cannot_be_right_is_refused(late_s, fault):
         taken_s = now_s + 20.0 if fault == "in the future" else now_s - late_s
         said = fault if late_s == 0.0 else None
         with pytest.raises(ImageError, match="tells no usable pose"):
-            await poses.of(Announcement("a", taken_s, nothing, fault=said))
+            await poses.pose_of(Announcement("a", taken_s, nothing, fault=said))
 
     peer = flown(body)
     assert sum(peer.session.view.gate.refused.values()) == 1
@@ -140,7 +140,7 @@ def test_an_attitude_of_another_clock_is_refused_and_counted():
     async def body(peer, poses):
         taken_s = asyncio.get_running_loop().time()
         with pytest.raises(ImageError, match="the vehicle did not tell its own of then"):
-            await poses.of(Announcement("a", taken_s, nothing))
+            await poses.pose_of(Announcement("a", taken_s, nothing))
 
     peer = flown(body, attitude_off_s=-30.0)
     refused = peer.session.view.gate.refused
