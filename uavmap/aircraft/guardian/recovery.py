@@ -98,18 +98,6 @@ class RecoveryFlight:
         aim, aim_m = aim_over_ground(view, self._reporter.position(), point, height_m)
         await self._commands.fly_to(self._reporter.grid.position(aim), aim_m)
 
-    async def _send_towards(self, point: GridPoint, height_m: float) -> bool | None:
-        """Command target and speed; False if refused, None, after a pause, without an answer."""
-        try:
-            await self.aim_at(point, height_m)
-            await self._commands.speed(self._speed_m_s)
-        except CommandRefusedError:
-            return False
-        except LinkError:
-            await asyncio.sleep(PAUSE_S)
-            return None
-        return True
-
     async def fly_home_by_map(self) -> bool:
         """To its home by targets; False where it does not take them, or needs none."""
         view, fence = self._view, self._fence
@@ -119,11 +107,14 @@ class RecoveryFlight:
             if here.distance_to(home) <= OVER_HOME_M and view.ground_speed_m_s <= BRISK_M_S:
                 return True
             corners = corners_home(fence, here, home)
-            sent = await self._send_towards(corners[0] if corners else home, height_m)
-            if sent is None:
-                continue
-            if not sent:
+            try:
+                await self.aim_at(corners[0] if corners else home, height_m)
+                await self._commands.speed(self._speed_m_s)
+            except CommandRefusedError:
                 return False
+            except LinkError:
+                await asyncio.sleep(PAUSE_S)
+                continue
             # the place that its autopilot takes for home changes with every picture
             await asyncio.sleep(LOOK_S)
         return False
@@ -187,11 +178,14 @@ class RecoveryFlight:
             return self._reporter.position().distance_to(corner) <= CORNER_M
 
         while not over():
-            sent = await self._send_towards(corner, height_m)
-            if sent is None:
-                continue
-            if not sent:
+            try:
+                await self.aim_at(corner, height_m)
+                await self._commands.speed(self._speed_m_s)
+            except CommandRefusedError:
                 return False
+            except LinkError:
+                await asyncio.sleep(PAUSE_S)
+                continue
             pause_s = RETRY_S if self._view.ground is None else LOOK_S
             await self._session.until(lambda: there() or over(), pause_s)
             if there():
