@@ -16,8 +16,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from missions.errors import AreaError, OutputError, UavmapError
-from missions.mission.schema import MAX_VEHICLES
 from uavmap.base.terminal import PipeConsole
+from uavmap.journal.flight_plan import RANGES
 from uavmap.journal.mission_time import duration
 from uavmap.output.documents import save
 from uavmap.output.drawing.judged import FILE as JUDGED
@@ -57,15 +57,14 @@ def number_type(kind: type[int] | type[float], low: float, high: float) -> Calla
     return number
 
 
-vehicle_count: Final = number_type(int, 1, MAX_VEHICLES)
+vehicle_count: Final = number_type(int, *RANGES["vehicles"])
 worker_count: Final = number_type(int, 1, 256)
-seed_number: Final = number_type(int, 0, 2**63 - 1)
-"""Seeds that numpy takes."""
+seed_number: Final = number_type(int, *RANGES["seed"])
 port_number: Final = number_type(int, 1, 65000)
 """Ports with room for those of more vehicles behind them."""
 epsg_code: Final = number_type(int, 1024, 999_999)
 index_number: Final = number_type(int, 0, 10**9)
-speedup: Final = number_type(float, 0.001, 1000.0)
+speedup: Final = number_type(float, *RANGES["speedup"])
 
 
 def utc_seconds(text: str) -> float:

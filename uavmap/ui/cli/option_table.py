@@ -15,9 +15,9 @@ from typing import Any, Final
 from missions.mission import fleet_checks
 from missions.mission.checks import FLOWN
 from uavmap.aircraft.cameras.spec import HELP as CAMERAS
-from uavmap.journal.flight_plan import DRIVERS, KEY_VARIABLE, PYMAVLINK, RANGES
+from uavmap.journal.flight_plan import DRIVERS, KEY_VARIABLE, PYMAVLINK
 from uavmap.load.mission_source import shipped_missions
-from uavmap.ui.cli.common import number_type
+from uavmap.ui.cli.common import number_type, seed_number, speedup, vehicle_count
 from uavmap.ui.page.feed import LOOPBACK, PORT
 
 FLEET_KEY_VARIABLE: Final = "UAVMAP_FLEET_KEY_FILE"
@@ -113,7 +113,7 @@ TABLE: Final = (
         "computer shows the map and sends orders of keys and page to all of them",
     ),
     Option(
-        name="--vehicle", metavar="K", type=number_type(int, *RANGES["vehicles"]), required=True,
+        name="--vehicle", metavar="K", type=vehicle_count, required=True,
         commands=("onboard",), field="member",
         help="the number of this vehicle in the mission file, from 1",
     ),
@@ -149,13 +149,13 @@ TABLE: Final = (
         },
     ),
     Option(
-        name="--vehicles", metavar="N", type=number_type(int, *RANGES["vehicles"]),
+        name="--vehicles", metavar="N", type=vehicle_count,
         commands=("fly",), field="vehicles", python=True,
         help="fly with this number of vehicles (default: as many as the mission file, or the "
         "URLs, say)",
     ),
     Option(
-        name="--seed", metavar="S", type=number_type(int, *RANGES["seed"]), default=1,
+        name="--seed", metavar="S", type=seed_number, default=1,
         commands=("fly", "tune"), field="seed", python=True,
         help="the seed of the simulation: the same seed gives the same flight (default 1)",
         also={"tune": "the seed of the samples (default 0)"},
@@ -184,7 +184,7 @@ TABLE: Final = (
         "(`uavmap strategies`)",
     ),
     Option(
-        name="--speedup", metavar="X", type=number_type(float, *RANGES["speedup"]),
+        name="--speedup", metavar="X", type=speedup,
         commands=(*_FLIES, "doctor"), field="speedup", python=True,
         help="times real time (default: with --sim as fast as possible, with --connect 1)",
         also={
