@@ -5,7 +5,9 @@
 Of each rendered site (`tests.support.sites`) three photographs of the western half are painted,
 `uavmap tune` learns, and `uavmap replay` maps, once; then the two pictures are painted that the map
 asks for, and it is mapped again. Cells of the map are held against the truth: all of them, where
-an unsure one counts as not region, and the sure ones.
+an unsure one counts as not region, and the sure ones. `ece` is the expected calibration error of
+the photographs that were not painted: by tenths of a cell's mean probability, its mean distance
+from the share of truth.
 """
 
 from __future__ import annotations
@@ -14,17 +16,23 @@ import contextlib
 import io
 import json
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from tests.benchmarks.frame import asked
 from tests.support import sites
-from uavmap.photos.tune.selection import Counts
+from uavmap.photos.tune.selection import Counts, by_cell
 from uavmap.ui.cli import main as uavmap
+from vision.detectors.learned_model import LearnedDetector
 
 SEEDS = (1, 2, 3)
 NAMES = ("track", "burn", "flood", "spill")
 ASKED = 2
-HEAD = "site   seed painted        all: IoU prec. rec.  sure: IoU prec. rec.  share wrong bound"
+HEAD = (
+    "site   seed painted        all: IoU prec. rec.  sure: IoU prec. rec.  share wrong bound   ece"
+)
 
 
 def run(*arguments: str) -> None:
@@ -36,14 +44,34 @@ def run(*arguments: str) -> None:
         raise SystemExit(f"{arguments} has failed\n{said.getvalue()}")
 
 
-def figures(out: Path, eyes: Path, place: sites.Site) -> str:
-    """A map against the truth."""
+CELL_PX = sites.PHOTO_PX[0] / sites.PHOTO_M
+"""Side of a cell of the map, 1 m, in a photograph."""
+
+
+def calibration_error(eyes: Path, shots: Sequence[sites.Shot]) -> float:
+    """Return the expected calibration error over cells of photographs."""
+    detector = LearnedDetector((eyes / "model.json").read_bytes())
+    marks, truth = (
+        np.concatenate([by_cell(values, CELL_PX).ravel() for values in one])
+        for one in zip(
+            *((detector.judged(s.image).marks, s.region.astype(np.float32)) for s in shots),
+            strict=True,
+        )
+    )
+    tenth = np.minimum((marks * 10).astype(int), 9)
+    off = np.bincount(tenth, marks - truth, minlength=10)
+    return float(np.abs(off).sum() / len(marks))
+
+
+def figures(out: Path, eyes: Path, place: sites.Site, shots: Sequence[sites.Shot]) -> str:
+    """Return a map against the truth, and how well what judged it is calibrated."""
     region, unsure, truth = sites.judged_cells(out, place)
     rows = [Counts.of(region, truth, known) for known in (unsure | True, ~unsure)]
     wrong = float((region != truth)[~unsure].mean())
     bound = json.loads((eyes / "model.json").read_text("utf-8"))["wrong_at_most"]
-    told = "      ".join(f"{c.iou:.2f}  {c.precision:.2f}  {c.recall:.2f}" for c in rows)
-    return f"     {told}   {1 - unsure.mean():.2f} {wrong:.3f} {bound:.3f}"
+    error = calibration_error(eyes, shots)
+    row = "      ".join(f"{c.iou:.2f}  {c.precision:.2f}  {c.recall:.2f}" for c in rows)
+    return f"     {row}   {1 - unsure.mean():.2f} {wrong:.3f} {bound:.3f} {error:.3f}"
 
 
 def drill(name: str, seed: int, folder: Path) -> None:
@@ -58,7 +86,8 @@ def drill(name: str, seed: int, folder: Path) -> None:
         run("tune", str(photos), "--examples", str(masks), "--out", str(eyes))
         mapped = ("--refine", "off", "--no-ortho", "--out", str(out))
         run("replay", str(photos), "--detector", str(eyes), *mapped)
-        print(f"{name:6} {seed:4} {painted:13} {figures(out, eyes, place)}", flush=True)
+        others = [shot for shot in shots if not (masks / f"{shot.name}.png").exists()]
+        print(f"{name:6} {seed:4} {painted:13} {figures(out, eyes, place, others)}", flush=True)
         lines = (out / "next.txt").read_text("utf-8").splitlines()[:ASKED]
         names = {Path(line.split("\t")[0]).stem for line in lines}
         sites.paint([shot for shot in shots if shot.name in names], masks)
