@@ -123,6 +123,7 @@ class Sim(Section):
     """The world that `--sim` and `uavmap sitl` fly in; the mission itself never reads it."""
 
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    world: tuple[str, ...] = ()
     roi: tuple[SimRegion, ...] = ()
     roi_intensity: Annotated[Count, Field(ge=0, le=255)] = 85
     ground_intensity: Annotated[Count, Field(ge=0, le=255)] = 190

@@ -288,12 +288,27 @@ def _slick(canvas: Canvas) -> None:
     canvas.paint(area(rng, _box(-5, 122, 200, 150), 3.0), "sand")
 
 
+def _runway(canvas: Canvas) -> None:
+    """A worn runway on a meadow; bare soil, a ploughed field, a yard and a roof look like it."""
+    rng = canvas.rng
+    canvas.paint(area(rng, _box(-5, 96, 80, 150), 3.0), "crop")
+    canvas.paint(lane(rng, [(30, 44), (146, 82)], 21.0, 0.8), "gravel", number=1)
+    canvas.paint(area(rng, _box(118, 108, 186, 150), 2.0), "bare soil")
+    canvas.paint(area(rng, _box(128, -5, 200, 34), 1.5), "ploughed soil")
+    canvas.paint(area(rng, _box(164, 52, 184, 74), 0.3), "concrete")
+    house = area(rng, _box(96, 12, 110, 22), 0.0)
+    canvas.shade(house, (2.0, 3.0))
+    canvas.paint(house, "metal roof")
+    canvas.trees(18, 0, 190)
+
+
 SITES: Final[Mapping[str, tuple[str, Callable[[Canvas], None]]]] = {
     "track": ("meadow", _track),
     "burn": ("dry grass", _burn),
     "flood": ("meadow", _flood),
     "spill": ("sea", _spill),
     "slick": ("sea", _slick),
+    "runway": ("meadow", _runway),
 }
 
 
@@ -303,6 +318,18 @@ def site(name: str, seed: int = 1) -> Site:
     draw(canvas)
     image = np.clip(canvas.image, 0, 255).astype(np.uint8)
     return Site(name, image, canvas.numbers)
+
+
+def write_orthophoto(place: Site, file: Path) -> None:
+    """Write a site as a PNG with its world file in degrees."""
+    cv2.imwrite(str(file), place.image)
+    plane = LocalPlane(ORIGIN)
+    north_west, south_east = plane.to_wgs84(0.0, HEIGHT_M), plane.to_wgs84(WIDTH_M, 0.0)
+    wide = (south_east.lon_deg - north_west.lon_deg) / SHAPE[1]
+    tall = (south_east.lat_deg - north_west.lat_deg) / SHAPE[0]
+    first = (north_west.lon_deg + wide / 2, north_west.lat_deg + tall / 2)
+    lines = [f"{value:.12f}" for value in (wide, 0.0, 0.0, tall, *first)]
+    file.with_suffix(".pgw").write_text("\n".join(lines) + "\n", "utf-8")
 
 
 # --- photographs ---------------------------------------------------------------------------------

@@ -134,7 +134,8 @@ def region_in_words(section: DetectorSection) -> str:
 
 def _looks(section: DetectorSection) -> str:
     if section.model is not None:
-        return f"what the model {Path(section.model).name} was made to find"
+        model = Path(section.model)
+        return f"what the model {model.parent.name}/{model.name} was made to find"
     words: str | None = getattr(detector_of_section(section), "words", None)
     if words is None:
         return f"what the plug-in {section.name} marks"

@@ -32,8 +32,8 @@ _MOST_LOOKED_AT: Final = 1000
 
 def shipped_missions() -> list[str]:
     """The names of the missions that are shipped."""
-    folder = resources.files("missions") / "shipped"
-    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir())
+    files = (resources.files("missions") / "shipped").iterdir()
+    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
 
 
 def load(name: str, detector: str | None = None) -> Mission:
@@ -94,6 +94,11 @@ def _resolved(tables: dict[str, Any], source: str, folder: Path, detector: str |
             found = resolved_section(section, folder, other)
         tables |= {} if found is None else {"detector": found}
     mission = mission_of_tables(tables, source)
+    if mission.sim.world:
+        world = tuple(str((folder / path).resolve()) for path in mission.sim.world)
+        mission = mission.model_copy(
+            update={"sim": mission.sim.model_copy(update={"world": world})}
+        )
     if dem is not None:
         mission = with_ground(mission, folder / dem, f"{source}: terrain.dem = {dem!r}")
     return mission
@@ -108,8 +113,8 @@ def _path_at(tables: Mapping[str, Any], section: str, key: str) -> str | None:
 def _read(name: str) -> tuple[str, Path]:
     path = Path(name)
     if not path.suffix and name in shipped_missions() and not path.exists():
-        text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
-        return text, Path()
+        folder = Path(str(resources.files("missions"))) / "shipped"
+        return (folder / f"{name}.toml").read_text("utf-8"), folder
     try:
         return read_text(path, LARGEST_BYTES), path.parent
     except OSError as error:

@@ -40,7 +40,7 @@ setup_without_mission: Final = Setup
 _LOOK_EVERY_STEPS = 2
 _SAME: Final = {
     *("roi_intensity", "ground_intensity", "texture", "sensor_noise", "illumination", "gust_m_s"),
-    *("gps_sigma_m", "gps_tau_s", "optical_flow", "odometry_drift"),
+    *("world", "gps_sigma_m", "gps_tau_s", "optical_flow", "odometry_drift"),
 }
 """Keys of a mission's [sim] that the simulator knows by the same names."""
 

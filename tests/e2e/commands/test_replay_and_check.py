@@ -8,8 +8,10 @@ from socket import AF_INET, SOCK_STREAM, socket
 import pytest
 from shapely.geometry import shape
 
+from missions.geo.grid import Grid
+from tests.benchmarks.photos.brighton import map_counts
 from tests.e2e.rig import LOOPBACK, ROI_STATES, SHARED, free_ports, mission, simulator, uavmap
-from uavmap.load.mission_source import shipped_missions
+from uavmap.load.mission_source import load, shipped_missions
 from uavmap.ui.cli import main
 
 PHOTOGRAPHS = SHARED / "brighton_beach"
@@ -22,15 +24,17 @@ needs_photographs = pytest.mark.skipif(
 @needs_photographs
 def test_photographs_make_a_map_of_the_road(tmp_path):
     done = uavmap("replay", PHOTOGRAPHS, "--mission", "road", "--json", "--out", tmp_path / "map")
-    assert done.code == 0
+    assert done.code == 3  # a few cells look like nothing that was painted
     assert done.summary["photographs"] == 18
-    assert done.summary["completed"] is True
+    assert 0 < done.summary["cells_unsure"] < 20
     assert done.summary["iou_cells"] is None
     found = json.loads((tmp_path / "map" / "map.geojson").read_text("utf-8"))["features"]
     cells = [f for f in found if f["properties"]["kind"] == "cell"]
     roi = [f for f in cells if f["properties"]["state"] in ROI_STATES]
     assert len(roi) == done.summary["cells_roi"]
     assert 0.02 < len(roi) / len(cells) < 0.5  # a road between grass and trees
+    road = load("road")
+    assert map_counts(tmp_path / "map", Grid.at(road.home, road.grid.cell_m)).iou > 0.65
     (outline,) = (f for f in found if f["properties"]["kind"] == "outline")
     west, south, east, north = shape(outline["geometry"]).bounds
     assert 46.8415 < south < north < 46.8438

@@ -107,6 +107,7 @@ COMMENTS: Final[Mapping[str, str]] = {
     "terrain.source": '"autopilot": its own terrain database',
     "sim.autopilot": '"ardupilot" or "px4"',
     "sim.roi": "the true region; the one below is invented",
+    "sim.world": "files that its cameras see: GeoJSON, one georeferenced picture",
     "sim.roi_intensity": "how bright the region is painted",
     "sim.ground_intensity": "how bright the ground is painted",
     "sim.texture": "how uneven the ground is",

@@ -212,3 +212,16 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
     (tmp_path / "field.toml").write_text(MISSION)
     with pytest.raises(MissionFileError, match=r"'where.geojson': cannot be read \(No such file"):
         load(str(tmp_path / "field.toml"))
+
+
+def test_world_of_the_simulator_lies_beside_the_mission_file(tmp_path, monkeypatch, capsys):
+    text = named_text("runway").text.replace("[sim]", '[sim]\nworld = ["field.geojson"]')
+    file = tmp_path / "folder" / "field.toml"
+    file.parent.mkdir()
+    file.write_text(text, "utf-8")
+    monkeypatch.chdir(tmp_path)
+    (world,) = load(str(file)).sim.world
+    assert Path(world) == file.parent / "field.geojson"
+    assert main(["fly", str(file), "--sim", "--out", "out"]) == 2
+    assert f"{world}: No such file or directory" in capsys.readouterr().err
+    assert not Path("out").exists()

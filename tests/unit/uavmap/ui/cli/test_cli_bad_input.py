@@ -111,7 +111,7 @@ def test_no_vehicle_at_all(tmp_path, refused):
 
 def test_photographs(tmp_path, capsys, refused):
     images, out = tmp_path / "images", tmp_path / "out"
-    replay = ["replay", images, "--mission", "road", "--out", out]
+    replay = ["replay", images, "--mission", "road", "--detector", "paved", "--out", out]
     assert "no such file or folder" in refused(*replay)
     images.mkdir()
     assert "no pictures (*.jpg" in refused(*replay)
