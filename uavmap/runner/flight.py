@@ -46,6 +46,7 @@ from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results
 from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.onlooker import Onlooker, folded
+from uavmap.runner.simulation import refuse_unreadable_world
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 
@@ -106,10 +107,12 @@ def fly(
     """
     setting = plan.setting(_LOG.info)
     refuse_unknown_ground(setting.mission, plan.mission_source)
-    if plan.simulated and not setting.mission.sim.roi:
+    if plan.simulated:
+        refuse_unreadable_world(setting.mission)
+    if plan.simulated and not (setting.mission.sim.roi or setting.mission.sim.world):
         _LOG.info(
             f"{plan.mission_source}: [[sim.roi]] is missing: there is nothing to be found on the "
-            "simulated ground; give it a polygon"
+            "simulated ground; give it a polygon, or name a picture of your ground: sim.world"
         )
     check_urls(plan.urls)
     check_network(plan.network)

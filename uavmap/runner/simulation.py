@@ -29,6 +29,7 @@ from sitl.quirks import Quirks
 from sitl.scenario import Home, Setup
 from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle
+from sitl.world.files import load_ground
 from sitl.world.ground import HeightField, Relief
 from sitl.world.world import Patch
 from uavmap.mavlink.session import Session
@@ -99,6 +100,11 @@ def setup_of(
         tag_dictionary=sim.tag_dictionary or mission.navigation.tag_dictionary,
         **sim.model_dump(include=_SAME),
     )
+
+
+def refuse_unreadable_world(mission: Mission) -> None:
+    """Raise `WorldError` for a file of `sim.world` that cannot be shown."""
+    load_ground(mission.sim.world, home=mission.home)
 
 
 def _tag_m(mission: Mission) -> float:

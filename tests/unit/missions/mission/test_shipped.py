@@ -10,20 +10,14 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from missions.errors import MissionFileError
 from missions.geo.grid import Grid
-from missions.mission.checks import check, parse_mission
+from missions.mission.checks import check
 from missions.mission.fleet_checks import check_fleet, with_own_air
 from missions.mission.places import homes
 from missions.mission.schema import Mission, positions
-from vision.detectors import detector_names
+from uavmap.load.mission_source import load
 
 NAMES = ["bay", "burn", "runway", "runway-field", "slick", "spill", "road"]
 NONSTOP = {"bay", "burn", "runway", "slick", "spill"}
-
-
-def shipped(name: str) -> Mission:
-    file = resources.files("missions") / "shipped" / f"{name}.toml"
-    text = file.read_text(encoding="utf-8")
-    return parse_mission(text, f"{name}.toml", detectors=detector_names())
 
 
 def regions(mission: Mission) -> list[Polygon]:
@@ -39,11 +33,11 @@ def regions(mission: Mission) -> list[Polygon]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_each_passes_its_checks_and_stops_where_it_repeats_a_paper(name):
-    assert shipped(name).name == name
-    assert shipped(name).strategy == ("swath" if name in NONSTOP else "rdfs")
+    assert load(name).name == name
+    assert load(name).strategy == ("swath" if name in NONSTOP else "rdfs")
 
 
-def test_nothing_else_is_shipped():
+def test_nothing_else_is_load():
     files = (resources.files("missions") / "shipped").iterdir()
     assert sorted(f.name for f in files if f.name.endswith(".toml")) == sorted(
         f"{name}.toml" for name in NAMES
@@ -52,7 +46,7 @@ def test_nothing_else_is_shipped():
 
 @pytest.mark.parametrize("name", ["runway", "runway-field"])
 def test_the_runway_is_92_by_21_metres_and_turned(name):
-    mission = shipped(name)
+    mission = load(name)
     (runway,) = regions(mission)
     corners = list(runway.exterior.coords)
     edges = sorted(
@@ -65,7 +59,7 @@ def test_the_runway_is_92_by_21_metres_and_turned(name):
 
 
 def test_the_two_runways_differ_in_settings_only():
-    best, field = (shipped(name).model_dump(warnings=False) for name in ("runway", "runway-field"))
+    best, field = (load(name).model_dump(warnings=False) for name in ("runway", "runway-field"))
     assert {key for key in best if best[key] != field[key]} == {
         "name",
         "strategy",
@@ -82,7 +76,7 @@ def test_the_two_runways_differ_in_settings_only():
 
 
 def test_the_burn_is_compact_and_a_sixth_of_its_box():
-    mission = shipped("burn")
+    mission = load("burn")
     (burn,) = regions(mission)
     grid = Grid.at(mission.home, mission.grid.cell_m)
     box = Polygon([grid.fixed(place) for place in positions(mission.search.box)])
@@ -94,7 +88,7 @@ def test_the_burn_is_compact_and_a_sixth_of_its_box():
 
 
 def test_the_spill_is_fat_and_has_a_hole_that_cells_can_show():
-    mission = shipped("spill")
+    mission = load("spill")
     (spill,) = regions(mission)
     cell_m = mission.grid.cell_m
     assert 150 <= spill.area / cell_m**2 <= 200
@@ -107,7 +101,7 @@ def test_the_spill_is_fat_and_has_a_hole_that_cells_can_show():
 
 
 def test_the_spill_stays_in_the_fence_for_twenty_minutes():
-    mission = shipped("spill")
+    mission = load("spill")
     grid = Grid.at(
         mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
     )
@@ -122,7 +116,7 @@ def test_the_spill_stays_in_the_fence_for_twenty_minutes():
 
 
 def test_the_film_in_the_bay_is_wide_and_in_three_pieces():
-    mission = shipped("bay")
+    mission = load("bay")
     grid = Grid.at(mission.home, mission.grid.cell_m)
     pieces = regions(mission)
     box = Polygon([grid.fixed(place) for place in positions(mission.search.box)])
@@ -141,12 +135,12 @@ def test_the_film_in_the_bay_is_wide_and_in_three_pieces():
 
 
 def test_in_a_fleet_vehicles_share_no_layer():
-    mission = with_own_air(shipped("bay"))
+    mission = with_own_air(load("bay"))
     check_fleet(mission, "bay.toml")
     check(mission, "bay.toml")
     heights = [(mission.altitude_m(k), mission.search_altitude_m(k)) for k in range(5)]
     assert heights == [(30.0 + 3.0 * k, 88.0 + 3.0 * k) for k in range(5)]
     assert with_own_air(mission) == mission
-    many = shipped("bay").model_copy(update={"vehicles": shipped("bay").vehicles[:1] * 15})
+    many = load("bay").model_copy(update={"vehicles": load("bay").vehicles[:1] * 15})
     with pytest.raises(MissionFileError, match=r"the lowest is at -3 m.*fly fewer vehicles"):
         check_fleet(with_own_air(many), "bay.toml")
