@@ -156,6 +156,8 @@ class Tuning:
     moves: int = 700
     tour_moves: int = 5000
     """From the waypoints of tours, which come every few seconds and are a rough beginning."""
+    tour_moves_each: int = 100
+    """For each waypoint of the tour of one vehicle alone, `moves` to `tour_moves` in all."""
     hot_s: float = 0.6
     cold_s: float = 0.03
     keep_s: float = 0.5

@@ -172,7 +172,10 @@ class Planner:
             other = _Search.of(rows, chart, valued)
             for k, (flyer, tour) in enumerate(zip(team, tours, strict=True)):
                 self._warm(flyer, other, k, begin_s, tour)
-            other_s = self._improve(other, valued, seed, tuning.tour_moves)
+            moves = tuning.tour_moves
+            if len(team) == 1:
+                moves = min(moves, max(tuning.moves, tuning.tour_moves_each * len(tours[0])))
+            other_s = self._improve(other, valued, seed, moves)
             if other_s < cost_s:
                 search, cost_s = other, other_s
         if cost_s > kept_s - tuning.keep_s:
