@@ -117,15 +117,16 @@ def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State 
     return Airspace(setting, state).reserve_or_wait(vehicle, vehicle.leg(route))
 
 
+def on_paths(state: State, for_s: float) -> list[tuple[VehicleState, FlyPath]]:
+    """Return our vehicles whose paths last longer than `for_s` seconds yet, with their orders."""
+    flying = ((v, v.order) for v in state.ours if v.phase is Phase.AIRBORNE)
+    paths = ((v, order) for v, order in flying if isinstance(order, FlyPath))
+    return [(v, order) for v, order in paths if order.trajectory.end_s > state.t_s + for_s]
+
+
 def keep_clear(setting: Setting, state: State) -> State:
     """Have vehicles brake whose paths lead into air that others reserve."""
-    for number in state.our_numbers:
-        vehicle = state.vehicles[number]
-        order = vehicle.order
-        if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, FlyPath):
-            continue
-        if order.trajectory.end_s <= state.t_s + NOTICE_S:
-            continue
+    for vehicle, order in on_paths(state, NOTICE_S):
         if not Airspace(setting, state).is_clear(vehicle, order):
             state = brake(setting, state, vehicle, order)
     return state

@@ -89,13 +89,8 @@ class Covering(Paths):
     def concluded(self, setting: Setting, state: State, left: tuple[Lane, ...]) -> State:
         """What is open stays undecided; lanes matter only while something is."""
         open_ = self.open_cells(setting, state)
-        return replace(
-            state,
-            exhausted=True,
-            surveyed=not open_,
-            undecided=open_,
-            unreachable_lanes=left if open_ else (),
-        )
+        state = replace(state, exhausted=True, surveyed=not open_, undecided=open_)
+        return replace(state, unreachable_lanes=left if open_ else ())
 
 
 class EveryPatch(Covering):

@@ -11,14 +11,13 @@ from dataclasses import replace
 from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.path_orders import NOTICE_S, brake, give_path, through
+from missions.flight.path_orders import NOTICE_S, brake, give_path, on_paths, through
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import beside_rows_m
-from missions.orders import FlyPath
 from missions.planning.search.lanes import Lane, unseen
 from missions.units import GridPoint
 
@@ -176,12 +175,8 @@ def end_searched(setting: Setting, state: State) -> State:
     """Have vehicles brake whose lanes others have seen meanwhile."""
     if state.tree is not None or cells_drift_out(setting):
         return state
-    for number in state.our_numbers:
-        vehicle = state.vehicles[number]
-        order = vehicle.order
-        if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, FlyPath):
-            continue
-        if order.trajectory.end_s <= state.t_s + WORTH_S or not vehicle.on_lane:
+    for vehicle, order in on_paths(state, WORTH_S):
+        if not vehicle.on_lane:
             continue
         done = setting.strategy.lane_done(setting, state)
         strips = (setting.strip(lane, state.t_s) for lane in reversed(vehicle.lanes))

@@ -141,7 +141,6 @@ def test_an_order_that_is_clear_leads_past_what_the_other_does(data: st.DataObje
 @settings(max_examples=100, deadline=None)
 @given(st.data())
 def test_two_in_their_layers_never_wait_for_each_other(data: st.DataObject) -> None:
-    """Refusals are for columns and for changes of height: legs in two layers never meet."""
     pair = []
     for number in (1, 2):
         vehicle = data.draw(vehicles(number))

@@ -72,7 +72,6 @@ def test_facts_are_what_the_frames_of_one_vehicle_decide(
 def test_members_that_know_the_same_facts_have_the_same_region(
     frames: list[tuple[int, dict[Cell, bool]]], data: st.DataObject
 ) -> None:
-    """Each has its own frames and hears of the others' facts whenever it may be."""
     seen = seen_by(frames)
     regions = set()
     for member in (0, 1, 2, 3):

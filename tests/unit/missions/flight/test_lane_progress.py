@@ -64,7 +64,6 @@ def test_a_first_lane_without_frames_is_flown_again_at_the_end() -> None:
 
 
 def test_a_column_counts_once_all_its_rows_are_judged_by_whichever_frames() -> None:
-    """A lane that is never in one picture in all its breadth is searched all the same."""
     path = rounded_path([NEAR[0], NEAR[1]], 10.0, speed_m_s=6.0)
     order = FlyPath(path, 12.0, 90.0, 0.2)
     vehicle = VehicleState(1, 12.0, order=order, lanes=(NEAR,), on_lane=True)

@@ -27,7 +27,6 @@ def test_the_fence_is_that_of_the_file_with_its_margin(margin_m: float) -> None:
 
 
 def test_checks_and_flights_have_the_same_fence_and_lanes() -> None:
-    """What is accepted is what is flown."""
     hole = square(0, 25, 8, 8)
     made = mission(BOX, FENCE, [hole])
     flown = setting_of(made)

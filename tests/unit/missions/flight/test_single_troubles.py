@@ -84,7 +84,6 @@ def test_layers_are_counted_from_the_mission_whatever_receivers_report(
 
 
 def test_no_look_is_given_over_a_cell_that_has_left_the_fence() -> None:
-    """It has hovered over it, and has waited for a neighbour to land."""
     made = over(drift_m_s=0.4, toward_deg=0.0)
     root = Cell(0, 23)  # 92 m north; the margin of the fence begins at 98
     made.exploring(at=root)
@@ -120,7 +119,6 @@ def looking(made: Service) -> Look:
 
 
 def test_a_look_that_lasts_ends_before_its_cell_drifts_out_of_the_fence() -> None:
-    """The pictures that were judged count, and nobody calls the map whole."""
     made = over(drift_m_s=0.4, toward_deg=0.0)
     looking(made)
     north = Cell(0, 18)
@@ -244,7 +242,6 @@ def test_above_a_blocked_pad_it_lands_beside_while_the_reserve_is_whole() -> Non
 
 
 def test_a_battery_that_counts_as_fresh_is_not_asked_for_again() -> None:
-    """Between what the crew's swap takes for full and what the next target needs."""
     made = over(capacity_wh=14.0, speed_m_s=1.0)
     made.post(Connected(1, 0.0, HOME, HOME, 0.0, False, True, 12.9))
     for _ in range(3):
@@ -253,7 +250,6 @@ def test_a_battery_that_counts_as_fresh_is_not_asked_for_again() -> None:
 
 
 def test_a_vehicle_that_was_moved_at_its_swap_comes_home_to_its_new_place() -> None:
-    """An autopilot sets its home where it is armed."""
     made = over()
     made.connect()
     moved = GridPoint(6.0, -8.0)
@@ -265,8 +261,6 @@ def test_a_vehicle_that_was_moved_at_its_swap_comes_home_to_its_new_place() -> N
 
 
 def test_who_is_higher_than_its_layer_turns_back_for_the_longer_descent() -> None:
-    """As when a pilot gives it back high up."""
-
     made = over()
     made.exploring()
     here = made.state.vehicles[1]

@@ -194,7 +194,6 @@ def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service
 
 
 def test_a_frame_from_anywhere_is_evidence_and_nothing_more(service: Service) -> None:
-    """It is of no lane and no look; what it elects is ROI of the map."""
     service.take_off()
     service.post(Arrived(1, 12.0, service.setting.lanes[0][0]))
     order, seen = service.order(), Cell(0, 6)
@@ -248,7 +247,6 @@ def test_a_lane_behind_a_wall_is_given_up_not_flown_through_it() -> None:
 
 
 def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
-    """And a box without a ROI is exhausted, which is a result."""
     made = mission(
         square(-140, 20, 280, 8), square(-200, -60, 400, 160), capacity_wh=14.0, speed_m_s=5.0
     )
@@ -278,7 +276,6 @@ def test_who_has_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None
 
 # --- exploring -------------------------------------------------------------------------------
 def test_a_late_positive_still_grows_the_tree(service: Service) -> None:
-    """The look ended before every picture was judged: the votes that it lacked still count."""
     service.exploring()
     for t in range(2):
         service.post(frame(1, 20.0 + t, ROOT, ROOT))
@@ -345,7 +342,6 @@ def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() 
 
 
 def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before() -> None:
-    """Its way back leads over a cell that was inside when the leg would begin."""
     service = over(square(-10, 16, 40, 20), drift_m_s=0.4, toward_deg=0.0)
     root, far = Cell(0, 3), Cell(0, 24)
     service.exploring(at=root)
@@ -634,7 +630,6 @@ def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
 
 
 def test_nobody_climbs_beside_one_whose_stop_is_not_known_yet(pair: Service) -> None:
-    """Its last report is a second old, and it needs metres to stop."""
     pair.connect(1)
     pair.fly(1, HOME, order=Hold(), braking_until_s=9.0)
     assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
@@ -667,7 +662,6 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
 
 
 def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: Service) -> None:
-    """Two look from neighbouring cells; one returns by itself, and climbs through the layers."""
     centre = pair.setting.grid.centre_of
     east = Cell(ROOT.east + 1, ROOT.north)
     pair.connect_all()
@@ -703,7 +697,6 @@ def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
 def test_a_vehicle_that_stands_outside_of_the_fence_or_at_its_edge_stays_there(
     service: Service, east_m: float, said: str
 ) -> None:
-    """A climb strays by some decimetres."""
     there = GridPoint(east_m, -30.0)
     assert service.post(found(1.0, there, 60.0, home=there)) == ((1, StandDown()),)
     assert said in service.state.vehicles[1].note

@@ -81,7 +81,6 @@ def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> Non
 
 
 def test_air_that_was_promised_once_is_asked_for_again_the_next_time() -> None:
-    """Nobody keeps out of it any more, whatever time there would have been left."""
     state = in_the_air(on_lane=False)
     for vehicle in (1, 3):
         state = heard(setting(), state, replace(told("flies", vehicle), lanes=()))
@@ -164,7 +163,6 @@ def test_who_cannot_ask_everybody_leaves_the_layer_of_others_at_once() -> None:
 def test_air_is_promised_only_for_a_vehicle_that_follows_our_orders(
     changes: dict[str, object], promises: bool
 ) -> None:
-    """One that stands, and one that hovers far away by our orders; the others may come there."""
     state = in_the_air(on_lane=False)
     mine = replace(state.vehicles[OURS], order=Hold(), lanes=())
     column = Column(GridPoint(60.0, 60.0), 5.0, 35.0, 0.0, 60.0)

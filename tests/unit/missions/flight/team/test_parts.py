@@ -181,7 +181,6 @@ def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: G
 
 
 def test_who_waits_over_its_pad_has_its_part_in_what_is_laid_out() -> None:
-    """Nobody else may be there, but it is not away: it lays out the parts, or gets one."""
     found = Shared(3, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
     for member, lays in ((1, True), (2, False)):
         state = apply(setting(member), flying(member), found)
