@@ -271,7 +271,8 @@ def test_a_detector_is_looked_at_before_any_picture(tmp_path, refused, text, why
 def described_as(name, *, region, surround):
     share = np.array([1.0 if region else 0.0, 0.0 if surround else 1.0], np.float32)
     known = np.array([region, surround])
-    plain = Described(name, np.zeros((1, 2), np.float32), share, known, 1, 2)
+    numbers = (share > 0.5).astype(np.uint8)
+    plain = Described(name, np.zeros((1, 2), np.float32), share, known, numbers, 1, 2)
     return (plain,)
 
 
