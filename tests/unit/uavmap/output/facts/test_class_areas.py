@@ -1,7 +1,5 @@
 """Areas and litres of the classes of a region, with their bounds."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -26,9 +24,7 @@ CLASSES = Classes.model_validate(OIL)
 
 
 @given(st.floats(0.6, 12.0), st.floats(0.6, 12.0), st.floats(-0.5, 0.5))
-def test_true_area_of_nested_discs_lies_within_the_bounds(
-    outer_m: float, inner_m: float, aside_m: float
-) -> None:
+def test_true_area_of_nested_discs_lies_within_the_bounds(outer_m, inner_m, aside_m):
     """A disc of one class in a disc of another, of which frames saw the exact shares."""
     inner_m = min(inner_m, outer_m)
     thick = shapely.Point(aside_m, 0.3).buffer(inner_m)
@@ -50,7 +46,7 @@ def test_true_area_of_nested_discs_lies_within_the_bounds(
         assert one.low_m2 <= one.area_m2 <= one.high_m2 + 1e-9
 
 
-def test_volume_is_area_by_thickness_and_without_bound_where_one_class_has_none() -> None:
+def test_volume_is_area_by_thickness_and_without_bound_where_one_class_has_none():
     cells = np.array([[0, 0], [5, 5]], np.int32)
     shares = np.array([[1.0, 0.0], [0.0, 0.5]])
     found = class_areas(CLASSES, GRID, cells, shares, np.array([0, 1]))
@@ -63,7 +59,7 @@ def test_volume_is_area_by_thickness_and_without_bound_where_one_class_has_none(
     assert class_figures(()) == {}
 
 
-def test_class_without_a_thickness_has_no_litres() -> None:
+def test_class_without_a_thickness_has_no_litres():
     plain = Classes.model_validate({"weed": {"number": 5}})
     cells, shares = np.array([[0, 0]], np.int32), np.array([[1.0]])
     told = class_figures(class_areas(plain, GRID, cells, shares, np.array([0])))
