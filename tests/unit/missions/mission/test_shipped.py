@@ -37,7 +37,7 @@ def test_each_passes_its_checks_and_stops_where_it_repeats_a_paper(name):
     assert load(name).strategy == ("swath" if name in NONSTOP else "rdfs")
 
 
-def test_nothing_else_is_load():
+def test_nothing_else_is_shipped():
     files = (resources.files("missions") / "shipped").iterdir()
     assert sorted(f.name for f in files if f.name.endswith(".toml")) == sorted(
         f"{name}.toml" for name in NAMES
