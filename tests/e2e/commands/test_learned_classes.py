@@ -54,6 +54,13 @@ def test_classes_painted_by_number_are_learned_and_mapped_with_area_and_litres(
         assert iou > LEAST_IOU, (one["name"], iou)
         true_m2 = np.count_nonzero(place.numbers == one["number"]) * sites.GSD_M**2
         assert one["area_low_m2"] < true_m2 < one["area_high_m2"], (one, true_m2)
+    for one, fine in zip(summary["classes"], summary["boundary_classes"], strict=True):
+        true_m2 = np.count_nonzero(place.numbers == one["number"]) * sites.GSD_M**2
+        assert fine["name"] == one["name"]
+        assert fine["area_m2"] == pytest.approx(true_m2, rel=0.1)
+    features = json.loads((out / "boundary.geojson").read_text("utf-8"))["features"]
+    kinds = [one["properties"]["class"] for one in features if "class" in one["properties"]]
+    assert kinds == [one["name"] for one in summary["classes"]]
     assert summary["volume_l"][1] is None
     assert "rainbow (class 2): " in capsys.readouterr().out
 

@@ -6,8 +6,8 @@ RFC 7946, WGS84, eight decimals (a millimetre).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -117,6 +117,7 @@ class BoundaryMap:
         position_m: Standard deviation of a picture's place, by which all of it may be shifted.
         seen: Cells that pictures show, sorted; shape (n, 2).
         undecided: Those among them in too few pictures.
+        classes: The boundary of each class of the region, by name.
     """
 
     mission: str
@@ -128,16 +129,19 @@ class BoundaryMap:
     position_m: float
     seen: NDArray[np.int32]
     undecided: NDArray[np.int32]
+    classes: Mapping[str, Boundary] = field(default_factory=dict)
 
-    def figures(self) -> dict[str, float | None]:
-        """Return the figures for the summary."""
+    def figures(self) -> dict[str, Any]:
+        """Return the figures for the summary; of classes only where there are some."""
         found = self.boundary
+        classes = [{"name": name, **_class_figures(one)} for name, one in self.classes.items()]
         return {
             "boundary_m2": round(found.region.area, 1),
             "boundary_low_m2": round(found.likely.area, 1),
             "boundary_high_m2": round(found.possible.area, 1),
             "boundary_uncertainty_m": _rounded(found.uncertainty_m(0.5)),
             "boundary_open_m": round(found.open_lines.length, 1),
+            **({"boundary_classes": classes} if classes else {}),
         }
 
 
@@ -166,12 +170,28 @@ def features_of(data: BoundaryMap) -> list[Feature]:
         *_lines(data),
         _shape(data, "band", data.boundary.band, {"from": 0.1, "to": 0.9}),
         _shape(data, "open", open_lines, {"length_m": round(float(open_lines.length), 1)}),
+        *_classes(data),
         _cells(data, "undecided", runs(data.undecided)),
         _cells(data, "unseen", unseen(data)),
     ]
 
 
 # --- the features --------------------------------------------------------------------------------
+def _class_figures(found: Boundary) -> dict[str, float | None]:
+    return {
+        "area_m2": round(found.region.area, 1),
+        "area_low_m2": round(found.likely.area, 1),
+        "area_high_m2": round(found.possible.area, 1),
+        "uncertainty_m": _rounded(found.uncertainty_m(0.5)),
+    }
+
+
+def _classes(data: BoundaryMap) -> Iterator[Feature]:
+    for name, found in data.classes.items():
+        told = {"class": name, **_class_figures(found)}
+        yield _shape(data, "class", found.region, told, f"class {name}")
+
+
 def _region(data: BoundaryMap) -> Feature:
     found = data.boundary
     return _shape(

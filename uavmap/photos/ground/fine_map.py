@@ -7,8 +7,9 @@ Coordinates are ground metres of the grid's moving frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from statistics import median
 from typing import Final, NamedTuple
 
@@ -24,9 +25,9 @@ from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from uavmap.output.drawing.scene import View
 from uavmap.output.facts.boundary_file import Boundary, BoundaryMap, Line
-from uavmap.photos.ground.judging import Judge
+from uavmap.photos.ground.judging import Judge, class_mask
 from uavmap.photos.ground.surface import Scene, Shown, Surface, fused
-from uavmap.photos.scratch_file import Spool
+from uavmap.photos.scratch_file import Said, Spool
 from uavmap.photos.workers import Threads
 from vision.contours import Contours, Ring
 from vision.raster import MOST, Raster, Window, framed
@@ -235,6 +236,8 @@ class FineMap:
     scene: Scene
     surface: Surface
     boundary: Boundary
+    classes: Mapping[str, Boundary]
+    """Of each class of the region, by name."""
 
     @classmethod
     def of(
@@ -250,7 +253,16 @@ class FineMap:
         surface = fused(scene, spool, shrinks_px, threads, setting.mission.votes.positive)
         level = setting.mission.detector.share if judge.detector.calibrated else HALF
         boundary = boundary_of(surface, setting.grid.cell_m, level)
-        return cls(setting, scene, surface, boundary)
+        section, least = setting.mission.detector, setting.mission.votes.positive
+
+        def of_class(number: int) -> Boundary:
+            marks = partial(_marks_of_class, number)
+            found = fused(scene, spool, shrinks_px, threads, least, marks)
+            return boundary_of(found, setting.grid.cell_m)
+
+        names = {} if section.classes is None else section.classes.names
+        classes = {names[number]: of_class(number) for number in section.explored}
+        return cls(setting, scene, surface, boundary, classes)
 
     def told(
         self,
@@ -277,7 +289,12 @@ class FineMap:
             median(positions_m),
             seen,
             undecided,
+            self.classes,
         )
+
+
+def _marks_of_class(number: int, said: Said) -> bytes:
+    return class_mask(said.class_marks, number)
 
 
 def beneath(

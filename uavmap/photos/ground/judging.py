@@ -222,6 +222,17 @@ def packed_levels(levels: NDArray[np.uint8]) -> bytes:
     return zlib.compress(levels.tobytes(), 1)
 
 
+def class_mask(data: bytes, number: int) -> bytes:
+    """Return the mask of a class, as `packed` gives it, of the packed numbers of a picture.
+
+    >>> data = packed_levels(np.array([[2, 7, 0]], np.uint8))
+    >>> unpacked(class_mask(data, 7), 1, 3).tolist()
+    [[0, 255, 0]]
+    """
+    numbers = np.frombuffer(zlib.decompress(data), np.uint8)
+    return packed((numbers == number).view(np.uint8) * np.uint8(255))
+
+
 def unpacked_levels(
     data: bytes, rows: int, columns: int, *, upside_down: bool = False
 ) -> NDArray[np.uint8]:

@@ -10,8 +10,9 @@ the ground.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from statistics import median
 from typing import Final, NamedTuple
 
@@ -24,7 +25,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Pose
 from uavmap.photos.ground.judging import unpacked
-from uavmap.photos.scratch_file import Spool
+from uavmap.photos.scratch_file import Said, Spool
 from uavmap.photos.workers import Threads
 from vision.camera import Camera
 from vision.projection import Projection
@@ -181,6 +182,7 @@ def fused(
     shrinks_px: int,
     threads: Threads,
     least: int,
+    marks_of: Callable[[Said], bytes] = attrgetter("marks"),
 ) -> Surface:
     """Fuse all pictures of a scene.
 
@@ -189,6 +191,7 @@ def fused(
         shrinks_px: Pixels by which the detector's mask is too small at each edge.
         threads: The result does not depend on their count.
         least: Least pictures of a place that counts as seen.
+        marks_of: The marks of a judgement that are fused, packed.
     """
     surface = Surface(scene.raster)
     usual_m = median(entry.footing.gsd_m for entry in scene.shown)
@@ -204,7 +207,7 @@ def fused(
 
     def jobs(near: Sequence[Shown], around: Window) -> Iterator[tuple[Shown, Window, bytes]]:
         for entry in near:
-            yield entry, entry.window.common(around), spool.get(entry.footing.number).marks
+            yield entry, entry.window.common(around), marks_of(spool.get(entry.footing.number))
 
     for block, near in scene.blocks():
         fusion = Fusion(block, least)
