@@ -28,8 +28,8 @@ class Judgement(NamedTuple):
         familiarity: How much each pixel looks like what the detector knows, 0 to 1, float32; None
             of a detector that is a rule, and takes everything for known.
         unlike: Standardised features of some unfamiliar places, (places, features).
-        classes: The number of each pixel's class, uint8; 0 is of none. None of a detector that
-            knows one class.
+        classes: The number of each pixel's class, uint8; 0 is of none. An unfamiliar pixel has the
+            one that it looks like. None of a detector that knows one class.
     """
 
     marks: Marks

@@ -294,7 +294,7 @@ class LearnedDetector:
         if sums is None:
             return Judgement(marks, familiarity, unlike)
         of_class = cv2.resize(self._numbers[sums.argmax(axis=0)], size, interpolation=_NEAREST)
-        classes = np.where(marks >= np.float32(self._least), of_class, np.uint8(0))
+        classes = np.where(share >= np.float32(self._least), of_class, np.uint8(0))
         explored = cv2.resize(self._explored(sums), size, interpolation=cv2.INTER_LINEAR)
         marks = np.asarray(marks * explored, np.float32)
         return Judgement(marks, familiarity, unlike, classes)

@@ -27,7 +27,7 @@ from uavmap.output.drawing.scene import View
 from uavmap.output.facts.boundary_file import Boundary, BoundaryMap, Line
 from uavmap.photos.ground.judging import Judge, class_mask
 from uavmap.photos.ground.surface import Scene, Shown, Surface, fused
-from uavmap.photos.scratch_file import Said, Spool
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.workers import Threads
 from vision.contours import Contours, Ring
 from vision.raster import MOST, Raster, Window, framed
@@ -256,7 +256,7 @@ class FineMap:
         section, least = setting.mission.detector, setting.mission.votes.positive
 
         def of_class(number: int) -> Boundary:
-            marks = partial(_marks_of_class, number)
+            marks = partial(class_mask, number=number)
             found = fused(scene, spool, shrinks_px, threads, least, marks)
             return boundary_of(found, setting.grid.cell_m)
 
@@ -291,10 +291,6 @@ class FineMap:
             undecided,
             self.classes,
         )
-
-
-def _marks_of_class(number: int, said: Said) -> bytes:
-    return class_mask(said.class_marks, number)
 
 
 def beneath(

@@ -222,15 +222,14 @@ def packed_levels(levels: NDArray[np.uint8]) -> bytes:
     return zlib.compress(levels.tobytes(), 1)
 
 
-def class_mask(data: bytes, number: int) -> bytes:
-    """Return the mask of a class, as `packed` gives it, of the packed numbers of a picture.
-
-    >>> data = packed_levels(np.array([[2, 7, 0]], np.uint8))
-    >>> unpacked(class_mask(data, 7), 1, 3).tolist()
-    [[0, 255, 0]]
-    """
-    numbers = np.frombuffer(zlib.decompress(data), np.uint8)
-    return packed((numbers == number).view(np.uint8) * np.uint8(255))
+def class_mask(said: Said, number: int) -> bytes:
+    """Return the mask of a class in a picture, as `packed` gives it, without what is unfamiliar."""
+    numbers = np.frombuffer(zlib.decompress(said.class_marks), np.uint8)
+    there = numbers == number
+    if said.unfamiliar:
+        unfamiliar = unpacked(said.unfamiliar, 1, len(numbers))[0]
+        there &= unfamiliar == 0
+    return packed(there.view(np.uint8) * np.uint8(255))
 
 
 def unpacked_levels(
