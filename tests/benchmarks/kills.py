@@ -1,0 +1,196 @@
+"""Kill -9 at random moments: `python -m tests.benchmarks.kills [--kills 200] [--twice 40]
+[--full 30] [--seed 1]` prints a table.
+
+A small mission is flown in the simulator and killed at a random moment in flight: after its first
+event is on the disk and before its last one. A kill that comes later has not landed; what it left
+is checked, and the mission is flown anew. In `twice` its resumption is killed as well; in
+`full` no file may grow beyond a random size, in the flight and in a first resumption. Then it is
+resumed with all it needs. The exit status is 1 when an event that was on the disk is missing, a
+folder cannot be gone on with, the map or the journal comes out otherwise than those of an
+uninterrupted flight, or anybody is shown a traceback.
+
+Children are forked, so that a flight takes a second and not the time of all imports.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from multiprocessing import get_context
+from multiprocessing.context import ForkProcess
+from pathlib import Path
+
+import numpy as np
+
+from missions.errors import JournalError
+from tests.benchmarks.frame import asked
+from tests.e2e.rig import bodies, mission, written
+from uavmap.journal.event_log import Journal
+from uavmap.ui.cli import main as uavmap
+
+SAME = ("map.geojson", "map.kml", "map.png")
+POLL_S = 0.002
+
+
+def started(arguments: list[str], said: Path, room: int | None = None) -> ForkProcess:
+    """A process that runs the command; what it says goes into a file."""
+
+    def run() -> None:
+        out = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        os.dup2(out, 1)
+        os.dup2(out, 2)
+        sys.stdout, sys.stderr = open(1, "w"), open(2, "w")  # noqa: SIM115 - as long as the process
+        if room is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+        sys.exit(uavmap(arguments))
+
+    child = get_context("fork").Process(target=run)
+    child.start()
+    return child
+
+
+def ended(child: ForkProcess) -> int | None:
+    """The exit status of a process, negative for a signal."""
+    child.join()
+    return child.exitcode
+
+
+def killed_after(child: ForkProcess, delay_s: float, folder: Path) -> tuple[bool, int]:
+    """Kill a process so long after the first event: whether it still lived, and how many events
+    were confirmed."""
+    due_s = float("inf")
+    while time.monotonic() < due_s:
+        if not child.is_alive():
+            return False, len(bodies(folder))
+        if due_s == float("inf") and written(folder):
+            due_s = time.monotonic() + delay_s
+        time.sleep(POLL_S)
+    confirmed = len(bodies(folder))
+    child.kill()
+    return ended(child) == -signal.SIGKILL, confirmed
+
+
+class Trials:
+    """Runs of all kinds against one uninterrupted flight."""
+
+    def __init__(self, name: str, below: Path, seed: int) -> None:
+        self._fly = ["fly", mission(name), "--sim", "--json", "--out"]
+        self._below = below
+        self._rng = np.random.default_rng(seed)
+        folder = below / "whole"
+        child = started([*self._fly, str(folder)], below / "whole.txt")
+        while not written(folder):
+            time.sleep(POLL_S)
+        begun_s = time.monotonic()
+        assert ended(child) == 0
+        self._lasts_s = time.monotonic() - begun_s
+        self._whole = folder  # the flight that nobody interrupted
+        self._bodies = bodies(folder)
+
+    def run(self, kind: str, number: int, tally: Counter[str]) -> str | None:
+        """One run to its end; what is wrong with it."""
+        folder = self._below / f"{kind}-{number}"
+        said = folder.with_suffix(".txt")
+        try:
+            (self._full if kind == "full" else self._kill)(folder, said, tally, kind == "twice")
+            self._judge(folder, said)
+        except AssertionError as error:
+            return f"{folder.name}: {error}"
+        tally["as if nothing had been"] += 1
+        shutil.rmtree(folder)
+        said.unlink()
+        return None
+
+    def _kill(self, folder: Path, said: Path, tally: Counter[str], twice: bool) -> None:
+        confirmed = kills = 0
+        while kills < (2 if twice else 1):
+            child = started(self._again(folder), said)
+            delay_s = float(self._rng.uniform(0.0, self._lasts_s))
+            died, seen = killed_after(child, delay_s, folder)
+            confirmed = max(confirmed, seen)
+            self._check(folder, confirmed)
+            if died and 0 < confirmed < len(self._bodies):
+                kills += 1
+                continue
+            tally["after the end"] += 1
+            self._lasts_s *= 0.9  # the machine is faster than it was
+            shutil.rmtree(folder)
+            confirmed = kills = 0
+        tally["killed in flight"] += kills
+
+    def _full(self, folder: Path, said: Path, tally: Counter[str], twice: bool) -> None:
+        largest = max(path.stat().st_size for path in self._whole.iterdir())
+        room = int(np.exp(self._rng.uniform(np.log(1000), np.log(1.2 * largest))))
+        confirmed = 0
+        for _ in range(2):
+            code = ended(started(self._again(folder), said, room))
+            assert code in (0, 2), f"{room} bytes: exit status {code}"
+            tally["disk full" if code else "had room"] += 1
+            confirmed = max(confirmed, len(bodies(folder)))
+            self._check(folder, confirmed)
+
+    def _again(self, folder: Path) -> list[str]:
+        """The command that the last one left to give."""
+        if (folder / "journal.jsonl").exists():
+            return ["resume", str(folder), "--json"]
+        return [*self._fly, str(folder)]
+
+    def _check(self, folder: Path, confirmed: int) -> None:
+        """What was confirmed is there, and a copy of the folder can be opened."""
+        path = folder / "journal.jsonl"
+        if not path.exists():
+            assert confirmed == 0, f"{confirmed} events were there, and no journal is"
+            return
+        copy = folder.with_name(f"{folder.name}-copy")
+        shutil.copytree(folder, copy)
+        try:
+            with Journal.open(copy / path.name) as journal:
+                found = journal.bodies()
+        except JournalError as error:
+            raise AssertionError(f"cannot be gone on with: {error}") from None
+        finally:
+            shutil.rmtree(copy)
+        assert found == self._bodies[: len(found)], "other events than without a kill"
+        assert len(found) >= confirmed, f"{confirmed} events were there, {len(found)} are"
+
+    def _judge(self, folder: Path, said: Path) -> None:
+        """Go on to the end, and hold the outcome against the uninterrupted flight."""
+        code = ended(started(self._again(folder), said))
+        text = said.read_text("utf-8", errors="replace")
+        assert "Traceback" not in text, f"a traceback: see {said}"
+        assert code == 0, f"exit status {code}: see {said}"
+        assert bodies(folder) == self._bodies, "another journal than without a kill"
+        for name in SAME:
+            same = (folder / name).read_bytes() == (self._whole / name).read_bytes()
+            assert same, f"another {name} than without a kill"
+
+
+def main() -> int:
+    """Run and print; the exit status. The mission is one of tests/data."""
+    options = asked(__doc__, kills=200, twice=40, full=30, seed=1, mission="speck")
+    faults: list[str] = []
+    below = Path(tempfile.mkdtemp(prefix="uavmap-kills-"))
+    trials = Trials(options.mission, below, options.seed)
+    for kind in ("kills", "twice", "full"):
+        tally, runs = Counter[str](), getattr(options, kind)
+        found = [fault for k in range(runs) if (fault := trials.run(kind, k, tally))]
+        counts = ", ".join(f"{name} {n}" for name, n in sorted(tally.items()))
+        print(f"{kind:6} {runs:4d} runs: {counts}; faults {len(found)}", flush=True)
+        faults += found
+    for fault in faults:
+        print(f"  {fault}")
+    if faults:
+        print(f"what is left of them: {below}")
+    else:
+        shutil.rmtree(below)
+    return int(bool(faults))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
