@@ -4,7 +4,8 @@ A failure is flown again by `--seed X --flights 1 --verbose`. Exit 1 if there wa
 in the file `--failures`.
 
 `--world reducer` flies a fleet of points, `--find` ("first", "all" or "all, from on high") patches
-of the region, with `--receivers` whose heights above the sea err by this standard deviation, m.
+of the region, with `--receivers` whose heights above the sea err by this standard deviation, m,
+and pads that differ by up to `--pads` metres; with `--teams` only seeds of two vehicles and more.
 `--world sitl` flies the bundled simulator: with `--pilots` one turns a mode switch at a random
 moment of every flight; `--quirk` KEY=VALUE ... are habits of all aircraft, as in [sim.quirks].
 `--strategy` is that of all flights; without it, it is drawn.
@@ -16,6 +17,7 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from itertools import count, islice
 from pathlib import Path
 
 from tests.benchmarks.frame import asked, in_turn
@@ -27,11 +29,19 @@ from .outcome import EXPLAINED, Outcome, table
 def main() -> int:
     options = asked(
         __doc__, flights=100, seed=0, world="reducer", strategy=str, find="first", receivers=3.0,
-        pilots=False, quirk=("landed_state=true",), workers=1, verbose=False,
+        pads=0.0, teams=False, pilots=False, quirk=("landed_state=true",), workers=1, verbose=False,
         failures=Path("campaign-failures.txt"),
     )  # fmt: skip
+    if options.world not in (known := ("reducer", "sitl")):
+        print(f"--world {options.world}: there is {' and '.join(known)}")
+        return 2
     worlds: dict[str, Callable[[int], Outcome]] = {
-        "reducer": partial(reducer.fly, find=options.find, receiver_sigma_m=options.receivers),
+        "reducer": partial(
+            reducer.fly,
+            find=options.find,
+            receiver_sigma_m=options.receivers,
+            pads_m=options.pads,
+        ),
         "sitl": partial(
             simulated.fly,
             pilots=options.pilots,
@@ -40,9 +50,8 @@ def main() -> int:
     }
     fly = partial(worlds[options.world], strategy=options.strategy, verbose=options.verbose)
     begin_s, outcomes, failed = time.monotonic(), [], []
-    for _, outcome in in_turn(
-        fly, range(options.seed, options.seed + options.flights), options.workers
-    ):
+    chosen = filter(reducer.has_team, count(options.seed)) if options.teams else count(options.seed)
+    for _, outcome in in_turn(fly, list(islice(chosen, options.flights)), options.workers):
         outcomes.append(outcome)
         if outcome.found:
             failed.append(f"{outcome.plan}: {'; '.join(f'{k}: {t}' for k, t in outcome.found)}")

@@ -28,9 +28,17 @@ def plan_of(seed: int) -> Plan:
 
 
 def fleet_of(
-    flight: Plan, strategy: str | None = None, *, find: str = "first", receiver_sigma_m: float = 3.0
+    flight: Plan,
+    strategy: str | None = None,
+    *,
+    find: str = "first",
+    receiver_sigma_m: float = 3.0,
+    pads_m: float = 0.0,
 ) -> Fleet:
-    """The fleet of a flight, before anything has happened."""
+    """Return the fleet of a flight, before anything has happened.
+
+    `pads_m` is the most that two pads differ in height, where the flight has no trouble with them.
+    """
     rng = random.Random(flight.seed)
     scenario = unkind_scenario(flight.seed, strategy)
     if find != "first":
@@ -39,6 +47,11 @@ def fleet_of(
     chosen, off_m = scenario.mission, []
     if "homes" in flight.kinds:
         chosen, off_m = _homes(chosen, random.Random(flight.seed + 2))
+    elif pads_m:
+        heights = random.Random(flight.seed + 3)
+        chosen = at_heights(
+            chosen, [0.0, *(pads_m * heights.uniform(-0.5, 0.5) for _ in range(vehicles - 1))]
+        )
     setting = setting_of(chosen)
     given = setting.energy.wind_m_s
     bearing = rng.uniform(0.0, math.tau)
@@ -80,16 +93,22 @@ def _troubles(flight: Plan, vehicles: int, rng: random.Random) -> list[Trouble]:
     return troubles
 
 
+def has_team(seed: int) -> bool:
+    """Return whether several vehicles fly."""
+    return len(unkind_scenario(seed).mission.vehicles) > 1
+
+
 def fly(
     seed: int,
     *,
     strategy: str | None = None,
     find: str = "first",
     receiver_sigma_m: float = 3.0,
+    pads_m: float = 0.0,
     verbose: bool = False,
 ) -> Outcome:
     flight = plan_of(seed)
-    fleet = fleet_of(flight, strategy, find=find, receiver_sigma_m=receiver_sigma_m)
+    fleet = fleet_of(flight, strategy, find=find, receiver_sigma_m=receiver_sigma_m, pads_m=pads_m)
     fleet.start()
     try:
         fleet.run(LIMIT_S)
