@@ -46,7 +46,6 @@ from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results
 from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.onlooker import Onlooker, folded
-from uavmap.runner.simulation import refuse_unreadable_world
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 
@@ -108,6 +107,10 @@ def fly(
     setting = plan.setting(_LOG.info)
     refuse_unknown_ground(setting.mission, plan.mission_source)
     if plan.simulated:
+        from uavmap.runner.simulation import (  # noqa: PLC0415 - real aircraft need no simulator
+            refuse_unreadable_world,
+        )
+
         refuse_unreadable_world(setting.mission)
     if plan.simulated and not (setting.mission.sim.roi or setting.mission.sim.world):
         _LOG.info(

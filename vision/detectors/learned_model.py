@@ -30,8 +30,7 @@ from vision.detectors.pixel_features import FEATURES, features, working_picture
 Array = NDArray[np.float32]
 
 FORMAT: Final = "uavmap detector"
-VERSION: Final = 3
-READ: Final = (2, VERSION)
+VERSION: Final = 4
 LEAVES: Final = 8
 LARGEST_BYTES: Final = 8_000_000
 
@@ -102,7 +101,7 @@ class Model(_Part):
     """A learned detector; `threshold` is the least probability of a marked pixel."""
 
     format: Literal["uavmap detector"] = "uavmap detector"
-    version: Literal[2, 3] = 3
+    version: Literal[4] = 4
     features: Annotated[tuple[str, ...], Field(min_length=1)]
     working_width_px: Annotated[int, Field(ge=32, le=8000)] = 1000
     parts: Annotated[tuple[Logistic | Trees, ...], Field(min_length=1, max_length=4)]
@@ -157,10 +156,10 @@ def read_model(data: bytes, source: str) -> Model:
             raise MissionFileError(
                 f"{source}: not a detector's model that `uavmap tune` has written"
             )
-        if tables.get("version") not in READ:
+        if tables.get("version") != VERSION:
             raise MissionFileError(
                 f"{source}: a model of version {tables.get('version')!r}; this uavmap reads "
-                f"{' and '.join(map(str, READ))}: train it again with `uavmap tune`"
+                f"{VERSION}: train it again with `uavmap tune`"
             )
         return Model.model_validate(tables)
     except ValidationError as error:

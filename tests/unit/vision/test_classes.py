@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -122,23 +121,6 @@ def test_learned_model_of_other_classes_is_refused() -> None:
     )
     with pytest.raises(MissionFileError, match="has the numbers 3; the model tells apart: none"):
         make_detector("learned", model=plain, classes=other)
-
-
-def test_model_of_version_2_is_read_and_knows_one_class() -> None:
-    model = Model(
-        features=("saturation",),
-        working_width_px=128,
-        parts=(Logistic(mean=(0.2,), scale=(1.0,), weights=(60.0,), bias=0.0),),
-        **all_familiar(),
-    )
-    tables = json.loads(model_bytes(model)) | {"version": 2}
-    del tables["classes"]  # which that version does not have
-    detector = make_detector("learned", model=json.dumps(tables).encode())
-    found = judged(detector, picture())
-    assert found.classes is None
-    assert np.array_equal(
-        found.marks, judged(make_detector("learned", model=model), picture()).marks
-    )
 
 
 def test_onnx_class_beyond_the_channels_is_refused() -> None:

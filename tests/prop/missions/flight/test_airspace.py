@@ -138,16 +138,18 @@ def test_an_order_that_is_clear_leads_past_what_the_other_does(data: st.DataObje
     assert nearest_m >= separation_m, (asked, doing)
 
 
+def is_in_its_layer(vehicle: VehicleState) -> bool:
+    off_m = vehicle.height_m - vehicle.cruise_altitude_m
+    return not vehicle.landed and abs(off_m) <= OFF_LAYER_M
+
+
 @settings(max_examples=100, deadline=None)
 @given(st.data())
 def test_two_in_their_layers_never_wait_for_each_other(data: st.DataObject) -> None:
     pair = []
     for number in (1, 2):
-        vehicle = data.draw(vehicles(number))
-        assume(not vehicle.landed)
-        assume(abs(vehicle.height_m - vehicle.cruise_altitude_m) <= OFF_LAYER_M)
-        order = data.draw(orders(vehicle))
-        assume(not isinstance(order, Land))
+        vehicle = data.draw(vehicles(number).filter(is_in_its_layer))
+        order = data.draw(orders(vehicle).filter(lambda order: not isinstance(order, Land)))
         pair.append(replace(vehicle, order=order))
     first, second = pair
     state = replace(State.initial(setting()), vehicles={1: first, 2: second})

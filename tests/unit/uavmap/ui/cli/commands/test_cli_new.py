@@ -100,7 +100,7 @@ def test_every_default_is_shown(field):
     assert shown["team"] == {"separation_m": 4.0, "layer_m": 6.0}
     assert shown["drift"] == {"speed_m_s": 0.0, "toward_deg": 0.0}
     assert {k for k in Sim.model_fields if k not in shown["sim"]} == {
-        "terrain", "quirks", "parameters", "faults", "tag_m", "tag_dictionary"
+        "terrain", "quirks", "parameters", "faults", "tag_m", "tag_dictionary", "world"
     }  # fmt: skip
     for words in ("capacity_wh = 60.0", "Wh, above 0", "degrees, above 1, below 170"):
         assert words in text

@@ -135,7 +135,7 @@ def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(tuned, tmp_pa
         (lambda data: data[:200], "damaged"),
         (lambda data: b"\x80\x04\x95", "damaged"),
         (lambda data: b'{"format": "other"}', "not a detector's model"),
-        (lambda data: data.replace(b'"version":3', b'"version":9'), "version 9"),
+        (lambda data: data.replace(b'"version":4', b'"version":9'), "version 9"),
         (lambda data: data.replace(b'"bias"', b'"bios"'), "damaged"),
         (lambda data: data.replace(b'"light"', b'"leight"', 1), "unknown feature 'leight'"),
     ],
