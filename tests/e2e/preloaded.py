@@ -18,7 +18,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -39,13 +39,17 @@ class Process:
         environment: Mapping[str, str],
         cwd: Path | None = None,
         room_bytes: int = resource.RLIM_INFINITY,
+        stops_at: int | None = None,
     ) -> None:
-        """`room_bytes`: no file of it grows beyond this, as on a full disk."""
+        """`room_bytes`: no file of it grows beyond this, as on a full disk. When its journal holds
+        `stops_at` events, it stops until it is continued or killed.
+        """
         self.args = ["uavmap", *arguments]
         with mock.patch.dict(os.environ, PYTHONPATH=str(_ROOT)):
             forkserver.ensure_running()
         (out, out_end), (err, err_end) = _RUNS.Pipe(duplex=False), _RUNS.Pipe(duplex=False)
-        told = (self.args, dict(environment), str(cwd or Path.cwd()), room_bytes, out_end, err_end)
+        told = (self.args, dict(environment), str(cwd or Path.cwd()), room_bytes, stops_at,
+            out_end, err_end)  # fmt: skip
         self._process = _RUNS.Process(target=_run, args=told)
         self._process.start()
         self.stdout, self.stderr = _text(out), _text(err)
@@ -112,6 +116,7 @@ def _run(
     environment: dict[str, str],
     cwd: str,
     room_bytes: int,
+    stops_at: int | None,
     out: Connection,
     err: Connection,
 ) -> None:
@@ -132,4 +137,20 @@ def _run(
     sys.argv = arguments
     from uavmap.__main__ import run  # noqa: PLC0415 - loaded by now
 
+    if stops_at is not None:
+        _stop_at(stops_at)
     run()
+
+
+def _stop_at(count: int) -> None:
+    from uavmap.journal.event_log import Journal  # noqa: PLC0415 - loaded by now
+
+    write = Journal._write
+
+    def stopping(journal: Journal, kind: str, texts: Iterable[str]) -> None:
+        before = len(journal)
+        write(journal, kind, texts)
+        if before < count <= len(journal):
+            os.kill(os.getpid(), signal.SIGSTOP)
+
+    Journal._write = stopping  # type: ignore[method-assign]

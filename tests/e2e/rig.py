@@ -200,10 +200,11 @@ def maps_alike(one: Path, other: Path, most: int = 2) -> bool:
 def stop_after(
     process: Process, folder: Path, count: int, number: signal.Signals
 ) -> Finished | None:
-    """Send a signal once a journal holds so many events; None after a SIGKILL."""
+    """Send a signal when a process has stopped at so many events; None after a SIGKILL."""
     wait_until(lambda: written(folder) >= count or process.poll() is not None, f"{count} events")
     assert process.poll() is None, f"over before event {count}: {process.communicate()}"
     process.send_signal(number)
+    process.send_signal(signal.SIGCONT)
     if number is signal.SIGKILL:
         process.communicate()
         return None

@@ -20,8 +20,9 @@ def in_mid_flight(speck):
 def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, folder):
     """What a computer on board may do by itself after it has been started anew."""
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
-        with rig.started(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)) as process:
-            rig.stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
+        count, words = in_mid_flight(speck), rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)
+        with rig.started(*words, stops_at=count) as process:
+            rig.stop_after(process, folder, count, signal.SIGKILL)
         home = rig.uavmap("resume", folder, "--recall", "--json")
         again = rig.since_resumed(folder)
         assert home.code == 3

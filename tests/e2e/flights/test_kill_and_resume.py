@@ -25,7 +25,7 @@ def moments(seed: int, count: int, last: int) -> list[int]:
 
 def begin_and_stop(folder, count, number=signal.SIGKILL, *more):
     with rig.started(
-        "fly", rig.mission("speck"), "--sim", "--json", "--out", folder, *more
+        "fly", rig.mission("speck"), "--sim", "--json", "--out", folder, *more, stops_at=count
     ) as process:
         return rig.stop_after(process, folder, count, number)
 
@@ -37,9 +37,10 @@ def test_killed_again_and_again_it_ends_as_if_nothing_had_been(speck, folder):
     for moment in others:
         before = rig.bodies(folder)
         assert before == whole[: len(before)]
-        with rig.started("resume", folder, "--json") as process:
-            # the journal does not grow before the recorded part has been flown again
-            rig.stop_after(process, folder, max(moment, len(before) + 1), signal.SIGKILL)
+        # the journal does not grow before the recorded part has been flown again
+        count = max(moment, len(before) + 1)
+        with rig.started("resume", folder, "--json", stops_at=count) as process:
+            rig.stop_after(process, folder, count, signal.SIGKILL)
     done = rig.uavmap("resume", folder, "--json")
     assert done.code == 0
     assert rig.bodies(folder) == whole

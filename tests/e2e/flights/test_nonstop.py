@@ -91,8 +91,9 @@ def test_without_numba_the_mission_is_flown_too(speck_passed, folder):
 def test_killed_on_its_path_it_ends_as_if_nothing_had_been(tiny_passed, folder):
     whole = rig.bodies(tiny_passed.folder)
     arguments = ("fly", rig.mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
-    with rig.started(*arguments) as process:
-        rig.stop_after(process, folder, amid_a_path(tiny_passed, "tiny"), signal.SIGKILL)
+    count = amid_a_path(tiny_passed, "tiny")
+    with rig.started(*arguments, stops_at=count) as process:
+        rig.stop_after(process, folder, count, signal.SIGKILL)
     before = rig.bodies(folder)
     assert before == whole[: len(before)]
     done = rig.uavmap("resume", folder, "--json")
