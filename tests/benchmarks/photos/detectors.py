@@ -39,7 +39,7 @@ def fixed() -> dict[str, Detector]:
     """The detectors that are not learned, with parameters chosen by hand for a road."""
     return {
         "threshold (the paper's)": make_detector("threshold"),
-        "paved (of the mission road)": make_detector("paved"),
+        "paved": make_detector("paved"),
         "adaptive": make_detector("adaptive", **brighton.ADAPTIVE),
         "color": make_detector("color", **brighton.COLOR),
         "index (exg)": make_detector("index", **brighton.INDEX),
@@ -104,7 +104,7 @@ def by_map(examples: list[Example]) -> None:
     grid = Grid.at(road.home, road.grid.cell_m)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        print_map("paved", folder / "paved", [], grid)
+        print_map("of the mission road", folder / "road", [], grid)
         for number, painted in enumerate(PAINTED):
             model, choice = learned_from(examples, painted, examples)
             where = folder / f"model-{number}"
