@@ -1,82 +1,304 @@
-"""What a mission is given and does not change: the mission file, laid out on the ground."""
+"""What a mission is given and does not change, with the objects that decide where missions differ.
+
+The reducer asks `setting.strategy`, `setting.team` and `setting.heights`. They keep nothing between
+two calls: what a strategy has to remember is `State.memory`. So a resume repeats what was flown.
+
+To add a strategy, inherit from `Strategy` or a strategy in `missions.flight.strategy`, and give it
+a name with `missions.flight.strategies.register`, or by an entry point (docs/strategies.md).
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
-from shapely.geometry import Point, Polygon
-
+from missions.events import FrameSeen
+from missions.flight.layout import Fences, Layout
+from missions.flight.state import Phase, State, VehicleState
+from missions.flight.strategy.work import Area, Lanes, OpenWork, Work
 from missions.geo.fence import Fence
-from missions.geo.grid import Grid
-from missions.geo.terrain import Terrain
-from missions.mission.energy import CLIMB_OVERHEAD_S, EnergyModel
-from missions.mission.flyable import look_s
-from missions.mission.places import home_heights_m, homes
-from missions.mission.schema import Mission, positions
-from missions.mission.views import path_speed_m_s, seen_whole_m, wind_toward
-from missions.planning.search.lanes import LANE_CELLS, Lane
-from missions.planning.search.prior import LikelyLane
-from missions.planning.search.search_order import expected_s, plain_blocks
+from missions.geo.trajectory import LANE_CUTS_M
+from missions.mapping.belief import Belief, Verdicts
+from missions.mapping.tree import Tree
+from missions.mission.energy import CLIMB_OVERHEAD_S
+from missions.mission.schema import Mission
+from missions.planning.search.lanes import Lane, share_out
+from missions.planning.search.search_order import Pace, expected_s, plain_blocks, soonest
 from missions.planning.search.strip import Strip
-from missions.planning.stepwise.interface import Metric
-from missions.planning.sweep.plan_memo import PlanMemo
+from missions.planning.stepwise import Explorer
+from missions.planning.sweep.strategies import About
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
-    from missions.flight.strategy.interface import Strategy
-    from missions.flight.strategy.two_heights import OneHeight
-    from missions.flight.team.interface import Team
+    from missions.planning.sweep.chart import Known
 
 Shares = tuple[tuple[Lane, ...], ...]
 """The lanes of each vehicle, in the order of flight."""
 
 
-@dataclass(frozen=True)
-class Setting:
+class Strategy(ABC):
+    """How vehicles find a region and map it."""
+
+    about: About | Explorer
+    """Its name, and what users read about it."""
+    stops: bool
+    """Whether vehicles stop over cells to look."""
+    patches: bool = False
+    """Whether every patch of the region that begins in the box is looked for."""
+    whole_box: bool = False
+    """Whether every cell of the box is decided, whatever is seen."""
+    flies_all_lanes: bool = False
+    """Whether all lanes are flown, whatever is seen on the way."""
+    lanes_drift: bool = False
+    """Whether lanes drift with the cells; else they lie still over ground."""
+
+    def in_force(self, state: State) -> Strategy:
+        """Return the strategy that is followed now: this one, or what it falls back on."""
+        return self
+
+    # --- before the flight ----------------------------------------------------------------------
+    @abstractmethod
+    def lay(self, area: Area) -> Lanes:
+        """Lay lanes over the box, inside of the fence."""
+
+    def shares(self, setting: Setting) -> Shares:
+        """Return the lanes of each vehicle; by a prior so that the region is seen soonest."""
+        if setting.likely:
+            blocks = soonest(setting.likely, setting.pads, self.pace(setting))
+            return tuple(tuple(part.lane for part in block) for block in blocks)
+        return share_out(setting.lanes, len(setting.pads))
+
+    def begins_with(self, setting: Setting) -> Shares:
+        """Return the lanes that each vehicle holds when the mission begins."""
+        return setting.shares
+
+    def rest_s(
+        self, setting: Setting, state: State, lanes_m: float, cells: int, team: int
+    ) -> float:
+        """Return about how long a team takes for the rest of its lanes, or for cells, seconds."""
+        if lanes_m:
+            return lanes_m / setting.energy.speed_m_s / team
+        return cells * self.cell_s(setting) / team
+
+    @abstractmethod
+    def pace(self, setting: Setting) -> Pace:
+        """Return how fast lanes are flown, from the lowest layer."""
+
+    @abstractmethod
+    def search_s(self, setting: Setting) -> float:
+        """Return about how long the longest share of the lanes takes in the air, seconds."""
+
+    @abstractmethod
+    def cell_s(self, setting: Setting) -> float:
+        """Return about how long a cell of the region takes one vehicle, seconds."""
+
+    def bound_s(self, setting: Setting, tree: Tree) -> float | None:
+        """Return the bound of an exploration of this tree, seconds; None without one."""
+        return None
+
+    # --- what has to be decided -----------------------------------------------------------------
+    def asked_for(self, setting: Setting, state: State) -> Iterable[Cell]:
+        """Return the cells that have to be decided and are not, whatever lies beside them."""
+        return ()
+
+    def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
+        """Return all cells that have to be decided and are not, also those beside a patch."""
+        return frozenset()
+
+    def concluded(self, setting: Setting, state: State, left: tuple[Lane, ...]) -> State:
+        """Return the state at the end by the map of a whole fleet; `left` are unseen lanes."""
+        return replace(state, exhausted=state.tree is None and not left)
+
+    # --- the search -----------------------------------------------------------------------------
+    def searched(self, setting: Setting, state: State) -> State:
+        """Note that the search is over once no vehicle has a lane or a suspicion."""
+        done = all(v.idle_in_search for v in state.vehicles.values())
+        return replace(state, exhausted=done)
+
+    def still_searches(self, vehicle: VehicleState) -> bool:
+        """Return whether a vehicle flies its lanes to their end before it maps."""
+        return False
+
+    def keeps_lanes(self, vehicle: VehicleState) -> bool:
+        """Return whether a vehicle flies all its lanes on one path, and can spare none."""
+        return False
+
+    def least_lane_m(self, setting: Setting) -> float:
+        """Return the least length of what is left of a lane to be flown as one, metres."""
+        return 0.0
+
+    def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
+        """Return what says whether a lane has done its work at a cell: a frame has judged it."""
+        return state.belief.open_tallies.as_dict().__contains__
+
+    @abstractmethod
+    def seen_in_passing(
+        self, setting: Setting, state: State, event: FrameSeen, votes: Verdicts
+    ) -> State:
+        """Return the state in which a frame from anywhere counts for a search, beside its votes."""
+
+    # --- orders ---------------------------------------------------------------------------------
+    @abstractmethod
+    def plan(self, setting: Setting, state: State) -> State:
+        """Give orders that are planned for all vehicles at once, after an event."""
+
+    @abstractmethod
+    def next_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Give an order to an idle vehicle in the air that may work."""
+
+    def may_take_off(self, state: State) -> bool:
+        """Whether a vehicle that is ready may take off now."""
+        return True
+
+    def first_target(
+        self, setting: Setting, state: State, vehicle: VehicleState
+    ) -> GridPoint | None:
+        """Return where a vehicle on the ground would fly first; None: nothing is left."""
+        cell = vehicle.vertex or vehicle.candidate
+        if cell is not None:
+            return setting.where(cell, state.t_s)
+        return setting.over_ground(vehicle.lanes[0][0], state.t_s) if vehicle.lanes else None
+
+    def without_target(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Return the state in which nothing is left for a vehicle on the ground."""
+        if setting.lanes or state.tree is not None:
+            return state
+        note = (
+            "no part of the search box can be flown inside the geofence; move the one or the other"
+        )
+        return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
+
+    def give_up_far(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Give up what the last vehicle does not reach on a full battery; None: end its part."""
+        return None
+
+    def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
+        """Return the cell that a vehicle looks from, or is on its way to."""
+        return None
+
+    # --- work that is shared --------------------------------------------------------------------
+    def replan_s(self, setting: Setting) -> float:
+        """Return how long a plan is flown at least, seconds."""
+        return 0.0
+
+    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
+        """Close in the chart what others are to see."""
+        return Work(state, work.memory)
+
+    def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+        """Return whether a member has to receive of others before it does anything."""
+        return False
+
+    def held_until_s(
+        self, setting: Setting, state: State, vehicle: VehicleState, t_s: float
+    ) -> float:
+        """Return until when a member that is out of contact since `t_s` is left its work."""
+        return t_s
+
+
+class Team(ABC):
+    """The vehicles that a service commands, and what it agrees with other services."""
+
+    number: int | None = None
+    """The one vehicle that is commanded, 0 for none of a fleet; None: all are."""
+    knows_orders: bool = True
+    """Whether it knows what vehicles are ordered."""
+    shares_facts: bool = False
+    """Whether other services receive what its frames decide, and make the same map of it."""
+    climbs_on_path: bool = True
+    """Whether a vehicle may change its layer while it flies to somewhere else."""
+
+    def controls(self, number: int) -> bool:
+        """Return whether a vehicle is commanded."""
+        return True
+
+    def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
+        """Return where vehicles may fly that start from their pads."""
+        return Fences(whole, whole, None)
+
+    def refusal(self, setting: Setting, vehicle: VehicleState) -> str:
+        """Return why a vehicle may not take off from where it stands; empty if it may."""
+        return ""
+
+    def urgent_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Return the state in which a vehicle does what comes before all else; None: nothing."""
+        return None
+
+    def change_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Return the state in which a vehicle changes its layer as others allow it; None: it may
+        change it wherever the air is clear."""
+        return None
+
+    def way_out(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Return the state in which a waiting vehicle leaves its pad past those of others."""
+        return state
+
+    def free_lane(self, setting: Setting, state: State) -> Lane | None:
+        """Return the first lane with something left to judge that no vehicle holds."""
+        return None
+
+    def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+        """Return whether a vehicle without lanes has to hear of others before it does anything."""
+        return False
+
+    @abstractmethod
+    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
+        """Close in the chart what others are to see."""
+
+    def mark_unreported(self, setting: Setting, state: State, known: Known) -> bool:
+        """Mark undecided cells that others may take for observed; return whether there are any."""
+        return False
+
+
+class OneHeight:
+    """Lanes are flown in the layers from which the map is made."""
+
+    def searched(self, state: State) -> Callable[[Cell], bool]:
+        """Return what says whether any frame has judged a cell."""
+        return state.belief.open_tallies.as_dict().__contains__
+
+    def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
+        """The altitude that a vehicle works in."""
+        return setting.mission.altitude_m(vehicle.vehicle - 1)
+
+    def in_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+        """Return whether a vehicle is where it works, or will be in time."""
+        return True
+
+    def take_off_height_m(self, setting: Setting, state: State, vehicle: VehicleState) -> float:
+        """How high a vehicle climbs over its pad, above it."""
+        return vehicle.cruise_height_m
+
+    def as_mapping(self, setting: Setting, vehicle: VehicleState) -> VehicleState:
+        """A vehicle as it will be once it maps."""
+        return vehicle
+
+    def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
+        """Whether one that stands without lanes takes off to map while others fly theirs."""
+        return False
+
+    def cuts_m(self, setting: Setting) -> tuple[float, ...]:
+        """By how much corners between lanes are cut, the most first."""
+        return LANE_CUTS_M
+
+    def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
+        """A lane without its ends, as far as pictures show them from before them."""
+        return lane
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting(Layout):
     """What a mission is given and does not change."""
 
-    mission: Mission
-    grid: Grid
-    fence: Fence
-    energy: EnergyModel
     team: Team
     """The vehicles that are commanded, and what is agreed with other services."""
     strategy: Strategy
     """How vehicles find the region and map it."""
     heights: OneHeight
     """The heights at which vehicles search and map."""
-    lanes: tuple[Lane, ...]
-    east_ahead: bool = True
-    """Whether the noses of vehicles that do not stop point along grid east, else along north."""
-    lane_rows: int = LANE_CELLS
-    """How many rows of cells a lane decides."""
-    likely: tuple[LikelyLane, ...] = ()
-    """The lanes with what the prior says of them; empty without a prior."""
-    ground: Terrain | None = None
-    """What layers are above; None: flat ground at the level of the start."""
-    whole_fence: Fence | None = None
-    """Of a member: the fence without the columns over others' pads, which are holes of `fence`."""
-    plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
-    """What was planned before in this flight."""
-
-    @cached_property
-    def path_speed_m_s(self) -> Callable[[float, float], float]:
-        """The speed of paths in the frame of the region by height and measured wind, m/s."""
-        return cache(partial(path_speed_m_s, self.mission))
-
-    @cached_property
-    def seen_whole_m(self) -> Callable[[float], tuple[float, float]]:
-        """How far east and north of the middle of a picture cells are whole, by height, m."""
-        return cache(partial(seen_whole_m, self.mission, east_ahead=self.east_ahead))
-
-    @cached_property
-    def wind_m_s(self) -> tuple[float, float]:
-        """The wind of the mission file, to where it blows along grid east and north, m/s."""
-        return wind_toward(self.mission, self.grid)
 
     @property
     def member(self) -> int | None:
@@ -105,34 +327,6 @@ class Setting:
         soon_s, late_s = (expected_s(b, self.pads, pace) for b in (blocks, plain))
         return climb_s + soon_s, climb_s + late_s
 
-    def pad_of(self, number: int) -> GridPoint:
-        """Return where a vehicle stands by the mission file."""
-        return self.pads[number - 1]
-
-    def home_level_m(self, number: int) -> float:
-        """Return the height of a vehicle's home above what its layers are counted from, m."""
-        return 0.0 if self.ground is not None else home_heights_m(self.mission)[number - 1]
-
-    @cached_property
-    def pads(self) -> tuple[GridPoint, ...]:
-        """Where the vehicles stand by the mission file."""
-        return tuple(self.grid.fixed(place) for place in homes(self.mission))
-
-    @property
-    def relief_m(self) -> float:
-        """Height of the ground that straight ways home cross, from lowest to highest, m."""
-        return self.mission.ground_span_m
-
-    def ups_and_downs_m(self, points: Sequence[GridPoint]) -> float:
-        """Return what the ups and downs of a way come to, in metres of climbing."""
-        if self.ground is None:
-            return 0.0
-        return self.ground.ups_and_downs_m(points, self.energy.speed_m_s, self.energy.climb_m_s)
-
-    def where(self, cell: Cell, t_s: float) -> GridPoint:
-        """Return where the centre of a cell is at a time, in the fixed frame."""
-        return self.grid.to_fixed(self.grid.centre_of(cell), t_s)
-
     def lane_time_s(self, t_s: float) -> float:
         """Return the time at which lanes lie as laid, in the frame of the cells."""
         return 0.0 if self.strategy.lanes_drift else t_s
@@ -149,47 +343,19 @@ class Setting:
         """Return the cells that a lane decides, as they lie at a time."""
         return Strip.of(self.grid, lane, self.lane_rows, self.lane_time_s(t_s))
 
-    @cached_property
-    def box_cells(self) -> tuple[Cell, ...]:
-        """The cells whose centre lies in the search box, at mission time 0."""
-        box = Polygon([self.grid.fixed(p) for p in positions(self.mission.search.box)])
-        cell_m = self.grid.cell_m
-        west, south, east, north = box.bounds
-        columns = range(math.ceil(west / cell_m), math.floor(east / cell_m) + 1)
-        rows = range(math.ceil(south / cell_m), math.floor(north / cell_m) + 1)
-        return tuple(
-            Cell(i, j) for i in columns for j in rows if box.covers(Point(i * cell_m, j * cell_m))
-        )
-
-    @cached_property
-    def in_box(self) -> frozenset[Cell]:
-        """The same as a set."""
-        return frozenset(self.box_cells)
-
-    @property
-    def yaw_deg(self) -> float:
-        """The true bearing at which vehicles that do not stop hold their noses."""
-        grid_deg = 90.0 if self.east_ahead else 0.0
-        return (grid_deg + math.degrees(self.grid.convergence_rad)) % 360.0
-
-    @property
-    def metric(self) -> Metric:
-        """What a leg between two cells costs in seconds, in the frame of the region.
-
-        A vehicle flies straight from rest to rest. A look costs its frames: what `look_s` has
-        besides is reckoned for the battery, and seldom needed.
-        """
-        grid, votes = self.grid, self.mission.votes
-        return Metric(
-            self.mission.flight.speed_m_s / grid.cell_m,
-            grid.drift_east_m_s / grid.cell_m,
-            grid.drift_north_m_s / grid.cell_m,
-            straight=True,
-            look=votes.frames * self.mission.camera.interval_s,
-            ramp=self.energy.leg_s(0.0),
-        )
-
-    @property
-    def look_s(self) -> float:
-        """About how long a vehicle hovers over a cell."""
-        return look_s(self.mission)
+    def initial_state(self) -> State:
+        """Return the state in which every vehicle is offline and has its share of the lanes."""
+        mission = self.mission
+        blocks = self.strategy.begins_with(self)
+        vehicles = {
+            number: VehicleState(
+                number,
+                mission.search_altitude_m(number - 1) or mission.altitude_m(number - 1),
+                home_level_m=self.home_level_m(number),
+                lanes=blocks[number - 1],
+            )
+            for number in range(1, len(mission.vehicles) + 1)
+        }
+        none_seen = Belief(mission.votes.frames, mission.votes.positive)
+        ours = tuple(filter(self.team.controls, vehicles))
+        return State(none_seen, vehicles, ours, overview=none_seen)

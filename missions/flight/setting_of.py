@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from missions.flight.setting import Setting
 from missions.flight.strategies import chosen
-from missions.flight.strategy.interface import Area
 from missions.flight.strategy.two_heights import heights_for
+from missions.flight.strategy.work import Area
 from missions.flight.team.teams import make_team
 from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
@@ -34,13 +34,13 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
         grid,
         fences.ours,
         energy_model(mission),
-        team,
-        strategy,
-        heights_for(mission),
         lanes,
         east_ahead,
         rows,
         likely_lanes(lanes, box, prior, mission.grid.cell_m, rows) if prior else (),
         mission.ground,
         fences.whole,
+        team=team,
+        strategy=strategy,
+        heights=heights_for(mission),
     )

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from missions.flight.setting import Setting
 from missions.geo.trajectory import Trajectory
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
@@ -288,24 +287,6 @@ class State:
     """The parts that members of a fleet map."""
     shared_s: float = float("-inf")
     """When another member last reported news."""
-
-    @classmethod
-    def initial(cls, setting: Setting) -> State:
-        """Return the state in which every vehicle is offline and has its share of the lanes."""
-        mission = setting.mission
-        blocks = setting.strategy.begins_with(setting)
-        vehicles = {
-            number: VehicleState(
-                number,
-                mission.search_altitude_m(number - 1) or mission.altitude_m(number - 1),
-                home_level_m=setting.home_level_m(number),
-                lanes=blocks[number - 1],
-            )
-            for number in range(1, len(mission.vehicles) + 1)
-        }
-        none_seen = Belief(mission.votes.frames, mission.votes.positive)
-        ours = tuple(filter(setting.team.controls, vehicles))
-        return cls(none_seen, vehicles, ours, overview=none_seen)
 
     def with_vehicle(self, vehicle: VehicleState) -> State:
         """Return this state with one vehicle changed."""

@@ -57,7 +57,7 @@ def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
 
 def fold(setting: Setting, events: Iterable[Event]) -> State:
     """Return the state after a journal."""
-    state = State.initial(setting)
+    state = setting.initial_state()
     for event in events:
         state, _ = step(setting, state, event)
     return state

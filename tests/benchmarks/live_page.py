@@ -41,7 +41,7 @@ def busy() -> tuple[Setting, State]:
     text = f"{first_patch(named_text('runway').text)}\n[team]\nlayer_m = 5.0\n"
     plan = plan_of("runway", text, "rdfs", VEHICLES)
     setting = setting_of(plan.mission)
-    state, belief = State.initial(setting), Belief(5, 3)
+    state, belief = setting.initial_state(), Belief(5, 3)
     vertices = {}
     for east in range(SIDE):
         for north in range(SIDE):

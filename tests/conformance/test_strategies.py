@@ -7,7 +7,6 @@ from shapely.geometry import LineString, Point
 
 from missions.events import from_json, to_json
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.flight.step import step
 from missions.mission.checks import FLOWN, parse_mission
 from missions.units import Cell
@@ -46,7 +45,7 @@ def test_lanes_lie_in_the_fence_and_leave_no_cell_of_the_box_out(strategy, vehic
     # a lane is cut half a cell before the rim of the box, whose cells its pictures show
     reach_m = ((setting.lane_rows - 1) / 2 + 1.0) * setting.grid.cell_m
     strips = [LineString(lane).buffer(reach_m) for lane in setting.lanes]
-    flown_to = setting.strategy.open_cells(setting, State.initial(setting))
+    flown_to = setting.strategy.open_cells(setting, setting.initial_state())
     for cell in setting.box_cells:
         place = Point(setting.where(cell, 0.0))
         assert cell in flown_to or any(strip.covers(place) for strip in strips), cell
@@ -79,7 +78,7 @@ def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(strategy, 
     assert step(setting, state, last)[1] == ()
     # it keeps nothing to itself: another that never flew gives the same orders
     assert vars(setting.strategy) == before
-    other, again = setting_of(setting.mission), State.initial(setting)
+    other, again = setting_of(setting.mission), setting.initial_state()
     given = []
     for event in flight.events:
         again, orders = step(other, again, from_json(to_json(event)))

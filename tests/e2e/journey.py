@@ -7,7 +7,7 @@ from typing import Any
 
 from missions.events import FrameSeen, from_json
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State, VehicleState
+from missions.flight.state import VehicleState
 from missions.flight.step import step
 from tests.e2e.rig import bodies, mission
 from uavmap.load.mission_source import load
@@ -18,7 +18,7 @@ class Journey:
         """`changed` are the fields of the mission that the command line has changed."""
         self._folder = folder
         self._setting = setting_of(load(mission(name)).model_copy(update=changed))
-        self._state = State.initial(self._setting)
+        self._state = self._setting.initial_state()
         self._read = 0
         self.frames = 0
         """How many frames were judged."""

@@ -66,7 +66,7 @@ class Fleet:
 
     def __post_init__(self) -> None:
         mission, grid = self.setting.mission, self.setting.grid
-        self.state = State.initial(self.setting)
+        self.state = self.setting.initial_state()
         self.rng = random.Random(self.seed)
         self.limits = Limits(self.setting.fence, self.setting.energy)
         self.vehicles, self.drivers = {}, {}

@@ -11,7 +11,6 @@ import pytest
 
 from missions.events import Event, from_json, to_json
 from missions.flight.setting import Setting
-from missions.flight.state import State
 from missions.flight.step import fold, step
 from missions.mapping.overview import with_plain
 from missions.orders import FlyPath, Look
@@ -58,7 +57,7 @@ def test_the_outcome_is_the_recorded_one(told):
 
 def test_any_prefix_folds_to_the_state_that_was_held_then(told):
     """What a resume after a kill relies on."""
-    state = State.initial(told.setting)
+    state = told.setting.initial_state()
     every = max(40, len(told.events) // 3)
     for number, event in enumerate(told.events, start=1):
         state, _ = step(told.setting, state, event)
@@ -70,7 +69,7 @@ def test_any_prefix_folds_to_the_state_that_was_held_then(told):
 
 def test_the_order_of_the_frames_does_not_change_the_map(told):
     frames = [event for event in told.events if event.kind == "frame_seen"]
-    none = State.initial(told.setting)
+    none = told.setting.initial_state()
     low, high = none.belief, none.overview
     for event in reversed(frames):
         state, _ = step(told.setting, none, event)
@@ -83,7 +82,7 @@ def test_the_order_of_the_frames_does_not_change_the_map(told):
 @pytest.mark.parametrize(("recording", "stops"), [(STOPS, True), (PASSES, False)])
 def test_who_stops_looks_and_who_does_not_flies_paths(recording, stops):
     setting = recording.setting()
-    state, kinds = State.initial(setting), set[type]()
+    state, kinds = setting.initial_state(), set[type]()
     for line in recording.lines():
         state, orders = step(setting, state, from_json(line))
         kinds.update(type(order) for _, order in orders)

@@ -37,11 +37,11 @@ def load_strategies() -> None:
 
 def _registered(strategy: object) -> str:
     # half a second, which no command needs where there is no plug-in
+    from missions.flight.setting import Strategy  # noqa: PLC0415
     from missions.flight.strategies import register  # noqa: PLC0415
-    from missions.flight.strategy.interface import Strategy  # noqa: PLC0415
 
     if not isinstance(strategy, Strategy):
-        return "it is no missions.flight.strategy.interface.Strategy"
+        return "it is no missions.flight.setting.Strategy"
     try:
         register(strategy)
     except StrategyError as error:

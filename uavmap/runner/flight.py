@@ -127,7 +127,7 @@ def fly(
         except OutputError:
             journal.discard()
             raise
-        flight = Flight(plan, setting, folder, journal, State.initial(setting), company)
+        flight = Flight(plan, setting, folder, journal, setting.initial_state(), company)
         if company.preflight is not None and company.preflight.keep_fence:
             journal.put_meta(KEEP_FENCE, True)
         if keep_frames:
@@ -213,7 +213,7 @@ def resume(
         if again:
             _refuse_repetition(journal, setting, state)
             journal.start_verification()
-            state = State.initial(setting)
+            state = setting.initial_state()
         elif plan.simulated and not plan.rehomed:
             plan = replace(plan, rehomed=True)
             journal.put_meta(REHOMED, True)

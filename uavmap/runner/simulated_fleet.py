@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from missions.errors import LinkError, PreflightError, leaves
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Phase
 from missions.mission.fleet_checks import check_fleet
 from missions.units import GridPoint
 from uavmap.base.clock import VirtualClock, run
@@ -82,7 +82,7 @@ class SimulatedFleet:
         at = self.folder(number)
         journal = Journal.create(at / JOURNAL, {"plan": own.as_json()})
         mine = setting_of(self.setting.mission, number)
-        return Flight(own, mine, at, journal, State.initial(mine))
+        return Flight(own, mine, at, journal, mine.initial_state())
 
     def radio(self, flight: Flight, number: int, start: int = 1) -> SealedRadio:
         """The radio of a member whose program starts for this time."""

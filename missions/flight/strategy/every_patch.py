@@ -15,10 +15,10 @@ from typing import Final
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.strategy.interface import Area, Lanes, OpenWork, Work
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
+from missions.flight.strategy.work import Area, Lanes, OpenWork, Work
 from missions.flight.team.work_shares import held_until_s
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time

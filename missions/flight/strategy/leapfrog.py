@@ -232,7 +232,7 @@ class Leapfrog(Survey):
 
     def search_s(self, setting: Setting) -> float:
         """Return the time of the steps of the first round."""
-        return steps_left_s(setting, State.initial(setting))
+        return steps_left_s(setting, setting.initial_state())
 
     def rest_s(
         self, setting: Setting, state: State, lanes_m: float, cells: int, team: int

@@ -11,11 +11,11 @@ from typing import Final
 
 from missions.events import FrameSeen
 from missions.flight.return_home import send_home
-from missions.flight.setting import Setting
+from missions.flight.setting import Setting, Strategy
 from missions.flight.state import ReturnReason, State, VehicleState
 from missions.flight.strategy.fallback import moves_s
-from missions.flight.strategy.interface import Area, Lanes, Strategy
 from missions.flight.strategy.searching import mark_unreachable, search, visit
+from missions.flight.strategy.work import Area, Lanes
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
 from missions.orders import TakeOff

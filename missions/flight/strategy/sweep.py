@@ -14,15 +14,15 @@ from typing import Final
 from missions.events import FrameSeen
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import come_inside, keep_clear
-from missions.flight.setting import Setting
+from missions.flight.setting import Setting, Strategy
 from missions.flight.sightings import grown, on_a_lane
 from missions.flight.state import State, VehicleState
 from missions.flight.strategy.fallback import whole_bound_s
-from missions.flight.strategy.interface import Area, Lanes, Strategy
 from missions.flight.strategy.lane_passes import end_searched, search_passes
 from missions.flight.strategy.searching import search
 from missions.flight.strategy.stepwise import RDFS
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest
+from missions.flight.strategy.work import Area, Lanes
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree

@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.path_orders import NOTICE_S, fly_route, give_path
-from missions.flight.setting import Setting
+from missions.flight.setting import Setting, Strategy
 from missions.flight.sightings import grown
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s, over_pad
 from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
-from missions.flight.strategy.interface import OpenWork, Strategy, TourMemory
+from missions.flight.strategy.work import OpenWork, TourMemory
 from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.setting import Setting
+from missions.flight.setting import OneHeight, Setting
 from missions.flight.state import OFF_LAYER_M, State, VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.mission.schema import Mission
@@ -28,42 +28,6 @@ ROUND: Final = 0.05
 """Cut of corners between lanes of a search from on high, share of a lane's width."""
 ON_THE_WAY: Final = 0.8
 """Share of what a vehicle can climb on its way to its first lane that is left at take-off."""
-
-
-class OneHeight:
-    """Lanes are flown in the layers from which the map is made."""
-
-    def searched(self, state: State) -> Callable[[Cell], bool]:
-        """Return what says whether any frame has judged a cell."""
-        return state.belief.open_tallies.as_dict().__contains__
-
-    def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
-        """The altitude that a vehicle works in."""
-        return setting.mission.altitude_m(vehicle.vehicle - 1)
-
-    def in_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
-        """Return whether a vehicle is where it works, or will be in time."""
-        return True
-
-    def take_off_height_m(self, setting: Setting, state: State, vehicle: VehicleState) -> float:
-        """How high a vehicle climbs over its pad, above it."""
-        return vehicle.cruise_height_m
-
-    def as_mapping(self, setting: Setting, vehicle: VehicleState) -> VehicleState:
-        """A vehicle as it will be once it maps."""
-        return vehicle
-
-    def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
-        """Whether one that stands without lanes takes off to map while others fly theirs."""
-        return False
-
-    def cuts_m(self, setting: Setting) -> tuple[float, ...]:
-        """By how much corners between lanes are cut, the most first."""
-        return LANE_CUTS_M
-
-    def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
-        """A lane without its ends, as far as pictures show them from before them."""
-        return lane
 
 
 class TwoHeights(OneHeight):

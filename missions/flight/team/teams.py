@@ -20,13 +20,13 @@ from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.lane_progress import lanes_held
+from missions.flight.layout import Fences
 from missions.flight.path_orders import fly_route
-from missions.flight.setting import Setting
+from missions.flight.setting import Setting, Team
 from missions.flight.state import OFF_LAYER_M, Phase, State, VehicleState
 from missions.flight.strategy.charting import gate_of
-from missions.flight.strategy.interface import OpenWork, Work
 from missions.flight.strategy.lane_passes import cells_drift_out, still_open
-from missions.flight.team.interface import Fences, Team
+from missions.flight.strategy.work import OpenWork, Work
 from missions.flight.team.work_shares import mark_unreported, own_part, share_parts, shared_out
 from missions.geo.columns import PAD_M, columns_over, fence_without
 from missions.geo.fence import Fence

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from missions.flight.setting import Setting
 from missions.flight.state import Allotment, Phase, State, VehicleState
 from missions.flight.strategy.charting import flyer_of, kinematics
-from missions.flight.strategy.interface import OpenWork, TourMemory
+from missions.flight.strategy.work import OpenWork, TourMemory
 from missions.geo.trajectory import Trajectory
 from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Chart, Ints, Known

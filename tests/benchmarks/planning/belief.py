@@ -19,7 +19,7 @@ from functools import partial
 from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, Tracked, Vote
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Phase
 from missions.flight.step import step
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
@@ -80,7 +80,7 @@ class Flight:
 
     def __init__(self) -> None:
         self.setting = setting()
-        self.state = State.initial(self.setting)
+        self.state = self.setting.initial_state()
         self.t_s = 1.0
 
     def post(self, event: Event) -> float:

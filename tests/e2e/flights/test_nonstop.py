@@ -11,7 +11,6 @@ import pytest
 
 from missions.events import from_json
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.flight.step import step
 from missions.orders import FlyPath, Look, Order
 from missions.planning.kernels.jit import COMPILED
@@ -31,7 +30,7 @@ SWATH = ("--strategy", "swath")
 def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
     made = load(rig.mission(name)).model_copy(update={"strategy": "swath"})
     setting = setting_of(made)
-    state, told = State.initial(setting), []
+    state, told = setting.initial_state(), []
     for line in lines:
         state, _ = step(setting, state, from_json(line))
         told.append([vehicle.order for vehicle in state.vehicles.values()])

@@ -11,7 +11,6 @@ import pytest
 
 from missions.events import FrameSeen, Tracked, from_json
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.flight.step import step
 from tests.e2e import rig
 from tests.support.small_missions import EXACT_ATTITUDE
@@ -85,7 +84,7 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     assert overviews.count(True) > 10
     assert overviews.count(None) > 10
     setting = setting_of(load(str(file)))
-    state = State.initial(setting)
+    state = setting.initial_state()
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
     for event in events:  # what the live page shows is what the map says
         state, _ = step(setting, state, event)

@@ -67,7 +67,7 @@ class Figures:
 
 def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """Fold a journal; return the final state and the figures."""
-    state = State.initial(setting)
+    state = setting.initial_state()
     counter, shares = Counter(state.vehicles), Shares()
     sums, fit = FrameSums(), DetectorFit()
     # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own

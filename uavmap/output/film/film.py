@@ -202,7 +202,7 @@ def film_of_flight(
     events = list(events)
     weighed = any(isinstance(event, Weighed) for event in events)
     cells = CellStates(setting, recorded=recorded, weighed=weighed)
-    log = _Log(setting, State.initial(setting), cells)
+    log = _Log(setting, setting.initial_state(), cells)
     for event in events:
         log.take_in(event)
     for cell in cells.weighed_cells():  # known with the last picture

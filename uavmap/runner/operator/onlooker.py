@@ -43,7 +43,7 @@ class Onlooker:
 
 def folded(setting: Setting, events: Iterable[Event], onlookers: Sequence[Onlooker] = ()) -> State:
     """Return the state after the events of a journal; the onlookers see each of them."""
-    state = State.initial(setting)
+    state = setting.initial_state()
     for event in events:
         state, _ = step(setting, state, event)
         for onlooker in onlookers:

@@ -22,7 +22,6 @@ from shapely.geometry import Point
 from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, LiftedOff, Tracked, Vote
 from missions.flight.path_orders import NOTICE_S
 from missions.flight.setting import Setting
-from missions.flight.state import State
 from missions.flight.step import step
 from missions.mission.height_and_speed import footprint_over
 from missions.mission.places import drawn
@@ -205,7 +204,7 @@ class _InThought:
 
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
-        self._state = State.initial(setting)
+        self._state = setting.initial_state()
         self._t_s = 0.0
         self.slowest_s = 0.0
         box = drawn(setting.mission.search.box, setting.grid)

@@ -12,7 +12,6 @@ from typing import Final
 from missions.errors import OutputError
 from missions.events import Event, FrameSeen
 from missions.flight.setting import Setting
-from missions.flight.state import State
 from missions.flight.step import step
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import FlightPlan
@@ -70,7 +69,7 @@ class Follower:
     def run(self, feed: Feed, sleep: Callable[[float], None] = time.sleep) -> None:
         """Follow until `KeyboardInterrupt`. Raises `OutputError` when the page is gone."""
         events = self._reader.new_events()
-        state = State.initial(self.setting)
+        state = self.setting.initial_state()
         watcher = Watcher(
             self.setting,
             state,

@@ -106,7 +106,7 @@ class FlightPage(Onlooker):
     def _watch(self, setting: Setting) -> None:
         self._watcher = Watcher(
             setting,
-            State.initial(setting),
+            setting.initial_state(),
             real=self._real,
             words=False,
             now_s=self._now_s,

@@ -11,7 +11,6 @@ import pytest
 
 import missions
 from missions.events import from_json
-from missions.flight.state import State
 from missions.flight.step import step
 from missions.orders import FlyPath
 from missions.planning.kernels.jit import COMPILED
@@ -45,7 +44,7 @@ class Calls:
 @pytest.mark.skipif(not COMPILED, reason="numba is not installed: plans are shorter searches")
 def test_decision_of_a_flight_makes_few_calls_between_files() -> None:
     setting = RUNWAY.setting()
-    state, counts = State.initial(setting), list[int]()
+    state, counts = setting.initial_state(), list[int]()
     for event in map(from_json, RUNWAY.lines()):
         calls = Calls()
         sys.setprofile(calls)

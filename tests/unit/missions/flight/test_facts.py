@@ -15,7 +15,7 @@ from missions.events import Event, FrameSeen, Vote
 from missions.fleet_events import Fact, Shared
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Phase
 from missions.flight.team.members import concluded
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.own_cells import OwnCells
@@ -88,7 +88,7 @@ def test_members_that_know_the_same_facts_have_the_same_region(
         for event, place in zip(data.draw(st.permutations(heard)), places, strict=False):
             events.insert(place, event)
         events += heard  # and all of it once more
-        state = joined(setting, State.initial(setting), events)
+        state = joined(setting, setting.initial_state(), events)
         decided = {
             (cell, state.belief.verdict(cell))
             for cell in state.belief.open_ballots
@@ -164,7 +164,7 @@ def test_whoever_compares_what_they_have_ends_with_the_same(
 @pytest.mark.parametrize("missing", [0, 1])
 def test_who_came_home_early_tells_that_the_others_did_the_rest(missing: int) -> None:
     setting = setting_of(parse_mission(field_text(high=True), "test"), 1)
-    state = replace(State.initial(setting), t_s=300.0)
+    state = replace(setting.initial_state(), t_s=300.0)
     for number, phase in ((1, Phase.FAILED), (2, Phase.FINISHED), (3, Phase.FINISHED)):
         came = replace(state.vehicles[number], phase=phase, landed=True, order=None)
         state = state.with_vehicle(came)

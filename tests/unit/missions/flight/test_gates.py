@@ -34,7 +34,7 @@ def made(vehicles: int, member: int) -> Setting:
 def over(setting: Setting, place: GridPoint) -> State:
     """Ours maps, at a place; the others stand."""
     number = setting.member or 0
-    state = replace(State.initial(setting), t_s=100.0)
+    state = replace(setting.initial_state(), t_s=100.0)
     low_m = setting.mission.altitude_m(number - 1)
     return state.with_vehicle(
         replace(
@@ -70,7 +70,7 @@ def test_every_way_to_the_box_is_free_from_a_gate(vehicles: int, member: int) ->
 
 def test_one_service_has_no_gates() -> None:
     setting = setting_of(parse_mission(text_for(5), "bay"))
-    vehicle = State.initial(setting).vehicles[1]
+    vehicle = setting.initial_state().vehicles[1]
     assert gate_of(setting, replace(vehicle, home=setting.pad_of(1))) == setting.pad_of(1)
 
 

@@ -26,7 +26,7 @@ def out(state: State, setting: Setting, number: int, place: GridPoint) -> Vehicl
 
 def test_who_has_to_wait_for_another_that_comes_home_comes_nearer_meanwhile() -> None:
     setting = setting_of(load("bay"))
-    state = State.initial(setting)
+    state = setting.initial_state()
     first = out(state, setting, 4, GridPoint(600.0, 60.0))
     across = FlyTo((GridPoint(-600.0, 60.0),), None, stop=True, height_m=40.0)
     first = replace(first, order=across)

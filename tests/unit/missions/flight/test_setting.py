@@ -6,7 +6,6 @@ import pytest
 
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.mission.flyable import fence_of, look_s, search_area
 from missions.planning.search.lanes import share_out
 from missions.units import Cell, GridPoint
@@ -68,7 +67,7 @@ def test_a_look_takes_its_frames_and_a_moment(frames: int, interval_s: float) ->
 @pytest.mark.parametrize("vehicles", [1, 2, 3, 4])
 def test_the_lanes_are_shared_out_among_all(vehicles: int) -> None:
     made = setting(vehicles=vehicles, capacity_wh=60.0)
-    state = State.initial(made)
+    state = made.initial_state()
     assert sorted(state.vehicles) == list(range(1, vehicles + 1))
     blocks = [state.vehicles[n].lanes for n in sorted(state.vehicles)]
     assert tuple(lane for block in blocks for lane in block) == made.lanes

@@ -30,7 +30,7 @@ from missions.events import (
     Vote,
 )
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, ReturnReason, State
+from missions.flight.state import Phase, ReturnReason
 from missions.flight.step import Orders, step
 from missions.flight.strategy.stepwise import Stepwise
 from missions.flight.transitions import MOST_HOME_REFUSED_AROUND, apply
@@ -64,7 +64,7 @@ class Service:
 
     def __init__(self, made: Mission) -> None:
         self.setting = setting_of(made)
-        self.state = State.initial(self.setting)
+        self.state = self.setting.initial_state()
         self.now_s = 0.0
 
     def post(self, *events: Event) -> Orders:
@@ -480,7 +480,7 @@ def test_one_that_never_speaks_again_is_still_told_to_lie_there(service: Service
 def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
     """`uavmap check` refuses it; an old journal may still hold one."""
     service.setting = replace(service.setting, lanes=())
-    service.state = State.initial(service.setting)
+    service.state = service.setting.initial_state()
     assert service.connect() == ((1, StandDown()),)
     assert service.state.vehicles[1].phase is Phase.FAILED
     assert "search box" in service.state.vehicles[1].note

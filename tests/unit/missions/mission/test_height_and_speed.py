@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from missions.errors import MissionFileError
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.checks import check, parse_mission
@@ -68,7 +67,7 @@ def test_the_ceiling_holds_it_down():
 def test_the_layers_of_a_team_lie_below_the_highest():
     three = flown_by(3, parsed(camera__pixels_per_cell="60"))
     assert [three.altitude_m(i) for i in range(3)] == [13.4, 19.4, 25.4]
-    state = State.initial(setting_of(three))
+    state = setting_of(three).initial_state()
     assert [v.cruise_altitude_m for v in state.vehicles.values()] == [13.4, 19.4, 25.4]
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from missions.events import FrameLost
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Phase
 from tests.support.small_missions import mission, square
 from uavmap.base.printable import printable
 from uavmap.base.terminal import Terminal
@@ -48,7 +48,7 @@ def test_say_writes_no_escape_sequences_but_keeps_its_lines():
 
 def test_a_note_that_looks_like_markup_breaks_no_table():
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
-    state = State.initial(setting)
+    state = setting.initial_state()
     lost = replace(state.vehicles[1], phase=Phase.FAILED, note="[/x] \x1b[2Jrefused [bold]")
     out = Tty()
     terminal = ProgressTable(Terminal(out))

@@ -12,7 +12,6 @@ import pytest
 
 from missions.events import Continued, Event, Paused, Recalled, VehicleRecalled
 from missions.fleet_events import Fact
-from missions.flight.state import State
 from missions.units import Cell, GridPoint, PadHeight
 from tests.unit.missions.flight.test_facts import small_setting
 from tests.unit.uavmap.fleet.test_members_in_air import made
@@ -47,7 +46,7 @@ class Station:
         self.member = Member(
             setting, Seal(KEY, self.number, self.start), radio, self.now_s, self.events.append
         )
-        self.member.observe(Continued(0.0), State.initial(setting))
+        self.member.observe(Continued(0.0), setting.initial_state())
 
     def now_s(self) -> float:
         """Its mission time."""

@@ -61,7 +61,7 @@ class Mind:
 
     def __post_init__(self) -> None:
         self.setting = made(self.number)
-        state = State.initial(self.setting)
+        state = self.setting.initial_state()
         place = GridPoint(4.0 + 12.0 * self.number, 40.0)
         low_m = self.setting.mission.altitude_m(self.number - 1)
         mine = replace(

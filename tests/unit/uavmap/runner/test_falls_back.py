@@ -53,7 +53,7 @@ def test_it_is_never_needed_where_frames_decide(tmp_path, monkeypatch):
 
 def test_the_patience_grows_with_what_is_known():
     setting = setting_of(load(MISSION))
-    state = State.initial(setting)
+    state = setting.initial_state()
     assert fallback.patience_s(setting, state) == fallback.LEAST_PATIENCE_S
     root = Cell(0, 0)
     tree = Tree.rooted(root)

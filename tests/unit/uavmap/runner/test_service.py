@@ -60,7 +60,7 @@ def journal(tmp_path):
 
 def service_of(journal: Journal, vehicle: Played, observe: Observer = lambda *_: None) -> Service:
     setting = setting_of(small_mission())
-    return Service(setting, journal, vehicle, State.initial(setting), observe)
+    return Service(setting, journal, vehicle, setting.initial_state(), observe)
 
 
 def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> State:

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
 from missions.events import Airborne, Arrived, Connected, FrameLost, FrameSeen, Tracked
-from missions.flight.state import Phase, State
+from missions.flight.state import Phase
 from missions.orders import AwaitBattery, FlyTo, Land, Order, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
@@ -55,7 +55,7 @@ def serve(body: Body, folder: Path) -> None:
     async def main() -> None:
         with Journal.create(folder / "journal.jsonl", {}) as journal, no_task_left():
             service = Service(
-                flight.setting, journal, OneVehicle(flight.driver), State.initial(flight.setting),
+                flight.setting, journal, OneVehicle(flight.driver), flight.setting.initial_state(),
                 lambda event, state: None,
             )  # fmt: skip
             flight.report = service.post

@@ -8,7 +8,6 @@ from dataclasses import replace
 import pytest
 
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.flight.strategy.charting import chart_of, flyer_of
 from missions.geo.trajectory import rounded_path
 from missions.mission.checks import parse_mission
@@ -31,7 +30,7 @@ def drifting() -> str:
 def test_the_end_of_a_path_is_open_however_late_it_ends(lasting_s: float) -> None:
     setting = setting_of(parse_mission(drifting(), "test"), 2)
     assert setting.grid.drift_speed_m_s > 0.0
-    state = State.initial(setting)
+    state = setting.initial_state()
     path = rounded_path([GridPoint(0.0, 30.0), GridPoint(4.0, 30.0)], BEGIN_S, speed_m_s=5.0)
     path = replace(path, end_s=BEGIN_S + lasting_s)
     ours = replace(

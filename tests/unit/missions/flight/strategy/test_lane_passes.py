@@ -120,7 +120,7 @@ def test_in_a_region_that_drifts_a_way_round_the_pads_of_others_is_always_found(
     flown = with_own_air(load("bay"))
     for number in range(1, 6):
         setting = setting_of(flown, number)
-        state = replace(State.initial(setting), t_s=t_s)
+        state = replace(setting.initial_state(), t_s=t_s)
         vehicle = replace(
             state.vehicles[number], phase=Phase.AIRBORNE, landed=False, order=None, height_m=90.0,
             position=setting.pad_of(number), remaining_wh=60.0, lanes=setting.shares[number - 1],

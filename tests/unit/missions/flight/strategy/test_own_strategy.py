@@ -21,7 +21,7 @@ from tests.support.small_missions import mission, square
 SPIRAL = '''
 """Search a box along a spiral: the outermost lanes first, by turns from both sides."""
 
-from missions.flight.strategy.interface import Lanes
+from missions.flight.strategy.work import Lanes
 from missions.flight.strategy.sweep import Sweep
 from missions.planning.sweep.strategies import About
 

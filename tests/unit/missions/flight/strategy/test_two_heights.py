@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Phase
 from missions.flight.step import assign
 from missions.flight.strategy.every_patch import ALL
 from missions.mapping.belief import Belief, FrameId
@@ -62,7 +62,7 @@ def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> No
     mission = load("bay")
     setting = setting_of(mission)
     region = frozenset(Cell(east, north) for east in range(10, 20) for north in range(20, 30))
-    state = State.initial(setting)
+    state = setting.initial_state()
     for number, vehicle in state.vehicles.items():
         lanes = vehicle.lanes[:1] if number < 5 else ()
         grounded = replace(
@@ -81,7 +81,7 @@ def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> No
 
 def test_cell_beside_what_is_region_from_on_high_is_asked_for_until_it_is_decided() -> None:
     setting = setting_of(load("bay"))
-    state = State.initial(setting)
+    state = setting.initial_state()
     region, beside, far = Cell(10, 20), Cell(11, 20), Cell(30, 20)
     overview, belief = state.overview, state.belief
     for k in range(3):

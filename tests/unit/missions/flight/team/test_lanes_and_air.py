@@ -34,7 +34,7 @@ def setting() -> Setting:
 
 def in_the_air(*, on_lane: bool) -> State:
     """Ours flies along the first lane of its box."""
-    state, lanes = State.initial(setting()), setting().lanes[:1]
+    state, lanes = setting().initial_state(), setting().lanes[:1]
     start, end = lanes[0]
     path = rounded_path([start, end], 0.0, speed_m_s=5.0)
     layer_m = setting().mission.search_altitude_m(OURS - 1) or 0.0

@@ -16,9 +16,9 @@ from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Allotment, Phase, State
 from missions.flight.strategy.charting import chart_of, flyer_of
-from missions.flight.strategy.interface import OpenWork, TourMemory
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep_passes import NEAR_PAD_M
+from missions.flight.strategy.work import OpenWork, TourMemory
 from missions.flight.team.work_shares import EVERY_S, KNOWN_S, own_part, share_parts
 from missions.flight.transitions import apply
 from missions.mission.checks import parse_mission
@@ -42,7 +42,7 @@ def setting(member: int) -> Setting:
 
 def flying(member: int, *, t_s: float = 100.0) -> State:
     """All three map, and hold no lanes."""
-    state = replace(State.initial(setting(member)), t_s=t_s)
+    state = replace(setting(member).initial_state(), t_s=t_s)
     for number in TEAM:
         vehicle = state.vehicles[number]
         low_m = setting(member).mission.altitude_m(number - 1)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.mission.checks import parse_mission
@@ -87,7 +86,7 @@ def test_a_point_in_the_far_corner_is_looked_at_first(north_m):
     setting = field((126.0, 4.0 + north_m), north_m=north_m)
     few = len(setting.lanes) <= EXACT_LANES
     assert few is (north_m == 60.0)  # the exact order, and the local search
-    first = State.initial(setting).vehicles[1].lanes[0]
+    first = setting.initial_state().vehicles[1].lanes[0]
     far = GridPoint(126.0, 4.0 + north_m)
     assert min(point.distance_to(far) for point in first) < 16.0
     plain = setting.lanes[0]

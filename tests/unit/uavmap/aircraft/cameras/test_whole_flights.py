@@ -11,7 +11,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import FrameLost, FrameSeen
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from tests.support.flights import small_mission
 from tests.support.plans import plan_of
 from tests.support.said import Said
@@ -99,7 +98,7 @@ def flown(rig, made, folder):
     setting, said = setting_of(made), Said()
     folder.mkdir()
     with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
-        flight = RiggedFlight(rig, said, plan, setting, folder, journal, State.initial(setting))
+        flight = RiggedFlight(rig, said, plan, setting, folder, journal, setting.initial_state())
         with shown_on(said):
             return flight.run(), list(journal.events()), said
 

@@ -7,7 +7,6 @@ import pytest
 
 from missions.events import FrameSeen, Vote, from_json
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.flight.step import step
 from missions.mapping.persistent import PersistentSet
 from missions.mission.sections import DetectorSection
@@ -78,7 +77,7 @@ def test_detector_fit_counts_ground_and_not_how_often_it_is_seen():
 
 def flight():
     setting = STOPS.setting()
-    state = State.initial(setting)
+    state = setting.initial_state()
     for line in STOPS.lines():
         state, _ = step(setting, state, from_json(line))
     assert state.completed
@@ -96,7 +95,7 @@ def test_no_verdict_nearly_all_is_region_tells_nothing_on_any_ground():
         assert "90% of the 200 cells seen" in no_verdict(setting, state, fit_of(9), real=real)
     assert no_verdict(setting, state, fit_of(8), real=True) == ""
     assert no_verdict(setting, state, fit_of(9, LEAST_FRAMES - 1), real=True) == ""
-    assert no_verdict(setting, State.initial(setting), fit_of(9), real=True) == ""  # not over
+    assert no_verdict(setting, setting.initial_state(), fit_of(9), real=True) == ""  # not over
 
 
 def test_no_verdict_without_region_depends_on_ground_and_detector():
@@ -127,7 +126,7 @@ def test_is_untouched_only_with_all_values_of_the_default(section, untouched):
 
 def test_terminal_and_page_report_what_the_detector_takes():
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
-    state, out = State.initial(setting), io.StringIO()
+    state, out = setting.initial_state(), io.StringIO()
     table, watcher = ProgressTable(Terminal(out)), Watcher(setting, state, real=True)
     for number in range(FIRST_FRAMES):
         table.update(frame(number, 10), state, 0)

@@ -6,7 +6,6 @@ import pytest
 
 from missions import events as ev
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.flight.strategy import sweep_passes as passes
 from missions.mapping.belief import FrameId
 from missions.mapping.tree import Tree
@@ -123,7 +122,7 @@ def test_a_search_that_finds_the_region_has_a_bound():
 def test_finding_other_patches_seen_counts_only_the_explored_one(others, what, rest):
     """The tree knows one patch: two cells. The other patches are columns of cells in the east."""
     made, explored = setting(), [Cell(0, 4), Cell(0, 5)]
-    state = State.initial(made)
+    state = made.initial_state()
     roi = [*explored, *(Cell(east, 4 + k) for east, high in others for k in range(high))]
     belief = state.belief
     for t_s in (1.0, 2.0, 3.0):

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from missions.events import FrameSeen, Vote
 from missions.fleet_events import Shared
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.mapping.belief import Belief, FrameId, judging_frames
 from missions.mapping.own_cells import OwnCells
@@ -45,7 +44,7 @@ def seen(t_s, region, ground, vehicle=1):
 
 
 def state_of(*frames):
-    state = State.initial(setting())
+    state = setting().initial_state()
     belief = state.belief
     for frame in frames:
         said = {vote.cell: vote.positive for vote in frame.votes}
@@ -207,7 +206,7 @@ def test_facts_of_a_fleet_in_any_order_give_one_certificate(drawn, data):
     listening = setting(0)
 
     def certified(events):
-        state = joined(listening, State.initial(listening), events)
+        state = joined(listening, listening.initial_state(), events)
         return certificates(listening, state, 0.0)
 
     assert certified(data.draw(st.permutations(told + told[::2]))) == certified(told)

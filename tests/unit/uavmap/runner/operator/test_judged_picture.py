@@ -12,7 +12,6 @@ from PIL import Image
 
 from missions.events import FrameSeen, Vote
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.units import Cell, LatLon, Pose, Quaternion
 from tests.support.small_missions import mission, square
 from uavmap.journal.kept_frames import KeptFrame
@@ -20,7 +19,7 @@ from uavmap.output.drawing.judged import FILE, MOST_WIDE_PX, outlined
 from uavmap.runner.operator.judged_picture import JudgedPicture
 
 SETTING = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
-STATE = State.initial(SETTING)
+STATE = SETTING.initial_state()
 POSE = Pose(LatLon(52.0, 13.0), 12.0, Quaternion(1.0, 0.0, 0.0, 0.0))
 
 

@@ -20,7 +20,7 @@ from uavmap.runner.operator.time_left import Left, time_left
 def course(recording: Recording, every: int = 10) -> list[tuple[State, Left]]:
     """What was told now and then, and last."""
     setting, told = recording.setting(), []
-    state = State.initial(setting)
+    state = setting.initial_state()
     lines = recording.lines()
     for index, line in enumerate(lines):
         state, _ = step(setting, state, from_json(line))
@@ -49,7 +49,7 @@ def test_all_of_it_is_said_only_at_home_and_the_search_never_goes_back():
 
 def test_nothing_is_said_where_nobody_knows():
     setting = STOPS.setting()
-    state = State.initial(setting)
+    state = setting.initial_state()
     assert time_left(setting, replace(state, recalled=True)) == Left()
     down = replace(state.vehicles[1], phase=Phase.DOWN)
     others = {n: replace(v, phase=Phase.LOST) for n, v in state.vehicles.items()}
@@ -67,7 +67,7 @@ def test_a_terminal_and_a_pipe_show_it(live, monkeypatch):
     monkeypatch.setattr(progress.time, "monotonic", lambda: 2.0 * next(clock))
     monkeypatch.setenv("COLUMNS", "200")
     setting, out = STOPS.setting(), Stream()
-    terminal, state = ProgressTable(Terminal(out)), State.initial(setting)
+    terminal, state = ProgressTable(Terminal(out)), setting.initial_state()
     terminal.begin(setting, again=False)
     for index, line in enumerate(STOPS.lines()[:400]):
         state, _ = step(setting, state, event := from_json(line))

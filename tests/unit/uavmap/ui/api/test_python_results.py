@@ -11,7 +11,6 @@ import shapely
 import uavmap
 from missions.events import Paused
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
 from missions.geo.geodesy import Utm, UtmZone
 from tests.support.plans import named_text
 from tests.unit.test_pages import ROOT
@@ -219,7 +218,7 @@ def test_a_stream_that_is_no_terminal_gets_lines_whatever_the_environment_says(m
     progress = ProgressTable(Terminal(text))
     setting = setting_of(load("runway"))
     progress.begin(setting, again=False)
-    progress.update(Paused(1.0), State.initial(setting), 0)
+    progress.update(Paused(1.0), setting.initial_state(), 0)
     progress.end()
     assert "searching" in text.getvalue()
     assert "\x1b" not in text.getvalue()

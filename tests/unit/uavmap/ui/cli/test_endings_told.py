@@ -9,7 +9,7 @@ import pytest
 
 from missions.events import GivenUp, Landed, Overridden, Released, Told
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Phase
 from missions.mapping.tree import Tree
 from missions.orders import AwaitBattery, StandDown, TakeOff
 from missions.units import Cell, GridPoint
@@ -190,7 +190,7 @@ FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed fi
 @pytest.mark.parametrize("failure", FAILURES, ids=repr)
 def test_progress_goes_on_in_silence(failure, terminal):
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
-    state, stream = State.initial(setting), Gone(failure, terminal=terminal)
+    state, stream = setting.initial_state(), Gone(failure, terminal=terminal)
     terminal_ = Terminal(stream)
     progress = ProgressTable(terminal_)
     progress.begin(setting, again=False)

@@ -9,7 +9,6 @@ from unittest.mock import Mock, call
 import pytest
 
 from missions.events import from_json
-from missions.flight.state import State
 from missions.flight.step import step
 from tests.golden.recording import STOPS
 from tests.support.page.page_feed import Feed
@@ -115,7 +114,7 @@ def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path, said):
 
 def told_of(feed):
     setting, page = STOPS.setting(), FlightPage(feed, simulated=True, now_s=ticking())
-    state = State.initial(setting)
+    state = setting.initial_state()
     page.begin(setting, again=False)
     for line in STOPS.lines():
         state, _ = step(setting, state, event := from_json(line))

@@ -7,7 +7,7 @@ import pytest
 from shapely.geometry import LineString, Point
 
 from missions.events import Tracked, from_json
-from missions.flight.state import Phase, State
+from missions.flight.state import Phase
 from missions.flight.step import step
 from missions.orders import FlyPath, FlyTo, Sweep
 from tests.golden.recording import PASSES, SPILL, STOPS
@@ -23,7 +23,7 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch):
     monkeypatch.setattr(watching, "MOST_CELLS", 7)
     setting = STOPS.setting()
     events = [from_json(line) for line in STOPS.lines()]
-    state, copy = State.initial(setting), Board()
+    state, copy = setting.initial_state(), Board()
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
     for index, event in enumerate(events):
         state, _ = step(setting, state, event)
@@ -50,7 +50,7 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch):
 
 def test_the_figures_of_a_flight_without_stopping_agree_at_any_time():
     setting = PASSES.setting()
-    state, said = State.initial(setting), set[str]()
+    state, said = setting.initial_state(), set[str]()
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
     for line in PASSES.lines():
         state, _ = step(setting, state, event := from_json(line))
@@ -79,7 +79,7 @@ MOST_M = 4.0
 )
 def test_it_is_flown(recording, kinds):
     setting, lines = recording.setting(), recording.lines()[:160]
-    state, ahead = State.initial(setting), Ahead(setting)
+    state, ahead = setting.initial_state(), Ahead(setting)
     told = {}
     begun = {}
     seen = set()
@@ -109,7 +109,7 @@ def test_it_is_flown(recording, kinds):
 
 def test_over_a_region_that_drifts_it_is_where_the_path_will_be():
     setting, lines = SPILL.setting(), SPILL.lines()
-    state, ahead = State.initial(setting), Ahead(setting)
+    state, ahead = setting.initial_state(), Ahead(setting)
     for line in lines:
         state, _ = step(setting, state, from_json(line))
         if isinstance(order := state.vehicles[1].order, FlyPath):
@@ -127,7 +127,7 @@ def test_over_a_region_that_drifts_it_is_where_the_path_will_be():
 
 def test_who_is_not_ours_has_no_path():
     setting = STOPS.setting()
-    vehicle = State.initial(setting).vehicles[1]
+    vehicle = setting.initial_state().vehicles[1]
     ahead = Ahead(setting)
     assert ahead.news(vehicle, 0.0) == []
     assert ahead.news(vehicle, 1.0) is None

@@ -1,0 +1,147 @@
+"""What is laid out on the ground of a mission: its grid, fence, lanes and pads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property, partial
+from typing import NamedTuple
+
+from shapely.geometry import Point, Polygon
+
+from missions.geo.fence import Fence
+from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
+from missions.mission.energy import EnergyModel
+from missions.mission.flyable import look_s
+from missions.mission.places import home_heights_m, homes
+from missions.mission.schema import Mission, positions
+from missions.mission.views import path_speed_m_s, seen_whole_m, wind_toward
+from missions.planning.search.lanes import LANE_CELLS, Lane
+from missions.planning.search.prior import LikelyLane
+from missions.planning.stepwise.interface import Metric
+from missions.planning.sweep.plan_memo import PlanMemo
+from missions.units import Cell, GridPoint
+
+
+class Fences(NamedTuple):
+    """Where vehicles may fly."""
+
+    ours: Fence
+    """Fence of the vehicles that are commanded."""
+    everyones: Fence
+    """Fence of each vehicle of a fleet."""
+    whole: Fence | None
+    """Of a member: the fence without the columns over others' pads, which are holes of `ours`."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A mission file, laid out on the ground."""
+
+    mission: Mission
+    grid: Grid
+    fence: Fence
+    energy: EnergyModel
+    lanes: tuple[Lane, ...]
+    east_ahead: bool = True
+    """Whether the noses of vehicles that do not stop point along grid east, else along north."""
+    lane_rows: int = LANE_CELLS
+    """How many rows of cells a lane decides."""
+    likely: tuple[LikelyLane, ...] = ()
+    """The lanes with what the prior says of them; empty without a prior."""
+    ground: Terrain | None = None
+    """What layers are above; None: flat ground at the level of the start."""
+    whole_fence: Fence | None = None
+    """Of a member: the fence without the columns over others' pads, which are holes of `fence`."""
+    plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
+    """What was planned before in this flight."""
+
+    @cached_property
+    def path_speed_m_s(self) -> Callable[[float, float], float]:
+        """The speed of paths in the frame of the region by height and measured wind, m/s."""
+        return cache(partial(path_speed_m_s, self.mission))
+
+    @cached_property
+    def seen_whole_m(self) -> Callable[[float], tuple[float, float]]:
+        """How far east and north of the middle of a picture cells are whole, by height, m."""
+        return cache(partial(seen_whole_m, self.mission, east_ahead=self.east_ahead))
+
+    @cached_property
+    def wind_m_s(self) -> tuple[float, float]:
+        """The wind of the mission file, to where it blows along grid east and north, m/s."""
+        return wind_toward(self.mission, self.grid)
+
+    def pad_of(self, number: int) -> GridPoint:
+        """Return where a vehicle stands by the mission file."""
+        return self.pads[number - 1]
+
+    def home_level_m(self, number: int) -> float:
+        """Return the height of a vehicle's home above what its layers are counted from, m."""
+        return 0.0 if self.ground is not None else home_heights_m(self.mission)[number - 1]
+
+    @cached_property
+    def pads(self) -> tuple[GridPoint, ...]:
+        """Where the vehicles stand by the mission file."""
+        return tuple(self.grid.fixed(place) for place in homes(self.mission))
+
+    @property
+    def relief_m(self) -> float:
+        """Height of the ground that straight ways home cross, from lowest to highest, m."""
+        return self.mission.ground_span_m
+
+    def ups_and_downs_m(self, points: Sequence[GridPoint]) -> float:
+        """Return what the ups and downs of a way come to, in metres of climbing."""
+        if self.ground is None:
+            return 0.0
+        return self.ground.ups_and_downs_m(points, self.energy.speed_m_s, self.energy.climb_m_s)
+
+    def where(self, cell: Cell, t_s: float) -> GridPoint:
+        """Return where the centre of a cell is at a time, in the fixed frame."""
+        return self.grid.to_fixed(self.grid.centre_of(cell), t_s)
+
+    @cached_property
+    def box_cells(self) -> tuple[Cell, ...]:
+        """The cells whose centre lies in the search box, at mission time 0."""
+        box = Polygon([self.grid.fixed(p) for p in positions(self.mission.search.box)])
+        cell_m = self.grid.cell_m
+        west, south, east, north = box.bounds
+        columns = range(math.ceil(west / cell_m), math.floor(east / cell_m) + 1)
+        rows = range(math.ceil(south / cell_m), math.floor(north / cell_m) + 1)
+        return tuple(
+            Cell(i, j) for i in columns for j in rows if box.covers(Point(i * cell_m, j * cell_m))
+        )
+
+    @cached_property
+    def in_box(self) -> frozenset[Cell]:
+        """The same as a set."""
+        return frozenset(self.box_cells)
+
+    @property
+    def yaw_deg(self) -> float:
+        """The true bearing at which vehicles that do not stop hold their noses."""
+        grid_deg = 90.0 if self.east_ahead else 0.0
+        return (grid_deg + math.degrees(self.grid.convergence_rad)) % 360.0
+
+    @property
+    def metric(self) -> Metric:
+        """What a leg between two cells costs in seconds, in the frame of the region.
+
+        A vehicle flies straight from rest to rest. A look costs its frames: what `look_s` has
+        besides is reckoned for the battery, and seldom needed.
+        """
+        grid, votes = self.grid, self.mission.votes
+        return Metric(
+            self.mission.flight.speed_m_s / grid.cell_m,
+            grid.drift_east_m_s / grid.cell_m,
+            grid.drift_north_m_s / grid.cell_m,
+            straight=True,
+            look=votes.frames * self.mission.camera.interval_s,
+            ramp=self.energy.leg_s(0.0),
+        )
+
+    @property
+    def look_s(self) -> float:
+        """About how long a vehicle hovers over a cell."""
+        return look_s(self.mission)
