@@ -7,10 +7,11 @@ pilot may change the mode again. All times are the vehicle's own.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from sitl.copter import failsafes as copter
 from sitl.copter.failsafes import (
     CHARGE_CRITICAL,
     CHARGE_LOW,
@@ -24,9 +25,6 @@ from sitl.copter.failsafes import (
 )
 from sitl.copter.fence import names
 from sitl.copter.modes import LEVEL, Mode, Phase
-
-if TYPE_CHECKING:
-    from sitl.ardupilot.autopilot import Autopilot
 
 _POSITION_LOST_S = 8.0
 _CONTINUE_AUTO, _CONTINUE_LANDING, _CONTINUE_PILOT = 2, 8, 16  # FS_OPTIONS, ground station
@@ -43,6 +41,17 @@ _RADIO_ACTIONS = {
     1: Mode.RTL, 2: Mode.RTL, 3: Mode.LAND, 4: Mode.RTL, 5: Mode.LAND, 6: Mode.RTL, 7: Mode.BRAKE,
 }  # fmt: skip
 _FENCE_ACTIONS = {1: Mode.RTL, 2: Mode.LAND, 3: Mode.RTL, 4: Mode.BRAKE, 5: Mode.RTL}
+
+
+class Craft(copter.Craft, Protocol):
+    """The part of an autopilot that failsafes use."""
+
+    mode: Mode
+    phase: Phase
+
+    @property
+    def satellites_lost(self) -> bool: ...  # noqa: D102
+    def set_mode(self, mode: Mode) -> str | None: ...  # noqa: D102
 
 
 class ArduPilotFailsafes(Failsafes):
@@ -64,7 +73,7 @@ class ArduPilotFailsafes(Failsafes):
         """Whether any of them is active: the heartbeat reports CRITICAL."""
         return self.charge_state != CHARGE_OK or bool(self.lost) or self._broken_fence
 
-    def step(self, craft: Autopilot) -> None:
+    def step(self, craft: Craft) -> None:
         """Look at everything once."""
         if self.is_fresh_pack(craft):
             self._below_s.clear()
@@ -78,7 +87,7 @@ class ArduPilotFailsafes(Failsafes):
 
     # --- one each -------------------------------------------------------------------------------
 
-    def _is_below(self, craft: Autopilot, state: int, name: str) -> bool:
+    def _is_below(self, craft: Craft, state: int, name: str) -> bool:
         """Return whether charge, or for BATT_LOW_TIMER voltage, is too low; 0 disables either."""
         battery, get = craft.battery, craft.parameters
         volts, mah = get[f"BATT_{name}_VOLT"], get[f"BATT_{name}_MAH"]
@@ -90,7 +99,7 @@ class ArduPilotFailsafes(Failsafes):
         since_s = self._below_s.setdefault(state, craft.t_s)
         return craft.t_s - since_s >= get["BATT_LOW_TIMER"]
 
-    def _battery_low(self, craft: Autopilot, state: int, name: str) -> None:
+    def _battery_low(self, craft: Craft, state: int, name: str) -> None:
         self.charge_state = state
         battery, word = craft.battery, "low" if state == CHARGE_LOW else "critical"
         craft.send_text(
@@ -105,7 +114,7 @@ class ArduPilotFailsafes(Failsafes):
             return
         self._act(craft, "Battery", action)
 
-    def _station(self, craft: Autopilot) -> None:
+    def _station(self, craft: Craft) -> None:
         get, enabled = craft.parameters, int(craft.parameters["FS_GCS_ENABLE"])
         silent_s = self.silent_s(craft.t_s)
         lost = enabled != 0 and silent_s > get.positive("FS_GCS_TIMEOUT", 2, 120)
@@ -121,12 +130,12 @@ class ArduPilotFailsafes(Failsafes):
         else:
             self._act(craft, "GCS", _GCS_ACTIONS.get(enabled, Mode.RTL))
 
-    def _radio(self, craft: Autopilot) -> None:
+    def _radio(self, craft: Craft) -> None:
         enabled = int(craft.parameters["FS_THR_ENABLE"])
         if self.begins(craft, RADIO, enabled != 0 and craft.radio_lost):
             self._act(craft, "Radio", _RADIO_ACTIONS.get(enabled, Mode.LAND))
 
-    def _position(self, craft: Autopilot) -> None:
+    def _position(self, craft: Craft) -> None:
         if craft.satellites_lost != self._glitch:
             self._glitch = not self._glitch
             craft.send_text(
@@ -141,7 +150,7 @@ class ArduPilotFailsafes(Failsafes):
         else:
             craft.send_text(CRITICAL, "EKF variance")
 
-    def _fence(self, craft: Autopilot) -> None:
+    def _fence(self, craft: Craft) -> None:
         fresh = self.breaks_fences(craft)
         self._broken_fence = craft.fence.broken != 0
         if not fresh:
@@ -154,12 +163,12 @@ class ArduPilotFailsafes(Failsafes):
     # --- what follows ---------------------------------------------------------------------------
 
     @staticmethod
-    def _keeps_landing(craft: Autopilot) -> bool:
+    def _keeps_landing(craft: Craft) -> bool:
         landing = craft.phase == Phase.DESCEND
         return landing and bool(int(craft.parameters["FS_OPTIONS"]) & _CONTINUE_LANDING)
 
     @staticmethod
-    def _act(craft: Autopilot, what: str, action: int, *, announce: bool = True) -> None:
+    def _act(craft: Craft, what: str, action: int, *, announce: bool = True) -> None:
         if announce:
             craft.send_text(WARNING, f"{what} Failsafe")
         if not craft.armed:

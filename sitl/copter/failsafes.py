@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-if TYPE_CHECKING:
-    from sitl.copter.aircraft import Aircraft
+from sitl.body.battery import Battery
+from sitl.copter.control import Estimate
+from sitl.copter.fence import Fence, Place
+from sitl.copter.params import Parameters
 
 INFO: int = mav.MAV_SEVERITY_INFO
 WARNING: int = mav.MAV_SEVERITY_WARNING
@@ -22,6 +24,26 @@ CRITICAL: int = mav.MAV_SEVERITY_CRITICAL
 
 CHARGE_OK, CHARGE_LOW, CHARGE_CRITICAL, CHARGE_EMERGENCY = 1, 2, 3, 4  # MAV_BATTERY_CHARGE_STATE
 STATION, RADIO, POSITION = "ground station", "radio control", "position"
+
+
+class Craft(Protocol):
+    """The part of an autopilot that failsafes use."""
+
+    t_s: float
+    armed: bool
+    home: Place
+    estimate: Estimate
+    battery: Battery
+    fence: Fence
+    parameters: Parameters
+    radio_lost: bool
+
+    @property
+    def airborne(self) -> bool: ...  # noqa: D102
+    @property
+    def position_lost(self) -> bool: ...  # noqa: D102
+    def send_text(self, severity: int, text: str) -> None: ...  # noqa: D102
+    def disarm(self, force: bool = False) -> str | None: ...  # noqa: D102
 
 
 class Failsafes(ABC):
@@ -56,7 +78,7 @@ class Failsafes(ABC):
         """Whether the filter has no position any more."""
         return self._position_s is not None and now_s - self._position_s >= self._gone_after_s
 
-    def is_fresh_pack(self, craft: Aircraft) -> bool:
+    def is_fresh_pack(self, craft: Craft) -> bool:
         """Return whether the battery was swapped since the last look; its charge is good then."""
         before_mah, self._consumed_mah = self._consumed_mah, craft.battery.consumed_mah
         if self._consumed_mah >= before_mah:
@@ -64,7 +86,7 @@ class Failsafes(ABC):
         self.charge_state = CHARGE_OK
         return True
 
-    def begins(self, craft: Aircraft, what: str, lost: bool) -> bool:
+    def begins(self, craft: Craft, what: str, lost: bool) -> bool:
         """Return whether a loss begins; report it when one ends."""
         if lost == (what in self.lost):
             return False
@@ -76,7 +98,7 @@ class Failsafes(ABC):
                 craft.send_text(*self.ended[what])
         return lost
 
-    def loses_position(self, craft: Aircraft, holds_out_s: float, *, matters: bool = True) -> bool:
+    def loses_position(self, craft: Craft, holds_out_s: float, *, matters: bool = True) -> bool:
         """Return whether the loss of the position begins.
 
         Without aiding the filter holds out for `holds_out_s`, at most the shortest time given
@@ -91,7 +113,7 @@ class Failsafes(ABC):
         gone = matters and self.position_gone(craft.t_s)
         return self.begins(craft, POSITION, gone or POSITION in self.lost)
 
-    def breaks_fences(self, craft: Aircraft) -> int:
+    def breaks_fences(self, craft: Craft) -> int:
         """Return the fences, bits of FENCE_TYPE, that were broken since the last look."""
         return craft.fence.watch(
             craft.parameters, craft.home, craft.estimate.place, craft.t_s,

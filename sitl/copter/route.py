@@ -9,18 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from sitl.copter.control import Estimate, Tuning
 from sitl.copter.failsafes import INFO
 from sitl.copter.fence import Place
 from sitl.copter.mission_items import IDLE_COMMANDS, NAMES, NAVIGATION, SPEEDS, Item
 from sitl.copter.modes import Phase
-
-if TYPE_CHECKING:
-    from sitl.copter.aircraft import Aircraft
-
 
 _MOST_JUMPS = 64  # without a navigation item between them
 
@@ -32,6 +29,35 @@ class Progress(IntEnum):
     ACTIVE = 3
     PAUSED = 4
     COMPLETE = 5
+
+
+class Pilot(Protocol):
+    """The part of an autopilot that a route uses."""
+
+    t_s: float
+    phase: Phase
+    estimate: Estimate
+    hold: Place
+
+    @property
+    def tuning(self) -> Tuning: ...  # noqa: D102
+    @property
+    def airborne(self) -> bool: ...  # noqa: D102
+    @property
+    def yaw_goal(self) -> float: ...  # noqa: D102
+    @property
+    def turned(self) -> bool: ...  # noqa: D102
+    def distance_to(self, place: Place) -> float: ...  # noqa: D102
+    def climb_to(self, up_m: float) -> None: ...  # noqa: D102
+    def fly_to(self, place: Place, yaw_rad: float | None = None) -> None: ...  # noqa: D102
+    def stay(self) -> None: ...  # noqa: D102
+    def land(self) -> None: ...  # noqa: D102
+    def go_home(self) -> None: ...  # noqa: D102
+    def face(self, yaw_rad: float) -> None: ...  # noqa: D102
+    def set_speed(self, kind: str, speed_m_s: float) -> None: ...  # noqa: D102
+    def enable_fence(self, on: bool) -> None: ...  # noqa: D102
+    def send_text(self, severity: int, text: str) -> None: ...  # noqa: D102
+    def mission_done(self) -> None: ...  # noqa: D102
 
 
 class Route:
@@ -76,7 +102,7 @@ class Route:
 
     # --- what can be asked for ------------------------------------------------------------------
 
-    def jump_to(self, seq: int, pilot: Aircraft) -> bool:
+    def jump_to(self, seq: int, pilot: Pilot) -> bool:
         """Execute MISSION_SET_CURRENT; home stands for the first item. False: no such item."""
         index = max(self.first, seq)
         if seq < 0 or index >= len(self.plan):
@@ -88,7 +114,7 @@ class Route:
             self.progress = Progress.PAUSED
         return True
 
-    def begin(self, pilot: Aircraft) -> None:
+    def begin(self, pilot: Pilot) -> None:
         """Start, or resume the item that was flown."""
         fresh = self.progress != Progress.PAUSED or pilot.tuning.mission_restarts
         if fresh:
@@ -96,7 +122,7 @@ class Route:
         self.progress = Progress.ACTIVE
         self._search(self.first if fresh else max(self.first, self.current), pilot)
 
-    def pause(self, pilot: Aircraft) -> bool:
+    def pause(self, pilot: Pilot) -> bool:
         """Hold position (DO_PAUSE_CONTINUE); return False if no item is being flown."""
         if self.progress != Progress.ACTIVE or not pilot.airborne:
             return False
@@ -104,7 +130,7 @@ class Route:
         pilot.stay()
         return True
 
-    def proceed(self, pilot: Aircraft) -> bool:
+    def proceed(self, pilot: Pilot) -> bool:
         """Resume after a pause; return False if there is none."""
         if self.progress != Progress.PAUSED:
             return False
@@ -137,7 +163,7 @@ class Route:
 
     # --- time -----------------------------------------------------------------------------------
 
-    def step(self, pilot: Aircraft) -> None:
+    def step(self, pilot: Pilot) -> None:
         """Advance to the next item once the present one is done."""
         if self.progress != Progress.ACTIVE:
             return
@@ -151,7 +177,7 @@ class Route:
             self.reached.append(self.current)
             self._search(self.current + 1, pilot)
 
-    def _search(self, index: int, pilot: Aircraft) -> None:
+    def _search(self, index: int, pilot: Pilot) -> None:
         self._pending.clear()
         self._held_since_s = None
         self._item = None
@@ -180,14 +206,14 @@ class Route:
         self._jumps[index] = done + 1
         return target
 
-    def _complete(self, pilot: Aircraft) -> None:
+    def _complete(self, pilot: Pilot) -> None:
         self.progress = Progress.COMPLETE
         self._every_m = 0.0
         pilot.mission_done()
 
     # --- navigation -----------------------------------------------------------------------------
 
-    def _start(self, item: Item, pilot: Aircraft) -> None:
+    def _start(self, item: Item, pilot: Pilot) -> None:
         pilot.send_text(INFO, f"Mission: {self.current} {NAMES[item.command]}")
         self._arrived_s, self._goal, self._landing = None, None, False
         self._begun_s = pilot.t_s
@@ -203,7 +229,7 @@ class Route:
             if pilot.airborne:
                 pilot.fly_to(self._goal)
 
-    def _place(self, item: Item, pilot: Aircraft) -> Place:
+    def _place(self, item: Item, pilot: Pilot) -> Place:
         """Return where an item lies: 0, 0 is here, and landing keeps the height."""
         place = self.locate(item)
         east, north, up = pilot.hold
@@ -215,7 +241,7 @@ class Route:
             up = place[2]
         return east, north, up
 
-    def _verify(self, item: Item, pilot: Aircraft) -> bool:
+    def _verify(self, item: Item, pilot: Pilot) -> bool:
         command = item.command
         if command == mav.MAV_CMD_NAV_TAKEOFF:
             return pilot.phase == Phase.FLY
@@ -231,7 +257,7 @@ class Route:
             return False
         return pilot.t_s - (self._arrived_s or 0.0) >= item.p[0]
 
-    def _verify_land(self, pilot: Aircraft) -> bool:
+    def _verify_land(self, pilot: Pilot) -> bool:
         if not pilot.airborne:
             return True
         if not self._landing and self._arrived(pilot):
@@ -239,7 +265,7 @@ class Route:
             pilot.land()
         return False
 
-    def _arrived(self, pilot: Aircraft) -> bool:
+    def _arrived(self, pilot: Pilot) -> bool:
         near_m = pilot.tuning.arrival_m
         if self._arrived_s is None and self._goal and pilot.distance_to(self._goal) <= near_m:
             self._arrived_s = pilot.t_s
@@ -247,7 +273,7 @@ class Route:
 
     # --- on the way -----------------------------------------------------------------------------
 
-    def _do_pending(self, pilot: Aircraft) -> None:
+    def _do_pending(self, pilot: Pilot) -> None:
         while self._pending:
             index = self._pending[0]
             if index >= len(self.plan):  # the mission was replaced by a shorter one
@@ -265,14 +291,14 @@ class Route:
             self._held_since_s = None
             self._pending.pop(0)
 
-    def _condition_met(self, item: Item, pilot: Aircraft, held_s: float) -> bool:
+    def _condition_met(self, item: Item, pilot: Pilot, held_s: float) -> bool:
         if item.command == mav.MAV_CMD_CONDITION_DELAY:
             return held_s >= item.p[0]
         if item.command == mav.MAV_CMD_CONDITION_DISTANCE:
             return self._goal is None or pilot.distance_to(self._goal) <= item.p[0]
         return item.command != mav.MAV_CMD_CONDITION_YAW or pilot.turned
 
-    def _do(self, item: Item, pilot: Aircraft) -> None:
+    def _do(self, item: Item, pilot: Pilot) -> None:
         command, p = item.command, item.p
         if command == mav.MAV_CMD_DO_CHANGE_SPEED:
             kind = SPEEDS.get(int(p[0]))
@@ -296,7 +322,7 @@ class Route:
         elif command == mav.MAV_CMD_DO_FENCE_ENABLE:
             pilot.enable_fence(p[0] == 1.0)
 
-    def _shoot_by_distance(self, pilot: Aircraft) -> None:
+    def _shoot_by_distance(self, pilot: Pilot) -> None:
         if self._last_shot is None or pilot.distance_to(self._last_shot) >= self._every_m:
             self._last_shot = pilot.estimate.place
             self.camera((0.0, 1))

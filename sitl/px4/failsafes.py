@@ -15,9 +15,10 @@ import math
 import struct
 from collections.abc import Mapping
 from enum import IntEnum
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Protocol
 
 from sitl.body.battery import CELLS
+from sitl.copter import failsafes as copter
 from sitl.copter.aircraft import Notice
 from sitl.copter.failsafes import (
     CHARGE_CRITICAL,
@@ -32,10 +33,8 @@ from sitl.copter.failsafes import (
 )
 from sitl.copter.fence import names
 from sitl.copter.params import Parameters
+from sitl.px4.aiding import Ekf2Aiding
 from sitl.px4.modes import BY_HAND, Px4Mode
-
-if TYPE_CHECKING:
-    from sitl.px4.autopilot import Px4Autopilot
 
 FRESH_S = 0.5
 """Age limit of the last setpoint when OFFBOARD is selected: it needs two a second."""
@@ -122,6 +121,23 @@ _BATTERY_CAUSES = {
 }  # fmt: skip
 
 
+class Craft(copter.Craft, Protocol):
+    """The part of an autopilot that failsafes use."""
+
+    mode: Px4Mode
+    setpoints: Setpoints
+    aiding: Ekf2Aiding
+    texts: list[Notice]
+
+    @property
+    def by_hand(self) -> bool: ...  # noqa: D102
+    @property
+    def intended(self) -> Px4Mode: ...  # noqa: D102
+    @property
+    def position_poor(self) -> bool: ...  # noqa: D102
+    def fail_to(self, mode: Px4Mode) -> None: ...  # noqa: D102
+
+
 class Px4Failsafes(Failsafes):
     """The active failsafes of a PX4."""
 
@@ -152,7 +168,7 @@ class Px4Failsafes(Failsafes):
         """Note that the pilot has selected a mode, or that the motors have stopped."""
         self.engaged, self._due, self._action, self._streamless = False, None, 0, False
 
-    def step(self, craft: Px4Autopilot) -> None:
+    def step(self, craft: Craft) -> None:
         """Look at everything once."""
         self._battery(craft)
         self._links(craft)
@@ -168,7 +184,7 @@ class Px4Failsafes(Failsafes):
 
     # --- one each -------------------------------------------------------------------------------
 
-    def _battery(self, craft: Px4Autopilot) -> None:
+    def _battery(self, craft: Craft) -> None:
         self.is_fresh_pack(craft)
         battery, get = craft.battery, craft.parameters
         share = battery.energy_wh / battery.capacity_wh
@@ -185,7 +201,7 @@ class Px4Failsafes(Failsafes):
         elif self.charge_state == CHARGE_CRITICAL and wanted == 3:
             self._act(craft, _BATTERY_CAUSES[CHARGE_CRITICAL], Px4Mode.RTL)
 
-    def _links(self, craft: Px4Autopilot) -> None:
+    def _links(self, craft: Craft) -> None:
         get = craft.parameters
         known = self.silent_s(craft.t_s) >= 0.0
         if self.begins(craft, STATION, known and not self.hears_station(craft.t_s, get)):
@@ -196,7 +212,7 @@ class Px4Failsafes(Failsafes):
             if not int(get["COM_RCL_EXCEPT"]) & _RADIO_EXCEPT.get(craft.mode, 0):
                 self._act(craft, Cause.RADIO, _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
 
-    def _position(self, craft: Px4Autopilot) -> None:
+    def _position(self, craft: Craft) -> None:
         if craft.aiding.just_stopped and craft.armed and not craft.position_lost:
             self._without_satellites = True
             craft.send_text(WARNING, "GNSS data fusion stopped")
@@ -209,7 +225,7 @@ class Px4Failsafes(Failsafes):
             craft.texts.append(failsafe(craft.intended, Px4Mode.LAND, Cause.GENERIC))
             self._carry_out(craft, Px4Mode.LAND)  # there is nothing to wait in Hold with
 
-    def _offboard(self, craft: Px4Autopilot) -> None:
+    def _offboard(self, craft: Craft) -> None:
         if not craft.armed:
             return
         if self._streamless and craft.setpoints.fresh(craft.t_s) and craft.airborne:
@@ -228,7 +244,7 @@ class Px4Failsafes(Failsafes):
     # --- what follows ---------------------------------------------------------------------------
 
     def _act(
-        self, craft: Px4Autopilot, cause: Cause, action: int | None, *, streamless: bool = False
+        self, craft: Craft, cause: Cause, action: int | None, *, streamless: bool = False
     ) -> None:
         """Begin an action unless a graver one is active; `streamless`: without a hold."""
         if action is None or not craft.armed:
@@ -255,7 +271,7 @@ class Px4Failsafes(Failsafes):
         craft.texts.append(failsafe(craft.intended, action, cause))
         self._carry_out(craft, action)
 
-    def _carry_out(self, craft: Px4Autopilot, action: int) -> None:
+    def _carry_out(self, craft: Craft, action: int) -> None:
         self._action, self._due, self.engaged = action, None, True
         if action == MOTORS_OFF:
             craft.disarm(force=True)
