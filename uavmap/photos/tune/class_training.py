@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from missions.classes import Classes
 from missions.errors import ImageError
 from uavmap.photos.tune.examples import CLASSES_TOML, Example
 from uavmap.photos.tune.selection import SETS, Choice, Counts, Picture, dealt, total
-from uavmap.photos.tune.training import Scale
+from uavmap.photos.tune.training import Scale, seven_digits
 from vision.detectors.learned_model import ClassRule
 from vision.detectors.pixel_features import FEATURES
 
@@ -73,10 +72,10 @@ def fit_classes(
         bias[there[-1:] if two else there] = learner.intercept_
     return ClassRule(
         numbers=tuple(numbers),
-        mean=_short(mean),
-        scale=_short(spread),
-        weights=tuple(map(_short, weights)),
-        bias=_short(bias),
+        mean=seven_digits(mean),
+        scale=seven_digits(spread),
+        weights=tuple(map(seven_digits, weights)),
+        bias=seven_digits(bias),
     )
 
 
@@ -97,7 +96,3 @@ def class_counts(
                 known = plain.known & (there | (plain.numbers > 0) | (plain.region <= 0.2))
                 found[number].append(Counts.of(marked, there, known))
     return {number: total(counts) for number, counts in found.items()}
-
-
-def _short(values: NDArray[np.float64]) -> tuple[float, ...]:
-    return tuple(float(f"{value:.7g}") for value in values)

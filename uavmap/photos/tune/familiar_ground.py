@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavmap.photos.tune.selection import Choice, Picture, by_cell, dealt
-from uavmap.photos.tune.training import Scale, clear
+from uavmap.photos.tune.training import Scale, clear, seven_digits
 from vision.detectors.familiarity import (
     NAMES,
     QUANTILES,
@@ -86,7 +86,10 @@ def familiar_ground(pictures: Sequence[Picture], scale: Scale, seed: int) -> Fam
         for i in everything
     )
     told = Familiarity(
-        mean=_short(scaled[0]), scale=_short(scaled[1]), region=region, surround=surround
+        mean=seven_digits(scaled[0]),
+        scale=seven_digits(scaled[1]),
+        region=region,
+        surround=surround,
     )
     return FamiliarGround(told, left_out)
 
@@ -162,9 +165,9 @@ def _mixture(values: Array, rng: np.random.Generator, seed: int) -> tuple[Gaussi
         learner.fit(values.astype(np.float64))
     return tuple(
         Gaussian(
-            weight=_short([weight])[0],
-            mean=_short(mean),
-            whitening=tuple(_short(column) for column in factor.T),
+            weight=seven_digits([weight])[0],
+            mean=seven_digits(mean),
+            whitening=tuple(seven_digits(column) for column in factor.T),
         )
         for weight, mean, factor in zip(
             learner.weights_, learner.means_, learner.precisions_cholesky_, strict=True
@@ -173,8 +176,4 @@ def _mixture(values: Array, rng: np.random.Generator, seed: int) -> tuple[Gaussi
 
 
 def _rising(densities: NDArray[np.float64]) -> tuple[float, ...]:
-    return _short(np.maximum.accumulate(densities))
-
-
-def _short(values: Sequence[float] | NDArray[np.floating]) -> tuple[float, ...]:
-    return tuple(float(f"{value:.7g}") for value in values)
+    return seven_digits(np.maximum.accumulate(densities))

@@ -164,10 +164,10 @@ def fit_logistic(values: NDArray[np.float32], labels: NDArray[np.bool_], scale: 
     with threadpool_limits(1):
         learner.fit((values - mean) / spread, labels)
     return Logistic(
-        mean=_short(mean),
-        scale=_short(spread),
-        weights=_short(learner.coef_[0]),
-        bias=_short(learner.intercept_)[0],
+        mean=seven_digits(mean),
+        scale=seven_digits(spread),
+        weights=seven_digits(learner.coef_[0]),
+        bias=seven_digits(learner.intercept_)[0],
     )
 
 
@@ -227,7 +227,7 @@ def _tree(nodes: NDArray[Any]) -> Tree:
         """Number the leaves below a node; return the first and the one behind the last."""
         node = nodes[index]
         if node["is_leaf"]:
-            leaves.append(_short([node["value"]])[0])
+            leaves.append(seven_digits([node["value"]])[0])
             return len(leaves) - 1, len(leaves)
         first, middle = walk(int(node["left"]))
         feature.append(int(node["feature_idx"]))
@@ -258,6 +258,6 @@ def _border(threshold: float) -> float:
     return float(f"{border:.9g}")
 
 
-def _short(values: NDArray[np.float64] | Sequence[float]) -> tuple[float, ...]:
+def seven_digits(values: NDArray[np.floating] | Sequence[float]) -> tuple[float, ...]:
     """Round to seven digits, which is what float32 has."""
     return tuple(float(f"{value:.7g}") for value in values)
