@@ -125,6 +125,9 @@ class Guard:
     leaves_fence: bool = False
     """It is outside of the fence, or soon will be if it moves on like this."""
     low_since_s: float | None = None
+    lowest_m: float = float("inf")
+    """Height above the sea that its landing has come down to, by steps of `SINKS_M`, m."""
+    lowest_s: float = 0.0
     sunk_since_s: float | None = None
     spent_since_s: float | None = None
 

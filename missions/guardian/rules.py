@@ -39,6 +39,7 @@ from missions.guardian.thresholds import (
     QUICK_M,
     RECEDING_S,
     RECOVERY_S,
+    SINKS_M,
     SPENT_S,
     STANDS_S,
     SWEPT_M_S,
@@ -72,6 +73,12 @@ def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | 
     guard = replace(guard, low_since_s=since(guard.low_since_s, lies, seen.t_s))
     if lasted(limits, guard.low_since_s, seen.t_s, STANDS_S if expected else DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
+    moves = seen.amsl_m < guard.lowest_m - SINKS_M or seen.ground_speed_m_s > DOWN_M_S
+    if seen.mode != "land" or moves:
+        return replace(guard, lowest_m=seen.amsl_m, lowest_s=seen.t_s), None
+    if guard.was_up and lasted(limits, guard.lowest_s, seen.t_s, STANDS_S):
+        # the ground can be higher there than its home is
+        return replace(guard, down=True), Verdict("crashed", f"it sinks no more, {_off_home(seen)}")
     return guard, None
 
 

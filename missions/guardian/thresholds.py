@@ -58,6 +58,9 @@ HARD_M_S: Final = 2.5
 """Nobody lands this fast: it struck the ground."""
 STANDS_S: Final = 20.0
 """Time after a touch-down beyond which only the crew will stop motors that still turn, s."""
+SINKS_M: Final = 0.5
+"""Height that a landing loses within `STANDS_S` while the vehicle is in the air, m: autopilots
+land at 0.3 m/s or faster."""
 UP_M: Final = 2.0
 REACH_M: Final = 5.0
 REACH_M_S: Final = 15.0

@@ -160,6 +160,12 @@ SITUATIONS = {
         LAND, replace(LANDING, height_m=3.0),
         [(20, {"height_m": -0.5}, []), (16, {}, ["crashed"])], "",
     ),
+    "a landing that ends higher than home": (
+        LAND, replace(LANDING, height_m=4.0),
+        [(6, {"height_m": -0.5}, []), (22, {}, ["crashed"])], "it sinks no more",
+    ),
+    "a landing that is slow": (LAND, LANDING, [(100, {"height_m": -0.1}, [])], ""),
+    "a hover that waits for its landing": (LAND, IN_AIR, [(40, {}, ["land"])], "hovers"),
     "a climb that does not begin": (
         CLIMB, replace(IN_AIR, height_m=0.2), [(19, {}, []), (3, {}, ["crashed"])], "",
     ),
