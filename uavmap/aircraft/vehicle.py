@@ -259,8 +259,8 @@ class MavlinkVehicle:
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
                 monitor.connected = False
-                give_up_after_s = self._waited_for_s()
                 self._reporter.happened(LinkLost)
+                give_up_after_s = self._waited_for_s()
             elif not monitor.connected and self._hears():
                 with contextlib.suppress(LinkError):
                     if not self._streams.go_on:

@@ -58,7 +58,7 @@ from uavmap.runner.operator.interrupts import interrupts, leave_map, like_contro
 from uavmap.runner.operator.judged_picture import JudgedPicture
 from uavmap.runner.operator.keyboard import Keys, keyboard
 from uavmap.runner.preflight.vehicle_check import pad_heights
-from uavmap.runner.service import GroundService, Service
+from uavmap.runner.service import GroundService, Reports, Service
 from uavmap.runner.vehicles import judge_of, numbers_of
 
 if TYPE_CHECKING:
@@ -198,18 +198,17 @@ class Flight:
         if self._journal.meta.get(KEEP_FRAMES):
             say = messages.bound("uavmap.photos").line
             keeper = FrameKeeper(self.folder, say, aside=real)
-        reports: asyncio.Queue[Event] = asyncio.Queue()
+        reports = Reports([onlooker.notice for onlooker in company.onlookers])
         keepers = [*([keeper] if keeper else ()), *company.onlookers]
         judge = judge_of(self.setting, keepers, recall=company.recall)
         port = Port(
-            numbers_of(self.setting), self.clock.now_s, judge, reports.put_nowait, reports.join,
+            numbers_of(self.setting), self.clock.now_s, judge, reports.post, reports.join,
             crew.swap, Operator().ask,
         )  # fmt: skip
         marks = Marks(self._journal, lambda: read_clocks(port.since_boot_s)) if real else None
         member = None
         if radio is not None:
-            report = reports.put_nowait
-            member = Member(self.setting, radio.seal, radio.radio, self.clock.now_s, report)
+            member = Member(self.setting, radio.seal, radio.radio, self.clock.now_s, reports.post)
             member.remember(self._journal.events())
 
         def observe(event: Event, state: State) -> None:

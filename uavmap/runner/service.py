@@ -5,7 +5,7 @@
     orders -> aircraft.give(vehicle, order) -> MAVLink
 
 Reports wait in a queue and are taken in one at a time. An event is in the journal before it has an
-effect.
+effect. A line for the operator is information, not an effect: it is shown when the event arrives.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
 from missions.errors import EventError
@@ -42,6 +42,20 @@ class Aircraft(Protocol):
         ...
 
 
+class Reports(asyncio.Queue[Event]):
+    """Events on their way to a service; `notice` sees each of them arrive."""
+
+    def __init__(self, notice: Sequence[Callable[[Event], None]] = ()) -> None:
+        super().__init__()
+        self._notice = notice
+
+    def post(self, event: Event) -> None:
+        """Add an event."""
+        for notice in self._notice:
+            notice(event)
+        self.put_nowait(event)
+
+
 class Service:
     """One mission under way; `reports` is given where others report before there is a service."""
 
@@ -52,7 +66,7 @@ class Service:
         aircraft: Aircraft,
         state: State,
         observe: Observer,
-        reports: asyncio.Queue[Event] | None = None,
+        reports: Reports | None = None,
     ) -> None:
         self.setting = setting
         self.state = state
@@ -61,7 +75,7 @@ class Service:
         self._observe = observe
         self.refused = 0
         """How many reports no journal can hold."""
-        self._reports = reports or asyncio.Queue[Event]()
+        self._reports = reports or Reports()
         self._over = asyncio.Event()
         self._recalled = self._flying = False
         self._failure: Exception | None = None
@@ -70,7 +84,7 @@ class Service:
 
     def post(self, event: Event) -> None:
         """Report an event: it is taken in after all that were reported before it."""
-        self._reports.put_nowait(event)
+        self._reports.post(event)
 
     async def _take_in(self) -> None:
         """Take in reports, in order; a failure ends the mission, for no event may be lost."""
@@ -220,7 +234,7 @@ class GroundService(Service):
         aircraft: Aircraft,
         state: State,
         observe: Observer,
-        reports: asyncio.Queue[Event],
+        reports: Reports,
         send: Callable[[OrderWord, int], None],
     ) -> None:
         super().__init__(setting, journal, aircraft, state, observe, reports)

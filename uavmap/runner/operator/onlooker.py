@@ -27,6 +27,9 @@ class Onlooker:
     def begin(self, setting: Setting, *, again: bool) -> None:
         """See the flight start; `again`: a recorded one is repeated first."""
 
+    def notice(self, event: Event) -> None:
+        """See an event as it arrives, before it is in the journal or has an effect."""
+
     def update(self, event: Event, state: State, again: int) -> None:
         """See an event and the state after it; `again` recorded ones are still to come."""
 

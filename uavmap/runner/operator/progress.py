@@ -7,6 +7,7 @@ It goes to standard error: standard output holds only the result.
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
@@ -51,6 +52,9 @@ LEFT_S: Final = 1.0
 """Shortest time between two reckonings of what is left, real seconds."""
 _NOTED: Final = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.GUARDED, Phase.DOWN, Phase.LOST)
 _OURS: Final = "GUIDED (a PX4: HOLD)"
+_ANSWERED: Final = (Overridden, Landed, FrameSeen)
+"""Events whose lines wait for the mission's answer: they say what it does next; a verdict on a
+frame takes time to count."""
 
 _DOING: Final = {
     TakeOff: "taking off",
@@ -74,6 +78,10 @@ class ProgressTable(Onlooker):
         self._drawn_s = self._reckoned_s = float("-inf")
         self._left = ""
         self._state: State | None = None
+        self._t_s = float("-inf")
+        """Mission time of the latest event that has arrived."""
+        self._held: deque[Event] = deque()
+        """Events that wait for the answer to the first of them: lines keep the events' order."""
         self._detector = DetectorFit()
         self._unexplained: dict[int, Overridden] = {}
         """Changes of mode by vehicle, whose cause may follow in the autopilot's next text."""
@@ -88,11 +96,23 @@ class ProgressTable(Onlooker):
             self._live = Live(console=terminal.console, auto_refresh=False, transient=True)
             terminal.write(self._live.start)
 
+    def notice(self, event: Event) -> None:
+        """Show the line of an event that no other one depends on."""
+        if not isinstance(event, Told):  # words do not move the mission's time
+            self._t_s = max(self._t_s, event.t_s)
+        if self._held or self._unexplained or isinstance(event, _ANSWERED):
+            self._held.append(event)
+        else:
+            self._show(remarkable(event, None), self._t_s)
+
     def update(self, event: Event, state: State, again: int) -> None:
-        """Show an event, and what has changed."""
+        """Show the line of an event that has waited for its answer, and what has changed."""
         self._state = state
-        for news in self._in_order(event, state):
-            self._show_news(news, state)
+        if event in self._held:
+            while self._held.popleft() != event:
+                pass  # the journal has refused it
+            for news in self._in_order(event, state):
+                self._show_news(news, state)
         now_s = time.monotonic()
         if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
             return
@@ -125,8 +145,11 @@ class ProgressTable(Onlooker):
 
     def _show_news(self, event: Event, state: State) -> None:
         news = self._detector.note(event) if isinstance(event, FrameSeen) else None
-        if text := remarkable(event, state) if news is None else news.text:
-            self._terminal.show(f"{state.t_s:7.0f} s  {text}")
+        self._show(remarkable(event, state) if news is None else news.text, state.t_s)
+
+    def _show(self, text: str, t_s: float) -> None:
+        if text:
+            self._terminal.show(f"{t_s:7.0f} s  {text}")
 
     def end(self) -> None:
         """Remove the table."""
@@ -227,9 +250,10 @@ def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: St
     return f"{text}: it stays there; once it is put into {_OURS}, it {then}"
 
 
-def remarkable(event: Event, state: State) -> str:
-    """What the operator has to know at once."""
-    if isinstance(event, Overridden | Landed):
+def remarkable(event: Event, state: State | None) -> str:
+    """What the operator has to know at once. `state`: that after the event; None before there is
+    one, of events whose line does not need it."""
+    if state is not None and isinstance(event, Overridden | Landed):
         vehicle = state.vehicles[event.vehicle]
         if vehicle.phase is Phase.YIELDED and vehicle.landed:
             return _of_other_hands(event, vehicle, state)

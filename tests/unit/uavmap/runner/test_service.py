@@ -25,7 +25,7 @@ from uavmap.aircraft.process.port import Port
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal import event_log
 from uavmap.journal.event_log import Journal
-from uavmap.runner.service import Observer, Service
+from uavmap.runner.service import Observer, Reports, Service
 from uavmap.runner.vehicles import judge_of
 
 HOME = GridPoint(0.0, 0.0)
@@ -58,9 +58,14 @@ def journal(tmp_path):
         yield journal
 
 
-def service_of(journal: Journal, vehicle: Played, observe: Observer = lambda *_: None) -> Service:
+def service_of(
+    journal: Journal,
+    vehicle: Played,
+    observe: Observer = lambda *_: None,
+    reports: Reports | None = None,
+) -> Service:
     setting = setting_of(small_mission())
-    return Service(setting, journal, vehicle, setting.initial_state(), observe)
+    return Service(setting, journal, vehicle, setting.initial_state(), observe, reports)
 
 
 def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> State:
@@ -152,7 +157,9 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch,
     vehicle = Played(
         (1.0, CONNECTED), *((t_s, Tracked(1, t_s, HOME, 0.0, 25.0)) for t_s in (20.0, 21.0, 22.0))
     )
-    service = service_of(journal, vehicle)
+    noticed: list[Event] = []
+    reports = Reports([noticed.append])
+    service = service_of(journal, vehicle, reports=reports)
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
@@ -169,6 +176,7 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch,
     service.keep_last_words()
     monkeypatch.undo()
     assert [type(e) for e in journal.events()] == [Connected]
+    assert [e.t_s for e in noticed] == [0.0, 20.0]  # the operator sees what no journal holds
     assert len(said) == 1
     assert "is not in the journal" in said[0]
 

@@ -129,6 +129,7 @@ def test_terminal_and_page_report_what_the_detector_takes():
     state, out = setting.initial_state(), io.StringIO()
     table, watcher = ProgressTable(Terminal(out)), Watcher(setting, state, real=True)
     for number in range(FIRST_FRAMES):
+        table.notice(frame(number, 10))
         table.update(frame(number, 10), state, 0)
         watcher.take_in(frame(number, 10), state)
     assert "takes 100% of what the first 100 pictures show for region" in out.getvalue()

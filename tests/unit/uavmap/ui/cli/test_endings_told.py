@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.events import GivenUp, Landed, Overridden, Released, Told
+from missions.events import GivenUp, Landed, LinkLost, Overridden, Released, Told, Tracked
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
 from missions.mapping.tree import Tree
@@ -48,6 +48,7 @@ def told(made, event):
     out = io.StringIO()
     terminal = ProgressTable(Terminal(out))
     terminal._drawn_s = float("inf")  # without the line of every few seconds
+    terminal.notice(event)
     terminal.update(event, made.state, 0)
     return out.getvalue()
 
@@ -121,6 +122,7 @@ def test_change_of_mode_is_shown_once_with_the_cause_that_follows(after, line):
     table = ProgressTable(Terminal(out))
     for event in (Overridden(1, 3.0, "RTL"), *([after] if after else [])):
         assert "not under our control" not in out.getvalue()
+        table.notice(event)
         made.post(event)
         table.update(event, made.state, 0)
     table.end()
@@ -132,6 +134,40 @@ def test_mode_that_we_command_selected_by_others_is_not_under_our_control():
     made = airborne(service(2))
     line = told(made, Overridden(1, 3.0, "GUIDED"))
     assert "vehicle 1 is in GUIDED, not under our control: its pilot or its autopilot" in line
+
+
+# --- when a line is shown ---------------------------------------------------------------------
+def test_line_of_an_event_is_shown_when_it_arrives_and_once():
+    made, out = airborne(service(2)), io.StringIO()
+    table = ProgressTable(Terminal(out))
+    for event in (Tracked(1, 66.0, HOME, 12.0, 40.0), LinkLost(1, 64.0)):
+        table.notice(event)
+    assert out.getvalue() == "     66 s  vehicle 1: link lost\n"
+    table._drawn_s = float("inf")
+    made.post(LinkLost(1, 64.0))
+    table.update(LinkLost(1, 64.0), made.state, 0)
+    assert out.getvalue().count("link lost") == 1
+
+
+def test_line_that_waits_for_an_answer_keeps_its_place_among_those_that_arrive():
+    made, out = airborne(service(2)), io.StringIO()
+    table = ProgressTable(Terminal(out))
+    table._drawn_s = float("inf")
+    refused = Landed(2, float("nan"), 40.0)
+    events = Overridden(1, 3.0, "LOITER"), refused, Landed(1, 9.0, 40.0), LinkLost(2, 9.0)
+    for event in events:
+        table.notice(event)
+    assert not out.getvalue()
+    for event in events:
+        if event is not refused:
+            made.post(event)
+            table.update(event, made.state, 0)
+    lines = [line[11:45] for line in out.getvalue().splitlines()]
+    assert lines == [
+        "vehicle 1 is in LOITER, not under ",
+        "vehicle 1 has landed, not under ou",
+        "vehicle 2: link lost",
+    ]
 
 
 # --- an aircraft that is down, and a map that is whole ----------------------------------------
@@ -196,7 +232,9 @@ def test_progress_goes_on_in_silence(failure, terminal):
     progress.begin(setting, again=False)
     terminal_.show("vehicle 1: it returns by its autopilot")
     for second in range(3):
-        progress.update(GivenUp(1, float(second), "silent"), state, 0)
+        event = GivenUp(1, float(second), "silent")
+        progress.notice(event)
+        progress.update(event, state, 0)
     progress.end()
     assert stream.tried == 1
 
