@@ -100,13 +100,13 @@ class Navigation:
     @property
     def streams(self) -> Mapping[int, float]:
         """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
-        rates = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0} if self.watches or self._pair else {}
+        rates = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0} if self.watches else {}
         return {**rates, mav.MAVLINK_MSG_ID_ATTITUDE: 10.0} if self._pair else rates
 
     @property
     def watches(self) -> bool:
         """Whether pictures are wanted wherever it flies."""
-        return self._own is not None or self.partner is not None
+        return self._own is not None or self._pair
 
     @property
     def watches_at_rest(self) -> bool:

@@ -112,7 +112,7 @@ class MavlinkVehicle:
         self._navigation.fail = self._order_failed
         self._navigation.aid = self._aid
         self._monitor.navigation = self._manoeuvres.navigation = self._navigation
-        camera.navigation = self._navigation
+        camera.navigation = self._navigation if self._navigation.watches else None
         self._aiding: asyncio.Task[None] | None = None
         self._aids = True
         """Whether its autopilot takes a position from elsewhere, as far as is known."""

@@ -12,11 +12,14 @@ from typing import BinaryIO, Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image as PillowImage
+from PIL import UnidentifiedImageError
 
 from missions.errors import ImageError, UavmapError
 from uavmap.base.printable import printable
 
+Image = NDArray[np.uint8]
+"""Shape (rows, columns, 3), blue-green-red."""
 MAX_PICTURE_BYTES: Final = 64 * 2**20
 MAX_PIXELS: Final = 100_000_000
 """Largest picture that is decoded, which takes some 600 MB for a moment."""
@@ -24,7 +27,24 @@ MAX_PIXELS: Final = 100_000_000
 _FORMATS = ("JPEG", "PNG")  # JPEG takes in MPO: with a preview behind it, as cameras write
 
 
-def read_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+def decoded(picture: bytes | Image, name: str, size_px: tuple[int, int] | None = None) -> Image:
+    """Return the pixels of a picture, a file or decoded already. Raises `ImageError` as
+    `read_image`."""
+    if isinstance(picture, bytes):
+        return read_image(picture, name, size_px)
+    _check_size(picture.shape[1], picture.shape[0], name, size_px)
+    return picture
+
+
+def _check_size(width: int, height: int, name: str, size_px: tuple[int, int] | None) -> None:
+    if size_px not in (None, (width, height)):
+        raise ImageError(
+            f"{printable(name)}: the picture is {width} x {height} px, the "
+            f"camera {size_px[0]} x {size_px[1]} px"
+        )
+
+
+def read_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> Image:
     """Decode a whole picture to (rows, columns, 3) uint8, blue-green-red, without EXIF orientation.
 
     Pillow decodes: OpenCV silently fills the missing part of a truncated JPEG with gray. `name` is
@@ -36,23 +56,19 @@ def read_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -
             f"{printable(name)}: {len(data)} bytes; a picture has at most {MAX_PICTURE_BYTES}"
         )
     with opened(io.BytesIO(data), name) as picture:
-        if size_px is not None and picture.size != size_px:
-            raise ImageError(
-                f"{printable(name)}: the picture is {picture.width} x {picture.height} px, the "
-                f"camera {size_px[0]} x {size_px[1]} px"
-            )
+        _check_size(picture.width, picture.height, name, size_px)
         rgb = np.asarray(picture if picture.mode == "RGB" else picture.convert("RGB"))
     return cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
 
 
 @contextmanager
-def opened(source: Path | BinaryIO, name: str) -> Iterator[Image.Image]:
+def opened(source: Path | BinaryIO, name: str) -> Iterator[PillowImage.Image]:
     """Open a picture, its size checked; a failure here or in the block is an `ImageError`."""
     try:
         with warnings.catch_warnings():
             # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name
             warnings.simplefilter("ignore")
-            with Image.open(source, formats=_FORMATS) as picture:
+            with PillowImage.open(source, formats=_FORMATS) as picture:
                 if picture.width * picture.height > MAX_PIXELS:
                     raise ImageError(
                         f"{printable(name)}: {picture.width} x {picture.height} px are too many; "

@@ -73,7 +73,7 @@ class Parameters:
         self._wanted: Parameter | None = None
         """The only value that answers, while one is set."""
         self._one_at_a_time = asyncio.Lock()
-        session.listen(self._on_message)
+        session.listen(self._on_message, "PARAM_VALUE")
 
     async def read(self, name: str) -> Parameter | None:
         """A parameter; None if the vehicle does not report one of this name."""
@@ -132,7 +132,7 @@ class Parameters:
             self._asked = set()
 
     def _on_message(self, message: Message) -> None:
-        if message.get_type() != "PARAM_VALUE" or message.param_id not in self._asked:
+        if message.param_id not in self._asked:
             return
         bytewise = self._session.view.kind.integers_bytewise
         value = from_wire(message.param_value, message.param_type, bytewise=bytewise)

@@ -72,7 +72,7 @@ class Session:
         self._record = record
         self._codec = mav.MAVLink(None, GROUND_SYSTEM_ID, mav.MAV_COMP_ID_ONBOARD_COMPUTER)
         self._codec.robust_parsing = True
-        self._listeners: list[Listener] = []
+        self._listeners: list[tuple[tuple[str, ...], Listener]] = []
         self._waiters: list[tuple[Callable[[], bool], asyncio.Future[None]]] = []
         self._acks: dict[tuple[int, int], asyncio.Queue[Message]] = {}
         """By command and the component that was asked."""
@@ -119,12 +119,14 @@ class Session:
         self.bound_s = now_s if self.bound_s is None else self.bound_s
         if message.get_srcComponent() == self.view.autopilot_component:
             self.heard_s[message.get_msgId()] = now_s
-        if message.get_type() == "COMMAND_ACK":
+        kind = message.get_type()
+        if kind == "COMMAND_ACK":
             self._take_ack(message)
-        elif message.get_type() == "EVENT":
+        elif kind == "EVENT":
             self._hear_event(message)
-        for listener in self._listeners:
-            listener(message)
+        for kinds, listener in self._listeners:
+            if not kinds or kind in kinds:
+                listener(message)
         return True
 
     def _hear_event(self, message: Message) -> None:
@@ -196,9 +198,9 @@ class Session:
         self._record(frame)
         self._send(frame)
 
-    def listen(self, listener: Listener) -> None:
-        """Call `listener` with every message of the vehicle."""
-        self._listeners.append(listener)
+    def listen(self, listener: Listener, *kinds: str) -> None:
+        """Call `listener` with each message of the vehicle, or with those of some kinds."""
+        self._listeners.append((kinds, listener))
 
     # --- waiting -------------------------------------------------------------------------
     async def until(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:

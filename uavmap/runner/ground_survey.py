@@ -113,13 +113,11 @@ async def _heights(session: Session, name: str, places: Sequence[LatLon]) -> lis
 
     def take(message: Message) -> None:
         nonlocal pending
-        if message.get_type() != "TERRAIN_REPORT":
-            return
         pending = message.pending
         if message.spacing > 0:
             known[message.lat, message.lon] = float(np.float32(message.terrain_height))
 
-    session.listen(take)
+    session.listen(take, "TERRAIN_REPORT")
     wanted = [(round(p.lat_deg * 1e7), round(p.lon_deg * 1e7)) for p in places]
     _LOG.info(f"{name}: asks the autopilot for the ground at {len(wanted)} places")
     loop = asyncio.get_running_loop()

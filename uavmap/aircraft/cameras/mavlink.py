@@ -72,7 +72,7 @@ class MavlinkFtp:
         """The component that is spoken to."""
         self._replies: asyncio.Queue[_Reply] = asyncio.Queue()
         self._one = asyncio.Lock()
-        session.listen(self._on_message)
+        session.listen(self._on_message, "FILE_TRANSFER_PROTOCOL")
 
     async def fetch(self, url: str) -> bytes:
         """The bytes of a file. Raises `LinkError`."""
@@ -176,8 +176,6 @@ class MavlinkFtp:
         return sequence
 
     def _on_message(self, message: Message) -> None:
-        if message.get_type() != "FILE_TRANSFER_PROTOCOL":
-            return
         if message.target_system not in (0, GROUND_SYSTEM_ID):
             return
         if message.get_srcComponent() == self._asked:
@@ -259,15 +257,14 @@ class MavlinkSource(CommandedSource):
         super().__init__(session, lambda: session.view.camera_component)
         self._by_http = fetch
         self._ftp = MavlinkFtp(session)
-        session.listen(self._on_message)
+        session.listen(self._on_message, "CAMERA_IMAGE_CAPTURED")
 
     def ask_again(self, index: int) -> None:
         """Have a lost announcement repeated."""
         self._session.request(mav.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED, index)
 
     def _on_message(self, message: Message) -> None:
-        if message.get_type() == "CAMERA_IMAGE_CAPTURED":
-            self._heard(self._announcement(message))
+        self._heard(self._announcement(message))
 
     async def fetch(self, url: str) -> bytes:
         """The file of a picture, by MAVLink FTP or by HTTP. Raises `LinkError`."""

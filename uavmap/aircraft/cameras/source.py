@@ -14,16 +14,9 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from missions.errors import ImageError
 from missions.units import LatLon, Quaternion
-from uavmap.base.image_files import read_image
-from uavmap.base.printable import printable
+from uavmap.base.image_files import Image
 
-Image = NDArray[np.uint8]
-"""Shape (rows, columns, 3), blue-green-red."""
 Loaded = bytes | Image
 """A picture as it was loaded: a file (JPEG, PNG), or decoded."""
 
@@ -96,19 +89,6 @@ class FrameSource(ABC):
 
     def ask_again(self, index: int) -> None:  # noqa: B027
         """Have a lost announcement repeated, if that is possible."""
-
-
-def decoded(loaded: Loaded, name: str, size_px: tuple[int, int]) -> Image:
-    """The pixels of a picture that was loaded. Raises `ImageError`."""
-    if isinstance(loaded, bytes):
-        return read_image(loaded, name, size_px)
-    height, width = loaded.shape[:2]
-    if (width, height) != size_px:
-        raise ImageError(
-            f"{printable(name)}: the picture is {width} x {height} px, the "
-            f"camera {size_px[0]} x {size_px[1]} px"
-        )
-    return loaded
 
 
 EARLY: Final = 0.25

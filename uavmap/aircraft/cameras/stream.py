@@ -14,7 +14,8 @@ from typing import Final
 
 from missions.errors import ImageError, LinkError
 from uavmap.aircraft.cameras.captures import Capture, Open
-from uavmap.aircraft.cameras.source import Announcement, Loaded, LocalSource, decoded
+from uavmap.aircraft.cameras.source import Announcement, Loaded, LocalSource
+from uavmap.base.image_files import decoded
 
 SHORTEST_STALL_S: Final = 0.3
 STALL_SPACINGS: Final = 4.0

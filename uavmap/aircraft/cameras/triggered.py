@@ -69,7 +69,7 @@ class TriggeredSource(CommandedSource):
         self._clock = CardClock(_CLOCK_SET_S, RecentLeast(_LEAD_WINDOW_S))
         self._shots: list[_Shot] = []
         self._pictures: list[CardPicture] = []
-        session.listen(self._on_message)
+        session.listen(self._on_message, "CAMERA_FEEDBACK")
 
     # --- orders ------------------------------------------------------------------------------
     async def start(
@@ -89,7 +89,7 @@ class TriggeredSource(CommandedSource):
 
     # --- exposures ---------------------------------------------------------------------------
     def _on_message(self, message: Message) -> None:
-        if message.get_type() != "CAMERA_FEEDBACK" or message.img_idx == self._last_index:
+        if message.img_idx == self._last_index:
             return
         self._last_index = message.img_idx
         taken_s = self._taken_s(message.time_usec)

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from missions.errors import ImageError
 from missions.events import ClassShare, FrameLost, FrameSeen, Vote
 from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
 from missions.mission.schema import Mission
 from missions.units import Cell, Pose
-from uavmap.aircraft.cameras.source import Loaded, decoded
+from uavmap.aircraft.cameras.source import Loaded
+from uavmap.base.image_files import decoded
 from uavmap.base.printable import printable
 from uavmap.journal.kept_frames import Keeper, KeptFrame
 from uavmap.load.detector_source import detector_of_section
@@ -39,6 +41,10 @@ class Classifier:
     from_above: Detector | None = None
     """What judges pictures from the height of a search, where that has layers of its own. Its
     verdicts are suspicions: from there all ground looks unlike what was painted from below."""
+    overview_above_m: float | None = None
+    """Height from which on a frame is from there; None where there is none."""
+    ground: Terrain | None = None
+    """The ground above which frames are taken; None: flat."""
     _last: Image | None = field(default=None, repr=False)
 
     @classmethod
@@ -60,11 +66,13 @@ class Classifier:
         if search_m is not None:
             higher_m = search_m + (height_m or lowest_m) - lowest_m
             above = detector or detector_of(mission, higher_m / lowest_m)
-        return cls(mission, grid, camera, detector or detector_of(mission, ratio), above)
+        at_height = detector or detector_of(mission, ratio)
+        over = mission.overview_above_m
+        return cls(mission, grid, camera, at_height, above, over, mission.ground)
 
     def is_overview(self, frame: Frame) -> bool:
         """Whether a frame is from the height of a search that has layers of its own."""
-        above_m = self.mission.overview_above_m
+        above_m = self.overview_above_m
         return above_m is not None and frame.pose.height_m > above_m
 
     def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, Verdicts]:
@@ -98,7 +106,7 @@ class Classifier:
             view=view,
             vantage=vantage,
             margin_m=self.mission.camera.pose_error_m,
-            terrain=self.mission.ground,
+            terrain=self.ground,
         )
 
 

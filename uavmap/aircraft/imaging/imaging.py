@@ -16,10 +16,11 @@ from missions.events import FrameLost
 from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.aircraft.cameras.pose import Poses
-from uavmap.aircraft.cameras.source import Announcement, FrameSource, Image, decoded
+from uavmap.aircraft.cameras.source import Announcement, FrameSource
 from uavmap.aircraft.imaging.classifier import Taken, camera_of
 from uavmap.aircraft.imaging.frames import Frames
 from uavmap.aircraft.map_navigation import Navigation
+from uavmap.base.image_files import Image, decoded
 from uavmap.base.printable import printable
 from vision.plausible import implausible
 from vision.projection import Frame
@@ -51,7 +52,8 @@ class CameraDriver:
         self._last: Image | None = None
         """The picture before: a camera that stalls shows it again."""
         self.navigation: Navigation | None = None
-        """Tells where pictures were taken, better than the autopilot does."""
+        """Finds where pictures were taken, better than the autopilot does; None where nothing is
+        looked for in them."""
         self._frames: Frames | None = None
         source.listen(self._announced)
 
@@ -112,7 +114,7 @@ class CameraDriver:
         pose = await self._poses.pose_of(picture)
         data = await picture.load()
         finder = self.navigation
-        if finder is not None and finder.watches:
+        if finder is not None:
             camera = self._camera
             image = decoded(data, picture.name, (camera.width_px, camera.height_px))
             # a camera that stalls shows a vehicle that stands while it is told to move

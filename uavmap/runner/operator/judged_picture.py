@@ -15,7 +15,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.base.atomic_write import write_bytes
-from uavmap.base.image_files import read_image
+from uavmap.base.image_files import decoded
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.output.drawing.judged import FILE, outlined
 from uavmap.runner.operator.onlooker import Onlooker
@@ -61,7 +61,7 @@ class JudgedPicture(Onlooker):
         mission, self._chosen = self._mission, None
         ratio = max(frame.pose.height_m / mission.altitude_m(0), 1.0)
         try:
-            image = read_image(picture, frame.frame) if isinstance(picture, bytes) else picture
+            image = decoded(picture, frame.frame)
             region = detector_of(mission, ratio).mask(image)
             write_bytes(self._path, outlined(image, region))
         except (UavmapError, OSError) as error:

@@ -27,10 +27,10 @@ from missions.mission.height_and_speed import footprint_over
 from missions.mission.places import drawn
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint, Pose, Quaternion
-from uavmap.aircraft.cameras.source import decoded
 from uavmap.aircraft.imaging.classifier import Classifier
 from uavmap.aircraft.path_stream import INTERVAL_S
 from uavmap.base.extras import install_command
+from uavmap.base.image_files import decoded
 from uavmap.base.version import __version__
 from uavmap.load.strategy_source import ready_planner
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn

@@ -16,9 +16,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, ImageError, LinkError
 from missions.flight.setting import Setting
 from missions.mission.schema import CameraSection
-from uavmap.aircraft.cameras.source import Announcement, FrameSource, decoded
+from uavmap.aircraft.cameras.source import Announcement, FrameSource
 from uavmap.aircraft.cameras.spec import CameraSpec
 from uavmap.base.atomic_write import write_bytes
+from uavmap.base.image_files import decoded
 from uavmap.base.printable import printable
 from uavmap.journal.flight_plan import FlightOptions
 from uavmap.load.detector_source import region_in_words

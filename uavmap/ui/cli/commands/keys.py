@@ -137,11 +137,10 @@ async def remove_key(session: Session, signing: Signing, url: str) -> None:
 
     def hear(message: Any) -> None:
         # a camera beside the autopilot never signs: only the autopilot's word is proof
-        beats = message.get_type() == "HEARTBEAT"
-        if beats and message.get_srcComponent() == view.autopilot_component:
+        if message.get_srcComponent() == view.autopilot_component:
             signed.append(bool(message.get_header().incompat_flags & mav.MAVLINK_IFLAG_SIGNED))
 
-    session.listen(hear)
+    session.listen(hear, "HEARTBEAT")
     if not await session.until(lambda: False in signed, PROOF_S):
         raise LinkError(f"{url}: the vehicle goes on signing; is this the key that it has?")
 

@@ -23,9 +23,9 @@ from tests.unit.uavmap.aircraft.cameras.rtsp_server import RtspServer
 from uavmap.aircraft.cameras.captures import PipeCapture, gstreamer_command, libcamera_command
 from uavmap.aircraft.cameras.opening import Settings, opened_camera
 from uavmap.aircraft.cameras.pose import Mount
-from uavmap.aircraft.cameras.source import decoded
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.aircraft.cameras.stream import Freshness, StreamSource, ThreadReader
+from uavmap.base.image_files import decoded
 
 SIZE_PX = (320, 240)
 PATIENCE_S = 240.0
