@@ -8,6 +8,7 @@ remedy; all are reported at once.
 from __future__ import annotations
 
 import difflib
+import math
 from collections import ChainMap
 from collections.abc import Collection, Iterator
 from typing import Any, Final
@@ -15,17 +16,21 @@ from typing import Any, Final
 from missions.errors import MissionFileError
 from missions.geo.grid import Grid
 from missions.mission import flyable, places
-from missions.mission.fleet_checks import leapfrog_faults
+from missions.mission.fleet_checks import tracker_view
 from missions.mission.height_and_speed import terrain_faults
 from missions.mission.schema import Mission, parse_fields
 from missions.planning.stepwise import EXPLORERS
-from missions.planning.sweep.strategies import ON_PATHS, SWATH
+from missions.planning.sweep.strategies import LEAPFROG, ON_PATHS, SWATH
 
 STRATEGIES: Final = ChainMap[str, Any](EXPLORERS, ON_PATHS)
 """All strategies by name, those that fly paths first; with those that register later."""
 FLOWN: Final = ("swath", "survey", "rdfs", "horizon", "leapfrog")
 """Strategies for real aircraft; the others serve comparisons in papers, in simulation."""
 DETECTORS = ("threshold", "paved")
+LEAST_REACH_M: Final = 1.5
+"""Hops of twice this length take more time to begin and to end than to fly."""
+LEAST_EDGE_PX: Final = 10.0
+"""Of the marker from the tracker: what is found in every picture."""
 
 
 def parse_mission(text: str, source: str) -> Mission:
@@ -60,7 +65,7 @@ def check(mission: Mission, source: str, *, detectors: Collection[str] = DETECTO
         *_names(mission, detectors),
         *(() if placeless else flyable.values(mission)),
         *_speed_and_layers(mission),
-        *leapfrog_faults(mission),
+        *_leapfrog(mission),
         *_moving_ground(mission),
     ]
     if not where:
@@ -124,3 +129,60 @@ def _speed_and_layers(mission: Mission) -> Iterator[str]:
                 f"vehicles[{i}].url = {vehicle.url!r}: also the URL of vehicles[{first}]; "
                 "give every vehicle its own"
             )
+
+
+# --- two vehicles that observe each other -------------------------------------------------------
+def _edge_px(mission: Mission) -> float:
+    """Length of the marker's edge in the tracker's picture, px."""
+    return mission.camera.optics.focal_px * mission.navigation.tag_m / mission.team.layer_m
+
+
+def _leapfrog(mission: Mission) -> Iterator[str]:
+    """What keeps two vehicles from a leapfrog; of other strategies, what is for it alone."""
+    navigation, layer_m = mission.navigation, mission.team.layer_m
+    if mission.strategy != LEAPFROG.name:
+        if navigation.gnss_loss == "leapfrog":
+            yield (
+                f'navigation.gnss_loss = "leapfrog" is for strategy = "leapfrog", not '
+                f'{mission.strategy!r}; set gnss_loss = "map", or that strategy'
+            )
+        return
+    if navigation.gnss_loss == "leapfrog" and navigation.watch:
+        yield (
+            'navigation.watch = true: with gnss_loss = "leapfrog" places are held against the '
+            "other vehicle, and not against pictures of the ground; leave it out"
+        )
+    if len(mission.vehicles) != 2:
+        yield (
+            f'strategy = "leapfrog": {len(mission.vehicles)} vehicles; it takes exactly two, a '
+            "mapper and a tracker: write two [[vehicles]], or give --vehicles 2"
+        )
+        return
+    for key, wrong in (
+        ("search.altitude_m", mission.search.altitude_m is not None),
+        ("drift.speed_m_s", mission.drift.speed_m_s > 0.0),
+    ):
+        if wrong:
+            yield (
+                f'{key}: strategy = "leapfrog" maps ground that rests, from one height; leave it '
+                "out"
+            )
+    if layer_m <= mission.team.separation_m:
+        return  # told already
+    try:
+        reach_m = tracker_view(mission).reach_m
+    except ValueError:
+        reach_m = 0.0
+    if reach_m < LEAST_REACH_M:
+        yield (
+            f"team.layer_m = {layer_m:g}: so far above the mapper the tracker sees it up to "
+            f"{reach_m:.1f} m aside only, beside what it leans in the wind, and hops need "
+            f"{LEAST_REACH_M:g} m; raise it, or take a wider camera.hfov_deg"
+        )
+    if _edge_px(mission) < LEAST_EDGE_PX:
+        larger_m = math.ceil(100.0 * navigation.tag_m * LEAST_EDGE_PX / _edge_px(mission)) / 100.0
+        yield (
+            f"navigation.tag_m = {navigation.tag_m:g}: from team.layer_m = {layer_m:g} m above it "
+            f"has {_edge_px(mission):.1f} pixels in a picture, and is read from {LEAST_EDGE_PX:g} "
+            f"on; take a marker of {larger_m:g} m, or a lower layer"
+        )
