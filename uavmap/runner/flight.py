@@ -44,8 +44,7 @@ from uavmap.runner.aircraft_takeover import taken_over
 from uavmap.runner.before_flight import KEEP_FENCE, is_left_set, put_back
 from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results
-from uavmap.runner.operator.company import Company
-from uavmap.runner.operator.onlooker import Onlooker, folded
+from uavmap.runner.operator.company import Company, Onlooker, folded
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 

@@ -33,7 +33,7 @@ from uavmap.load.mission_source import load
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner import simulated_fleet
 from uavmap.runner.one_flight import Flight
-from uavmap.runner.operator.onlooker import folded
+from uavmap.runner.operator.company import folded
 from uavmap.runner.simulated_fleet import SimulatedFleet, fly_fleet, of_member
 
 TRUE = [(10.0, 18.0), (34.0, 16.0), (36.0, 28.0), (24.0, 31.0), (12.0, 29.0)]

@@ -2,14 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.events import Event
 from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.flight.step import step
 from uavmap.aircraft.process.messages import Asked
+from uavmap.journal.kept_frames import KeptFrame
 from uavmap.runner.operator.interrupts import Caller
-from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.preflight.plan_figures import plan_lines
+from uavmap.runner.service import Service
+
+
+class Onlooker:
+    """Sees all of a flight, and does nothing unless overridden; no method may raise, or take
+    long."""
+
+    def look_back(self, setting: Setting, event: Event, state: State) -> None:
+        """See an event of before a resume; `state` is that after it."""
+
+    def begin(self, setting: Setting, *, again: bool) -> None:
+        """See the flight start; `again`: a recorded one is repeated first."""
+
+    def notice(self, event: Event) -> None:
+        """See an event as it arrives, before it is in the journal or has an effect."""
+
+    def update(self, event: Event, state: State, again: int) -> None:
+        """See an event and the state after it; `again` recorded ones are still to come."""
+
+    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
+        """See a picture that is about to be judged."""
+
+    def steering(self, service: Service) -> AbstractContextManager[None]:
+        """Pass orders on to the service for as long as the context lasts."""
+        return contextlib.nullcontext()
+
+    def end(self) -> None:
+        """See the flight end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,3 +79,13 @@ class Company:
     caller: Caller | None = None
     ask: Callable[[str], bool] | None = None
     recall: bool = False
+
+
+def folded(setting: Setting, events: Iterable[Event], onlookers: Sequence[Onlooker] = ()) -> State:
+    """Return the state after the events of a journal; the onlookers see each of them."""
+    state = setting.initial_state()
+    for event in events:
+        state, _ = step(setting, state, event)
+        for onlooker in onlookers:
+            onlooker.look_back(setting, event, state)
+    return state

@@ -18,7 +18,7 @@ from uavmap.base.atomic_write import write_bytes
 from uavmap.base.image_files import decoded
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.output.drawing.judged import FILE, outlined
-from uavmap.runner.operator.onlooker import Onlooker
+from uavmap.runner.operator.company import Onlooker
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 Taken = tuple[KeptFrame, bytes | NDArray[np.uint8]]

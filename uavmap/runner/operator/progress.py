@@ -41,7 +41,7 @@ from uavmap.aircraft.autopilot_texts import may_be_a_failsafe
 from uavmap.base.printable import printable
 from uavmap.base.terminal import Terminal
 from uavmap.output.facts.detector_fit import DetectorFit
-from uavmap.runner.operator.onlooker import Onlooker
+from uavmap.runner.operator.company import Onlooker
 from uavmap.runner.operator.time_left import time_left
 
 REDRAW_S: Final = 0.25

@@ -22,9 +22,8 @@ from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner import flight
 from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground
-from uavmap.runner.operator.company import Company, Preflight
+from uavmap.runner.operator.company import Company, Onlooker, Preflight
 from uavmap.runner.operator.interrupts import Caller
-from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.ui.api.background_job import Job, awaited, waited_for
 from uavmap.ui.api.results import Results, open_results

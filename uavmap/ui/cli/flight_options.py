@@ -18,8 +18,7 @@ from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner.flight import fly
 from uavmap.runner.ground_survey import with_ground
-from uavmap.runner.operator.company import Company, Preflight
-from uavmap.runner.operator.onlooker import Onlooker
+from uavmap.runner.operator.company import Company, Onlooker, Preflight
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.ui.cli.common import report

@@ -16,7 +16,7 @@ from missions.events import Event, FrameSeen
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from uavmap.journal.kept_frames import KeptFrame
-from uavmap.runner.operator.onlooker import Onlooker
+from uavmap.runner.operator.company import Onlooker
 from uavmap.runner.service import Service
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.page_pipe import Words
