@@ -28,37 +28,31 @@ _FORMATS = ("JPEG", "PNG")  # JPEG takes in MPO: with a preview behind it, as ca
 
 
 def decoded(picture: bytes | Image, name: str, size_px: tuple[int, int] | None = None) -> Image:
-    """Return the pixels of a picture, a file or decoded already. Raises `ImageError` as
-    `read_image`."""
-    if isinstance(picture, bytes):
-        return read_image(picture, name, size_px)
-    _check_size(picture.shape[1], picture.shape[0], name, size_px)
-    return picture
-
-
-def _check_size(width: int, height: int, name: str, size_px: tuple[int, int] | None) -> None:
-    if size_px not in (None, (width, height)):
-        raise ImageError(
-            f"{printable(name)}: the picture is {width} x {height} px, the "
-            f"camera {size_px[0]} x {size_px[1]} px"
-        )
-
-
-def read_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> Image:
-    """Decode a whole picture to (rows, columns, 3) uint8, blue-green-red, without EXIF orientation.
+    """Return the pixels of a picture: of a file, whole and without EXIF orientation, or as given.
 
     Pillow decodes: OpenCV silently fills the missing part of a truncated JPEG with gray. `name` is
     that in errors. Raises `ImageError` for no picture, one that is corrupt, cut short or too large,
     and, before it is decoded, one of other columns and rows than `size_px`.
     """
-    if len(data) > MAX_PICTURE_BYTES:
+    if not isinstance(picture, bytes):
+        _check_size((picture.shape[1], picture.shape[0]), name, size_px)
+        return picture
+    if len(picture) > MAX_PICTURE_BYTES:
         raise ImageError(
-            f"{printable(name)}: {len(data)} bytes; a picture has at most {MAX_PICTURE_BYTES}"
+            f"{printable(name)}: {len(picture)} bytes; a picture has at most {MAX_PICTURE_BYTES}"
         )
-    with opened(io.BytesIO(data), name) as picture:
-        _check_size(picture.width, picture.height, name, size_px)
-        rgb = np.asarray(picture if picture.mode == "RGB" else picture.convert("RGB"))
+    with opened(io.BytesIO(picture), name) as file:
+        _check_size(file.size, name, size_px)
+        rgb = np.asarray(file if file.mode == "RGB" else file.convert("RGB"))
     return cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
+
+
+def _check_size(size: tuple[int, int], name: str, wanted: tuple[int, int] | None) -> None:
+    if wanted not in (None, size):
+        raise ImageError(
+            f"{printable(name)}: the picture is {size[0]} x {size[1]} px, the "
+            f"camera {wanted[0]} x {wanted[1]} px"
+        )
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from tests.benchmarks.frame import truth_shown
 from tests.e2e.rig import ROI_STATES
 from tests.support.hills import checked, over, slope, text_over
 from tests.support.small_missions import START, mission_text, square, with_small_pictures
-from uavmap.base.image_files import read_image
+from uavmap.base.image_files import decoded
 from uavmap.runner.simulation import relief_of
 from uavmap.ui.cli import main
 from vision.camera import Camera
@@ -117,7 +117,7 @@ def test_a_picture_over_a_slope_says_of_each_cell_what_is_there(pitch_deg):
     ground_m = world.ground_m(east_m, north_m)
     above_m = ALTITUDE_M - ground_m
     shot = Shot(east_m, north_m, above_m - 0.1, attitude, 0.0, 1, ground_m=ground_m)
-    picture = read_image(render(world, spec, shot), "frame.jpg", (640, 480))
+    picture = decoded(render(world, spec, shot), "frame.jpg", (640, 480))
     worst: dict[str, float] = {}
     for name, height_m, terrain in (
         ("ground", above_m, mission.ground), ("home", ALTITUDE_M, None),

@@ -23,7 +23,7 @@ import cv2
 
 from missions.errors import ImageError, OutputError
 from uavmap.base.atomic_write import write_bytes
-from uavmap.base.image_files import read_image
+from uavmap.base.image_files import decoded
 from uavmap.photos.tune.examples import (
     UNDECIDED,
     file_bytes,
@@ -90,7 +90,7 @@ class Easel:
     def keep(self, index: int, data: bytes) -> str:
         """Write a mask as a grey PNG; return the answer. Raises `ImageError`, `OSError`."""
         path = self._mask(self.pictures[index])
-        grey = cv2.cvtColor(read_image(data, path.name), cv2.COLOR_BGR2GRAY)
+        grey = cv2.cvtColor(decoded(data, path.name), cv2.COLOR_BGR2GRAY)
         _, encoded = cv2.imencode(".png", grey)
         write_bytes(path, bytes(encoded))
         return f"saved {path.name}"

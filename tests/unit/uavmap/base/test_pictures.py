@@ -13,7 +13,7 @@ from PIL import Image
 
 from missions.errors import ImageError
 from uavmap.base import image_files as pictures
-from uavmap.base.image_files import read_image
+from uavmap.base.image_files import decoded
 
 
 def png(width: int, height: int, body: bytes = b"") -> bytes:
@@ -41,7 +41,7 @@ def test_a_picture_of_too_many_pixels_is_not_decoded(side, monkeypatch):
     monkeypatch.setattr(Image.Image, "load", decoded.append)
     monkeypatch.setattr("PIL.ImageFile.ImageFile.load", decoded.append)
     with pytest.raises(ImageError, match=r"too many|decompression bomb"):
-        read_image(png(side, side), "bomb.png")
+        decoded(png(side, side), "bomb.png")
     assert decoded == []
 
 
@@ -52,27 +52,27 @@ def test_a_bomb_takes_no_memory():
     data = data[:29] + struct.pack(">I", crc) + data[33:]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(ImageError, match="13300 x 13300 px are too many"):
-        read_image(data, "bomb.png")
+        decoded(data, "bomb.png")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 50_000  # kB
 
 
 def test_another_size_than_the_cameras_is_not_decoded():
     with pytest.raises(ImageError, match=r"the picture is 9000 x 9000 px, the camera 640 x 480"):
-        read_image(png(9000, 9000), "large.png", (640, 480))
+        decoded(png(9000, 9000), "large.png", (640, 480))
     out = io.BytesIO()
     Image.new("RGB", (64, 48), "red").save(out, "PNG")
-    assert read_image(out.getvalue(), "right.png", (64, 48)).shape == (48, 64, 3)
+    assert decoded(out.getvalue(), "right.png", (64, 48)).shape == (48, 64, 3)
 
 
 def test_a_file_of_too_many_bytes_is_not_opened(monkeypatch):
     monkeypatch.setattr(pictures, "MAX_PICTURE_BYTES", 1000)
     with pytest.raises(ImageError, match="1001 bytes; a picture has at most 1000"):
-        read_image(bytes(1001), "x.jpg")
+        decoded(bytes(1001), "x.jpg")
 
 
 def test_the_name_of_a_picture_cannot_write_to_a_terminal():
     with pytest.raises(ImageError) as caught:
-        read_image(b"no picture", "http://h/\x1b[2J\u202e.jpg")
+        decoded(b"no picture", "http://h/\x1b[2J\u202e.jpg")
     assert str(caught.value).isprintable()
 
 
@@ -92,7 +92,7 @@ def test_damage_of_any_kind_is_an_image_error():
         if number % 5 == 0:
             del data[rng.randrange(4, len(data)) :]
         try:
-            image = read_image(bytes(data), "damaged")
+            image = decoded(bytes(data), "damaged")
         except ImageError:
             refused += 1
         else:
@@ -109,4 +109,4 @@ def test_whatever_a_decoder_raises(error, monkeypatch):
 
     monkeypatch.setattr("PIL.ImageFile.ImageFile.load", load)
     with pytest.raises(ImageError, match="not a readable picture"):
-        read_image(bomb(8, 8), "x.png")
+        decoded(bomb(8, 8), "x.png")

@@ -16,7 +16,7 @@ from missions.geo.grid import Grid
 from missions.units import Quaternion
 from tests.support.photographs import DJI, dji, write_photo
 from tests.unit.vision.scene import upside_down
-from uavmap.base.image_files import read_image
+from uavmap.base.image_files import decoded
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_tags import tags_of
@@ -142,10 +142,10 @@ def test_a_mirrored_photo_is_refused(tmp_path: Path) -> None:
         tagged(tmp_path)
 
 
-def test_read_image_is_blue_green_red() -> None:
+def test_decoded_picture_is_blue_green_red() -> None:
     out = io.BytesIO()
     Image.new("RGB", (4, 2), (10, 120, 240)).save(out, "PNG")
-    image = read_image(out.getvalue(), "p.png")
+    image = decoded(out.getvalue(), "p.png")
     assert image.dtype == np.uint8
     assert image.shape == (2, 4, 3)
     assert image[0, 0].tolist() == [240, 120, 10]
