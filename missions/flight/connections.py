@@ -7,8 +7,8 @@ from dataclasses import replace
 from missions.events import Connected, GivenUp, LinkLost, Overridden, Released
 from missions.flight.lane_progress import lane_left, set_free
 from missions.flight.return_home import BESIDE_M
-from missions.flight.setting import Setting
-from missions.flight.state import BRAKING_S, Phase, ReturnReason, State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import BRAKING_S, Phase, ReturnReason, VehicleState
 from missions.guardian import PAD_M
 from missions.mission.energy import FRESH
 from missions.orders import Land, StandDown, TakeOff
@@ -20,14 +20,14 @@ GAINED = 0.05
 """Least gain of charge by a battery swap, share of the capacity."""
 
 
-def resume(setting: Setting, state: State) -> State:
+def resume(state: State) -> State:
     """Have all vehicles take part again, without the orders of the process that ended."""
     root = state.tree.root if state.tree is not None else None
     vehicles = {
         number: replace(v, phase=Phase.APART, order=None, on_lane=False)
         if number not in state.our_numbers
         else replace(
-            set_free(v, setting.grid.cell_m),
+            set_free(v, state.setting.grid.cell_m),
             phase=Phase.OFFLINE,
             order=None,
             last_order=None,

@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.setting import Setting
-from missions.flight.state import VehicleState
+from missions.flight.state import Setting
+from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.planning.search.lanes import Lane, along_m, offset_m, unseen
 from missions.units import Cell, GridPoint

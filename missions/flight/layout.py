@@ -20,6 +20,7 @@ from missions.mission.schema import Mission, positions
 from missions.mission.views import path_speed_m_s, seen_whole_m, wind_toward
 from missions.planning.search.lanes import LANE_CELLS, Lane
 from missions.planning.search.prior import LikelyLane
+from missions.planning.search.strip import Strip
 from missions.planning.stepwise.interface import Metric
 from missions.planning.sweep.plan_memo import PlanMemo
 from missions.units import Cell, GridPoint
@@ -45,10 +46,14 @@ class Layout:
     fence: Fence
     energy: EnergyModel
     lanes: tuple[Lane, ...]
+    member: int | None = None
+    """The one vehicle that is commanded, 0 for none of a fleet; None: all are."""
     east_ahead: bool = True
     """Whether the noses of vehicles that do not stop point along grid east, else along north."""
     lane_rows: int = LANE_CELLS
     """How many rows of cells a lane decides."""
+    lanes_drift: bool = False
+    """Whether lanes drift with the cells; else they lie still over ground."""
     likely: tuple[LikelyLane, ...] = ()
     """The lanes with what the prior says of them; empty without a prior."""
     ground: Terrain | None = None
@@ -100,6 +105,22 @@ class Layout:
     def where(self, cell: Cell, t_s: float) -> GridPoint:
         """Return where the centre of a cell is at a time, in the fixed frame."""
         return self.grid.to_fixed(self.grid.centre_of(cell), t_s)
+
+    def lane_time_s(self, t_s: float) -> float:
+        """Return the time at which lanes lie as laid, in the frame of the cells."""
+        return 0.0 if self.lanes_drift else t_s
+
+    def to_lanes(self, place: GridPoint, t_s: float) -> GridPoint:
+        """Return a place over ground at a time in the frame of the lanes."""
+        return self.grid.to_moving(place, t_s - self.lane_time_s(t_s))
+
+    def over_ground(self, place: GridPoint, t_s: float) -> GridPoint:
+        """Return a place in the frame of the lanes over ground: the inverse of `to_lanes`."""
+        return self.grid.to_fixed(place, t_s - self.lane_time_s(t_s))
+
+    def strip(self, lane: Lane, t_s: float) -> Strip:
+        """Return the cells that a lane decides, as they lie at a time."""
+        return Strip.of(self.grid, lane, self.lane_rows, self.lane_time_s(t_s))
 
     @cached_property
     def box_cells(self) -> tuple[Cell, ...]:

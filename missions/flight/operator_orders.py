@@ -9,8 +9,8 @@ from dataclasses import replace
 
 from missions.events import CellSkipped, Told, VehicleRecalled
 from missions.flight.lane_progress import lane_left
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath, FlyTo, Look, Sweep
 from missions.units import Cell
 
@@ -19,10 +19,10 @@ UNTOLD = "a failsafe; the autopilot has not said which"
 CALLED_HOME = "called home by the operator"
 
 
-def paused(setting: Setting, state: State) -> State:
+def paused(state: State) -> State:
     """Have vehicles that work come to rest and hold; take-offs under way go on."""
     vehicles = {
-        number: _stopped(setting, state, vehicle) if vehicle.works else vehicle
+        number: _stopped(state, vehicle) if vehicle.works else vehicle
         for number, vehicle in state.vehicles.items()
     }
     return replace(state, paused=True, vehicles=vehicles)
@@ -33,15 +33,15 @@ def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting)
     return replace(vehicle, called_home=True, note=vehicle.note or CALLED_HOME)
 
 
-def to_skip(setting: Setting, state: State, vehicle: VehicleState) -> Cell | None:
+def to_skip(state: State, vehicle: VehicleState) -> Cell | None:
     """Return the cell that a vehicle looks from, or is on its way to; None on a path."""
-    return setting.strategy.in_force(state).to_skip(state, vehicle)
+    return state.setting.strategy.in_force(state).to_skip(state, vehicle)
 
 
-def skip(setting: Setting, state: State, event: CellSkipped) -> State:
+def skip(state: State, event: CellSkipped) -> State:
     """Leave a cell out: vehicles that were about to look from it go on with the next."""
     cell = event.cell
-    if to_skip(setting, state, state.vehicles[event.vehicle]) != cell:
+    if to_skip(state, state.vehicles[event.vehicle]) != cell:
         return state
     for other in state.vehicles.values():
         if cell not in (other.candidate, other.vertex):
@@ -72,9 +72,9 @@ def explained(state: State, event: Told) -> State:
     return state.with_vehicle(replace(vehicle, note=f"{note}: {event.cause}"))
 
 
-def _stopped(setting: Setting, state: State, vehicle: VehicleState) -> VehicleState:
+def _stopped(state: State, vehicle: VehicleState) -> VehicleState:
     """A vehicle whose order is taken back; in a pause it is given no other but to hold."""
     if not isinstance(vehicle.order, FlyTo | FlyPath | Sweep | Look):
         return vehicle
-    left = vehicle if vehicle.path is None else lane_left(vehicle, setting.grid.cell_m)
+    left = vehicle if vehicle.path is None else lane_left(vehicle, state.setting.grid.cell_m)
     return replace(left.interrupted(state.t_s), at_target=vehicle.at_target)

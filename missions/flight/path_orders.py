@@ -16,8 +16,8 @@ from shapely.geometry import Point
 from shapely.ops import nearest_points
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.geo.braking import braked
 from missions.geo.path_in_fence import allowed, as_far_as_allowed, is_outside
 from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
@@ -33,17 +33,13 @@ DEPTH_M: Final = 1.5
 
 
 def give_path(
-    setting: Setting,
-    state: State,
-    vehicle: VehicleState,
-    path: Trajectory,
-    *,
-    partly: bool = False,
+    state: State, vehicle: VehicleState, path: Trajectory, *, partly: bool = False
 ) -> State:
     """Give a path if the fence allows it and its air is free; else what was flown is flown on.
 
     With `partly` one is flown as far as the fence allows it.
     """
+    setting = state.setting
     mission = setting.mission
     fits = allowed(setting.fence, path)
     if not fits and partly:
@@ -51,7 +47,7 @@ def give_path(
         path, fits = (path, False) if short is None else (short, True)
     order = FlyPath(path, vehicle.cruise_height_m, setting.yaw_deg, mission.camera.interval_s)
     begins = vehicle if vehicle.path is not None else replace(vehicle, judged_s=path.begin_s)
-    if fits and (given := Airspace(setting, state).reserve(begins, order)) is not None:
+    if fits and (given := Airspace(state).reserve(begins, order)) is not None:
         return given
     return state.holding(vehicle) if vehicle.path is None else state
 
@@ -95,17 +91,15 @@ def along_route(
     return through(setting, vehicle, list(route), corners, begin_s)
 
 
-def fly_route(
-    setting: Setting, state: State, vehicle: VehicleState, route: Sequence[GridPoint]
-) -> State:
+def fly_route(state: State, vehicle: VehicleState, route: Sequence[GridPoint]) -> State:
     """Give an idle vehicle a path along a way inside the fence."""
-    path = along_route(setting, vehicle, route, state.t_s + NOTICE_S)
-    return give_path(setting, state, vehicle, path)
+    path = along_route(state.setting, vehicle, route, state.t_s + NOTICE_S)
+    return give_path(state, vehicle, path)
 
 
-def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+def come_inside(state: State, vehicle: VehicleState) -> State | None:
     """Order a waiting vehicle back inside the margin; None where it is inside, or nearly so."""
-    fence = setting.fence
+    fence = state.setting.fence
     if not is_outside(fence, vehicle.position):
         return None
     deep = fence.shrunk(DEPTH_M)
@@ -114,7 +108,7 @@ def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State 
     route = fence.route(vehicle.position, GridPoint(float(near.x), float(near.y)))
     if route is None:
         return None
-    return Airspace(setting, state).reserve_or_wait(vehicle, vehicle.leg(route))
+    return Airspace(state).reserve_or_wait(vehicle, vehicle.leg(route))
 
 
 def on_paths(state: State, for_s: float) -> list[tuple[VehicleState, FlyPath]]:
@@ -124,18 +118,18 @@ def on_paths(state: State, for_s: float) -> list[tuple[VehicleState, FlyPath]]:
     return [(v, order) for v, order in paths if order.trajectory.end_s > state.t_s + for_s]
 
 
-def keep_clear(setting: Setting, state: State) -> State:
+def keep_clear(state: State) -> State:
     """Have vehicles brake whose paths lead into air that others reserve."""
     for vehicle, order in on_paths(state, NOTICE_S):
-        if not Airspace(setting, state).is_clear(vehicle, order):
-            state = brake(setting, state, vehicle, order)
+        if not Airspace(state).is_clear(vehicle, order):
+            state = brake(state, vehicle, order)
     return state
 
 
-def brake(setting: Setting, state: State, vehicle: VehicleState, order: FlyPath) -> State:
+def brake(state: State, vehicle: VehicleState, order: FlyPath) -> State:
     """Have a vehicle come to rest along its path, unless it does so anyway."""
     path = order.trajectory
-    stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), setting.energy.accel_m_s2)
+    stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), state.setting.energy.accel_m_s2)
     if stop.end_s >= path.end_s - 0.5:
         return state
     return state.with_vehicle(replace(vehicle, order=replace(order, trajectory=stop)))

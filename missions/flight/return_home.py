@@ -7,8 +7,8 @@ from dataclasses import replace
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.airspace.needs import RTL_HEIGHT_M
 from missions.flight.lane_progress import set_free
-from missions.flight.setting import Setting
-from missions.flight.state import OFF_LAYER_M, Phase, ReturnReason, State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import OFF_LAYER_M, Phase, ReturnReason, VehicleState
 from missions.geo.braking import braked
 from missions.geo.fence import route_length_m
 from missions.mission.energy import EnergyModel
@@ -31,7 +31,7 @@ BESIDE_M = 20.0
 it waits for a blocked pad."""
 
 
-def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def turn_back(state: State, vehicle: VehicleState) -> State:
     """Interrupt whatever a vehicle does once it has to come home."""
     called = state.recalled or vehicle.called_home
     if called or state.exploration_finished:
@@ -39,18 +39,18 @@ def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
         if isinstance(vehicle.order, TakeOff):  # it ends where it began, motors on or not
             up = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=reason)
             return state.with_vehicle(replace(up, over_home=True, order=Land()))
-        return send_home(setting, state, vehicle, reason) if vehicle.works else state
+        return send_home(state, vehicle, reason) if vehicle.works else state
     if not vehicle.works:
         return state
     note = ""
-    if not setting.fence.contains(vehicle.position):
+    if not state.setting.fence.contains(vehicle.position):
         note = "it was outside of the geofence"
-    elif vehicle.wind_m_s > setting.energy.max_airspeed_m_s:
+    elif vehicle.wind_m_s > state.setting.energy.max_airspeed_m_s:
         note = f"the wind of {vehicle.wind_m_s:.0f} m/s is more than it can hold"
     if note:
-        return send_home(setting, state, replace(vehicle, note=note), ReturnReason.FAULT)
-    if not _can_still_turn(setting, vehicle, state.t_s):
-        return send_home(setting, state, vehicle, ReturnReason.BATTERY)
+        return send_home(state, replace(vehicle, note=note), ReturnReason.FAULT)
+    if not _can_still_turn(state.setting, vehicle, state.t_s):
+        return send_home(state, vehicle, ReturnReason.BATTERY)
     return state
 
 
@@ -102,44 +102,44 @@ def way_home(setting: Setting, start: GridPoint, pad: GridPoint) -> tuple[GridPo
     return setting.fence.route(start, pad) or setting.fence.route_near(start, pad) or (pad,)
 
 
-def go_home(setting: Setting, state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
+def go_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
     """Send a vehicle home and give it its first order to that end."""
-    state = send_home(setting, state, vehicle, reason)
-    return fly_home(setting, state, state.vehicles[vehicle.vehicle])
+    state = send_home(state, vehicle, reason)
+    return fly_home(state, state.vehicles[vehicle.vehicle])
 
 
-def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def fly_home(state: State, vehicle: VehicleState) -> State:
     """Give the next order to a vehicle that comes home, once it is at rest."""
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
     if vehicle.is_over_pad:
         # perhaps half-way down already: no need to climb first
         vehicle = replace(vehicle, over_home=True)
-    after = Airspace(setting, state).reserve_or_wait(vehicle, home_order(setting, vehicle))
+    after = Airspace(state).reserve_or_wait(vehicle, home_order(state.setting, vehicle))
     waits = isinstance(after.vehicles[vehicle.vehicle].order, Hold)
-    if waits and vehicle.over_home and not _can_wait(setting, vehicle):
-        return _land_beside(setting, after, after.vehicles[vehicle.vehicle])
+    if waits and vehicle.over_home and not _can_wait(state.setting, vehicle):
+        return _land_beside(after, after.vehicles[vehicle.vehicle])
     if not waits or vehicle.over_home:
         return after
-    if _stalls(setting, state, vehicle):
+    if _stalls(state, vehicle):
         # whether the air is free is not known; that the battery will be empty is
         note = "its way home stayed blocked: it returns by its autopilot"
         return state.with_vehicle(vehicle.left_to_autopilot(note))
-    return _come_nearer(setting, state, after, vehicle)
+    return _come_nearer(state, after, vehicle)
 
 
-def _come_nearer(setting: Setting, state: State, waiting: State, vehicle: VehicleState) -> State:
+def _come_nearer(state: State, waiting: State, vehicle: VehicleState) -> State:
     """Fly a part of a way home whose air is reserved farther on.
 
     A vehicle that waited where it is would use up there what it needs for its own way.
     """
-    route = way_home(setting, vehicle.position, vehicle.pad)
+    route = way_home(state.setting, vehicle.position, vehicle.pad)
     length_m = route_length_m(vehicle.position, route)
     for share in NEARER_SHARES:
         if share * length_m < NEARER_M:
             break
         order = vehicle.leg(_first_of(vehicle.position, route, share * length_m))
-        nearer = Airspace(setting, state).reserve(vehicle, order)
+        nearer = Airspace(state).reserve(vehicle, order)
         if nearer is not None:
             return nearer
     return waiting
@@ -159,17 +159,17 @@ def _first_of(
     return tuple(part)
 
 
-def _stalls(setting: Setting, state: State, vehicle: VehicleState) -> bool:
+def _stalls(state: State, vehicle: VehicleState) -> bool:
     """Whether a vehicle that cannot be commanded blocks the way home until the last moment at
     which the autopilot, which climbs first, brings it home with the reserve."""
-    if not Airspace(setting, state).uncontrolled_but(vehicle):
+    if not Airspace(state).uncontrolled_but(vehicle):
         return False
-    returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + setting.relief_m
+    returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + state.setting.relief_m
     climb_m = max(returns_m - vehicle.height_m, 0.0)
-    energy = setting.energy
+    energy = state.setting.energy
     climb_s = climb_m / energy.climb_m_s + climb_m / energy.descent_m_s
     hover_s = 2.0 * REACTION_S + climb_s
-    return not has_energy_for(setting, vehicle, vehicle.position, hover_s)
+    return not has_energy_for(state.setting, vehicle, vehicle.position, hover_s)
 
 
 def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
@@ -180,22 +180,24 @@ def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
     return vehicle.remaining_wh >= need_wh
 
 
-def _land_beside(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def _land_beside(state: State, vehicle: VehicleState) -> State:
     """The pad stays blocked: land beside it while the reserve is whole."""
-    air = Airspace(setting, state)
+    air = Airspace(state)
     for spot in air.places_beside_pad(vehicle):
         elsewhere = replace(vehicle, spare_pad=spot, over_home=False)
-        order = home_order(setting, elsewhere)
+        order = home_order(state.setting, elsewhere)
         landing = replace(elsewhere, position=spot, over_home=True)
         if air.is_clear(landing, Land()) and (given := air.reserve(elsewhere, order)) is not None:
             return given
     return state
 
 
-def send_home(setting: Setting, state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
+def send_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
     """Interrupt what a vehicle does, and send it home for a reason."""
     fruitless = 0 if vehicle.on_lane and vehicle.lane_seen_m else vehicle.fruitless_sorties
-    left = set_free(vehicle, setting.grid.cell_m)  # the next sortie goes on with what is unseen
+    left = set_free(
+        vehicle, state.setting.grid.cell_m
+    )  # the next sortie goes on with what is unseen
     return state.with_vehicle(
         replace(
             left.interrupted(state.t_s),

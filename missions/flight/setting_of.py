@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.flight.strategies import chosen
 from missions.flight.strategy.two_heights import heights_for
 from missions.flight.strategy.work import Area
@@ -35,8 +35,10 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
         fences.ours,
         energy_model(mission),
         lanes,
+        member,
         east_ahead,
         rows,
+        strategy.lanes_drift,
         likely_lanes(lanes, box, prior, mission.grid.cell_m, rows) if prior else (),
         mission.ground,
         fences.whole,

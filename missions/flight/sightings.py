@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from missions.events import FrameSeen, LookEnded
 from missions.flight.lane_progress import lane_passed, lane_seen
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.state import State
 from missions.flight.strategy.searching import drifts_out, give_up
+from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.overview import with_plain
 from missions.mapping.tree import Tree
@@ -17,10 +17,10 @@ from missions.orders import FlyTo, Look
 from missions.units import Cell
 
 
-def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
+def frame_seen(state: State, event: FrameSeen) -> State:
     """Count the votes of a frame; end a look once all that it can see is decided."""
     if event.overview:
-        return _seen_from_above(setting, state, event)
+        return _seen_from_above(state, event)
     frame = FrameId(event.vehicle, event.t_s)
     # a late vote must not undo what the tree was grown on
     votes = state.belief.in_time(
@@ -35,12 +35,12 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
             vehicle = replace(vehicle, fruitless_sorties=0)
         state = state.with_vehicle(vehicle)
         if state.tree is None:
-            return setting.strategy.seen_in_passing(setting, state, event, votes)
+            return state.setting.strategy.seen_in_passing(state, event, votes)
         return replace(state, tree=grown(state.tree, state.belief, votes))
     if state.tree is None:
         shown, belief, vantage = {vote.cell for vote in event.votes}, state.belief, event.vantage
         vehicle = lane_seen(
-            setting, vehicle, vantage, event.t_s,
+            state.setting, vehicle, vantage, event.t_s,
             lambda cell: cell in shown or belief.tally(cell, vantage).total > 0,
         )  # fmt: skip
     state = state.with_vehicle(vehicle)
@@ -53,14 +53,14 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
             near = (c for c in event.vantage.neighbours() if c in state.belief.roi)
             if new := [c for c in near if c not in tree]:
                 return replace(state, tree=tree.looked(event.vantage, new))
-    elif vehicle.candidate is None and (hint := _hint(setting, state, event)) is not None:
+    elif vehicle.candidate is None and (hint := _hint(state, event)) is not None:
         if vehicle.works:
             vehicle = replace(vehicle.interrupted(state.t_s), at_target=False)
         return state.with_vehicle(replace(vehicle, candidate=hint))
     return state
 
 
-def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
+def _seen_from_above(state: State, event: FrameSeen) -> State:
     """Count a frame from the height of a search for its lane, and for what is plain by it."""
     frame = FrameId(event.vehicle, event.t_s)
     said = {vote.cell: vote.positive for vote in event.votes}
@@ -71,16 +71,16 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
     vehicle = replace(
         state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s, fruitless_sorties=0
     )
-    belief = with_plain(state.belief, overview, setting.in_box, fresh)
+    belief = with_plain(state.belief, overview, state.setting.in_box, fresh)
     state = replace(state, belief=belief, overview=overview).with_vehicle(vehicle)
-    return on_a_lane(setting, state, event)
+    return on_a_lane(state, event)
 
 
-def on_a_lane(setting: Setting, state: State, event: FrameSeen) -> State:
+def on_a_lane(state: State, event: FrameSeen) -> State:
     """Count a frame of a vehicle that does not stop for the lane that it flies."""
-    shown, judged = [vote.cell for vote in event.votes], setting.heights.searched(state)
+    shown, judged = [vote.cell for vote in event.votes], state.setting.heights.searched(state)
     vehicle = state.vehicles[event.vehicle]
-    return state.with_vehicle(lane_passed(setting, vehicle, event.t_s, shown, judged))
+    return state.with_vehicle(lane_passed(state.setting, vehicle, event.t_s, shown, judged))
 
 
 def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
@@ -100,13 +100,13 @@ def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
     return tree
 
 
-def _hint(setting: Setting, state: State, event: FrameSeen) -> Cell | None:
+def _hint(state: State, event: FrameSeen) -> Cell | None:
     """The first cell inside the fence that a search frame takes for region, not visited yet."""
     for vote in event.votes:
-        looked = state.belief.frames_taken(vote.cell) >= setting.mission.votes.frames
+        looked = state.belief.frames_taken(vote.cell) >= state.setting.mission.votes.frames
         if not vote.positive or looked or vote.cell in state.skipped:
             continue
-        if setting.fence.allows(setting.where(vote.cell, state.t_s)):
+        if state.setting.fence.allows(state.setting.where(vote.cell, state.t_s)):
             return vote.cell
     return None
 
@@ -123,7 +123,7 @@ def look_ended(state: State, event: LookEnded) -> State:
     return _looked_in_part(state, vehicle, cell)
 
 
-def follow_no_farther(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def follow_no_farther(state: State, vehicle: VehicleState) -> State:
     """End a look at, or a leg to, a cell that drifts out of the fence meanwhile.
 
     Lost pictures or a head wind make them last longer than was reckoned.
@@ -131,7 +131,7 @@ def follow_no_farther(setting: Setting, state: State, vehicle: VehicleState) -> 
     order = vehicle.order
     if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, Look | FlyTo):
         return state
-    if order.cell is None or not drifts_out(setting, state, order.cell):
+    if order.cell is None or not drifts_out(state, order.cell):
         return state
     if isinstance(order, FlyTo):  # at rest it is decided anew where to go
         return state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))

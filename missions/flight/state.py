@@ -1,253 +1,308 @@
-"""What the mission knows, as one immutable value: the fold of the journal.
+"""What is known at an instant of a mission, with its setting and the objects that decide.
 
-`State` is what events change; what they do not change is `missions.flight.setting.Setting`.
+The reducer asks `setting.strategy`, `setting.team` and `setting.heights`. They keep nothing between
+two calls: what a strategy has to remember is `State.memory`. So a resume repeats what was flown.
+
+To add a strategy, inherit from `Strategy` or a strategy in `missions.flight.strategy`, and give it
+a name with `missions.flight.strategies.register`, or by an entry point (docs/strategies.md).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from functools import cached_property
 
-from missions.geo.trajectory import Trajectory
-from missions.mapping.belief import Belief
+from missions.events import FrameSeen
+from missions.flight.layout import Fences, Layout
+from missions.flight.strategy.work import Area, Lanes, OpenWork, Work
+from missions.flight.vehicle_state import Allotment, Column, Phase, VehicleState
+from missions.geo.fence import Fence
+from missions.geo.trajectory import LANE_CUTS_M
+from missions.mapping.belief import Belief, Verdicts
 from missions.mapping.tree import Tree
-from missions.orders import FlyPath, FlyTo, Hold, Order, ReturnToLaunch, StandDown, Sweep
-from missions.planning.search.lanes import Lane
-from missions.planning.stepwise import Memory
+from missions.mission.schema import Mission
+from missions.orders import Hold
+from missions.planning.search.lanes import Lane, share_out
+from missions.planning.search.search_order import Pace, soonest
+from missions.planning.stepwise import Explorer, Memory
+from missions.planning.sweep.chart import Known
+from missions.planning.sweep.strategies import About
 from missions.units import Cell, GridPoint
 
-_ORIGIN = GridPoint(0.0, 0.0)
-_NOTHING = Belief(1, 1)
-
-BRAKING_S = 8.0
-"""Time after which an interrupted vehicle counts as at rest, s, even if the wind moves it."""
-OFF_LAYER_M = 1.5
-"""Distance from its layer beyond which a vehicle needs all heights between, m."""
-OVER_PAD_M = 1.0
-"""Distance to its pad within which a vehicle is in the column over it, and may land, m."""
-PASSING_S = 3.0
-"""Time for which a vehicle that has flown past the end of a leg may still move, s."""
+Shares = tuple[tuple[Lane, ...], ...]
+"""The lanes of each vehicle, in the order of flight."""
 
 
-class Phase(StrEnum):
-    """What a vehicle can do for the mission."""
+class Strategy(ABC):
+    """How vehicles find a region and map it."""
 
-    OFFLINE = "offline"
-    GROUNDED = "grounded"
-    AIRBORNE = "airborne"
-    YIELDED = "yielded"
-    """A pilot or a failsafe flies it; nothing is sent to it."""
-    GUARDED = "guarded"
-    """Its guardian has it return or land by its autopilot; nothing else is sent to it."""
-    FINISHED = "finished"
-    FAILED = "failed"
-    """It stands on the ground and takes no more part."""
-    DOWN = "down"
-    """It lies or stands away from its pad: the crew has to fetch it."""
-    LOST = "lost"
-    """It was silent for longer than its battery can have lasted."""
-    APART = "apart"
-    """The vehicle of another member of the fleet that is out of contact, in its own air."""
+    about: About | Explorer
+    """Its name, and what users read about it."""
+    stops: bool
+    """Whether vehicles stop over cells to look."""
+    patches: bool = False
+    """Whether every patch of the region that begins in the box is looked for."""
+    whole_box: bool = False
+    """Whether every cell of the box is decided, whatever is seen."""
+    flies_all_lanes: bool = False
+    """Whether vehicles fly all their lanes, on one path, before they map."""
+    least_lane_cells: float = 0.0
+    """Least length of what is left of a lane to be flown as one."""
+    lanes_drift: bool = False
+    """Whether lanes drift with the cells; else they lie still over ground."""
 
+    def in_force(self, state: State) -> Strategy:
+        """Return the strategy that is followed now: this one, or what it falls back on."""
+        return self
 
-class ReturnReason(StrEnum):
-    """Why a vehicle flies home."""
+    # --- before the flight ----------------------------------------------------------------------
+    @abstractmethod
+    def lay(self, area: Area) -> Lanes:
+        """Lay lanes over the box, inside of the fence."""
 
-    DONE = "done"
-    BATTERY = "battery"
-    RECALLED = "recalled"
-    FAULT = "fault"
-    """Its camera is silent, or an order failed."""
+    def shares(self, setting: Setting) -> Shares:
+        """Return the lanes of each vehicle; by a prior so that the region is seen soonest."""
+        if setting.likely:
+            blocks = soonest(setting.likely, setting.pads, self.pace(setting))
+            return tuple(tuple(part.lane for part in block) for block in blocks)
+        return share_out(setting.lanes, len(setting.pads))
 
+    def begins_with(self, setting: Setting) -> Shares:
+        """Return the lanes that each vehicle holds when the mission begins."""
+        return setting.shares
 
-@dataclass(frozen=True, slots=True)
-class Column:
-    """The air above and below a place, for a time: altitudes as of layers, mission seconds."""
+    def rest_s(self, state: State, lanes_m: float, cells: int, team: int) -> float:
+        """Return about how long a team takes for the rest of its lanes, or for cells, seconds."""
+        if lanes_m:
+            return lanes_m / state.setting.energy.speed_m_s / team
+        return cells * self.cell_s(state.setting) / team
 
-    place: GridPoint
-    low_m: float
-    high_m: float
-    asked_s: float
-    until_s: float
+    @abstractmethod
+    def pace(self, setting: Setting) -> Pace:
+        """Return how fast lanes are flown, from the lowest layer."""
 
+    @abstractmethod
+    def search_s(self, setting: Setting) -> float:
+        """Return about how long the longest share of the lanes takes in the air, seconds."""
 
-@dataclass(frozen=True, slots=True)
-class Allotment:
-    """The parts of a map, as one member of a fleet has laid them out for all that it heard."""
+    @abstractmethod
+    def cell_s(self, setting: Setting) -> float:
+        """Return about how long a cell of the region takes one vehicle, seconds."""
 
-    by: int
-    made_s: float
-    parts: Mapping[int, tuple[GridPoint, ...]]
-    """By vehicle the observation points in order, as the region lies at mission time 0."""
+    def bound_s(self, setting: Setting, tree: Tree) -> float | None:
+        """Return the bound of an exploration of this tree, seconds; None without one."""
+        return None
 
+    # --- what has to be decided -----------------------------------------------------------------
+    def asked_for(self, state: State) -> Iterable[Cell]:
+        """Return the cells that have to be decided and are not, whatever lies beside them."""
+        return ()
 
-@dataclass(frozen=True, slots=True)
-class VehicleState:
-    """One vehicle: where it is, what it carries out, and where it stands in the exploration."""
+    def open_cells(self, state: State) -> frozenset[Cell]:
+        """Return all cells that have to be decided and are not, also those beside a patch."""
+        return frozenset()
 
-    vehicle: int
-    cruise_altitude_m: float
-    phase: Phase = Phase.OFFLINE
-    tracked_s: float = 0.0
-    home: GridPoint = _ORIGIN
-    home_level_m: float = 0.0
-    """Height of its home above what layers are counted from, m."""
-    position: GridPoint = _ORIGIN
-    height_m: float = 0.0
-    remaining_wh: float = 0.0
-    drawn_w: float = 0.0
-    wind_m_s: float = 0.0
-    """Wind that was measured in flight."""
-    order: Order | None = None
-    last_order: Order | None = None
-    """Its order when its link was lost, which it may still carry out."""
-    return_reason: ReturnReason | None = None
-    over_home: bool = False
-    """Whether it is over the place where it will land."""
-    returns_by_itself: bool = False
-    """Whether its autopilot flies it home, straight."""
-    spare_pad: GridPoint | None = None
-    """Where it lands while its own pad stays blocked."""
-    lanes: tuple[Lane, ...] = ()
-    on_lane: bool = False
-    lane_seen_m: tuple[float, ...] = ()
-    """Where along its first lane judged frames lie, m."""
-    empty_passes: int = 0
-    """Lanes in a row without a judged frame."""
-    frames_lost: int = 0
-    """Pictures in a row that were lost or are not credible."""
-    judged_s: float = 0.0
-    """When its last picture was judged, or its first path began."""
-    home_refused: int = 0
-    """How often the return path could not be flown since take-off."""
-    behind: int = 0
-    """How often in a row, `BEHIND_S` apart at most, it fell behind its path..."""
-    behind_s: float = float("-inf")
-    """... and when last."""
-    candidate: Cell | None = None
-    vertex: Cell | None = None
-    at_target: bool = False
-    """Whether it has arrived at its candidate or vertex."""
-    landed: bool = True
-    cleared: bool = True
-    """Whether the operator has cleared it for take-off: a flight uses the clearance up, a battery
-    swap or a resume renews it. No vehicle takes off beside people because a link came back."""
-    fruitless_sorties: int = 0
-    """Consecutive sorties that the battery ended without progress."""
-    braking_until_s: float | None = None
-    """Until when it comes to rest after its leg was interrupted: its place is uncertain."""
-    passed_s: float | None = None
-    """When it flew past the end of a leg without a stop."""
-    landed_away_m: float = 0.0
-    """How far from its pad a pilot or a failsafe has set it down, m."""
-    was_down: bool = False
-    """Whether it was down when the mission was resumed, and has not reported since."""
-    called_home: bool = False
-    """Whether the operator has commanded it home, to stay there."""
-    asks: Column | None = None
-    """The air that it asks the others of its fleet for..."""
-    leased_until_s: float = float("-inf")
-    """... and until when they have closed it to themselves."""
-    held_until_s: float = float("-inf")
-    """Out of contact: until when its work is left to it."""
-    due_s: float = float("-inf")
-    """Out of contact: when it should be back over its pad, its lanes flown."""
-    back_s: float = float("-inf")
-    """When it was last received again after it was out of contact."""
-    note: str = ""
+    def concluded(self, state: State, left: tuple[Lane, ...]) -> State:
+        """Return the state at the end by the map of a whole fleet; `left` are unseen lanes."""
+        return replace(state, exhausted=state.tree is None and not left)
 
-    @property
-    def idle(self) -> bool:
-        """Whether it waits for an order."""
-        return self.order is None or isinstance(self.order, Hold)
+    # --- the search -----------------------------------------------------------------------------
+    def searched(self, state: State) -> State:
+        """Note that the search is over once no vehicle has a lane or a suspicion."""
+        done = all(v.idle_in_search for v in state.vehicles.values())
+        return replace(state, exhausted=done)
 
-    @property
-    def works(self) -> bool:
-        """Whether it flies for the mission, and not home."""
-        return self.phase is Phase.AIRBORNE and self.return_reason is None
+    def lane_done(self, state: State) -> Callable[[Cell], bool]:
+        """Return what says whether a lane has done its work at a cell: a frame has judged it."""
+        return state.setting.heights.searched(state)
 
-    @property
-    def uncontrolled(self) -> bool:
-        """Whether it is in the air and cannot be commanded."""
-        others = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
-        return self.phase in others and not self.landed
+    @abstractmethod
+    def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
+        """Return the state in which a frame from anywhere counts for a search, beside its votes."""
 
-    @property
-    def idle_in_search(self) -> bool:
-        """Whether it has neither a lane nor a suspicion."""
-        return not self.lanes and self.candidate is None
+    # --- orders ---------------------------------------------------------------------------------
+    @abstractmethod
+    def plan(self, state: State) -> State:
+        """Give orders that are planned for all vehicles at once, after an event."""
 
-    @property
-    def path(self) -> Trajectory | None:
-        """The path that it flies without stopping."""
-        return self.order.trajectory if isinstance(self.order, FlyPath) else None
+    @abstractmethod
+    def next_order(self, state: State, vehicle: VehicleState) -> State:
+        """Give an order to an idle vehicle in the air that may work."""
 
-    @property
-    def cruise_height_m(self) -> float:
-        """Its layer, above its own home."""
-        return self.cruise_altitude_m - self.home_level_m
+    def may_take_off(self, state: State) -> bool:
+        """Whether a vehicle that is ready may take off now."""
+        return True
 
-    def leg(self, route: Iterable[GridPoint]) -> FlyTo:
-        """Return the order to fly along places in its layer, and to stop at the last."""
-        return FlyTo(tuple(route), None, stop=True, height_m=self.cruise_height_m)
+    def first_target(self, state: State, vehicle: VehicleState) -> GridPoint | None:
+        """Return where a vehicle on the ground would fly first; None: nothing is left."""
+        cell = vehicle.vertex or vehicle.candidate
+        if cell is not None:
+            return state.setting.where(cell, state.t_s)
+        return state.setting.over_ground(vehicle.lanes[0][0], state.t_s) if vehicle.lanes else None
 
-    @property
-    def ended(self) -> bool:
-        """Whether it will do nothing more, and is on the ground or given up.
-
-        A vehicle that its pilot keeps on the ground may be given back: that is not waited for.
-        """
-        done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.YIELDED)
-        return self.phase is Phase.LOST or (self.phase in done and self.landed)
-
-    @property
-    def away(self) -> bool:
-        """Whether the crew has to look for it: in the air, or on the ground elsewhere."""
-        is_down = self.was_down or self.phase in (Phase.DOWN, Phase.LOST)
-        return is_down or not self.landed or bool(self.landed_away_m)
-
-    @property
-    def level_m(self) -> float:
-        """Where it is above the level that layers are counted from."""
-        return self.height_m + self.home_level_m
-
-    @property
-    def is_over_pad(self) -> bool:
-        """Whether it is in the column over its pad."""
-        return self.position.distance_to(self.pad) <= OVER_PAD_M
-
-    @property
-    def pad(self) -> GridPoint:
-        """Where it lands."""
-        return self.home if self.spare_pad is None else self.spare_pad
-
-    def interrupted(self, t_s: float) -> VehicleState:
-        """Take back its order; from a leg it has to come to rest first."""
-        moves = self.passed_s is not None and t_s - self.passed_s < PASSING_S
-        if moves or isinstance(self.order, FlyTo | Sweep | FlyPath):
-            return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
-        return replace(self, order=None)
-
-    def stood_down(self, phase: Phase, note: str) -> VehicleState:
-        """End its part in the mission."""
-        return replace(self, phase=phase, order=StandDown(), note=note)
-
-    def left_to_autopilot(self, note: str) -> VehicleState:
-        """Have its autopilot fly it home, watched by its guardian."""
-        return replace(
-            self.stood_down(Phase.GUARDED, note),
-            order=ReturnToLaunch(),
-            return_reason=None,
-            returns_by_itself=True,
+    def without_target(self, state: State, vehicle: VehicleState) -> State:
+        """Return the state in which nothing is left for a vehicle on the ground."""
+        if state.setting.lanes or state.tree is not None:
+            return state
+        note = (
+            "no part of the search box can be flown inside the geofence; move the one or the other"
         )
+        return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
+
+    def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
+        """Give up what the last vehicle does not reach on a full battery; None: end its part."""
+        return None
+
+    def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
+        """Return the cell that a vehicle looks from, or is on its way to."""
+        return None
+
+    # --- work that is shared --------------------------------------------------------------------
+    def replan_s(self, setting: Setting) -> float:
+        """Return how long a plan is flown at least, seconds."""
+        return 0.0
+
+    def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
+        """Close in the chart what others are to see."""
+        return state, Work(work.memory)
+
+    def gathers(self, state: State, vehicle: VehicleState) -> bool:
+        """Return whether a member has to receive of others before it does anything."""
+        return False
+
+    def held_until_s(self, state: State, vehicle: VehicleState, t_s: float) -> float:
+        """Return until when a member that is out of contact since `t_s` is left its work."""
+        return t_s
+
+
+class Team(ABC):
+    """The vehicles that a service commands, and what it agrees with other services."""
+
+    knows_orders: bool = True
+    """Whether it knows what vehicles are ordered."""
+    shares_facts: bool = False
+    """Whether other services receive what its frames decide, and make the same map of it."""
+    climbs_on_path: bool = True
+    """Whether a vehicle may change its layer while it flies to somewhere else."""
+
+    def controls(self, number: int) -> bool:
+        """Return whether a vehicle is commanded."""
+        return True
+
+    def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
+        """Return where vehicles may fly that start from their pads."""
+        return Fences(whole, whole, None)
+
+    def refusal(self, setting: Setting, vehicle: VehicleState) -> str:
+        """Return why a vehicle may not take off from where it stands; empty if it may."""
+        return ""
+
+    def urgent_order(self, state: State, vehicle: VehicleState) -> State | None:
+        """Return the state in which a vehicle does what comes before all else; None: nothing."""
+        return None
+
+    def change_layer(self, state: State, vehicle: VehicleState) -> State | None:
+        """Return the state in which a vehicle changes its layer as others allow it; None: it may
+        change it wherever the air is clear."""
+        return None
+
+    def way_out(self, state: State, vehicle: VehicleState) -> State:
+        """Return the state in which a waiting vehicle leaves its pad past those of others."""
+        return state
+
+    def free_lane(self, state: State) -> Lane | None:
+        """Return the first lane with something left to judge that no vehicle holds."""
+        return None
+
+    def gathers(self, state: State, vehicle: VehicleState) -> bool:
+        """Return whether a vehicle without lanes has to hear of others before it does anything."""
+        return False
+
+    @abstractmethod
+    def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
+        """Close in the chart what others are to see."""
+
+    def mark_unreported(self, state: State, known: Known) -> bool:
+        """Mark undecided cells that others may take for observed; return whether there are any."""
+        return False
+
+
+class OneHeight:
+    """Lanes are flown in the layers from which the map is made."""
+
+    def searched(self, state: State) -> Callable[[Cell], bool]:
+        """Return what says whether any frame has judged a cell."""
+        return state.belief.open_tallies.as_dict().__contains__
+
+    def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
+        """The altitude that a vehicle works in."""
+        return setting.mission.altitude_m(vehicle.vehicle - 1)
+
+    def in_layer(self, state: State, vehicle: VehicleState) -> bool:
+        """Return whether a vehicle is where it works, or will be in time."""
+        return True
+
+    def take_off_height_m(self, state: State, vehicle: VehicleState) -> float:
+        """How high a vehicle climbs over its pad, above it."""
+        return vehicle.cruise_height_m
+
+    def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
+        """Whether one that stands without lanes takes off to map while others fly theirs."""
+        return False
+
+    def cuts_m(self, setting: Setting) -> tuple[float, ...]:
+        """By how much corners between lanes are cut, the most first."""
+        return LANE_CUTS_M
+
+    def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
+        """A lane without its ends, as far as pictures show them from before them."""
+        return lane
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting(Layout):
+    """What a mission is given and does not change."""
+
+    team: Team
+    """The vehicles that are commanded, and what is agreed with other services."""
+    strategy: Strategy
+    """How vehicles find the region and map it."""
+    heights: OneHeight
+    """The heights at which vehicles search and map."""
+
+    @cached_property
+    def shares(self) -> Shares:
+        """The lanes of each vehicle before take-off."""
+        return self.strategy.shares(self) if self.lanes else ((),) * len(self.pads)
+
+    def initial_state(self) -> State:
+        """Return the state in which every vehicle is offline and has its share of the lanes."""
+        mission = self.mission
+        blocks = self.strategy.begins_with(self)
+        vehicles = {
+            number: VehicleState(
+                number,
+                mission.search_altitude_m(number - 1) or mission.altitude_m(number - 1),
+                home_level_m=self.home_level_m(number),
+                lanes=blocks[number - 1],
+            )
+            for number in range(1, len(mission.vehicles) + 1)
+        }
+        none_seen = Belief(mission.votes.frames, mission.votes.positive)
+        ours = tuple(filter(self.team.controls, vehicles))
+        return State(self, none_seen, none_seen, vehicles, ours)
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What is known at an instant of the mission."""
+    """What is known at an instant of the mission: the fold of the journal."""
 
+    setting: Setting = field(compare=False, repr=False)
     belief: Belief
+    overview: Belief
+    """The votes of frames from the height of a search."""
     vehicles: Mapping[int, VehicleState]
     our_numbers: tuple[int, ...]
     """The vehicles that are commanded, in order."""
@@ -277,8 +332,6 @@ class State:
     """Cells that were visited and lack votes on themselves or on a neighbour."""
     found_s: float | None = None
     """When the ROI was first confirmed."""
-    overview: Belief = _NOTHING
-    """The votes of frames from the height of a search."""
     closed: Mapping[int, Column] = field(default_factory=dict)
     """The air that other members have asked for, which ours keeps out of."""
     shown: frozenset[Cell] = frozenset()
@@ -338,11 +391,3 @@ class State:
             and all(v.landed for v in self.ours or everybody)
             and not any(v.phase in (Phase.DOWN, Phase.LOST) for v in everybody)
         )
-
-    def robots(self) -> dict[int, Cell]:
-        """Return the vertex of each vehicle that takes part in the exploration."""
-        return {
-            number: v.vertex
-            for number, v in self.vehicles.items()
-            if v.vertex is not None and v.phase in (Phase.AIRBORNE, Phase.GROUNDED)
-        }

@@ -1,6 +1,6 @@
 """The reducer: what an event changes, and what each idle vehicle does next.
 
-    step(setting, state, event) -> (state, orders)
+    step(state, event) -> (state, orders)
 
 Pure: the same state and event give the same orders, so a resume, a replay and a test are one
 mechanism. No order is given that would take a vehicle out of its fence, beyond its energy, or
@@ -18,11 +18,11 @@ from missions.events import Event, Told, Weighed
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.operator_orders import explained
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.searching import find_work
 from missions.flight.transitions import apply
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.mission.energy import FRESH
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, Order, TakeOff
@@ -35,7 +35,7 @@ CLIMB_ROOM_M = 0.5
 """Greatest distance of a climb from where it began, m."""
 
 
-def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
+def step(state: State, event: Event) -> tuple[State, Orders]:
     """Return the state after an event, and the new orders by vehicle.
 
     An order holds until it ends or until another replaces it.
@@ -44,7 +44,7 @@ def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
         return explained(state, event), ()
     if isinstance(event, Weighed):  # for maps of recorded pictures; no flight plans by it
         return state, ()
-    after = assign(setting, apply(setting, state, event))
+    after = assign(apply(state, event))
     orders = tuple(
         (number, vehicle.order)
         for number, vehicle in after.vehicles.items()
@@ -59,46 +59,47 @@ def fold(setting: Setting, events: Iterable[Event]) -> State:
     """Return the state after a journal."""
     state = setting.initial_state()
     for event in events:
-        state, _ = step(setting, state, event)
+        state, _ = step(state, event)
     return state
 
 
-def assign(setting: Setting, state: State) -> State:
+def assign(state: State) -> State:
     """Return the state with an order for each vehicle that can have one."""
     if state.tree is None:
-        state = drop_seen(setting, state)
-    strategy = setting.strategy.in_force(state)
-    if state.tree is None and setting.lanes:
-        state = strategy.searched(setting, state)
-    state = Airspace(setting, state).stop_conflicting()
+        state = drop_seen(state)
+    strategy = state.setting.strategy.in_force(state)
+    if state.tree is None and state.setting.lanes:
+        state = strategy.searched(state)
+    state = Airspace(state).stop_conflicting()
     for number in state.our_numbers:
-        state = turn_back(setting, state, state.vehicles[number])
-    state = strategy.plan(setting, state)
+        state = turn_back(state, state.vehicles[number])
+    state = strategy.plan(state)
     for number in state.our_numbers:
         vehicle = state.vehicles[number]
         if vehicle.idle and vehicle.phase is Phase.AIRBORNE:
-            state = _airborne(setting, state, vehicle)
+            state = _airborne(state, vehicle)
         elif vehicle.phase is Phase.GROUNDED and not isinstance(vehicle.order, TakeOff):
-            state = _grounded(setting, state, vehicle)
+            state = _grounded(state, vehicle)
     return state
 
 
-def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def _airborne(state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
-    if (first := setting.team.urgent_order(setting, state, vehicle)) is not None:
+    if (first := state.setting.team.urgent_order(state, vehicle)) is not None:
         return first
     if vehicle.return_reason is not None:
-        return fly_home(setting, state, vehicle)
-    if (given_way := Airspace(setting, state).make_way(vehicle)) is not None:
+        return fly_home(state, vehicle)
+    if (given_way := Airspace(state).make_way(vehicle)) is not None:
         return given_way
     if state.paused:
         return state.holding(vehicle)
-    return setting.strategy.in_force(state).next_order(setting, state, vehicle)
+    return state.setting.strategy.in_force(state).next_order(state, vehicle)
 
 
-def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def _grounded(state: State, vehicle: VehicleState) -> State:
     """Take off, wait for a battery, or stay."""
+    setting = state.setting
     if state.exploration_finished or state.recalled or vehicle.called_home:
         done = vehicle.stood_down(Phase.FINISHED, vehicle.note)
         return state.with_vehicle(replace(done, vertex=None))
@@ -110,23 +111,23 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if state.paused or not strategy.may_take_off(state):
         return state
     if state.tree is None and vehicle.idle_in_search:
-        state = find_work(setting, state, vehicle)
+        state = find_work(state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     heights = setting.heights
     vehicle = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
-    target = strategy.first_target(setting, state, vehicle)
+    target = strategy.first_target(state, vehicle)
     if target is None:
-        return strategy.without_target(setting, state, vehicle)
+        return strategy.without_target(state, vehicle)
     if refusal := _unfit(setting, vehicle):
         return state.with_vehicle(vehicle.stood_down(Phase.FAILED, refusal))
     if vehicle.fruitless_sorties >= MOST_FRUITLESS_SORTIES:
-        return _out_of_reach(setting, state, vehicle)
+        return _out_of_reach(state, vehicle)
     if not has_energy_for(setting, vehicle, target, setting.look_s):
         if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
-        return _out_of_reach(setting, state, vehicle)
-    order = TakeOff(heights.take_off_height_m(setting, state, vehicle))
-    return Airspace(setting, state).reserve_or_wait(vehicle, order)
+        return _out_of_reach(state, vehicle)
+    order = TakeOff(heights.take_off_height_m(state, vehicle))
+    return Airspace(state).reserve_or_wait(vehicle, order)
 
 
 def _unfit(setting: Setting, vehicle: VehicleState) -> str:
@@ -151,11 +152,11 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
     return ""
 
 
-def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def _out_of_reach(state: State, vehicle: VehicleState) -> State:
     """Give up what a full battery does not reach, unless another vehicle may be nearer."""
     others = (v for n, v in state.vehicles.items() if n != vehicle.vehicle)
     if not any(other.phase in (Phase.AIRBORNE, Phase.GROUNDED) for other in others):
-        given_up = setting.strategy.in_force(state).give_up_far(setting, state, vehicle)
+        given_up = state.setting.strategy.in_force(state).give_up_far(state, vehicle)
         if given_up is not None:
             return given_up
     note = "its next place is out of reach on a full battery"

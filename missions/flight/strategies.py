@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from missions.errors import StrategyError
-from missions.flight.setting import Strategy
+from missions.flight.state import Strategy
 from missions.flight.strategy.every_patch import ALL, WHOLE_BOX
 from missions.flight.strategy.leapfrog import PAIR
 from missions.flight.strategy.stepwise import Stepwise

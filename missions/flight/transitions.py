@@ -41,10 +41,10 @@ from missions.flight.connections import (
 )
 from missions.flight.lane_progress import lane_flown, lane_left, set_free
 from missions.flight.operator_orders import called_home, paused, skip, skipped_for_good
-from missions.flight.setting import Setting
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
-from missions.flight.state import OFF_LAYER_M, Phase, ReturnReason, State, VehicleState
+from missions.flight.state import Setting, State
 from missions.flight.team.members import allotted, apart, asked, heard, leased, shared
+from missions.flight.vehicle_state import OFF_LAYER_M, Phase, ReturnReason, VehicleState
 from missions.guardian import PAD_M, corners_home
 from missions.orders import AwaitBattery, FlyTo, StandDown, TakeOff
 
@@ -122,13 +122,13 @@ MOST_EMPTY_PASSES = 2
 """Lanes in a row without a judged frame after which a vehicle comes home."""
 
 
-_OF_ALL: Final[Mapping[type, Callable[[Setting, State, Any], State]]] = {
-    Recalled: lambda setting, state, event: replace(state, recalled=True, paused=False),
-    Paused: lambda setting, state, event: paused(setting, state),
-    Continued: lambda setting, state, event: replace(state, paused=False),
-    Resumed: lambda setting, state, event: resume(setting, state),
-    FrameSeen: lambda setting, state, event: skipped_for_good(frame_seen(setting, state, event)),
-    LookEnded: lambda setting, state, event: skipped_for_good(look_ended(state, event)),
+_OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
+    Recalled: lambda state, event: replace(state, recalled=True, paused=False),
+    Paused: lambda state, event: paused(state),
+    Continued: lambda state, event: replace(state, paused=False),
+    Resumed: lambda state, event: resume(state),
+    FrameSeen: lambda state, event: skipped_for_good(frame_seen(state, event)),
+    LookEnded: lambda state, event: skipped_for_good(look_ended(state, event)),
     CellSkipped: skip,
     Heard: heard,
     Shared: shared,
@@ -140,15 +140,15 @@ _OF_ALL: Final[Mapping[type, Callable[[Setting, State, Any], State]]] = {
 """Rules for events that change more than one vehicle, or more than vehicles."""
 
 
-def apply(setting: Setting, state: State, event: Event) -> State:
+def apply(state: State, event: Event) -> State:
     """Return the state after an event, before any vehicle is given a new order."""
     state = replace(state, t_s=max(state.t_s, event.t_s))
     if (rule := _OF_ALL.get(type(event))) is not None:
-        return rule(setting, state, event)
+        return rule(state, event)
     assert isinstance(event, OfVehicle)
-    changed = _changed(event, state.vehicles[event.vehicle], setting)
+    changed = _changed(event, state.vehicles[event.vehicle], state.setting)
     state = state.with_vehicle(changed)
-    return follow_no_farther(setting, state, changed) if isinstance(event, Tracked) else state
+    return follow_no_farther(state, changed) if isinstance(event, Tracked) else state
 
 
 @singledispatch

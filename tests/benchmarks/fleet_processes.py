@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from missions.events import Landed, LiftedOff
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from tests.benchmarks.frame import asked
 from tests.support.small_missions import joined
 from uavmap.journal.event_log import Journal
@@ -222,7 +222,7 @@ def journals(folder: Path, count: int) -> Any:
             events = list(journal.events())
         begun += [event.t_s for event in events if isinstance(event, LiftedOff)]
         ended += [event.t_s for event in events if isinstance(event, Landed)]
-        regions[number] = frozenset(joined(setting, setting.initial_state(), events).belief.roi)
+        regions[number] = frozenset(joined(setting.initial_state(), events).belief.roi)
         frames[number] = sum(event.kind == "frame_seen" for event in events)
     return {
         "lift_off_to_landing_s": round(max(ended) - min(begun), 1),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.events import Event
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from sitl.vehicle import SimVehicle
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from missions.events import Navigated, Tracked
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from sitl.vehicle import SimVehicle
 from tests.benchmarks import frame
 from tests.support.plans import named_text

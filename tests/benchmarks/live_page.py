@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from missions.events import FrameSeen, Tracked, Vote
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase
 from missions.geo.trajectory import rounded_path
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex

@@ -23,7 +23,7 @@ from shapely.geometry import Point
 
 import uavmap.runner.simulation
 from missions.events import Event, from_json
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.guardian import PAD_M
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle

@@ -11,10 +11,10 @@ from typing import Any, Final
 
 from shapely.geometry import Point
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, VehicleState
+from missions.flight.state import Setting
 from missions.flight.step import fold
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.guardian import HARD_M_S, PAD_M
 from missions.mission.checks import parse_mission
 from missions.mission.energy import AIRSPEED_LIMIT_M_S

@@ -45,7 +45,7 @@ def test_lanes_lie_in_the_fence_and_leave_no_cell_of_the_box_out(strategy, vehic
     # a lane is cut half a cell before the rim of the box, whose cells its pictures show
     reach_m = ((setting.lane_rows - 1) / 2 + 1.0) * setting.grid.cell_m
     strips = [LineString(lane).buffer(reach_m) for lane in setting.lanes]
-    flown_to = setting.strategy.open_cells(setting, setting.initial_state())
+    flown_to = setting.strategy.open_cells(setting.initial_state())
     for cell in setting.box_cells:
         place = Point(setting.where(cell, 0.0))
         assert cell in flown_to or any(strip.covers(place) for strip in strips), cell
@@ -72,16 +72,16 @@ def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(strategy, 
     state = flight.state
     assert state.completed
     assert state.belief.roi >= ROI
-    assert not setting.strategy.open_cells(setting, state)
+    assert not setting.strategy.open_cells(state)
     # once it has ended no vehicle is ordered anything
     last = next(event for event in reversed(flight.events) if event.kind == "tracked")
-    assert step(setting, state, last)[1] == ()
+    assert step(state, last)[1] == ()
     # it keeps nothing to itself: another that never flew gives the same orders
     assert vars(setting.strategy) == before
-    other, again = setting_of(setting.mission), setting.initial_state()
+    again = setting_of(setting.mission).initial_state()
     given = []
     for event in flight.events:
-        again, orders = step(other, again, from_json(to_json(event)))
+        again, orders = step(again, from_json(to_json(event)))
         given += [order for _, order in orders]
     assert again == state
     assert given == [order for _, _, order in flight.orders]

@@ -7,8 +7,8 @@ from typing import Any
 
 from missions.events import FrameSeen, from_json
 from missions.flight.setting_of import setting_of
-from missions.flight.state import VehicleState
 from missions.flight.step import step
+from missions.flight.vehicle_state import VehicleState
 from tests.e2e.rig import bodies, mission
 from uavmap.load.mission_source import load
 
@@ -26,7 +26,7 @@ class Journey:
     def vehicle(self) -> VehicleState:
         found = bodies(self._folder, self._read)
         for event in map(from_json, found):
-            self._state, _ = step(self._setting, self._state, event)
+            self._state, _ = step(self._state, event)
             self.frames += isinstance(event, FrameSeen)
         self._read += len(found)
         return self._state.vehicles[1]

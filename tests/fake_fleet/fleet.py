@@ -13,10 +13,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from missions.events import Event, Recalled, Resumed
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Setting, State
 from missions.flight.step import fold, step
+from missions.flight.vehicle_state import Phase
 from missions.guardian import Guard, Limits
 from missions.mission.places import homes
 from missions.mission.schema import Mission
@@ -118,7 +118,7 @@ class Fleet:
             return
         self.events.append(event)
         try:
-            self.state, orders = step(self.setting, self.state, event)
+            self.state, orders = step(self.state, event)
         except Exception as failure:
             text = f"{type(failure).__name__}: {failure} at {event}"
             self.referee.note(self.t_s, "traceback", text)

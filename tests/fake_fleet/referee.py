@@ -13,8 +13,8 @@ from shapely.geometry import Point
 
 from missions.events import FrameSeen, from_json, to_json
 from missions.flight.return_home import BESIDE_M
-from missions.flight.state import Phase
 from missions.flight.step import fold
+from missions.flight.vehicle_state import Phase
 from missions.guardian import PAD_M
 from missions.lab.arena.roi import component
 from missions.mapping.belief import FrameId

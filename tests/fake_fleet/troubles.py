@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal, cast
 
-from missions.flight.state import Phase
+from missions.flight.vehicle_state import Phase
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Land, Look, Sweep, TakeOff
 from missions.units import GridPoint
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.events import Event
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.mission.checks import parse_mission
 from tests.support.plans import named_text
 from uavmap.output.facts.figures import figures, summary
@@ -78,7 +78,7 @@ def outcome(recording: Recording, events: Sequence[Event]) -> dict[str, Any]:
     state, found = figures(setting, events)
     tree = state.tree
     values = {
-        "summary": summary(setting, state, found, recording.seed),
+        "summary": summary(state, found, recording.seed),
         "roi": sorted([cell.east, cell.north] for cell in state.belief.roi),
         "tree": sorted([cell.east, cell.north, tree.state(cell).value] for cell in tree.vertices)
         if tree is not None

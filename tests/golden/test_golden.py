@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import pytest
 
 from missions.events import Event, from_json, to_json
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.flight.step import fold, step
 from missions.mapping.overview import with_plain
 from missions.orders import FlyPath, Look
@@ -60,7 +60,7 @@ def test_any_prefix_folds_to_the_state_that_was_held_then(told):
     state = told.setting.initial_state()
     every = max(40, len(told.events) // 3)
     for number, event in enumerate(told.events, start=1):
-        state, _ = step(told.setting, state, event)
+        state, _ = step(state, event)
         if number % every == 0:
             assert fold(told.setting, told.events[:number]) == state
     assert state.over
@@ -72,7 +72,7 @@ def test_the_order_of_the_frames_does_not_change_the_map(told):
     none = told.setting.initial_state()
     low, high = none.belief, none.overview
     for event in reversed(frames):
-        state, _ = step(told.setting, none, event)
+        state, _ = step(none, event)
         low, high = low.join(state.belief), high.join(state.overview)
     shown = list(high.open_ballots)
     belief = with_plain(low, high, told.setting.in_box, shown)
@@ -84,7 +84,7 @@ def test_who_stops_looks_and_who_does_not_flies_paths(recording, stops):
     setting = recording.setting()
     state, kinds = setting.initial_state(), set[type]()
     for line in recording.lines():
-        state, orders = step(setting, state, from_json(line))
+        state, orders = step(state, from_json(line))
         kinds.update(type(order) for _, order in orders)
     assert (Look in kinds) is stops
     assert (FlyPath in kinds) is not stops

@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from sitl.vehicle import SimVehicle
 from tests.benchmarks.watched import Flown, Observer, flown, mission_text
 

@@ -13,9 +13,8 @@ import numpy as np
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
 from missions.errors import MissionFileError
 from missions.events import Event
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.flight.team.members import facts_of, with_map
 from missions.geo.grid import Grid
 from missions.lab.arena.roi import eden
@@ -321,9 +320,9 @@ def reachable(setting: Setting, roi: Collection[Cell], root: Cell) -> tuple[set[
     return looked, looked | {n for c in looked for n in c.neighbours() if n in roi}
 
 
-def joined(setting: Setting, state: State, events: Iterable[Event]) -> State:
+def joined(state: State, events: Iterable[Event]) -> State:
     """The state of a member after its journal, with the map that its facts make in any order."""
-    facts = facts_of(setting)
+    facts = facts_of(state.setting)
     for event in events:
         facts.take(event)
     return with_map(state, facts)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from missions.flight.state import Phase, ReturnReason
+from missions.flight.vehicle_state import Phase, ReturnReason
 from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sim_section import SimFault
 from sitl.testing import Vehicle

@@ -6,7 +6,7 @@ import itertools
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from missions.geo.braking import Course
 from missions.guardian import Task
 from missions.mission.energy import CLIMB_SPEED_M_S
@@ -21,7 +21,7 @@ SETTLE_S: Final = 5.0
 class GuardedTasks:
     """The tasks of one vehicle, from where it is now."""
 
-    def __init__(self, reporter: Reporter, setting: Setting) -> None:
+    def __init__(self, reporter: Reporter, setting: Layout) -> None:
         self._reporter = reporter
         self._view = reporter.view
         self._setting = setting

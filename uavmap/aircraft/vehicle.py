@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError, leaves
 from missions.events import GivenUp, LinkLost, OrderFailed
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from missions.guardian import Limits
 from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.planning.leapfrog_geometry import Role
@@ -63,7 +63,7 @@ class MavlinkVehicle:
         name: str,
         session: Session,
         camera: CameraDriver,
-        setting: Setting,
+        setting: Layout,
         mission_time_s: Callable[[], float],
         crew: Crew,
         link_lost_s: float = LINK_LOST_S,

@@ -13,8 +13,8 @@ from typing import Final
 from missions.events import Event
 from missions.fleet_events import Asked, Leased
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.setting import Setting
-from missions.flight.state import Column, State
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Column
 from missions.units import GridPoint
 from uavmap.fleet.codec import Ask
 from uavmap.fleet.peer import Peer
@@ -98,7 +98,7 @@ class AirspaceLeases:
             column = state.closed.get(number)
             if peer.ask is None or column is None or peer.ask.place != column.place:
                 continue
-            ours, air = self._column, Airspace(self._setting, state)
+            ours, air = self._column, Airspace(state)
             first = self._leased == self._question or self._number < number
             wanted = ours is not None and air.columns_meet(ours, column) and first
             if not wanted and air.can_promise(column):

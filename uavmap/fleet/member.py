@@ -25,8 +25,7 @@ from missions.events import (
     VehicleRecalled,
 )
 from missions.fleet_events import Allotted, Apart, Part, Shared
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.mapping.belief import Belief
 from missions.mapping.own_cells import OwnCells
 from missions.units import PadHeight
@@ -271,7 +270,7 @@ class Member:
         state = self._state
         if state is None or self._number not in state.vehicles:
             return None
-        return presence_of(self._setting, state, state.vehicles[self._number])
+        return presence_of(state, state.vehicles[self._number])
 
     # --- hearing -------------------------------------------------------------------------------
     def heard(self, datagram: bytes) -> None:

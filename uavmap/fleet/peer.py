@@ -16,8 +16,8 @@ from typing import Final
 
 from missions.fleet_events import Heard
 from missions.flight.lane_progress import lanes_held
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath
 from missions.units import GridPoint, PadHeight
 from uavmap.base import messages
@@ -63,16 +63,16 @@ PATH_PLACES: Final = 4
 """... and are so many."""
 
 
-def presence_of(setting: Setting, state: State, vehicle: VehicleState) -> Presence:
+def presence_of(state: State, vehicle: VehicleState) -> Presence:
     """What a member tells of its vehicle."""
-    capacity_wh = setting.mission.battery.capacity_wh
+    capacity_wh = state.setting.mission.battery.capacity_wh
     return Presence(
         _does(vehicle),
         vehicle.position,
         vehicle.height_m,
         vehicle.remaining_wh / capacity_wh,
         vehicle.cruise_altitude_m,
-        lanes_held(setting, vehicle),
+        lanes_held(state.setting, vehicle),
         _places_ahead(vehicle, state.t_s),
     )
 

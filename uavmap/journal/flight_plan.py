@@ -13,8 +13,8 @@ from typing import Any, Final, Literal, Self
 from pydantic import TypeAdapter
 
 from missions.errors import JournalError, LinkError, MissionFileError, UavmapError
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.mission.checks import FLOWN, STRATEGIES, check, with_strategy
 from missions.mission.fleet_checks import check_fleet, with_own_air, with_vehicles
 from missions.mission.schema import MAX_VEHICLES, Mission

@@ -37,11 +37,11 @@ def load_strategies() -> None:
 
 def _registered(strategy: object) -> str:
     # half a second, which no command needs where there is no plug-in
-    from missions.flight.setting import Strategy  # noqa: PLC0415
+    from missions.flight.state import Strategy  # noqa: PLC0415
     from missions.flight.strategies import register  # noqa: PLC0415
 
     if not isinstance(strategy, Strategy):
-        return "it is no missions.flight.setting.Strategy"
+        return "it is no missions.flight.state.Strategy"
     try:
         register(strategy)
     except StrategyError as error:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from missions.events import Event, FrameSeen, Tracked, Vote, Weighed
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
 from missions.mapping.rim_cells import rim_cells
@@ -60,15 +59,15 @@ def flown_flight(
     truth = None
     if plan.simulated and setting.mission.sim.roi:
         truth = true_roi(setting.mission, setting.grid)
-    data = map_data(setting, state, found, truth)
-    values = summary(setting, state, found, plan.seed if plan.simulated else None)
+    data = map_data(state, found, truth)
+    values = summary(state, found, plan.seed if plan.simulated else None)
     values |= {"cells_skipped": len(state.skipped)}
     values = doubted(values, data.cells, setting)
     if truth is not None:
         marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
         values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
     values |= dict(simulated or {})
-    values |= ending(values, no_verdict(setting, state, found.fit, real=not plan.simulated))
+    values |= ending(values, no_verdict(state, found.fit, real=not plan.simulated))
     log = FlightLog.of(events)
     return dated(Flown(folder, plan, setting, data, values, log, Calendar.of_flight(plan))), state
 
@@ -82,20 +81,20 @@ def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
     return dict(flown.values)
 
 
-def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry | None) -> MapData:
+def map_data(state: State, found: Figures, truth: BaseGeometry | None) -> MapData:
     """Create the map of a flight."""
-    grid = setting.grid
+    grid = state.setting.grid
     cells = CellTable.of(
         CellRow(cell, cell_state(cell, state, found.sums), tally.positive, tally.total)
         for cell, tally in state.belief.cells().items()
-    ).with_sums(found.sums, setting.mission.detector.explored)
+    ).with_sums(found.sums, state.setting.mission.detector.explored)
     tracks = tuple(
         Track(number, tuple((t, grid.position(point), height) for t, point, height in points))
         for number, points in found.tracks.items()
         if points
     )
     lanes = tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched)
-    return replace(map_of(setting, state.t_s, cells, tracks), truth=truth, unsearched=lanes)
+    return replace(map_of(state.setting, state.t_s, cells, tracks), truth=truth, unsearched=lanes)
 
 
 def map_of(setting: Setting, t_s: float, cells: CellTable, tracks: tuple[Track, ...]) -> MapData:

@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.mapping.frame_sums import FrameSums
 from uavmap.base.messages import muted
 from uavmap.load.detector_source import detector_text

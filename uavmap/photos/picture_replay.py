@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 
 from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell, GridPoint

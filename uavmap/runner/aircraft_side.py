@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from missions.errors import leaves
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from uavmap.aircraft.guardian.last_watch import (
     NOT_HOME,
     Guardians,
@@ -44,7 +44,7 @@ class AircraftSide:
     def __init__(
         self,
         plan: FlightPlan,
-        setting: Setting,
+        setting: Layout,
         folder: Path,
         links: Sequence[Link],
         clock: MissionClock,
@@ -200,7 +200,7 @@ def _text(failure: Exception | None) -> str:
 
 @contextlib.asynccontextmanager
 async def in_this_process(
-    port: Port, plan: FlightPlan, setting: Setting, folder: Path, links: Sequence[Link]
+    port: Port, plan: FlightPlan, setting: Layout, folder: Path, links: Sequence[Link]
 ) -> AsyncIterator[None]:
     """The aircraft in the process of their mission: the same messages, as the same bytes."""
     to_mission = say.as_bytes(port.receive)

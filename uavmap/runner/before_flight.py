@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import LinkError, NotFlownError, OutputError, PreflightError
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.aircraft.process.messages import Asked
@@ -37,7 +37,7 @@ class BeforeFlight:
     def __init__(
         self,
         wanted: Asked | None,
-        setting: Setting,
+        setting: Layout,
         folder: Path,
         links: Sequence[Link],
         ask: Ask,
@@ -179,20 +179,20 @@ def is_left_set(folder: Path) -> bool:
     return not Kept(folder).empty
 
 
-def put_back(plan: FlightPlan, setting: Setting, folder: Path) -> bool:
+def put_back(plan: FlightPlan, setting: Layout, folder: Path) -> bool:
     """Connect to the vehicles and set back what they had; whether nothing is left to be done."""
     run(_put_back(plan, setting, folder), ScaledClock(plan.speedup or 1.0))
     return not is_left_set(folder)
 
 
-async def _put_back(plan: FlightPlan, setting: Setting, folder: Path) -> None:
+async def _put_back(plan: FlightPlan, setting: Layout, folder: Path) -> None:
     cameras = [parse_camera("mavlink")] * len(plan.urls)
     async with spoken_with(plan, cameras, setting.mission.camera) as links:
         numbered = enumerate(links, start=setting.member or 1)
         await asyncio.gather(*(_one(n, link, setting, folder) for n, link in numbered))
 
 
-async def _one(number: int, link: Link, setting: Setting, folder: Path) -> None:
+async def _one(number: int, link: Link, setting: Layout, folder: Path) -> None:
     setup = AutopilotSetup(number, link.session, setting, folder)
     try:
         await connect(link.session, link.name)

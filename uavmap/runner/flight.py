@@ -18,8 +18,7 @@ from missions.errors import (
     OutputError,
     PreflightError,
 )
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.mission.height_and_speed import refuse_unknown_ground
 from missions.mission.schema import Mission
 from missions.mission.sections import LATER
@@ -210,7 +209,7 @@ def resume(
                 put_back(plan, setting, folder)
             return summary
         if again:
-            _refuse_repetition(journal, setting, state)
+            _refuse_repetition(journal, state)
             journal.start_verification()
             state = setting.initial_state()
         elif plan.simulated and not plan.rehomed:
@@ -250,10 +249,10 @@ def _refuse_network(plan: FlightPlan, folder: Path) -> None:
     check_network(plan.network)
 
 
-def _refuse_repetition(journal: Journal, setting: Setting, state: State) -> None:
+def _refuse_repetition(journal: Journal, state: State) -> None:
     """Raise `JournalError` where a simulated flight would come out otherwise, or is over."""
     here, folder = planner(), journal.path.parent
-    if not setting.strategy.stops and journal.planner != here:
+    if not state.setting.strategy.stops and journal.planner != here:
         remedy = "remove numba (`pip uninstall numba`)"
         if here == PLAIN:
             remedy = f"install numba (`{install_command('fast')}`)"

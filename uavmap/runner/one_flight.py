@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from missions.errors import OutputError, PreflightError
 from missions.events import Event, Recalled, Resumed
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase
 from missions.orders import TakeOff
 from missions.units import PadHeight
 from uavmap.aircraft.guardian.last_watch import watched_over
@@ -124,7 +124,7 @@ class Flight:
                         if len(self._journal):
                             _LOG.info(f"to go on: uavmap resume {self.folder}")
                         if self._resumed and len(self._journal) == self._events_before:
-                            say_last_known(self.setting, self._state)
+                            say_last_known(self._state)
                     if self._again or len(self._journal) > self._events_before:
                         leave_map(lambda: self._write_results(None), failure, self.folder)
                 raise

@@ -19,9 +19,9 @@ from typing import Final, Protocol
 from missions.errors import EventError
 from missions.events import CellSkipped, Continued, Event, Paused, Recalled, VehicleRecalled
 from missions.flight.operator_orders import to_skip
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State
+from missions.flight.state import Setting, State
 from missions.flight.step import step
+from missions.flight.vehicle_state import Phase
 from missions.orders import Order
 from uavmap.fleet.codec import Order as OrderWord
 from uavmap.journal.event_log import Journal
@@ -109,7 +109,7 @@ class Service:
         except Exception:
             self._unkept = event
             raise
-        self.state, orders = step(self.setting, self.state, event)
+        self.state, orders = step(self.state, event)
         for number, order in orders:
             self._aircraft.give(number, order)
         self._observe(event, self.state)
@@ -193,7 +193,7 @@ class Service:
         False where there is none: in lanes, on paths without a stop, on the ground. Raises
         `KeyError` as `recall_vehicle`.
         """
-        cell = to_skip(self.setting, self.state, self.state.vehicles[number])
+        cell = to_skip(self.state, self.state.vehicles[number])
         if not self.flying or cell is None:
             return False
         self.post(CellSkipped(number, self.state.t_s, cell))

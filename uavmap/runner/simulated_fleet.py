@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from missions.errors import LinkError, PreflightError, leaves
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
+from missions.flight.vehicle_state import Phase
 from missions.mission.fleet_checks import check_fleet
 from missions.units import GridPoint
 from uavmap.base.clock import VirtualClock, run

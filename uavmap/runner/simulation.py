@@ -15,8 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from missions.errors import LinkError
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission.places import home_heights_m, homes
 from missions.mission.schema import Mission, positions

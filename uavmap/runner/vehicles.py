@@ -9,7 +9,8 @@ from functools import partial
 from typing import Final
 
 from missions.errors import LinkError, MissionFileError
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
+from missions.flight.strategies import chosen
 from missions.flight.strategy.leapfrog import MAPPER, TRACKER
 from missions.flight.strategy.leapfrog import Leapfrog as LeapfrogStrategy
 from missions.planning.leapfrog_geometry import Role
@@ -38,7 +39,7 @@ STREAMED_SPEEDUP: Final = 3.0
 faster clock vehicles fly to places ahead, and stop there."""
 
 
-def numbers_of(setting: Setting) -> Sequence[int]:
+def numbers_of(setting: Layout) -> Sequence[int]:
     """The numbers of the vehicles that this service flies."""
     if setting.member is not None:
         return (setting.member,) if setting.member else ()
@@ -46,7 +47,7 @@ def numbers_of(setting: Setting) -> Sequence[int]:
 
 
 def judge_of(
-    setting: Setting, keepers: Sequence[Keeper] = (), *, recall: bool = False
+    setting: Layout, keepers: Sequence[Keeper] = (), *, recall: bool = False
 ) -> PictureJudge:
     """Return what judges the pictures of a mission's vehicles. A `recall` needs no detector; else
     raises `MissionFileError` for a model that is gone."""
@@ -60,7 +61,7 @@ def judge_of(
 
 def vehicles_of(
     plan: FlightPlan,
-    setting: Setting,
+    setting: Layout,
     links: Sequence[Link],
     host: Host,
     mission_time_s: Callable[[], float],
@@ -102,14 +103,14 @@ def vehicles_of(
             if plan.simulated
             else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
         )
-    if isinstance(setting.strategy, LeapfrogStrategy):
+    if isinstance(chosen(setting.mission), LeapfrogStrategy):
         both = Leapfrog(setting.mission.navigation, host.line)
         vehicles[MAPPER].leapfrog(both, Role.MAPPER)
         vehicles[TRACKER].leapfrog(both, Role.TRACKER)
     return vehicles
 
 
-def _blind_without(setting: Setting) -> Detector | None:
+def _blind_without(setting: Layout) -> Detector | None:
     """What judges pictures on the way home, where the mission's detector cannot be had."""
     try:
         detector_of(setting.mission)

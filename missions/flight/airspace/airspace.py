@@ -1,6 +1,6 @@
 """The air that vehicles reserve: an order is given only if the air that it needs is clear.
 
-    air = Airspace(setting, state)
+    air = Airspace(state)
     air.is_clear(vehicle, order)        whether the air that an order needs is clear
     air.reserve(vehicle, order)         the state with the order; None if its air is not clear
     state.holding(vehicle)              releases all but the air that the vehicle waits in
@@ -27,8 +27,8 @@ from missions.flight.airspace.needs import (
     uncontrolled_air,
 )
 from missions.flight.lane_progress import lane_left
-from missions.flight.setting import Setting
-from missions.flight.state import OFF_LAYER_M, OVER_PAD_M, Column, Phase, State, VehicleState
+from missions.flight.state import State
+from missions.flight.vehicle_state import OFF_LAYER_M, OVER_PAD_M, Column, Phase, VehicleState
 from missions.geo.fence import route_length_m
 from missions.geo.volumes import Volume
 from missions.mission.energy import CLIMB_SPEED_M_S
@@ -53,7 +53,6 @@ _CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARD
 class Airspace:
     """Which vehicle may be where, at an instant of a mission."""
 
-    setting: Setting
     state: State
 
     # --- reservations ---------------------------------------------------------------------------
@@ -89,7 +88,7 @@ class Airspace:
 
     def over_own_pad(self, vehicle: VehicleState) -> State:
         """Return the state in which a member flies to the column that is its own, in its layer."""
-        route = self.setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
+        route = self.state.setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
         return self.leave(vehicle, route)
 
     # --- vehicles that cannot be commanded ------------------------------------------------------
@@ -105,7 +104,7 @@ class Airspace:
             flying = vehicle.phase is Phase.AIRBORNE and not vehicle.landed
             if not flying or not isinstance(vehicle.order, FlyTo | Sweep | Look | FlyPath):
                 continue
-            if Airspace(self.setting, state)._leads_into_uncontrolled(vehicle, vehicle.order):
+            if Airspace(state)._leads_into_uncontrolled(vehicle, vehicle.order):
                 stopped = replace(vehicle.interrupted(state.t_s), at_target=False)
                 state = state.with_vehicle(stopped)
         return state
@@ -119,12 +118,12 @@ class Airspace:
         if not self._is_in(hover_air(vehicle), others):
             return None
         for place in self._ring(vehicle.position, RING_TIMES):
-            route = self.setting.fence.route(vehicle.position, place)
+            route = self.state.setting.fence.route(vehicle.position, place)
             if route is None or self._is_in(hover_air(vehicle, place), others):
                 continue
             order = vehicle.leg(route)
             if self.is_clear(vehicle, order):
-                off_lane = lane_left(vehicle, self.setting.grid.cell_m)
+                off_lane = lane_left(vehicle, self.state.setting.grid.cell_m)
                 moved = replace(off_lane, order=order, at_target=False)
                 return self.state.with_vehicle(moved)
         return None
@@ -149,13 +148,13 @@ class Airspace:
     # --- places ---------------------------------------------------------------------------------
     def places_beside_pad(self, vehicle: VehicleState) -> list[GridPoint]:
         """Return places inside the fence for a landing beside the pad, the nearest first."""
-        allowed = filter(self.setting.fence.allows, self._ring(vehicle.home, (1.5, 2.5)))
+        allowed = filter(self.state.setting.fence.allows, self._ring(vehicle.home, (1.5, 2.5)))
         return sorted(allowed, key=lambda place: (vehicle.position.distance_to(place), place))
 
     def places_around(self, vehicle: VehicleState) -> list[GridPoint]:
         """Return places inside the fence just out of the air that a vehicle is in, and farther."""
         around = self._ring(vehicle.position, (1.5, 4.0))
-        return list(filter(self.setting.fence.allows, around))
+        return list(filter(self.state.setting.fence.allows, around))
 
     def _ring(self, centre: GridPoint, times: Iterable[float]) -> Iterator[GridPoint]:
         """Eight places around a centre, from north on, at so many times the distance kept."""
@@ -169,7 +168,7 @@ class Airspace:
     def _detours(self, vehicle: VehicleState, order: FlyTo) -> list[FlyTo]:
         """Ways home round the columns of others, the shortest first: a landing takes half a minute,
         for which a vehicle with a low battery cannot always wait."""
-        fence, ways = self.setting.fence, []
+        fence, ways = self.state.setting.fence, []
         others = self._reserved_by_others(vehicle, order)
         for centre in {air.path[0] for air in others if len(set(air.path)) == 1}:
             for via in self._ring(centre, (2.0,)):
@@ -183,24 +182,24 @@ class Airspace:
     @property
     def _distance_m(self) -> float:
         """How far two reservations lie apart over ground, m."""
-        return self.setting.mission.team.separation_m + SEPARATION_BUFFER_M
+        return self.state.setting.mission.team.separation_m + SEPARATION_BUFFER_M
 
     def _meet(self, one: Volume, other: Volume) -> bool:
         """Whether two volumes come too near to each other; layers never meet."""
-        return one.meets(other, self._distance_m, self.setting.mission.team.layer_m)
+        return one.meets(other, self._distance_m, self.state.setting.mission.team.layer_m)
 
     def _is_in(self, one: Volume, others: Iterable[Volume]) -> bool:
         return any(self._meet(one, other) for other in others)
 
     def _needed(self, vehicle: VehicleState, order: Order | None) -> Volume:
-        return needed_air(self.setting, self.state.t_s, vehicle, order)
+        return needed_air(self.state, vehicle, order)
 
     def _uncontrolled(self, vehicle: VehicleState) -> list[Volume]:
         """The air in which the others may be that cannot be commanded."""
         return [
             air
             for other in self.uncontrolled_but(vehicle)
-            for air in uncontrolled_air(self.setting, self.state.t_s, other)
+            for air in uncontrolled_air(self.state, other)
         ]
 
     def _closed(self) -> list[Volume]:
@@ -230,7 +229,7 @@ class Airspace:
             return ()
         here = hover_air(asking)
         if other.uncontrolled:
-            airs = uncontrolled_air(self.setting, self.state.t_s, other)
+            airs = uncontrolled_air(self.state, other)
             if asking.landed or isinstance(order, Land):
                 return airs
             # it cannot make way: a vehicle that is near it must be free to leave
@@ -309,7 +308,7 @@ class Airspace:
         for ours in self.state.ours:
             if ours.landed and not isinstance(ours.order, TakeOff):
                 continue
-            here = replace(hover_air(ours), stray_m=stopping_m(self.setting))
+            here = replace(hover_air(ours), stray_m=stopping_m(self.state.setting))
             needs = self._needed(ours, ours.order)
             if ours.uncontrolled or self._meet(here, air) or self._meet(needs, air):
                 return False

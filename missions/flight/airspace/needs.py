@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.flight.setting import Setting
-from missions.flight.state import OFF_LAYER_M, Column, Phase, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import OFF_LAYER_M, Column, Phase, VehicleState
 from missions.geo.trajectory import Trajectory
 from missions.geo.volumes import Volume
 from missions.orders import FlyPath, FlyTo, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
@@ -40,8 +40,8 @@ def column_air(column: Column) -> Volume:
     return Volume((column.place,), column.low_m, column.high_m)
 
 
-def needed_air(setting: Setting, t_s: float, vehicle: VehicleState, order: Order | None) -> Volume:
-    """Return the air that an order needs, at mission time `t_s`."""
+def needed_air(state: State, vehicle: VehicleState, order: Order | None) -> Volume:
+    """Return the air that an order needs now."""
     top_m = max(vehicle.cruise_altitude_m, vehicle.level_m)
     if isinstance(order, TakeOff):
         return Volume((vehicle.position,), vehicle.home_level_m, top_m)
@@ -50,11 +50,11 @@ def needed_air(setting: Setting, t_s: float, vehicle: VehicleState, order: Order
     low_m = high_m = vehicle.cruise_altitude_m
     if abs(vehicle.level_m - vehicle.cruise_altitude_m) > OFF_LAYER_M:
         low_m, high_m = sorted((vehicle.level_m, vehicle.cruise_altitude_m))
-    stray_m = 0.0 if vehicle.braking_until_s is None else stopping_m(setting)
-    return Volume((vehicle.position, *_places(setting, t_s, order)), low_m, high_m, stray_m)
+    stray_m = 0.0 if vehicle.braking_until_s is None else stopping_m(state.setting)
+    return Volume((vehicle.position, *_places(state, order)), low_m, high_m, stray_m)
 
 
-def uncontrolled_air(setting: Setting, t_s: float, vehicle: VehicleState) -> list[Volume]:
+def uncontrolled_air(state: State, vehicle: VehicleState) -> list[Volume]:
     """Return the air in which a vehicle may be that cannot be commanded.
 
     A silent one flies on with its last order, and its failsafe may bring it home from anywhere on
@@ -63,17 +63,17 @@ def uncontrolled_air(setting: Setting, t_s: float, vehicle: VehicleState) -> lis
     low_m = vehicle.home_level_m
     # it returns level, at a height above home, also over ground that is lower than the highest
     returns_m = max(vehicle.level_m, vehicle.cruise_altitude_m, low_m + RTL_HEIGHT_M)
-    top_m = returns_m + setting.relief_m
+    top_m = returns_m + state.setting.relief_m
     order = vehicle.last_order if vehicle.phase is Phase.OFFLINE else vehicle.order
     if isinstance(order, TakeOff | Land):
         return [Volume((vehicle.pad,), low_m, top_m), Volume((vehicle.position,), low_m, top_m)]
     column = Volume((vehicle.home,), low_m, top_m)
     if vehicle.phase is Phase.OFFLINE:
-        leg = needed_air(setting, t_s, vehicle, order)
+        leg = needed_air(state, vehicle, order)
         if isinstance(order, FlyPath):
             # its stream is sent on until its link is called lost, and then it brakes
             along = _next_places(order, vehicle.tracked_s, SILENT_AHEAD_S)
-            leg = replace(leg, path=(vehicle.position, *along), stray_m=stopping_m(setting))
+            leg = replace(leg, path=(vehicle.position, *along), stray_m=stopping_m(state.setting))
         back = Volume(
             (*leg.path, vehicle.home), min(leg.low_m, vehicle.level_m), top_m, leg.stray_m
         )
@@ -83,7 +83,7 @@ def uncontrolled_air(setting: Setting, t_s: float, vehicle: VehicleState) -> lis
         return [back, column, Volume((vehicle.position,), low_m, top_m)]
     here_m = vehicle.level_m
     low_m, high_m = min(low_m, here_m), here_m + OFF_LAYER_M
-    return [Volume((vehicle.position,), low_m, high_m, stopping_m(setting))]
+    return [Volume((vehicle.position,), low_m, high_m, stopping_m(state.setting))]
 
 
 def stopping_m(setting: Setting) -> float:
@@ -92,17 +92,17 @@ def stopping_m(setting: Setting) -> float:
     return speed + speed**2 / (2 * accel)
 
 
-def _places(setting: Setting, t_s: float, order: Order | None) -> tuple[GridPoint, ...]:
+def _places(state: State, order: Order | None) -> tuple[GridPoint, ...]:
     """Where an order leads, in the fixed frame."""
     if isinstance(order, Sweep):
         return (order.end,)
     if isinstance(order, FlyTo):
-        cell = () if order.cell is None else (setting.where(order.cell, t_s),)
+        cell = () if order.cell is None else (state.setting.where(order.cell, state.t_s),)
         return (*order.route, *cell)
     if isinstance(order, Look):
-        return (setting.where(order.cell, t_s),)
+        return (state.setting.where(order.cell, state.t_s),)
     if isinstance(order, FlyPath):
-        return _next_places(order, t_s)
+        return _next_places(order, state.t_s)
     return ()
 
 

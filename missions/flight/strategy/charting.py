@@ -13,8 +13,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import LineString
 
-from missions.flight.setting import Setting
-from missions.flight.state import State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import VehicleState
 from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import DRAG_1_S, G_M_S2
@@ -103,6 +103,11 @@ def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> T
     )
 
 
+def in_map_layer(setting: Setting, vehicle: VehicleState) -> VehicleState:
+    """Return a vehicle as it will be once it maps."""
+    return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
+
+
 def over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
     """Return where a path ends: over the pad, or beside it where the fence allows."""
     fence, pad = setting.fence, vehicle.pad
@@ -144,7 +149,6 @@ Metres = NDArray[np.float64]
 
 
 def chart_of(
-    setting: Setting,
     state: State,
     root: Cell | None,
     begin_s: float,
@@ -156,6 +160,7 @@ def chart_of(
     `home_s` is when our vehicle of a fleet will be over its pad. Lanes that are still to be flown
     are closed.
     """
+    setting = state.setting
     belief, cell_m = state.belief, setting.mission.grid.cell_m
     tallies = belief.open_tallies.as_dict()
     box = setting.box_cells if root is None else ()
@@ -172,7 +177,7 @@ def chart_of(
     if root is not None:
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
-    wanted[chart.indices(list(setting.strategy.asked_for(setting, state)))] = 1
+    wanted[chart.indices(list(setting.strategy.asked_for(state)))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     for lane in sorted(lanes):
         _close(chart, setting.strip(lane, state.t_s))
@@ -238,7 +243,7 @@ def _fence(
         return
     seen = np.zeros_like(allowed)
     for vehicle in team.values():
-        flown = kinematics(setting, setting.heights.as_mapping(setting, vehicle))
+        flown = kinematics(setting, in_map_layer(setting, vehicle))
         reach_e = math.floor(flown.half_east_m / cell_m)
         reach_n = math.floor(flown.half_north_m / cell_m)
         seen |= _dilated(np.asarray(allowed), reach_e, reach_n)

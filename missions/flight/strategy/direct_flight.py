@@ -12,9 +12,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from missions.flight.path_orders import NOTICE_S, along_route
-from missions.flight.setting import Setting
-from missions.flight.state import State, VehicleState
+from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import kinematics
+from missions.flight.vehicle_state import VehicleState
 from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Piece, Trajectory
@@ -37,27 +37,23 @@ class Fetch(NamedTuple):
 
 
 def fetch(
-    setting: Setting,
-    state: State,
-    team: Mapping[int, VehicleState],
-    known: Known,
-    tried: Collection[Cell],
+    state: State, team: Mapping[int, VehicleState], known: Known, tried: Collection[Cell]
 ) -> Fetch | None:
     """Return the shortest way of a team to a needed cell, not by way of places that were tried."""
-    needed = _needed(setting, known)
+    needed = _needed(state.setting, known)
     found: list[tuple[float, int, Cell, tuple[GridPoint, ...]]] = []
     for number, vehicle in sorted(team.items()):
-        places = _vantages(setting, state, vehicle, known, needed, tried)
+        places = _vantages(state, vehicle, known, needed, tried)
         for away_m, cell, place in places[:MOST_ROUTES]:
             if found and away_m >= found[0][0]:
                 break
-            route = setting.fence.route(vehicle.position, place)
+            route = state.setting.fence.route(vehicle.position, place)
             if route is not None:
                 length_m = route_length_m(vehicle.position, route)
                 found = sorted([*found, (length_m, number, cell, route)])
     for _, number, cell, route in found:
-        path = _path(setting, state, team[number], route)
-        if allowed(setting.fence, path):
+        path = _path(state, team[number], route)
+        if allowed(state.setting.fence, path):
             return Fetch(number, cell, path)
     return None
 
@@ -82,7 +78,6 @@ def value_of(setting: Setting, known: Known) -> Valued:
 
 
 def _vantages(
-    setting: Setting,
     state: State,
     vehicle: VehicleState,
     known: Known,
@@ -90,7 +85,7 @@ def _vantages(
     tried: Collection[Cell],
 ) -> list[tuple[float, Cell, GridPoint]]:
     """From where a vehicle sees a needed cell: how far, the cell below, the place by then."""
-    flown, grid, chart = kinematics(setting, vehicle), setting.grid, known.chart
+    flown, grid, chart = kinematics(state.setting, vehicle), state.setting.grid, known.chart
     reach_e = math.floor(flown.half_east_m / grid.cell_m)
     reach_n = math.floor(flown.half_north_m / grid.cell_m)
     cells = {
@@ -109,12 +104,10 @@ def _vantages(
     return sorted(places)
 
 
-def _path(
-    setting: Setting, state: State, vehicle: VehicleState, route: tuple[GridPoint, ...]
-) -> Trajectory:
+def _path(state: State, vehicle: VehicleState, route: tuple[GridPoint, ...]) -> Trajectory:
     """Along a route, and a rest at its end for the frames of a cell."""
-    path = along_route(setting, vehicle, route, state.t_s + NOTICE_S)
-    mission = setting.mission
+    path = along_route(state.setting, vehicle, route, state.t_s + NOTICE_S)
+    mission = state.setting.mission
     rest_s = (mission.votes.frames + 1) * mission.camera.interval_s
     end = path.at(path.end_s).place
     rest = Piece(path.end_s, rest_s, end.east_m, end.north_m, 0.0, 0.0, 0.0, 0.0)

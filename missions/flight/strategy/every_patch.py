@@ -13,20 +13,17 @@ from dataclasses import replace
 from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.setting import Setting, Shares
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import Setting, Shares, State
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
 from missions.flight.strategy.work import Area, Lanes, OpenWork, Work
 from missions.flight.team.work_shares import held_until_s
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
 from missions.planning.sweep.strategies import SURVEY, SWATH
 from missions.units import Cell, GridPoint
-
-SHORT_CELLS: Final = 10.0
-"""What is left of a lane and is shorter is left to the planner of paths."""
 
 
 class Covering(Paths):
@@ -34,61 +31,46 @@ class Covering(Paths):
 
     flies_all_lanes = True
     lanes_drift = True
+    least_lane_cells = 10.0  # what is shorter is flown to, in the best order that is found
 
-    def searched(self, setting: Setting, state: State) -> State:
+    def searched(self, state: State) -> State:
         """The state as it is: the search is done when its cells are decided."""
         return state
 
-    def still_searches(self, vehicle: VehicleState) -> bool:
-        """Whether it has lanes."""
-        return bool(vehicle.lanes)
-
-    def keeps_lanes(self, vehicle: VehicleState) -> bool:
-        """Whether it is on a path along them: another would fly a lane a second time."""
-        return vehicle.on_lane and vehicle.path is not None
-
-    def least_lane_m(self, setting: Setting) -> float:
-        """What is shorter is flown to, in the best order that is found."""
-        return SHORT_CELLS * setting.grid.cell_m
-
-    def take_work(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def take_work(self, state: State, vehicle: VehicleState) -> State:
         """Take lanes of others, or what they suspected."""
-        return state if vehicle.lanes else find_work(setting, state, vehicle)
+        return state if vehicle.lanes else find_work(state, vehicle)
 
-    def plan_paths(self, setting: Setting, state: State) -> State:
+    def plan_paths(self, state: State) -> State:
         """Plan for all who have no lanes left."""
-        return state if state.exhausted else explore_passes(self, setting, state)
+        return state if state.exhausted else explore_passes(self, state)
 
-    def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """It is planned for with the others."""
         return state.holding(vehicle)
 
-    def first_target(
-        self, setting: Setting, state: State, vehicle: VehicleState
-    ) -> GridPoint | None:
+    def first_target(self, state: State, vehicle: VehicleState) -> GridPoint | None:
         """Return where its lanes begin, or the nearest open cell once no vehicle has lanes."""
-        target = super().first_target(setting, state, vehicle)
+        target = super().first_target(state, vehicle)
         if target is None:
-            target = self.beside_lanes(setting, state, vehicle)
+            target = self.beside_lanes(state, vehicle)
         if target is None and not any(v.lanes for v in state.vehicles.values()):
-            return nearest(setting, state, vehicle, self.open_cells(setting, state))
+            return nearest(state, vehicle, self.open_cells(state))
         return target
 
-    def beside_lanes(
-        self, setting: Setting, state: State, vehicle: VehicleState
-    ) -> GridPoint | None:
+    def beside_lanes(self, state: State, vehicle: VehicleState) -> GridPoint | None:
         """Where one without lanes maps while others fly theirs; None where it does not."""
         return None
 
-    def without_target(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def without_target(self, state: State, vehicle: VehicleState) -> State:
         """The rest is given up once no vehicle has lanes."""
         if any(v.lanes for v in state.vehicles.values()):
-            return super().without_target(setting, state, vehicle)
-        return give_up_rest(setting, state)
+            return super().without_target(state, vehicle)
+        return give_up_rest(state)
 
-    def concluded(self, setting: Setting, state: State, left: tuple[Lane, ...]) -> State:
+    def concluded(self, state: State, left: tuple[Lane, ...]) -> State:
         """What is open stays undecided; lanes matter only while something is."""
-        open_ = self.open_cells(setting, state)
+        open_ = self.open_cells(state)
         state = replace(state, exhausted=True, surveyed=not open_, undecided=open_)
         return replace(state, unreachable_lanes=left if open_ else ())
 
@@ -123,7 +105,7 @@ class EveryPatch(Covering):
             return super().shares(setting)
         return share_by_time(setting.lanes, setting.pads)
 
-    def asked_for(self, setting: Setting, state: State) -> list[Cell]:
+    def asked_for(self, state: State) -> list[Cell]:
         """Cells of the box that no frame has shown, and those that a frame took for region.
 
         And those beside what is region from on high: some frame may have taken one for ground
@@ -131,54 +113,52 @@ class EveryPatch(Covering):
         """
         shown, belief = state.shown, state.belief
         tallies, verdicts = belief.open_tallies.as_dict(), belief.verdicts
-        unseen = [cell for cell in setting.box_cells if cell not in tallies and cell not in shown]
+        unseen = [
+            cell for cell in state.setting.box_cells if cell not in tallies and cell not in shown
+        ]
         asked = {cell for cell, (positive, _) in tallies.items() if positive}
         region = state.overview.roi.as_dict()
         around = beside(cell for cell in region if verdicts.get(cell) is not False)
         return unseen + belief.undecided(asked | (around & tallies.keys()))
 
-    def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
+    def open_cells(self, state: State) -> frozenset[Cell]:
         """Those, and the cells beside a patch."""
         belief = state.belief
         around = beside(cell for cell in belief.open_tallies if belief.provisional(cell))
-        return frozenset(belief.undecided(around.union(self.asked_for(setting, state))))
+        return frozenset(belief.undecided(around.union(self.asked_for(state))))
 
-    def beside_lanes(
-        self, setting: Setting, state: State, vehicle: VehicleState
-    ) -> GridPoint | None:
+    def beside_lanes(self, state: State, vehicle: VehicleState) -> GridPoint | None:
         """Where lanes are flown from on high, others may map what they have found."""
-        if not setting.heights.maps_meanwhile(state, vehicle):
+        if not state.setting.heights.maps_meanwhile(state, vehicle):
             return None
         belief = state.belief
-        return nearest(setting, state, vehicle, belief.undecided(beside(belief.roi)))
+        return nearest(state, vehicle, belief.undecided(beside(belief.roi)))
 
     def replan_s(self, setting: Setting) -> float:
         """Two frames: more than that is flown before it is known what they show."""
         return 2.0 * setting.mission.camera.interval_s
 
-    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
+    def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
         """As the team shares its work."""
-        return setting.team.share_work(setting, state, work)
+        return state.setting.team.share_work(state, work)
 
-    def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    def gathers(self, state: State, vehicle: VehicleState) -> bool:
         """As the team does."""
-        return setting.team.gathers(setting, state, vehicle)
+        return state.setting.team.gathers(state, vehicle)
 
-    def held_until_s(
-        self, setting: Setting, state: State, vehicle: VehicleState, t_s: float
-    ) -> float:
+    def held_until_s(self, state: State, vehicle: VehicleState, t_s: float) -> float:
         """As long as its lanes and its part of the map should take it, and some more."""
         if vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED):
             return t_s
-        return held_until_s(setting, state, vehicle, t_s)
+        return held_until_s(state, vehicle, t_s)
 
-    def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """One that waits for members out of contact does so over its pad, where all are heard."""
         away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
         waits = vehicle.vehicle in last_waiting(state)
         waits = waits and any(state.t_s < v.held_until_s for v in away)
         if waits and not vehicle.is_over_pad:
-            return Airspace(setting, state).over_own_pad(vehicle)
+            return Airspace(state).over_own_pad(vehicle)
         return state.holding(vehicle)
 
 
@@ -188,11 +168,9 @@ def beside(cells: Iterable[Cell]) -> set[Cell]:
     return {Cell(e + east, n + north) for e, n in cells for east, north in steps}
 
 
-def nearest(
-    setting: Setting, state: State, vehicle: VehicleState, cells: Collection[Cell]
-) -> GridPoint | None:
+def nearest(state: State, vehicle: VehicleState, cells: Collection[Cell]) -> GridPoint | None:
     """Where the nearest of some cells is, of equal ones the lowest; None where there is none."""
-    places = (setting.where(cell, state.t_s) for cell in sorted(cells))
+    places = (state.setting.where(cell, state.t_s) for cell in sorted(cells))
     return min(places, key=vehicle.position.distance_to, default=None)
 
 
@@ -205,15 +183,15 @@ class Survey(Covering):
     about = SURVEY
     whole_box = True
 
-    def asked_for(self, setting: Setting, state: State) -> list[Cell]:
+    def asked_for(self, state: State) -> list[Cell]:
         """The cells of the box that are not decided."""
-        return state.belief.undecided(setting.box_cells)
+        return state.belief.undecided(state.setting.box_cells)
 
-    def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
+    def open_cells(self, state: State) -> frozenset[Cell]:
         """The same: what lies beside a patch beyond the box is not asked for."""
-        return frozenset(self.asked_for(setting, state))
+        return frozenset(self.asked_for(state))
 
-    def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
+    def lane_done(self, state: State) -> Callable[[Cell], bool]:
         """Whether a cell is decided."""
         verdicts = state.belief.verdicts
         return lambda cell: verdicts.get(cell) is not None

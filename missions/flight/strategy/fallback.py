@@ -15,8 +15,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.planning.stepwise.rdfs import drift_factor, rdfs_bound_moves
 
 LEAST_PATIENCE_S: Final = 120.0
@@ -39,12 +38,12 @@ def bound_s(setting: Setting, cells: int, depth: int) -> float:
     return moves_s(setting, rdfs_bound_moves(cells, depth, len(setting.mission.vehicles)))
 
 
-def patience_s(setting: Setting, state: State) -> float:
+def patience_s(state: State) -> float:
     """Return for how long paths may explore what is known of a region, s."""
     if state.tree is None:
         return LEAST_PATIENCE_S
     known = max(len(state.tree), len(state.belief.roi))
-    return max(LEAST_PATIENCE_S, bound_s(setting, known, state.tree.depth))
+    return max(LEAST_PATIENCE_S, bound_s(state.setting, known, state.tree.depth))
 
 
 def whole_bound_s(setting: Setting, cells: int, depth: int) -> float:

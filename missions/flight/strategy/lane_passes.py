@@ -13,8 +13,8 @@ from typing import Final
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S, brake, give_path, on_paths, through
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import beside_rows_m
@@ -25,29 +25,30 @@ WORTH_S: Final = 8.0
 """Least remaining time of a path that is ended early, s."""
 
 
-def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def search_passes(state: State, vehicle: VehicleState) -> State:
     """Give an idle vehicle a path along its lanes, as many as its battery is good for."""
+    setting = state.setting
     at = setting.to_lanes(vehicle.position, state.t_s)
-    lanes = turned(setting, at, still_open(setting, state, vehicle.lanes))
+    lanes = turned(setting, at, still_open(state, vehicle.lanes))
     if lanes != vehicle.lanes:
         vehicle = replace(vehicle, lanes=lanes, on_lane=False, lane_seen_m=())
     if not lanes:
         return state.holding(vehicle)
-    points, corners = _way_along(setting, state, vehicle)
+    points, corners = _way_along(state, vehicle)
     if not points:  # a part of the box that no way inside the fence leads to
         return give_up_lane(state, vehicle)
     first = setting.over_ground(points[0], state.t_s)
     if not has_energy_for(setting, vehicle, first, REACTION_S):
-        return go_home(setting, state, vehicle, ReturnReason.BATTERY)
-    path = _lane_path(setting, state, vehicle, points, corners)
+        return go_home(state, vehicle, ReturnReason.BATTERY)
+    path = _lane_path(state, vehicle, points, corners)
     if any(corners) and not allowed(setting.fence, path):
         # what drifts on its way round a corner may miss the rim of the fence by a little
         round_at = corners.index(True)
         if round_at == 0:
             start = points[corners.index(False)]
-            return _to_first_lane(setting, state, vehicle, setting.over_ground(start, state.t_s))
-        path = _lane_path(setting, state, vehicle, points[:round_at], corners[:round_at])
-    return give_path(setting, state, replace(vehicle, on_lane=True), path)
+            return _to_first_lane(state, vehicle, setting.over_ground(start, state.t_s))
+        path = _lane_path(state, vehicle, points[:round_at], corners[:round_at])
+    return give_path(state, replace(vehicle, on_lane=True), path)
 
 
 def give_up_lane(state: State, vehicle: VehicleState) -> State:
@@ -58,37 +59,29 @@ def give_up_lane(state: State, vehicle: VehicleState) -> State:
 
 
 def _lane_path(
-    setting: Setting,
-    state: State,
-    vehicle: VehicleState,
-    points: list[GridPoint],
-    corners: list[bool],
+    state: State, vehicle: VehicleState, points: list[GridPoint], corners: list[bool]
 ) -> Trajectory:
+    setting = state.setting
     return through(
         setting, vehicle, points, corners, state.t_s + NOTICE_S,
-        drifts=setting.strategy.lanes_drift, cuts_m=setting.heights.cuts_m(setting),
+        drifts=setting.lanes_drift, cuts_m=setting.heights.cuts_m(setting),
     )  # fmt: skip
 
 
-def _to_first_lane(
-    setting: Setting, state: State, vehicle: VehicleState, start: GridPoint
-) -> State:
+def _to_first_lane(state: State, vehicle: VehicleState, start: GridPoint) -> State:
     """Fly over ground, round the corners of the fence, to where a lane begins."""
-    route = setting.fence.route(vehicle.position, start)
+    route = state.setting.fence.route(vehicle.position, start)
     if route is None:
         return state.holding(vehicle)
-    return Airspace(setting, state).reserve_or_wait(
-        replace(vehicle, on_lane=False), vehicle.leg(route)
-    )
+    return Airspace(state).reserve_or_wait(replace(vehicle, on_lane=False), vehicle.leg(route))
 
 
-def _way_along(
-    setting: Setting, state: State, vehicle: VehicleState
-) -> tuple[list[GridPoint], list[bool]]:
+def _way_along(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], list[bool]]:
     """The points of a way along the lanes of a vehicle, and which of them are the fence's corners.
 
     A way round an obstacle is planned for the time when the vehicle will be there.
     """
+    setting = state.setting
     points: list[GridPoint] = []
     corners: list[bool] = []
     speed_m_s = setting.path_speed_m_s(vehicle.cruise_height_m, vehicle.wind_m_s)
@@ -96,7 +89,7 @@ def _way_along(
     t_s = state.t_s + NOTICE_S
     at = setting.to_lanes(vehicle.position, t_s)
     for lane in vehicle.lanes:
-        start, end = flown_along(setting, state, vehicle, lane)
+        start, end = flown_along(state, vehicle, lane)
         legs = []
         for a, b in ((at, start), (start, end)):
             end_s = t_s + a.distance_to(b) / speed_m_s
@@ -118,16 +111,17 @@ def _way_along(
     return points, corners
 
 
-def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
+def still_open(state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
     """Return the parts of lanes that have a cell which no frame has judged.
 
     A lane that lies still while the region drifts is flown as it is: other cells come below it.
-    Parts shorter than the strategy's `least_lane_m` are left to the planner of paths.
+    Parts shorter than the strategy's `least_lane_cells` are left to the planner of paths.
     """
+    setting = state.setting
     grid, judged = setting.grid, setting.heights.searched(state)
     if cells_drift_out(setting):
         return lanes
-    least_m = setting.strategy.least_lane_m(setting)
+    least_m = setting.strategy.least_lane_cells * grid.cell_m
     found: list[Lane] = []
     for lane in lanes:
         seen_m = setting.strip(lane, state.t_s).judged_m(judged)
@@ -163,7 +157,7 @@ def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[La
 
 def cells_drift_out(setting: Setting) -> bool:
     """Return whether cells drift out of lanes that lie still."""
-    return setting.grid.drift_speed_m_s > 0.0 and not setting.strategy.lanes_drift
+    return setting.grid.drift_speed_m_s > 0.0 and not setting.lanes_drift
 
 
 def _is_whole(setting: Setting, lane: Lane) -> bool:
@@ -171,33 +165,34 @@ def _is_whole(setting: Setting, lane: Lane) -> bool:
     return lane in setting.lanes or (lane[1], lane[0]) in setting.lanes
 
 
-def end_searched(setting: Setting, state: State) -> State:
+def end_searched(state: State) -> State:
     """Have vehicles brake whose lanes others have seen meanwhile."""
-    if state.tree is not None or cells_drift_out(setting):
+    if state.tree is not None or cells_drift_out(state.setting):
         return state
     for vehicle, order in on_paths(state, WORTH_S):
         if not vehicle.on_lane:
             continue
-        done = setting.strategy.lane_done(setting, state)
-        strips = (setting.strip(lane, state.t_s) for lane in reversed(vehicle.lanes))
+        done = state.setting.strategy.lane_done(state)
+        strips = (state.setting.strip(lane, state.t_s) for lane in reversed(vehicle.lanes))
         if all(strip.is_known(done) for strip in strips):
-            state = brake(setting, state, vehicle, order)
+            state = brake(state, vehicle, order)
     return state
 
 
-def drop_seen(setting: Setting, state: State) -> State:
+def drop_seen(state: State) -> State:
     """Drop lanes that others have seen from members of a fleet that will not fly them."""
     for number, vehicle in state.vehicles.items():
         gone = vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED)
         if number not in state.our_numbers and gone and vehicle.lanes:
-            left = still_open(setting, state, vehicle.lanes)
+            left = still_open(state, vehicle.lanes)
             if left != vehicle.lanes:
                 state = state.with_vehicle(replace(vehicle, lanes=left))
     return state
 
 
-def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lane) -> Lane:
+def flown_along(state: State, vehicle: VehicleState, lane: Lane) -> Lane:
     """Return where a lane is flown, as far beside the middle of its rows as the fence allows."""
+    setting = state.setting
     grid = setting.grid
     strip = setting.strip(lane, state.t_s)
     beside_m = beside_rows_m(

@@ -19,11 +19,11 @@ from typing import Final
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S, give_path, through
 from missions.flight.return_home import send_home
-from missions.flight.setting import Setting, Shares
-from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.state import Setting, Shares, State
 from missions.flight.strategy.every_patch import Survey
 from missions.flight.strategy.lane_passes import flown_along, turned
 from missions.flight.strategy.sweep_passes import give_up_rest
+from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import is_outside
 from missions.geo.trajectory import ACCELERATION_M_S2
 from missions.mission.fleet_checks import tracker_view
@@ -61,11 +61,11 @@ class LeapfrogMemory:
     rests_until_s: float = float("-inf")
 
 
-def take_turns(setting: Setting, state: State) -> State:
+def take_turns(state: State) -> State:
     """Have the one move whose turn it is, once both are at rest."""
     if state.exhausted or state.recalled:
         return state
-    state = _together(setting, state)
+    state = _together(state)
     mapper, tracker = state.vehicles[MAPPER], state.vehicles[TRACKER]
     memory = state.memory if isinstance(state.memory, LeapfrogMemory) else LeapfrogMemory()
     if state.exhausted:
@@ -75,7 +75,7 @@ def take_turns(setting: Setting, state: State) -> State:
         fresh = LeapfrogMemory(open=memory.open)
         return state if memory == fresh else replace(state, memory=fresh)
     rest = all(v.idle and v.braking_until_s is None for v in (mapper, tracker))
-    if not rest or any(is_outside(setting.fence, v.position) for v in (mapper, tracker)):
+    if not rest or any(is_outside(state.setting.fence, v.position) for v in (mapper, tracker)):
         return state
     before, memory = memory.index, _passed(memory, state)
     if memory.index > before:  # a sortie on which somebody got on was not in vain
@@ -86,25 +86,25 @@ def take_turns(setting: Setting, state: State) -> State:
         return replace(state, memory=memory)
     if memory.index >= len(memory.steps):
         if memory.homeward:
-            return give_up_rest(setting, replace(state, memory=memory))
-        memory = _next_round(setting, state, memory)
+            return give_up_rest(replace(state, memory=memory))
+        memory = _next_round(state, memory)
         memory = _passed(memory, state)
         if memory.index >= len(memory.steps):  # it is over its pad already
-            return give_up_rest(setting, replace(state, memory=memory))
-    return _move(setting, state, memory)
+            return give_up_rest(replace(state, memory=memory))
+    return _move(state, memory)
 
 
-def _together(setting: Setting, state: State) -> State:
+def _together(state: State) -> State:
     """Send a vehicle home with its partner; end the round when one takes no more part."""
     vehicles = state.vehicles.values()
     if any(v.ended for v in vehicles) and all(v.landed or v.ended for v in vehicles):
-        return give_up_rest(setting, state)
+        return give_up_rest(state)
     for number, other in ((MAPPER, TRACKER), (TRACKER, MAPPER)):
         vehicle, partner = state.vehicles[number], state.vehicles[other]
         if vehicle.works and _is_leaving(partner):
             note = vehicle.note or f"vehicle {other} does not go on, and nobody maps alone"
             alone = replace(vehicle, note=note)
-            state = send_home(setting, state, alone, ReturnReason.BATTERY)
+            state = send_home(state, alone, ReturnReason.BATTERY)
     return state
 
 
@@ -132,13 +132,14 @@ def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
     return memory
 
 
-def _next_round(setting: Setting, state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
+def _next_round(state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
     """What is left of the lanes; the way home when that is nothing, or cannot be decided."""
+    setting = state.setting
     mapper = state.vehicles[MAPPER]
-    left = len(setting.strategy.open_cells(setting, state))
-    lanes = () if memory.open == left else lanes_left(setting, state)
+    left = len(setting.strategy.open_cells(state))
+    lanes = () if memory.open == left else lanes_left(state)
     view = tracker_view(setting.mission)
-    steps = steps_along(setting.fence, view, _way(setting, state, mapper, lanes)) if lanes else ()
+    steps = steps_along(setting.fence, view, _way(state, mapper, lanes)) if lanes else ()
     if steps:
         return LeapfrogMemory(steps, open=left)
     home = setting.fence.route(mapper.position, mapper.pad) or ()
@@ -146,31 +147,32 @@ def _next_round(setting: Setting, state: State, memory: LeapfrogMemory) -> Leapf
     return LeapfrogMemory(steps, open=left, homeward=True)
 
 
-def _move(setting: Setting, state: State, memory: LeapfrogMemory) -> State:
+def _move(state: State, memory: LeapfrogMemory) -> State:
     step = memory.steps[memory.index]
     waits_s = state.t_s if memory.waits_since_s is None else memory.waits_since_s
     if state.t_s - waits_s >= STALLED_S:
-        return give_up_rest(setting, replace(state, memory=memory))
+        return give_up_rest(replace(state, memory=memory))
     state = replace(state, memory=replace(memory, waits_since_s=waits_s))
     places = [GridPoint(*place) for place in step.way[1:]]
     if step.mover is Role.TRACKER:
         mover = state.vehicles[TRACKER]
-        state = Airspace(setting, state).reserve_or_wait(mover, mover.leg(places))
+        state = Airspace(state).reserve_or_wait(mover, mover.leg(places))
     else:
         mover = state.vehicles[MAPPER]
         if mover.position.distance_to(places[0]) < LEAST_M and len(places) > 1:
             places = places[1:]
         begin_s = round(state.t_s + NOTICE_S, 3)
-        path = through(setting, mover, places, [False] * len(places), begin_s)
-        state = give_path(setting, state, mover, path)
+        path = through(state.setting, mover, places, [False] * len(places), begin_s)
+        state = give_path(state, mover, path)
     if state.vehicles[mover.vehicle].idle:  # its air is not free, or the fence does not allow it
         return state
     return replace(state, memory=replace(memory, begun=True, waits_since_s=None))
 
 
 # --- the way ------------------------------------------------------------------------------------
-def lanes_left(setting: Setting, state: State) -> tuple[Lane, ...]:
+def lanes_left(state: State) -> tuple[Lane, ...]:
     """The stretches of lanes with a column in which a cell of the box is not decided."""
+    setting = state.setting
     grid, box, belief = setting.grid, setting.in_box, state.belief
 
     def done(cell: Cell) -> bool:
@@ -183,26 +185,28 @@ def lanes_left(setting: Setting, state: State) -> tuple[Lane, ...]:
     return tuple(found)
 
 
-def _way(
-    setting: Setting, state: State, mapper: VehicleState, lanes: Iterable[Lane]
-) -> list[GridPoint]:
+def _way(state: State, mapper: VehicleState, lanes: Iterable[Lane]) -> list[GridPoint]:
     """From where the mapper is along lanes, inside of the fence; what has no way is left out."""
     places = [mapper.position]
-    for lane in turned(setting, mapper.position, tuple(lanes)):
-        start, end = flown_along(setting, state, mapper, lane)
-        there, along = setting.fence.route(places[-1], start), setting.fence.route(start, end)
+    for lane in turned(state.setting, mapper.position, tuple(lanes)):
+        start, end = flown_along(state, mapper, lane)
+        there, along = (
+            state.setting.fence.route(places[-1], start),
+            state.setting.fence.route(start, end),
+        )
         if there is not None and along is not None:
             places.extend((*there, *along))
     return places
 
 
-def steps_left_s(setting: Setting, state: State) -> float:
+def steps_left_s(state: State) -> float:
     """About how long the steps of this round, or of the first one, take from now on; seconds."""
+    setting = state.setting
     memory = state.memory if isinstance(state.memory, LeapfrogMemory) else LeapfrogMemory()
     steps = memory.steps[memory.index :]
     if not memory.steps:
         mapper = state.vehicles[MAPPER]
-        way = _way(setting, state, mapper, lanes_left(setting, state))
+        way = _way(state, mapper, lanes_left(state))
         way.extend(setting.fence.route(way[-1], mapper.pad) or ())
         steps = steps_along(setting.fence, tracker_view(setting.mission), way)
     speed_m_s = setting.path_speed_m_s(setting.mission.altitude_m(0), 0.0)
@@ -232,13 +236,11 @@ class Leapfrog(Survey):
 
     def search_s(self, setting: Setting) -> float:
         """Return the time of the steps of the first round."""
-        return steps_left_s(setting, setting.initial_state())
+        return steps_left_s(setting.initial_state())
 
-    def rest_s(
-        self, setting: Setting, state: State, lanes_m: float, cells: int, team: int
-    ) -> float:
+    def rest_s(self, state: State, lanes_m: float, cells: int, team: int) -> float:
         """Return the time of the steps that are left of this round."""
-        return steps_left_s(setting, state)
+        return steps_left_s(state)
 
     def may_take_off(self, state: State) -> bool:
         """Whether both are in the air, or able to take off."""
@@ -247,9 +249,9 @@ class Leapfrog(Survey):
             for v in state.vehicles.values()
         )
 
-    def plan_paths(self, setting: Setting, state: State) -> State:
+    def plan_paths(self, state: State) -> State:
         """Have the one move whose turn it is."""
-        return take_turns(setting, state)
+        return take_turns(state)
 
 
 PAIR: Final = Leapfrog()

@@ -11,9 +11,9 @@ from dataclasses import replace
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for, home_order
-from missions.flight.setting import Setting
-from missions.flight.state import OVER_PAD_M, Phase, ReturnReason, State, VehicleState
+from missions.flight.state import State
 from missions.flight.strategy.lane_passes import give_up_lane
+from missions.flight.vehicle_state import OVER_PAD_M, Phase, ReturnReason, VehicleState
 from missions.geo.fence import route_length_m
 from missions.orders import FlyTo, Look, Order, Sweep
 from missions.units import Cell, GridPoint
@@ -22,44 +22,39 @@ EXTRA_FRAMES = 6
 """Most frames of a look, in those of one ballot."""
 
 
-def visit(
-    setting: Setting, state: State, vehicle: VehicleState, cell: Cell, *, stop: bool
-) -> State:
+def visit(state: State, vehicle: VehicleState, cell: Cell, *, stop: bool) -> State:
     """Fly to a cell, and look from it if nobody has."""
+    setting = state.setting
     if not vehicle.at_target:
-        return _fly_to_cell(setting, state, vehicle, cell, stop=stop)
+        return _fly_to_cell(state, vehicle, cell, stop=stop)
     if setting.grid.drift_speed_m_s > 0.0:
         # a wait may have let the cell drift away, or out of the fence
         off_m = vehicle.position.distance_to(setting.where(cell, state.t_s))
         if off_m > setting.grid.cell_m / 4:
-            return _fly_to_cell(setting, state, replace(vehicle, at_target=False), cell, stop=stop)
-        if stop and not _stays_inside(setting, state, vehicle, (vehicle.position,), cell):
+            return _fly_to_cell(state, replace(vehicle, at_target=False), cell, stop=stop)
+        if stop and not _stays_inside(state, vehicle, (vehicle.position,), cell):
             return give_up(state, vehicle, cell)
     others = (v for n, v in state.vehicles.items() if n != vehicle.vehicle)
     looks = (v.order for v in others if v.phase is Phase.AIRBORNE and isinstance(v.order, Look))
     if not stop or any(look.cell == cell for look in looks):
         return state.holding(vehicle)
     frames = EXTRA_FRAMES * setting.mission.votes.frames
-    return Airspace(setting, state).reserve_or_wait(
-        vehicle, Look(cell, frames, vehicle.cruise_height_m)
-    )
+    return Airspace(state).reserve_or_wait(vehicle, Look(cell, frames, vehicle.cruise_height_m))
 
 
-def _fly_to_cell(
-    setting: Setting, state: State, vehicle: VehicleState, cell: Cell, *, stop: bool
-) -> State:
+def _fly_to_cell(state: State, vehicle: VehicleState, cell: Cell, *, stop: bool) -> State:
+    setting = state.setting
     target = setting.where(cell, state.t_s)
     route = setting.fence.route(vehicle.position, target)
-    if route is None or not _stays_inside(setting, state, vehicle, route, cell, look=stop):
+    if route is None or not _stays_inside(state, vehicle, route, cell, look=stop):
         return give_up(state, vehicle, cell)
     if not has_energy_for(setting, vehicle, target, setting.look_s if stop else REACTION_S):
-        return go_home(setting, state, vehicle, ReturnReason.BATTERY)
+        return go_home(state, vehicle, ReturnReason.BATTERY)
     order = FlyTo(route[:-1], cell, stop=stop, height_m=vehicle.cruise_height_m)
-    return Airspace(setting, state).reserve_or_wait(vehicle, order)
+    return Airspace(state).reserve_or_wait(vehicle, order)
 
 
 def _stays_inside(
-    setting: Setting,
     state: State,
     vehicle: VehicleState,
     route: Sequence[GridPoint],
@@ -68,6 +63,7 @@ def _stays_inside(
     look: bool = True,
 ) -> bool:
     """Whether the fence still allows a drifting cell when it is reached, and looked from."""
+    setting = state.setting
     grid, mission = setting.grid, setting.mission
     if grid.drift_speed_m_s == 0.0:
         return True
@@ -79,8 +75,9 @@ def _stays_inside(
     return setting.fence.allows_leg(route[-1], then)
 
 
-def drifts_out(setting: Setting, state: State, cell: Cell) -> bool:
+def drifts_out(state: State, cell: Cell) -> bool:
     """Return whether a cell is outside of the fence, or will be within `REACTION_S`."""
+    setting = state.setting
     if setting.grid.drift_speed_m_s == 0.0:
         return False
     now = setting.where(cell, state.t_s)
@@ -104,24 +101,25 @@ def mark_unreachable(state: State, vehicle: VehicleState, cell: Cell) -> State:
     return state.with_vehicle(replace(vehicle, at_target=True, fruitless_sorties=0))
 
 
-def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def search(state: State, vehicle: VehicleState) -> State:
     """Look at what may be ROI, else fly the next lane."""
+    setting = state.setting
     if vehicle.candidate is not None:
-        return visit(setting, state, vehicle, vehicle.candidate, stop=True)
+        return visit(state, vehicle, vehicle.candidate, stop=True)
     if not vehicle.lanes:
-        state = find_work(setting, state, vehicle)
+        state = find_work(state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
         if not vehicle.idle_in_search:
             return state
         if vehicle.position.distance_to(vehicle.home) <= OVER_PAD_M:
             return state.holding(vehicle)
         # it waits over its own pad, where it is not in the way of anybody who has to land
-        return Airspace(setting, state).reserve_or_wait(vehicle, home_order(setting, vehicle))
+        return Airspace(state).reserve_or_wait(vehicle, home_order(setting, vehicle))
     start, end = vehicle.lanes[0]
     if vehicle.on_lane and setting.fence.allows_leg(vehicle.position, end):
         # flown as far as the battery lasts; the next sortie takes up the rest
         order: Order = Sweep(end, setting.mission.grid.cell_m, vehicle.cruise_height_m)
-        return Airspace(setting, state).reserve_or_wait(vehicle, order)
+        return Airspace(state).reserve_or_wait(vehicle, order)
     if vehicle.on_lane:  # it left the lane for a suspicion, and the fence lies between
         vehicle = lane_left(vehicle, setting.grid.cell_m)
         if not vehicle.lanes:
@@ -131,12 +129,12 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if route is None:  # a part of the box that no way inside the fence leads to
         return give_up_lane(state, vehicle)
     if not has_energy_for(setting, vehicle, start, REACTION_S):
-        return go_home(setting, state, vehicle, ReturnReason.BATTERY)
+        return go_home(state, vehicle, ReturnReason.BATTERY)
     order = FlyTo(route, None, stop=False, height_m=vehicle.cruise_height_m)
-    return Airspace(setting, state).reserve_or_wait(vehicle, order)
+    return Airspace(state).reserve_or_wait(vehicle, order)
 
 
-def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def find_work(state: State, vehicle: VehicleState) -> State:
     """Take over a suspicion of a vehicle that dropped out, or a lane of the one with most left.
 
     Lanes are taken from the far end; a vehicle that dropped out leaves all of its lanes.
@@ -148,13 +146,13 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
             heir = replace(vehicle, candidate=other.candidate, at_target=False)
             return state.with_vehicle(heir)
 
-    orphan = setting.team.free_lane(setting, state)
+    orphan = state.setting.team.free_lane(state)
     if orphan is not None:
         return state.with_vehicle(replace(vehicle, lanes=(orphan,), on_lane=False))
 
     def spare(other: VehicleState) -> int:
-        if setting.strategy.keeps_lanes(other):
-            return 0
+        if state.setting.strategy.flies_all_lanes and other.on_lane and other.path is not None:
+            return 0  # it is on a path along all of them
         if other.phase is Phase.APART and state.t_s < other.held_until_s:
             return 0  # out of contact: it should still be at it
         active = other.phase in (Phase.AIRBORNE, Phase.GROUNDED)

@@ -11,11 +11,11 @@ from typing import Final
 
 from missions.events import FrameSeen
 from missions.flight.return_home import send_home
-from missions.flight.setting import Setting, Strategy
-from missions.flight.state import ReturnReason, State, VehicleState
+from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.fallback import moves_s
 from missions.flight.strategy.searching import mark_unreachable, search, visit
 from missions.flight.strategy.work import Area, Lanes
+from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
 from missions.orders import TakeOff
@@ -29,22 +29,24 @@ WAIT_S: Final = 20.0
 """Time without news after which waiting for any is given up, s."""
 
 
-def explore_moves(explorer: Explorer, setting: Setting, state: State) -> State:
+def explore_moves(explorer: Explorer, state: State) -> State:
     """Ask the explorer where robots move whose vertex is done. Raises `StrategyError`."""
     tree = state.tree
     if tree is None or tree.is_explored(tree.root):
         return state
-    at = state.robots()
+    at = _robots(state)
     away = frozenset(n for n in at if _away(state.vehicles[n]))
     waiting = _told_to_wait(state, away)
     asked = tuple(n for n in sorted(at) if n not in waiting and _decides(state.vehicles[n], tree))
     if not asked:
-        return _end_in_vain(explorer, setting, state, waiting)
+        return _end_in_vain(explorer, state, waiting)
 
     def passable(*cells: Cell) -> bool:
-        return setting.fence.allows_leg(*(setting.where(cell, state.t_s) for cell in cells))
+        return state.setting.fence.allows_leg(
+            *(state.setting.where(cell, state.t_s) for cell in cells)
+        )
 
-    metric = replace(setting.metric, passable=passable)
+    metric = replace(state.setting.metric, passable=passable)
     situation = Situation(tree, at, asked, state.memory, metric, away)
     decision = explorer.decide(situation)
     refuse_impossible(explorer.name, situation, decision)
@@ -57,9 +59,7 @@ def explore_moves(explorer: Explorer, setting: Setting, state: State) -> State:
     return replace(state, last_wait=(tree, _present(state, away), waiting | stay, state.t_s))
 
 
-def _end_in_vain(
-    explorer: Explorer, setting: Setting, state: State, waiting: frozenset[int]
-) -> State:
+def _end_in_vain(explorer: Explorer, state: State, waiting: frozenset[int]) -> State:
     """Send all vehicles home that the strategy leaves waiting: they would hover for ever."""
     still = [v for v in state.vehicles.values() if not v.ended]
     if not waiting or state.last_wait is None or state.t_s - state.last_wait[3] < WAIT_S:
@@ -68,7 +68,7 @@ def _end_in_vain(
         return state
     for vehicle in still:
         note = f"the strategy {explorer.name} leaves it waiting, and cells are unexplored"
-        state = send_home(setting, state, replace(vehicle, note=note), ReturnReason.FAULT)
+        state = send_home(state, replace(vehicle, note=note), ReturnReason.FAULT)
     return state
 
 
@@ -91,9 +91,18 @@ def _away(vehicle: VehicleState) -> bool:
     )
 
 
+def _robots(state: State) -> dict[int, Cell]:
+    """The vertex of each vehicle that takes part in the exploration."""
+    return {
+        number: v.vertex
+        for number, v in state.vehicles.items()
+        if v.vertex is not None and v.phase in (Phase.AIRBORNE, Phase.GROUNDED)
+    }
+
+
 def _present(state: State, away: frozenset[int]) -> dict[int, Cell]:
     """The vertices of robots that are not away."""
-    return {n: cell for n, cell in state.robots().items() if n not in away}
+    return {n: cell for n, cell in _robots(state).items() if n not in away}
 
 
 def _told_to_wait(state: State, away: frozenset[int]) -> frozenset[int]:
@@ -105,12 +114,12 @@ def _told_to_wait(state: State, away: frozenset[int]) -> frozenset[int]:
     return waiting if same else frozenset()
 
 
-def explore(setting: Setting, state: State, vehicle: VehicleState) -> State:
+def explore(state: State, vehicle: VehicleState) -> State:
     """Fly to the vertex; look from it unless somebody has or does."""
     tree = state.tree
     if tree is None or vehicle.vertex is None:
         raise AssertionError("a vehicle explores without a tree or a vertex")
-    return visit(setting, state, vehicle, vehicle.vertex, stop=not tree.has_looked(vehicle.vertex))
+    return visit(state, vehicle, vehicle.vertex, stop=not tree.has_looked(vehicle.vertex))
 
 
 class Stepwise(Strategy):
@@ -146,23 +155,21 @@ class Stepwise(Strategy):
         moves = promised_moves(self.explorer, tree, robots, setting.metric)
         return None if moves is None else round(moves_s(setting, moves), 1)
 
-    def seen_in_passing(
-        self, setting: Setting, state: State, event: FrameSeen, votes: Verdicts
-    ) -> State:
+    def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
         """Evidence, and no more: lanes and looks have frames of their own."""
         return state
 
-    def plan(self, setting: Setting, state: State) -> State:
+    def plan(self, state: State) -> State:
         """Ask the explorer for those who have looked from where they are."""
-        return state if state.paused else explore_moves(self.explorer, setting, state)
+        return state if state.paused else explore_moves(self.explorer, state)
 
-    def next_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def next_order(self, state: State, vehicle: VehicleState) -> State:
         """Search until there is a root, then fly to the vertex and look."""
         if state.tree is None:
-            return search(setting, state, vehicle)
-        return explore(setting, state, vehicle)
+            return search(state, vehicle)
+        return explore(state, vehicle)
 
-    def give_up_far(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
         """Go on in the tree without the vertex."""
         if vehicle.vertex is None:
             return None

@@ -7,22 +7,21 @@ given is in `missions.flight.strategy.lane_passes` and `sweep_passes`.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
 from missions.events import FrameSeen
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import come_inside, keep_clear
-from missions.flight.setting import Setting, Strategy
 from missions.flight.sightings import grown, on_a_lane
-from missions.flight.state import State, VehicleState
+from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.fallback import whole_bound_s
 from missions.flight.strategy.lane_passes import end_searched, search_passes
 from missions.flight.strategy.searching import search
 from missions.flight.strategy.stepwise import RDFS
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest
 from missions.flight.strategy.work import Area, Lanes
+from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
@@ -30,24 +29,25 @@ from missions.mission.views import rows_across
 from missions.planning.search.lanes import along_east
 from missions.planning.search.search_order import Pace
 from missions.planning.sweep.strategies import SWATH
-from missions.units import Cell, GridPoint
+from missions.units import GridPoint
 
 
-def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+def change_layer(state: State, vehicle: VehicleState) -> State | None:
     """Have a vehicle climb or descend to where it works; None where it is there.
 
     While the air is not free it stays where it is, and tries again.
     """
+    setting = state.setting
     heights = setting.heights
-    if heights.in_layer(setting, state, vehicle):
+    if heights.in_layer(state, vehicle):
         return None
-    changed = setting.team.change_layer(setting, state, vehicle)
+    changed = setting.team.change_layer(state, vehicle)
     if changed is not None:
         return changed
     moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
-    if moved != vehicle and heights.in_layer(setting, state, moved):  # on the way
+    if moved != vehicle and heights.in_layer(state, moved):  # on the way
         return state.holding(moved)
-    air, begins = Airspace(setting, state), replace(moved, at_target=False)
+    air, begins = Airspace(state), replace(moved, at_target=False)
     for spot in (vehicle.position, *air.places_around(vehicle)):
         route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
         if (given := air.reserve(begins, begins.leg(route))) is not None:
@@ -90,59 +90,53 @@ class Paths(Strategy):
         footprint = setting.mission.camera.optics.footprint(setting.mission.altitude_m(0))
         return setting.grid.cell_m**2 / footprint.short_m / setting.energy.speed_m_s
 
-    def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
-        """Whether any frame has judged a cell."""
-        return setting.heights.searched(state)
-
-    def seen_in_passing(
-        self, setting: Setting, state: State, event: FrameSeen, votes: Verdicts
-    ) -> State:
+    def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
         """A frame counts for the lane that its vehicle flies."""
-        return on_a_lane(setting, state, event)
+        return on_a_lane(state, event)
 
-    def plan(self, setting: Setting, state: State) -> State:
+    def plan(self, state: State) -> State:
         """Stop those who meet reserved air or have nothing left on their lanes, and plan anew."""
-        state = end_searched(setting, keep_clear(setting, state))
-        return state if state.paused else self.plan_paths(setting, state)
+        state = end_searched(keep_clear(state))
+        return state if state.paused else self.plan_paths(state)
 
     @abstractmethod
-    def plan_paths(self, setting: Setting, state: State) -> State:
+    def plan_paths(self, state: State) -> State:
         """Give paths that are planned for all at once."""
 
-    def next_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def next_order(self, state: State, vehicle: VehicleState) -> State:
         """A path along the lanes; in an exploration paths are planned for all at once."""
-        inside = come_inside(setting, state, vehicle)
+        inside = come_inside(state, vehicle)
         if inside is not None:
             return inside
-        if self.gathers(setting, state, vehicle):
+        if self.gathers(state, vehicle):
             if not vehicle.is_over_pad:
-                return Airspace(setting, state).over_own_pad(vehicle)
+                return Airspace(state).over_own_pad(vehicle)
         else:
-            state = self.take_work(setting, state, vehicle)
+            state = self.take_work(state, vehicle)
             vehicle = state.vehicles[vehicle.vehicle]
-        changed = change_layer(setting, state, vehicle)
+        changed = change_layer(state, vehicle)
         if changed is not None:
             return changed
         if vehicle.asks is not None:  # it is there: the air is the others' again
             vehicle = replace(vehicle, asks=None)
             state = state.with_vehicle(vehicle)
         if state.tree is None and vehicle.lanes:
-            return search_passes(setting, state, vehicle)
-        return self.without_lanes(setting, state, vehicle)
+            return search_passes(state, vehicle)
+        return self.without_lanes(state, vehicle)
 
-    def take_work(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def take_work(self, state: State, vehicle: VehicleState) -> State:
         """Give a vehicle without lanes some of others before it changes its layer."""
         return state
 
     @abstractmethod
-    def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """Give an order to an idle vehicle that has no lanes to fly."""
 
-    def give_up_far(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
         """Give up the rest, unless lanes are left that a vehicle may still fly."""
         if state.tree is None and any(v.lanes for v in state.vehicles.values()):
             return None
-        return give_up_rest(setting, state)
+        return give_up_rest(state)
 
 
 class Sweep(Paths):
@@ -154,11 +148,9 @@ class Sweep(Paths):
         """Twice the bound of `rdfs`, a leg and two minutes."""
         return round(whole_bound_s(setting, len(tree), tree.depth), 1)
 
-    def seen_in_passing(
-        self, setting: Setting, state: State, event: FrameSeen, votes: Verdicts
-    ) -> State:
+    def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
         """The first cell that is region is the root: everybody leaves the search."""
-        state = super().seen_in_passing(setting, state, event, votes)
+        state = super().seen_in_passing(state, event, votes)
         root = next((cell for cell in votes if cell in state.belief.roi), None)
         if root is None:
             return state
@@ -168,16 +160,16 @@ class Sweep(Paths):
             for number, other in state.vehicles.items()
         })  # fmt: skip
 
-    def plan_paths(self, setting: Setting, state: State) -> State:
+    def plan_paths(self, state: State) -> State:
         """Plan for all who explore, once there is a region."""
         tree = state.tree
         if tree is None or tree.is_explored(tree.root):
             return state
-        return explore_passes(self, setting, state)
+        return explore_passes(self, state)
 
-    def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """Others have lanes left, or it waits over its pad; in an exploration it is planned for."""
-        return search(setting, state, vehicle) if state.tree is None else state.holding(vehicle)
+        return search(state, vehicle) if state.tree is None else state.holding(vehicle)
 
 
 FIRST: Final = Sweep()

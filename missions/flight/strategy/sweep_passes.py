@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.path_orders import NOTICE_S, fly_route, give_path
-from missions.flight.setting import Setting, Strategy
 from missions.flight.sightings import grown
-from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s, over_pad
 from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.work import OpenWork, TourMemory
+from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath
@@ -85,15 +85,13 @@ class PassMemory:
         return self.stalled_s > STALLED_S + STALLED_SHARE * self.longest_s
 
 
-def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
+def explore_passes(strategy: Strategy, state: State) -> State:
     """Plan anew for all vehicles that explore, if there is news and the last plan is old enough."""
-    tree = state.tree
-    lanes_left = any(map(strategy.still_searches, state.vehicles.values()))
+    setting, tree = state.setting, state.tree
+    lanes_left = strategy.flies_all_lanes and any(v.lanes for v in state.vehicles.values())
     memory = _memory(state)
     team = {
-        n: v
-        for n, v in sorted(state.vehicles.items())
-        if _takes_part(strategy, setting, state, v, memory)
+        n: v for n, v in sorted(state.vehicles.items()) if _takes_part(strategy, state, v, memory)
     }
     ours = frozenset(n for n in team if n in state.our_numbers)
     waiting = frozenset(n for n in ours if team[n].idle)
@@ -108,23 +106,22 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
     begin_s = round(state.t_s + NOTICE_S, 3)
     able = {n: v for n, v in state.vehicles.items() if _able(v)}
     home_s = max(over_home_s(team[n], memory.paths.get(n), begin_s) for n in ours)
-    known = chart_of(setting, state, None if tree is None else tree.root, begin_s, able, home_s)
+    known = chart_of(state, None if tree is None else tree.root, begin_s, able, home_s)
     memory = replace(memory, frames=frames, priority=0 if fresh else memory.priority)
     memory = _gone_on(memory, state, team)
-    if tree is not None and memory.flown_s > patience_s(setting, state):
+    if tree is not None and memory.flown_s > patience_s(state):
         return fall_back(state)
     if memory.is_stalled and not lanes_left:
-        return give_up_rest(setting, replace(state, memory=memory))
+        return give_up_rest(replace(state, memory=memory))
     if memory.tried and waiting == ours:
-        return _fetch(setting, state, memory, known, waiting)
+        return _fetch(state, memory, known, waiting)
     paths, routes = memory.paths, memory.routes
     flyers = {
         n: flyer_of(setting, vehicle, paths.get(n), routes.get(n), begin_s)
         for n, vehicle in team.items()
     }
-    state, tour, tours, others_part = strategy.share_work(
-        setting, state, OpenWork(known, flyers, memory.tour, memory.decisions)
-    )
+    open_work = OpenWork(known, flyers, memory.tour, memory.decisions)
+    state, (tour, tours, others_part) = strategy.share_work(state, open_work)
     memory = replace(memory, tour=tour)
     if others_part is not None:  # they plan for themselves
         team = {n: team[n] for n in sorted(ours)}
@@ -132,17 +129,17 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
     times = 1.0 if others_part is None else ALONE_TIMES
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     left_out = plan.work == 0 and others_part is not None
-    if left_out and setting.team.mark_unreported(setting, state, known):
+    if left_out and setting.team.mark_unreported(state, known):
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
         if value_of(setting, known)[3] > 0:  # others see to it: nothing stalls yet
             state = replace(state, memory=replace(memory, waiting=waiting, stalled_s=0.0))
-            return _homeward(setting, state, waiting)
+            return _homeward(state, waiting)
     if plan.work == 0:
         state = replace(state, memory=replace(memory, waiting=waiting))
-        return state if lanes_left else give_up_rest(setting, state)
-    state, memory, blocked = _fly(setting, state, team, plan, memory)
+        return state if lanes_left else give_up_rest(state)
+    state, memory, blocked = _fly(state, team, plan, memory)
     idle = frozenset(n for n in ours if state.vehicles[n].idle)
     others_can = any(
         n not in ours and not _nowhere(path) for n, path in zip(team, plan.paths, strict=True)
@@ -153,30 +150,28 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
         # once more, with more weight
         memory = replace(memory, priority=memory.priority + 1, waiting=frozenset())
         return replace(state, memory=memory)
-    return _fetch(setting, state, memory, known, idle)
+    return _fetch(state, memory, known, idle)
 
 
-def _homeward(setting: Setting, state: State, waiting: frozenset[int]) -> State:
+def _homeward(state: State, waiting: frozenset[int]) -> State:
     """Have vehicles that wait while others map fly towards their pads."""
     for number in sorted(waiting):
         vehicle = state.vehicles[number]
-        route = setting.fence.route(vehicle.position, over_pad(setting, vehicle))
+        route = state.setting.fence.route(vehicle.position, over_pad(state.setting, vehicle))
         if route and vehicle.position.distance_to(route[-1]) > NEAR_PAD_M:
-            state = fly_route(setting, state, vehicle, route)
+            state = fly_route(state, vehicle, route)
     return state
 
 
-def _fetch(
-    setting: Setting, state: State, memory: PassMemory, known: Known, idle: frozenset[int]
-) -> State:
+def _fetch(state: State, memory: PassMemory, known: Known, idle: frozenset[int]) -> State:
     """Have the nearest waiting vehicle fly to what is left; give it up if none can."""
     waiting = {n: state.vehicles[n] for n in idle}
-    found = fetch(setting, state, waiting, known, memory.tried)
+    found = fetch(state, waiting, known, memory.tried)
     if found is None:
         if any(n not in idle and _able(v) for n, v in state.vehicles.items()):
             return replace(state, memory=replace(memory, waiting=idle))
-        return give_up_rest(setting, replace(state, memory=memory))
-    state = give_path(setting, state, waiting[found.vehicle], found.path)
+        return give_up_rest(replace(state, memory=memory))
+    state = give_path(state, waiting[found.vehicle], found.path)
     if state.vehicles[found.vehicle].path is not None:
         memory = replace(
             memory,
@@ -218,7 +213,7 @@ def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState])
 
 
 def _takes_part(
-    strategy: Strategy, setting: Setting, state: State, vehicle: VehicleState, memory: PassMemory
+    strategy: Strategy, state: State, vehicle: VehicleState, memory: PassMemory
 ) -> bool:
     path, ours = vehicle.path, vehicle.vehicle in state.our_numbers
     idle = path is None and vehicle.idle
@@ -228,12 +223,12 @@ def _takes_part(
         apart = memory.fetching.get(vehicle.vehicle) is path
     else:
         # ours comes inside first; over the pad of another only that one may be
-        whole = None if ours else setting.whole_fence
-        apart = is_outside(whole or setting.fence, vehicle.position)
-    if apart or strategy.still_searches(vehicle):
+        whole = None if ours else state.setting.whole_fence
+        apart = is_outside(whole or state.setting.fence, vehicle.position)
+    if apart or (strategy.flies_all_lanes and vehicle.lanes):
         return False
-    waits = ours and idle and strategy.gathers(setting, state, vehicle)
-    return not waits and setting.heights.in_layer(setting, state, vehicle)
+    waits = ours and idle and strategy.gathers(state, vehicle)
+    return not waits and state.setting.heights.in_layer(state, vehicle)
 
 
 def _plan(
@@ -257,14 +252,10 @@ def _plan(
 
 
 def _fly(
-    setting: Setting,
-    state: State,
-    team: Mapping[int, VehicleState],
-    plan: Plan,
-    memory: PassMemory,
+    state: State, team: Mapping[int, VehicleState], plan: Plan, memory: PassMemory
 ) -> tuple[State, PassMemory, bool]:
     """Give the paths that are new and may be flown; and whether a vehicle waits for clear air."""
-    grid = setting.grid
+    grid = state.setting.grid
     drift = (grid.drift_east_m_s, grid.drift_north_m_s)
     routes, paths = dict(memory.routes), dict(memory.paths)
     longest_s, blocked = memory.longest_s, False
@@ -274,15 +265,15 @@ def _fly(
             continue  # others report what they fly; theirs is planned for the sake of ours
         flown = replace(path, drift_m_s=drift)
         before = vehicle.order
-        state = give_path(setting, state, vehicle, flown, partly=True)
+        state = give_path(state, vehicle, flown, partly=True)
         given = state.vehicles[number].order
         if given is not before and isinstance(given, FlyPath):
             routes[number], paths[number] = route, flown
             longest_s = max(longest_s, flown.end_s - state.t_s)
-        elif vehicle.idle and allowed(setting.fence, flown):
+        elif vehicle.idle and allowed(state.setting.fence, flown):
             blocked = True  # its air is reserved, which passes: nothing stalls yet
         elif vehicle.idle:
-            state = setting.team.way_out(setting, state, vehicle)
+            state = state.setting.team.way_out(state, vehicle)
     stalled_s = 0.0 if blocked else memory.stalled_s
     memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, stalled_s=stalled_s)
     return state, memory, blocked
@@ -293,11 +284,11 @@ def _nowhere(path: Trajectory | None) -> bool:
     return path is None or path.length_m < STEP_M
 
 
-def give_up_rest(setting: Setting, state: State) -> State:
+def give_up_rest(state: State) -> State:
     """Give up what cannot be decided: what is known of it counts."""
     tree = state.tree
     if tree is None:
-        open_ = setting.strategy.open_cells(setting, state)
+        open_ = state.setting.strategy.open_cells(state)
         return replace(state, exhausted=True, surveyed=True, undecided=open_)
     given_up: set[Cell] = set()
     left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]

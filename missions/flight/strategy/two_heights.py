@@ -12,11 +12,10 @@ the way to its first lane, and with no lanes left it descends on its way to what
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
 
-from missions.flight.setting import OneHeight, Setting
-from missions.flight.state import OFF_LAYER_M, State, VehicleState
+from missions.flight.state import OneHeight, Setting, State
+from missions.flight.vehicle_state import OFF_LAYER_M, VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane, point_on
@@ -44,30 +43,26 @@ class TwoHeights(OneHeight):
         high_m = mission.search_altitude_m(index)
         return high_m if high_m is not None and vehicle.lanes else mission.altitude_m(index)
 
-    def in_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    def in_layer(self, state: State, vehicle: VehicleState) -> bool:
         """The rest of a climb or descent may be flown on the way."""
-        layer_m = self.layer_m(setting, vehicle)
+        layer_m = self.layer_m(state.setting, vehicle)
         if vehicle.cruise_altitude_m != layer_m:
             return False
         if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M:
             return True
-        if not setting.team.climbs_on_path:
+        if not state.setting.team.climbs_on_path:
             return False
-        flight = setting.mission.flight
+        flight = state.setting.mission.flight
         if not vehicle.lanes:  # its frames count as soon as they are taken from low enough
             return flight.descent_m_s is not None and vehicle.level_m > layer_m
         rise_m = layer_m - vehicle.level_m
-        return 0.0 < rise_m <= climbed_on_the_way_m(setting, state, vehicle)
+        return 0.0 < rise_m <= climbed_on_the_way_m(state, vehicle)
 
-    def take_off_height_m(self, setting: Setting, state: State, vehicle: VehicleState) -> float:
+    def take_off_height_m(self, state: State, vehicle: VehicleState) -> float:
         """The rest is climbed on the way. Never lower than the layer from which it maps."""
-        low_m = setting.mission.altitude_m(vehicle.vehicle - 1) - vehicle.home_level_m
-        sure_m = ON_THE_WAY * climbed_on_the_way_m(setting, state, vehicle)
+        low_m = state.setting.mission.altitude_m(vehicle.vehicle - 1) - vehicle.home_level_m
+        sure_m = ON_THE_WAY * climbed_on_the_way_m(state, vehicle)
         return min(vehicle.cruise_height_m, max(low_m, vehicle.cruise_height_m - sure_m))
-
-    def as_mapping(self, setting: Setting, vehicle: VehicleState) -> VehicleState:
-        """In the lower of its two layers."""
-        return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
 
     def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
         """What lanes have found is mapped at once: it is looked for at each report."""
@@ -94,11 +89,12 @@ def heights_for(mission: Mission) -> OneHeight:
     return OneHeight() if mission.search.altitude_m is None else TwoHeights()
 
 
-def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
+def climbed_on_the_way_m(state: State, vehicle: VehicleState) -> float:
     """Return how far a vehicle climbs on its way to its first lane at full speed.
 
     0 without `flight.climb_m_s`, and for a member of a fleet, which has to keep to its layer.
     """
+    setting = state.setting
     climb_m_s = setting.mission.flight.climb_m_s
     if climb_m_s is None or not vehicle.lanes or not setting.team.climbs_on_path:
         return 0.0

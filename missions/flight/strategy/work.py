@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.flight.state import State
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
@@ -78,7 +77,6 @@ class OpenWork(NamedTuple):
 class Work(NamedTuple):
     """Which vehicle is to see what is left to map."""
 
-    state: State
     memory: TourMemory
     waypoints: Waypoints = ()
     """What a plan begins with; none where the last one goes on."""

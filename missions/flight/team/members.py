@@ -16,11 +16,11 @@ from typing import Final
 
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.lane_progress import lane_number
-from missions.flight.setting import Setting
 from missions.flight.sightings import frame_seen
-from missions.flight.state import Allotment, Column, Phase, ReturnReason, State
+from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import still_open
 from missions.flight.team.work_shares import back_from_lanes_s
+from missions.flight.vehicle_state import Allotment, Column, Phase, ReturnReason
 from missions.geo.trajectory import rounded_path
 from missions.mapping.belief import Belief
 from missions.mapping.joined_map import Facts
@@ -43,12 +43,12 @@ FLY_LANES: Final = ("stands", "flies", "returns")
 """What members do that will fly the lanes they hold; lanes of others may be taken."""
 
 
-def heard(setting: Setting, state: State, event: Heard) -> State:
+def heard(state: State, event: Heard) -> State:
     """The state after another member has told what its vehicle does."""
     before = state.vehicles[event.vehicle]
     flies = event.does not in ON_GROUND
-    order = _path(setting, event) if event.does == "flies" else None
-    layer_m = event.layer_m or setting.mission.altitude_m(event.vehicle - 1)
+    order = _path(state.setting, event) if event.does == "flies" else None
+    layer_m = event.layer_m or state.setting.mission.altitude_m(event.vehicle - 1)
     vehicle = replace(
         before,
         phase=_PHASES[event.does],
@@ -66,31 +66,31 @@ def heard(setting: Setting, state: State, event: Heard) -> State:
         candidate=None,
         back_s=event.t_s if before.phase is Phase.APART else before.back_s,
     )
-    return _share_lanes(setting, state.with_vehicle(vehicle), event)
+    return _share_lanes(state.with_vehicle(vehicle), event)
 
 
-def apart(setting: Setting, state: State, event: Apart) -> State:
+def apart(state: State, event: Apart) -> State:
     """Return the state with a member out of contact, whose work is left to it for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
-    until_s = round(setting.strategy.held_until_s(setting, state, vehicle, event.t_s), 1)
+    until_s = round(state.setting.strategy.held_until_s(state, vehicle, event.t_s), 1)
     due_s = float("-inf")
     if vehicle.lanes:
-        due_s = round(back_from_lanes_s(setting, vehicle, event.t_s), 1)
+        due_s = round(back_from_lanes_s(state.setting, vehicle, event.t_s), 1)
     gone = replace(
         vehicle, phase=Phase.APART, order=None, on_lane=False, held_until_s=until_s, due_s=due_s
     )
     return state.with_vehicle(gone)
 
 
-def allotted(setting: Setting, state: State, event: Allotted) -> State:
+def allotted(state: State, event: Allotted) -> State:
     """The state after another member has laid out who is to map what."""
     parts = {part.vehicle: part.places for part in event.parts}
     return replace(state, allotment=Allotment(event.vehicle, event.t_s, parts))
 
 
-def asked(setting: Setting, state: State, event: Asked) -> State:
+def asked(state: State, event: Asked) -> State:
     """The state with air closed to ours that another has asked for, or open again."""
     closed = {n: c for n, c in state.closed.items() if n != event.vehicle and c.until_s > event.t_s}
     if event.until_s > event.t_s:
@@ -100,7 +100,7 @@ def asked(setting: Setting, state: State, event: Asked) -> State:
     return replace(state, closed=closed)
 
 
-def leased(setting: Setting, state: State, event: Leased) -> State:
+def leased(state: State, event: Leased) -> State:
     """The state in which the air that ours asked for is its own for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.asks is None or vehicle.asks.place != event.place:
@@ -108,16 +108,16 @@ def leased(setting: Setting, state: State, event: Leased) -> State:
     return state.with_vehicle(replace(vehicle, leased_until_s=event.until_s))
 
 
-def shared(setting: Setting, state: State, event: Shared) -> State:
+def shared(state: State, event: Shared) -> State:
     """The state after what another member's frames have decided."""
-    votes = setting.mission.votes
+    votes = state.setting.mission.votes
     state = replace(state, shared_s=event.t_s)
     for fact in event.frames:
         if fact.seen:
             state = replace(state, shown=state.shown.union(cell for cell, _ in fact.votes))
             continue
         for seen in as_frames(event.vehicle, fact, votes.frames, votes.positive):
-            state = frame_seen(setting, state, seen)
+            state = frame_seen(state, seen)
     return state
 
 
@@ -134,13 +134,14 @@ def _path(setting: Setting, event: Heard) -> FlyPath | None:
     return FlyPath(path, event.height_m, None, mission.camera.interval_s)
 
 
-def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
+def _share_lanes(state: State, event: Heard) -> State:
     """Give another the lanes that it holds, and leave it those of ours that it comes to sooner.
 
     Of two that hold the same lane the one keeps it in whose order it stands earlier, at a tie the
     one that flies, then the one with the lower number; the lane that a vehicle is on stays its own.
     If they see it differently for a moment, both fly it, or the one that is done first takes it up.
     """
+    setting = state.setting
     if event.does not in FLY_LANES:
         taken = {lane_number(setting, lane) for ours in state.ours for lane in ours.lanes}
         left = tuple(number for number in event.lanes if number not in taken)
@@ -183,19 +184,19 @@ def with_map(state: State, facts: Facts) -> State:
     return replace(state, belief=belief, overview=overview, shown=shown)
 
 
-def concluded(setting: Setting, state: State) -> State:
+def concluded(state: State) -> State:
     """Return the state at the end, with what its map says of how far the mission has come.
 
     It differs for a service that flies nothing, and for a member whose vehicle came home early:
     others may have done the rest.
     """
-    strategy = setting.strategy
+    strategy = state.setting.strategy
     early = state.over and strategy.flies_all_lanes and not state.exploration_finished
     if state.our_numbers and not early:
         return state
-    if state.our_numbers and strategy.open_cells(setting, state):
+    if state.our_numbers and strategy.open_cells(state):
         return state
-    left = () if state.tree is not None else still_open(setting, state, setting.lanes)
+    left = () if state.tree is not None else still_open(state, state.setting.lanes)
     vehicles = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=vehicles, unreachable_lanes=left)
-    return strategy.concluded(setting, state, left)
+    return strategy.concluded(state, left)

@@ -22,12 +22,12 @@ from missions.flight.airspace.airspace import Airspace
 from missions.flight.lane_progress import lanes_held
 from missions.flight.layout import Fences
 from missions.flight.path_orders import fly_route
-from missions.flight.setting import Setting, Team
-from missions.flight.state import OFF_LAYER_M, Phase, State, VehicleState
+from missions.flight.state import Setting, State, Team
 from missions.flight.strategy.charting import gate_of
 from missions.flight.strategy.lane_passes import cells_drift_out, still_open
 from missions.flight.strategy.work import OpenWork, Work
 from missions.flight.team.work_shares import mark_unreported, own_part, share_parts, shared_out
+from missions.flight.vehicle_state import OFF_LAYER_M, Phase, VehicleState
 from missions.geo.columns import PAD_M, columns_over, fence_without
 from missions.geo.fence import Fence
 from missions.mission.schema import Mission
@@ -51,9 +51,9 @@ GATE_M: Final = 1.0
 class Alone(Team):
     """A service that commands all vehicles."""
 
-    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
+    def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
         """Lay tours for all, also for those which still fly lanes."""
-        return Work(state, *shared_out(setting, state, work))
+        return state, Work(*shared_out(state, work))
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Member(Team):
             "or its home in the mission of everybody"
         )
 
-    def urgent_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    def urgent_order(self, state: State, vehicle: VehicleState) -> State | None:
         """Have a vehicle climb or descend where it is, if its layer may be another's.
 
         It has been stopped on its way between two layers. While the air of that way is still its
@@ -97,9 +97,9 @@ class Member(Team):
         layer_m = vehicle.cruise_altitude_m
         if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M or vehicle.is_over_pad:
             return None
-        air = Airspace(setting, state)
+        air = Airspace(state)
         if not air.has_column(vehicle, layer_m):
-            mission, index = setting.mission, vehicle.vehicle - 1
+            mission, index = state.setting.mission, vehicle.vehicle - 1
             high_m = mission.search_altitude_m(index)
             own_m = [layer_m, mission.altitude_m(index), *([high_m] if high_m else [])]
             layer_m = min(own_m, key=lambda own: abs(own - vehicle.level_m))
@@ -108,7 +108,7 @@ class Member(Team):
                 return state.holding(vehicle)
         return air.leave(replace(vehicle, cruise_altitude_m=layer_m), (vehicle.position,))
 
-    def change_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    def change_layer(self, state: State, vehicle: VehicleState) -> State | None:
         """Ask the others for a column, for it crosses their layers, unless it is over its own pad.
 
         The vehicle has the air once all have promised to keep out of it. If a member is out of
@@ -116,7 +116,7 @@ class Member(Team):
         """
         if vehicle.is_over_pad:
             return None
-        air, layer_m = Airspace(setting, state), setting.heights.layer_m(setting, vehicle)
+        air, layer_m = Airspace(state), state.setting.heights.layer_m(state.setting, vehicle)
         vehicle, granted = air.ask_for_column(vehicle, layer_m)
         if granted is None:
             return state.holding(vehicle)
@@ -126,41 +126,43 @@ class Member(Team):
         given = air.reserve(moved, moved.leg((vehicle.asks.place,)))
         return state.holding(vehicle) if given is None else given
 
-    def way_out(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+    def way_out(self, state: State, vehicle: VehicleState) -> State:
         """Have it fly straight out of its column where its way leads past those of others."""
-        gate = gate_of(setting, vehicle)
+        gate = gate_of(state.setting, vehicle)
         if not vehicle.is_over_pad or vehicle.position.distance_to(gate) < GATE_M:
             return state
-        return fly_route(setting, state, vehicle, [gate])
+        return fly_route(state, vehicle, [gate])
 
-    def free_lane(self, setting: Setting, state: State) -> Lane | None:
+    def free_lane(self, state: State) -> Lane | None:
         """What a member that dropped out held, and no other has taken up."""
-        if cells_drift_out(setting):
+        if cells_drift_out(state.setting):
             return None  # lanes that lie still are flown as they are, seen or not
-        held = {n for vehicle in state.vehicles.values() for n in lanes_held(setting, vehicle)}
-        free = (lane for number, lane in enumerate(setting.lanes) if number not in held)
-        return next((part for lane in free for part in still_open(setting, state, (lane,))), None)
+        held = {
+            n for vehicle in state.vehicles.values() for n in lanes_held(state.setting, vehicle)
+        }
+        free = (lane for number, lane in enumerate(state.setting.lanes) if number not in held)
+        return next((part for lane in free for part in still_open(state, (lane,))), None)
 
-    def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+    def gathers(self, state: State, vehicle: VehicleState) -> bool:
         """Members without lanes wait until all that are due have reported what they know."""
         if vehicle.lanes:
             return False
-        if setting.heights.in_layer(setting, state, vehicle) and not vehicle.is_over_pad:
+        if state.setting.heights.in_layer(state, vehicle) and not vehicle.is_over_pad:
             return False  # it maps
         others = [other for number, other in state.vehicles.items() if number != vehicle.vehicle]
         if any(_is_due(state, other) or _reports(state, other) for other in others):
             return True
         return _part_to_come(state, vehicle, others)
 
-    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
+    def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
         """Keep to its own part, and lay out all parts if that is its duty."""
-        state = share_parts(self.number, setting, state, work)
-        others, memory, tours = own_part(self.number, setting, state, work.known.chart, work.memory)
-        return Work(state, memory, tours, others)
+        state = share_parts(self.number, state, work)
+        others, memory, tours = own_part(self.number, state, work.known.chart, work.memory)
+        return state, Work(memory, tours, others)
 
-    def mark_unreported(self, setting: Setting, state: State, known: Known) -> bool:
+    def mark_unreported(self, state: State, known: Known) -> bool:
         """Votes that decide nothing are not reported: others may miss what ours takes for seen."""
-        return mark_unreported(self.number, setting, state, known)
+        return mark_unreported(self.number, state, known)
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.flight.setting import Setting
-from missions.flight.state import Allotment, Phase, State, VehicleState
-from missions.flight.strategy.charting import flyer_of, kinematics
+from missions.flight.state import Setting, State
+from missions.flight.strategy.charting import flyer_of, in_map_layer, kinematics
 from missions.flight.strategy.work import OpenWork, TourMemory
+from missions.flight.vehicle_state import Allotment, Phase, VehicleState
 from missions.geo.trajectory import Trajectory
 from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Chart, Ints, Known
@@ -57,7 +57,7 @@ Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
 
 
 # --- a service that commands all vehicles -------------------------------------------------------
-def shared_out(setting: Setting, state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
+def shared_out(state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
     """Close what others are to see in the chart, and lay tours if it is time to.
 
     Returns:
@@ -68,8 +68,8 @@ def shared_out(setting: Setting, state: State, work: OpenWork) -> tuple[TourMemo
     numbers = frozenset(team)
     if state.t_s >= memory.laid_s + EVERY_S or not numbers <= memory.team:
         begin_s = round(state.t_s + 1.0, 3)
-        everyone = _at_once(team) | _at_path_end(setting, state, numbers, begin_s)
-        tours = _tours(setting, known, everyone, begin_s, decision, memory.tours)
+        everyone = _at_once(team) | _at_path_end(state, numbers, begin_s)
+        tours = _tours(state.setting, known, everyone, begin_s, decision, memory.tours)
         laid = {} if tours is None else dict(zip(everyone, tours.waypoints, strict=True))
         others: frozenset[Cell] = frozenset()
         if tours is not None:
@@ -83,7 +83,7 @@ def shared_out(setting: Setting, state: State, work: OpenWork) -> tuple[TourMemo
 
 
 def _at_path_end(
-    setting: Setting, state: State, team: frozenset[int], begin_s: float
+    state: State, team: frozenset[int], begin_s: float
 ) -> dict[int, tuple[Flyer, float]]:
     """The vehicles that fly lanes, and how much later than `begin_s` they will map, seconds."""
     found = {}
@@ -92,8 +92,8 @@ def _at_path_end(
         if number in team or not vehicle.lanes or returns or vehicle.path is None:
             continue
         delay_s = max(vehicle.path.end_s - begin_s, 0.0)
-        low = setting.heights.as_mapping(setting, vehicle)
-        found[number] = flyer_of(setting, low, None, None, begin_s), delay_s
+        low = in_map_layer(state.setting, vehicle)
+        found[number] = flyer_of(state.setting, low, None, None, begin_s), delay_s
     return found
 
 
@@ -127,7 +127,7 @@ def _tours(
 
 
 # --- members of a fleet -------------------------------------------------------------------------
-def share_parts(mine: int, setting: Setting, state: State, work: OpenWork) -> State:
+def share_parts(mine: int, state: State, work: OpenWork) -> State:
     """Return the state with new parts, if it is our member that lays them, and they are due."""
     last, flyers = state.allotment, work.flyers
     if mine != min(flyers):
@@ -137,15 +137,15 @@ def share_parts(mine: int, setting: Setting, state: State, work: OpenWork) -> St
     if ours and last is not None and state.t_s < last.made_s + EVERY_S:
         return state
     begin_s = round(state.t_s + 1.0, 3)
-    everyone = _at_once(flyers) | _later(setting, state, frozenset(flyers), begin_s)
+    everyone = _at_once(flyers) | _later(state, frozenset(flyers), begin_s)
     held = {n: part for n, part in before.items() if n not in everyone and _maps(state, n)}
     chart = work.known.chart
     open_ = chart.closed.copy()
     if held:
-        chart.closed[_of(setting, chart, before, state, frozenset(held))] = 1
+        chart.closed[_of(chart, before, state, frozenset(held))] = 1
     cuts = {number: _tour(places) for number, places in before.items()}
     tours = _tours(
-        setting, work.known, everyone, begin_s, work.decision, cuts, least=1, keep_s=KEEP_S
+        state.setting, work.known, everyone, begin_s, work.decision, cuts, least=1, keep_s=KEEP_S
     )
     chart.closed[:] = open_
     if tours is None:
@@ -158,7 +158,7 @@ def share_parts(mine: int, setting: Setting, state: State, work: OpenWork) -> St
 
 
 def own_part(
-    mine: int, setting: Setting, state: State, chart: Chart, memory: TourMemory
+    mine: int, state: State, chart: Chart, memory: TourMemory
 ) -> tuple[Bits | None, TourMemory, Waypoints]:
     """Close what others are to map in a chart, for as long as ours keeps to its part.
 
@@ -172,7 +172,7 @@ def own_part(
     if state.t_s >= found.made_s + KNOWN_S:
         return None, memory, ()
     others = frozenset(n for n in found.parts if n != mine and _maps(state, n))
-    theirs = _of(setting, chart, found.parts, state, others) & (chart.closed == 0)
+    theirs = _of(chart, found.parts, state, others) & (chart.closed == 0)
     chart.closed[theirs] = 1
     tour = _tour(found.parts[mine])
     fresh = bool(tour) and found.made_s > memory.laid_s
@@ -186,7 +186,7 @@ def _tour(places: Sequence[GridPoint]) -> Tour:
     return tuple((place.east_m, place.north_m, CUT_M) for place in places)
 
 
-def mark_unreported(mine: int, setting: Setting, state: State, known: Known) -> bool:
+def mark_unreported(mine: int, state: State, known: Known) -> bool:
     """Mark what is undecided and seen from the places of our part; return whether there is any.
 
     Votes that decide nothing are not reported: the member that has laid the parts may miss what
@@ -196,8 +196,8 @@ def mark_unreported(mine: int, setting: Setting, state: State, known: Known) -> 
     if found is None or wanted is None:
         return False
     chart, any_ = known.chart, False
-    low = setting.heights.as_mapping(setting, state.vehicles[mine])
-    seen = kinematics(setting, low)
+    low = in_map_layer(state.setting, state.vehicles[mine])
+    seen = kinematics(state.setting, low)
     reach_e, reach_n = seen.half_east_m / chart.cell_m, seen.half_north_m / chart.cell_m
     for place in found.parts.get(mine, ()):
         x, y = place.east_m / chart.cell_m, place.north_m / chart.cell_m
@@ -210,15 +210,16 @@ def mark_unreported(mine: int, setting: Setting, state: State, known: Known) -> 
     return any_
 
 
-def held_until_s(setting: Setting, state: State, vehicle: VehicleState, t_s: float) -> float:
+def held_until_s(state: State, vehicle: VehicleState, t_s: float) -> float:
     """Return when a member that is out of contact since `t_s` should have done its work."""
+    setting = state.setting
     left_s, place = _lanes_left(setting, vehicle)
     found = state.allotment
     places = () if found is None else found.parts.get(vehicle.vehicle, ())
     if not places and not vehicle.lanes:
         return t_s
     way_m = sum(a.distance_to(b) for a, b in pairwise((place, *places, vehicle.pad)))
-    low = setting.heights.as_mapping(setting, vehicle)
+    low = in_map_layer(setting, vehicle)
     map_s = way_m / setting.path_speed_m_s(low.cruise_height_m, 0.0)
     return t_s + SPARE_S + SLOW_TIMES * (left_s + map_s)
 
@@ -239,15 +240,11 @@ def _maps(state: State, number: int) -> bool:
 
 
 def _of(
-    setting: Setting,
-    chart: Chart,
-    parts: Mapping[int, tuple[GridPoint, ...]],
-    state: State,
-    whose: frozenset[int],
+    chart: Chart, parts: Mapping[int, tuple[GridPoint, ...]], state: State, whose: frozenset[int]
 ) -> Bits:
     """The cells to which a place of one of `whose` is nearest, of all that map."""
     mapping = tuple((n, places) for n, places in sorted(parts.items()) if _maps(state, n))
-    half_east_m, half_north_m = setting.seen_whole_m(setting.mission.altitude_m(0))
+    half_east_m, half_north_m = state.setting.seen_whole_m(state.setting.mission.altitude_m(0))
     high = max(half_north_m, 0.1) / max(half_east_m, 0.1)
     nearest = _nearest(mapping, chart.grid, high)
     return np.isin(nearest, sorted(whose))
@@ -276,16 +273,15 @@ def _nearest(mapping: Parts, grid: tuple[int, int, int, int, float], high: float
     return who
 
 
-def _later(
-    setting: Setting, state: State, team: frozenset[int], begin_s: float
-) -> dict[int, tuple[Flyer, float]]:
+def _later(state: State, team: frozenset[int], begin_s: float) -> dict[int, tuple[Flyer, float]]:
     """The vehicles that will map once their lanes are flown: where, and when from now, seconds."""
+    setting = state.setting
     found = {}
     for number, vehicle in sorted(state.vehicles.items()):
         if number in team or not vehicle.works:
             continue
         left_s, place = _lanes_left(setting, vehicle)
-        low = replace(setting.heights.as_mapping(setting, vehicle), order=None)
+        low = replace(in_map_layer(setting, vehicle), order=None)
         flyer = flyer_of(setting, low, None, None, begin_s)
         found[number] = replace(flyer, place=place), left_s
     return found

@@ -17,10 +17,10 @@ from dataclasses import replace
 from functools import partial
 
 from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, Tracked, Vote
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
+from missions.flight.state import Setting
 from missions.flight.step import step
+from missions.flight.vehicle_state import Phase
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
 from missions.orders import FlyTo, Look, Order, Sweep, TakeOff
@@ -87,7 +87,7 @@ class Flight:
         """Take an event in; CPU microseconds."""
 
         def fold() -> None:
-            self.state, _ = step(self.setting, self.state, event)
+            self.state, _ = step(self.state, event)
 
         return 1e3 * cpu_ms(fold)
 

@@ -23,7 +23,7 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission.schema import parse_fields
 from missions.units import GridPoint

@@ -14,8 +14,8 @@ import pytest
 from missions.errors import PreflightError
 from missions.events import Event
 from missions.fleet_events import Apart, Heard, Shared
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission.fleet_checks import check_fleet, with_pads_apart
 from missions.mission.places import homes
@@ -60,7 +60,7 @@ def journal(folder: Path) -> tuple[Setting, list[Event]]:
 
 def region(folder: Path) -> frozenset[Cell]:
     setting, events = journal(folder)
-    return frozenset(joined(setting, setting.initial_state(), events).belief.roi)
+    return frozenset(joined(setting.initial_state(), events).belief.roi)
 
 
 def members(out: Path, count: int = 3) -> Sequence[Path]:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import pytest
 
 from missions.events import Navigated
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from sitl.vehicle import SimVehicle
 from tests.benchmarks.frame import truth_shown
 from tests.benchmarks.watched import flown

@@ -32,7 +32,7 @@ def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
     setting = setting_of(made)
     state, told = setting.initial_state(), []
     for line in lines:
-        state, _ = step(setting, state, from_json(line))
+        state, _ = step(state, from_json(line))
         told.append([vehicle.order for vehicle in state.vehicles.values()])
     return told
 

@@ -87,11 +87,11 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     state = setting.initial_state()
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
     for event in events:  # what the live page shows is what the map says
-        state, _ = step(setting, state, event)
+        state, _ = step(state, event)
         watcher.take_in(event, state)
     watcher.refresh(whole=True)
     shown = {cell: STATES[code] for cell, code in watcher.board.cells.items()}
-    table = map_data(setting, state, figures(setting, events)[1], None).cells
+    table = map_data(state, figures(setting, events)[1], None).cells
     assert shown == {tuple(cell): state for cell, state, *_ in table.values()}
 
 

@@ -6,8 +6,8 @@ import itertools
 
 import pytest
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.units import GridPoint
 from tests.e2e import rig
 from uavmap.load.mission_source import load

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from shapely.geometry import Polygon, box
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.geo.terrain import FOLLOW_M
 from missions.units import Cell, GridPoint, LatLon, Pose

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from missions.events import Event, FrameSeen
-from missions.flight.state import Phase
 from missions.flight.step import fold
+from missions.flight.vehicle_state import Phase
 from missions.geo.terrain import FOLLOW_M
 from missions.lab.arena.roi import component
 from missions.mapping.belief import Belief, FrameId

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
+from missions.flight.vehicle_state import Phase
 from missions.lab.arena.roi import eden
 from missions.orders import AwaitBattery, FlyPath, Hold
 from missions.units import Cell, GridPoint

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from missions.events import Event, FrameSeen, Weighed
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell

@@ -13,8 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from missions.events import FrameSeen
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.mission.sections import DetectorSection
 from missions.units import Cell
 from uavmap.output.facts.map_model import CellTable
@@ -91,7 +90,7 @@ class DetectorFit:
         return self.frames >= LEAST_FRAMES and self.share >= MOST_REGION
 
 
-def no_verdict(setting: Setting, state: State, fit: DetectorFit, *, real: bool) -> str:
+def no_verdict(state: State, fit: DetectorFit, *, real: bool) -> str:
     """Return why the map of a flight that is over shows nothing; empty where it does.
 
     `real`: the simulator in this process has not painted the ground.
@@ -100,7 +99,7 @@ def no_verdict(setting: Setting, state: State, fit: DetectorFit, *, real: bool) 
         return ""
     if fit.takes_nearly_all:
         return f"the detector took {fit.share:.0%} of the {fit.cells:,} cells seen for region"
-    section = setting.mission.detector
+    section = state.setting.mission.detector
     if real and state.completed and not state.belief.roi and is_untouched(section):
         return (
             "no region in the whole box, by the detector threshold with the values that fit the "

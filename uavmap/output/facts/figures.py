@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from missions.events import Event, FrameSeen
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.flight.step import step
 from missions.flight.strategy.charting import kinematics
 from missions.flight.team.members import concluded, facts_of, with_map
@@ -75,7 +74,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     facts = facts_of(setting) if in_fleet else None
     for event in events:
         counter.before(event, state)
-        state, _ = step(setting, state, event)
+        state, _ = step(state, event)
         counter.after(event)
         if isinstance(event, FrameSeen):
             shares.note(event)
@@ -84,12 +83,12 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
         if facts is not None:
             facts.take(event)
     if facts is not None:
-        state = concluded(setting, with_map(state, facts))
-    found = figures_of(setting, state, counter)
+        state = concluded(with_map(state, facts))
+    found = figures_of(state, counter)
     return state, replace(found, shares=shares, sums=sums, fit=fit)
 
 
-def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
+def figures_of(state: State, counter: Counter) -> Figures:
     """Return the figures of a flight up to a state; the counter has every event."""
     everybody = counter.vehicles.values()
     return Figures(
@@ -99,27 +98,28 @@ def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
         sorties=sum(c.sorties for c in everybody),
         battery_swaps=sum(c.swaps for c in everybody),
         exploration_s=round(max(c.on_task_s for c in everybody), 1),
-        lower_bound_s=_lower_bound_s(setting, state, max(c.stints for c in everybody) - 1),
+        lower_bound_s=_lower_bound_s(state, max(c.stints for c in everybody) - 1),
         bound_makespan_s=None
         if state.tree is None
-        else setting.strategy.bound_s(setting, state.tree),
+        else state.setting.strategy.bound_s(state.setting, state.tree),
         tracks={number: tuple(c.points) for number, c in counter.vehicles.items()},
         navigation={n: log for n, c in counter.vehicles.items() if (log := c.navigation.figures())},
         lift_off_s=counter.first_s or 0.0,
     )
 
 
-def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
+def _lower_bound_s(state: State, breaks: int) -> float:
     """Return a bound on the time on the tree for every team, at the configured speed.
 
     A path from the root ends anywhere, and every flight home breaks it off. Cells count that were
     looked at, with all frames, after the root was found; skipped ones do not.
     """
+    setting = state.setting
     tree = state.tree
     if tree is None or state.found_s is None:
         return 0.0
     if not setting.strategy.stops:
-        return _passing_bound_s(setting, state, state.found_s, breaks)
+        return _passing_bound_s(state, state.found_s, breaks)
     votes, found_s = setting.mission.votes, state.found_s
     cells = [
         cell
@@ -136,15 +136,15 @@ def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
     return round(one_way_lower_bound(cells, tree.root, robots, metric, max(breaks, 0)), 1)
 
 
-def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int) -> float:
+def _passing_bound_s(state: State, found_s: float, breaks: int) -> float:
     """Return the bound for vehicles that do not stop, on ground first seen after the root.
 
     A team that fell back on stopping flew part of it at the mission's speed with any heading; a
     look judges cells that are nearly whole in the picture.
     """
-    mission = setting.mission
+    mission = state.setting.mission
     legs_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s if state.falls_back else 0.0
-    team = [kinematics(setting, vehicle) for vehicle in state.vehicles.values()]
+    team = [kinematics(state.setting, vehicle) for vehicle in state.vehicles.values()]
     top_m = max(vehicle.cruise_height_m for vehicle in state.vehicles.values())
     lean_m = 0.0
     for k in team:
@@ -171,13 +171,13 @@ def frames_judged(state: State) -> int:
     return sum(len(frames) for frames in state.belief.looks.values()) + from_above
 
 
-def finding(setting: Setting, state: State) -> str:
+def finding(state: State) -> str:
     """Write what the mission found, in a sentence that claims no more than was judged."""
     frames = frames_judged(state)
     left_m = sum(a.distance_to(b) for a, b in state.unsearched)
-    if setting.strategy.patches and state.belief.roi:
+    if state.setting.strategy.patches and state.belief.roi:
         return _patches_found(state, frames, left_m)
-    if state.surveyed and not setting.strategy.patches:
+    if state.surveyed and not state.setting.strategy.patches:
         found = f"{len(state.belief.roi)} cells of the region in {frames} judged frames"
         if state.undecided:
             return f"{found}; {len(state.undecided)} cells of the box lack votes"
@@ -228,21 +228,22 @@ def _patches_found(state: State, frames: int, left_m: float) -> str:
     return f"{text}, explored to {'its end' if count == 1 else 'their ends'}; the whole box is seen"
 
 
-def aircraft_down(setting: Setting, state: State) -> list[str]:
+def aircraft_down(state: State) -> list[str]:
     """List the aircraft to be recovered, each with its place."""
     lines = []
     for number, vehicle in sorted(state.vehicles.items()):
         if vehicle.away:
-            place = setting.grid.position(vehicle.position)
+            place = state.setting.grid.position(vehicle.position)
             where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
             lines.append(f"vehicle {number} near {where}: {vehicle.note or vehicle.phase.value}")
     return lines
 
 
-def summary(setting: Setting, state: State, found: Figures, seed: int | None) -> dict[str, Any]:
+def summary(state: State, found: Figures, seed: int | None) -> dict[str, Any]:
     """Create the part of summary.json that needs no truth."""
+    setting = state.setting
     mission, tree = setting.mission, state.tree
-    of_patches, in_all = certificates(setting, state, found.lift_off_s)
+    of_patches, in_all = certificates(state, found.lift_off_s)
     drifts = found.shares.drifts_of(patches(state.belief.roi), setting.grid)
     for one, drift in zip(of_patches, drifts, strict=True):
         one["drift"] = None if drift is None else drift.figures(setting.grid)
@@ -252,8 +253,8 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "vehicles": len(mission.vehicles),
         "seed": seed,
         "completed": state.completed,
-        "finding": finding(setting, state),
-        "aircraft_down": aircraft_down(setting, state),
+        "finding": finding(state),
+        "aircraft_down": aircraft_down(state),
         "frames_judged": frames_judged(state),
         "unsearched_m": round(sum((a.distance_to(b) for a, b in state.unsearched), 0.0), 1),
         "flight_time_s": found.flight_time_s,

@@ -9,7 +9,8 @@ from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 from missions import events as ev
 from missions.events import BatterySwapped, Connected, Event, Landed, Navigated, Told, Tracked
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import State
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath
 from missions.units import GridPoint
 from uavmap.base.printable import printable

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from shapely.errors import ShapelyError
 from shapely.geometry import MultiPolygon, Polygon
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.mission.views import rim_share
 from uavmap.base.text_files import read_text
 from uavmap.base.version import __version__

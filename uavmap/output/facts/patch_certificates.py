@@ -19,8 +19,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.mapping.belief import FrameId, judging_frames
 from missions.mapping.tree import patches
 from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
@@ -46,12 +45,13 @@ class Team:
     """Maximum delay of a verdict behind its shared time."""
 
     @classmethod
-    def of(cls, setting: Setting, state: State, *, overview: bool) -> Team:
+    def of(cls, state: State, *, overview: bool) -> Team:
         """Create that of a mission at the greatest speed, by frames from the highest possible
         place.
 
         `overview`: frames from a search's height, not those of the map.
         """
+        setting = state.setting
         mission = setting.mission
         vehicles, above_m = state.vehicles, mission.overview_above_m
         low_m = [mission.altitude_m(number - 1) for number in vehicles]
@@ -98,13 +98,13 @@ class _Judged:
     lift_off_s: float
 
     @classmethod
-    def of(cls, setting: Setting, state: State, lift_off_s: float) -> _Judged:
+    def of(cls, state: State, lift_off_s: float) -> _Judged:
         return cls(
             judging_frames(state.belief),
             state.overview.looks.get(None, {}),
-            Team.of(setting, state, overview=False),
-            Team.of(setting, state, overview=True),
-            setting.grid.cell_m**2,
+            Team.of(state, overview=False),
+            Team.of(state, overview=True),
+            state.setting.grid.cell_m**2,
             lift_off_s,
         )
 
@@ -131,31 +131,29 @@ class _Judged:
         }
 
 
-def certificates(
-    setting: Setting, state: State, lift_off_s: float
-) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+def certificates(state: State, lift_off_s: float) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Return those of each patch, the largest first, and of all; places are those at `state.t_s`.
 
     `lift_off_s`: the mission time from which seconds are counted.
     """
-    judged = _Judged.of(setting, state, lift_off_s)
+    judged = _Judged.of(state, lift_off_s)
     frames, found = judged.frames, patches(state.belief.roi)
     beside = [{near for cell in patch for near in cell.neighbours()} - patch for patch in found]
     open_cells = {cell for cells in beside for cell in cells if cell not in frames}
     seen_s = _first_seen_s(state)
-    reasons = _reasons(setting, state, open_cells, seen_s)
+    reasons = _reasons(state, open_cells, seen_s)
     found_each = []
     for patch, others in zip(found, beside, strict=True):
         middle = [sum(axis) / len(patch) for axis in zip(*patch, strict=True)]
         root = min(patch, key=lambda cell: (frames[cell].t_s, cell))
         left = sorted(cell for cell in others if cell not in frames)
         found_each.append({
-            **_size(setting, len(patch)),
-            **_place(setting, state, middle[0], middle[1]),
+            **_size(state.setting, len(patch)),
+            **_place(state, middle[0], middle[1]),
             "root": {
                 "column": root.east,
                 "row": root.north,
-                **_place(setting, state, root.east, root.north),
+                **_place(state, root.east, root.north),
                 "seen_s": round(seen_s[root] - lift_off_s, 1),
             },
             "complete": not left,
@@ -165,11 +163,11 @@ def certificates(
     counts = {name: len(cells) for name, cells in _by_reason(sorted(open_cells), reasons).items()}
     in_all = {
         "patches": len(found),
-        **_size(setting, len(state.belief.roi)),
+        **_size(state.setting, len(state.belief.roi)),
         "complete": bool(found) and not open_cells,
         "open": counts,
         **judged.times(state.belief.roi, set[Cell]().union(*beside)),
-        "box": _box(setting, state, frames, seen_s),
+        "box": _box(state, frames, seen_s),
     }
     return found_each, in_all
 
@@ -178,8 +176,8 @@ def _size(setting: Setting, cells: int) -> dict[str, Any]:
     return {"cells": cells, "area_m2": round(cells * setting.grid.cell_m**2, 1)}
 
 
-def _place(setting: Setting, state: State, east: float, north: float) -> dict[str, float]:
-    grid = setting.grid
+def _place(state: State, east: float, north: float) -> dict[str, float]:
+    grid = state.setting.grid
     point = GridPoint(east * grid.cell_m, north * grid.cell_m)
     place = grid.position(grid.to_fixed(point, state.t_s))
     return {"lat_deg": round(place.lat_deg, 7), "lon_deg": round(place.lon_deg, 7)}
@@ -194,11 +192,9 @@ def _first_seen_s(state: State) -> dict[Cell, float]:
 
 
 # --- what is not judged, and why ---------------------------------------------------------------
-def _reasons(
-    setting: Setting, state: State, cells: Collection[Cell], seen: Collection[Cell]
-) -> dict[Cell, str]:
+def _reasons(state: State, cells: Collection[Cell], seen: Collection[Cell]) -> dict[Cell, str]:
     """Return why cells beside the region are not judged: the first reason that holds."""
-    beyond = beyond_fence(setting, cells, state.t_s)
+    beyond = beyond_fence(state.setting, cells, state.t_s)
     reasons = {}
     for cell in cells:
         cross = set(cell.cross())
@@ -247,13 +243,11 @@ def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> froze
     return frozenset(cell for cell, ok in zip(listed, inside.tolist(), strict=True) if not ok)
 
 
-def _box(
-    setting: Setting, state: State, judged: Collection[Cell], seen_s: Collection[Cell]
-) -> dict[str, Any]:
+def _box(state: State, judged: Collection[Cell], seen_s: Collection[Cell]) -> dict[str, Any]:
     """Return how much of the search box is judged; no patch is missing where all of it is."""
-    cells = setting.box_cells
+    cells = state.setting.box_cells
     left = [cell for cell in cells if cell not in judged]
-    beyond = beyond_fence(setting, [cell for cell in left if cell not in seen_s], 0.0)
+    beyond = beyond_fence(state.setting, [cell for cell in left if cell not in seen_s], 0.0)
     return {
         "cells": len(cells),
         "decided": len(cells) - len(left),

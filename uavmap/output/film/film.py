@@ -15,8 +15,7 @@ from typing import Final, NamedTuple
 from shapely.geometry.base import BaseGeometry
 
 from missions.events import Connected, Event, Tracked, Weighed
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.flight.step import step
 from missions.mission.schema import Mission
 from missions.units import Cell
@@ -236,7 +235,7 @@ class _Log:
 
     def take_in(self, event: Event) -> None:
         before, self.t_s = self.state, max(self.t_s, event.t_s)
-        self.state, _ = step(self.setting, before, event)
+        self.state, _ = step(before, event)
         if isinstance(event, Tracked | Connected):
             grid = self.setting.grid
             east_m, north_m = grid.to_moving(event.position, self.t_s)

@@ -20,7 +20,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import GeodesyError
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.mission.places import homes
 from missions.mission.schema import Mission, positions
 from missions.mission.views import path_speed_m_s

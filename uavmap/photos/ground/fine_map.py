@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiLineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from uavmap.output.drawing.scene import View

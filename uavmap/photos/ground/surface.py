@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Pose

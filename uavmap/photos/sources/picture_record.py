@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.mission.schema import Mission
 from missions.units import LatLon, Pose, Quaternion
 from vision.camera import Lens

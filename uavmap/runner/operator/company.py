@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.events import Event
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from missions.flight.step import step
 from uavmap.aircraft.process.messages import Asked
 from uavmap.journal.kept_frames import KeptFrame
@@ -25,7 +24,7 @@ class Onlooker:
     """Sees all of a flight, and does nothing unless overridden; no method may raise, or take
     long."""
 
-    def look_back(self, setting: Setting, event: Event, state: State) -> None:
+    def look_back(self, event: Event, state: State) -> None:
         """See an event of before a resume; `state` is that after it."""
 
     def begin(self, setting: Setting, *, again: bool) -> None:
@@ -85,7 +84,7 @@ def folded(setting: Setting, events: Iterable[Event], onlookers: Sequence[Onlook
     """Return the state after the events of a journal; the onlookers see each of them."""
     state = setting.initial_state()
     for event in events:
-        state, _ = step(setting, state, event)
+        state, _ = step(state, event)
         for onlooker in onlookers:
-            onlooker.look_back(setting, event, state)
+            onlooker.look_back(event, state)
     return state

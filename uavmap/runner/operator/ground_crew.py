@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Final, TextIO
 
 from missions.events import Airborne, BatterySwapped, Connected, Crashed, Event
-from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.guardian import PAD_M
@@ -190,7 +189,7 @@ def doubts(
     return {number: why for number, why in found.items() if why}
 
 
-def say_last_known(setting: Setting, state: State) -> None:
+def say_last_known(state: State) -> None:
     """Log where aircraft were last that are not at home, where none has answered since."""
-    for line in aircraft_down(setting, state):
+    for line in aircraft_down(state):
         _LOG.info(f"not heard in this run; at {state.t_s:.0f} s of the mission: {line}")

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from missions.errors import UavmapError
 from missions.events import Event, FrameSeen
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.base.atomic_write import write_bytes
 from uavmap.base.image_files import decoded

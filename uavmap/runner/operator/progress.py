@@ -34,8 +34,8 @@ from missions.events import (
     Told,
 )
 from missions.flight.operator_orders import UNTOLD
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff
 from uavmap.aircraft.autopilot_texts import may_be_a_failsafe
 from uavmap.base.printable import printable
@@ -118,7 +118,7 @@ class ProgressTable(Onlooker):
             return
         self._drawn_s = now_s
         if self._setting is not None and now_s - self._reckoned_s >= LEFT_S:
-            self._reckoned_s, self._left = now_s, time_left(self._setting, state).told
+            self._reckoned_s, self._left = now_s, time_left(state).told
         live = self._live
         if live is not None:
             self._terminal.write(lambda: live.update(self._table(state, again), refresh=True))
@@ -199,12 +199,7 @@ class ProgressTable(Onlooker):
 
 
 def phase(state: State) -> str:
-    """What the mission as a whole is doing.
-
-    >>> from missions.mapping.belief import Belief
-    >>> phase(State(Belief(5, 3), {}, (), recalled=True))
-    'recalled'
-    """
+    """What the mission as a whole is doing."""
     if state.recalled:
         return "recalled"
     if state.paused:

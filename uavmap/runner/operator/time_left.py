@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State
+from missions.flight.state import State
+from missions.flight.vehicle_state import Phase
 from missions.mission.energy import LANDING_OVERHEAD_S
 
 ALMOST: Final = 0.99
@@ -67,31 +67,31 @@ def duration(seconds: float) -> str:
     return f"about {hours} h {minutes} min" if hours else f"about {minutes} min"
 
 
-def time_left(setting: Setting, state: State) -> Left:
+def time_left(state: State) -> Left:
     """Return what is known to be left, shared among all that fly."""
     if state.over:
         done = Left("nothing more to explore", "the mission", 1.0)
         return done if state.exploration_finished else Left()
     if state.exploration_finished:
-        way_s = _way_home_s(setting, state)
+        way_s = _way_home_s(state)
         what = "nothing more to explore" if way_s is None else "the way home"
         return Left(what, "the mission", ALMOST, way_s)
     team = sum(v.phase not in _OUT and not v.called_home for v in state.vehicles.values())
     if state.recalled or not team:
         return Left()
-    if setting.strategy.whole_box:
-        left = _of_a_survey(setting, state, team)
+    if state.setting.strategy.whole_box:
+        left = _of_a_survey(state, team)
     else:
-        left = _of_the_search(setting, state, team) or _of_the_region(setting, state, team)
-    way_s = _way_home_s(setting, state)
+        left = _of_the_search(state, team) or _of_the_region(state, team)
+    way_s = _way_home_s(state)
     if left.about_s is None or way_s is None:
         return left
     return replace(left, what=f"{left.what} and the way home", about_s=left.about_s + way_s)
 
 
-def _way_home_s(setting: Setting, state: State) -> float | None:
+def _way_home_s(state: State) -> float | None:
     """How long until the last one is down; None where nobody of ours is in the air."""
-    energy = setting.energy
+    energy = state.setting.energy
     ways = [
         energy.leg_s(vehicle.position.distance_to(vehicle.pad))
         + energy.descent_s(max(vehicle.height_m, 0.0))
@@ -118,12 +118,13 @@ def _lanes_left_m(state: State) -> float:
     return left_m
 
 
-def _of_the_search(setting: Setting, state: State, team: int) -> Left | None:
+def _of_the_search(state: State, team: int) -> Left | None:
+    setting = state.setting
     if state.tree is not None:
         return None
     left_m = _lanes_left_m(state)
     if setting.strategy.patches and not left_m:  # what the lanes have left open is flown to
-        left = len(setting.strategy.open_cells(setting, state))
+        left = len(setting.strategy.open_cells(state))
         cells = "1 cell" if left == 1 else f"{left} cells"
         return Left(
             f"{cells} to decide", "", None, left * setting.strategy.cell_s(setting) / team or None
@@ -137,7 +138,7 @@ def _of_the_search(setting: Setting, state: State, team: int) -> Left | None:
     )
 
 
-def _of_the_region(setting: Setting, state: State, team: int) -> Left:
+def _of_the_region(state: State, team: int) -> Left:
     assert state.tree is not None
     vertices = state.tree.vertices
     left = sum(
@@ -146,13 +147,13 @@ def _of_the_region(setting: Setting, state: State, team: int) -> Left:
     )
     looked = sum(vertex.looked for vertex in vertices.values())
     cells = "1 known cell" if left == 1 else f"{left} known cells"
-    about_s = left * setting.strategy.cell_s(setting) / team
+    about_s = left * state.setting.strategy.cell_s(state.setting) / team
     return Left(f"{cells} to look from", "the known region", _share(looked, left), about_s or None)
 
 
-def _of_a_survey(setting: Setting, state: State, team: int) -> Left:
-    cells = setting.box_cells
+def _of_a_survey(state: State, team: int) -> Left:
+    cells = state.setting.box_cells
     left = sum(state.belief.verdict(cell) is None for cell in cells)
-    about_s = setting.strategy.rest_s(setting, state, _lanes_left_m(state), left, team)
+    about_s = state.setting.strategy.rest_s(state, _lanes_left_m(state), left, team)
     what = "1 cell of the box" if left == 1 else f"{left} cells of the box"
     return Left(what, "the box", _share(len(cells) - left, left), about_s or None)

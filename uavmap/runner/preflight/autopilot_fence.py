@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from missions.guardian.thresholds import OUTSIDE_S
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.mission.places import drawn
@@ -74,7 +74,7 @@ def outside_m(speed_m_s: float, accel_m_s2: float) -> float:
 class VehicleFence:
     """The fence of the autopilot of one vehicle of a mission."""
 
-    setting: Setting
+    setting: Layout
     number: int
     """Of the vehicle, from 1."""
     home: LatLon
@@ -230,7 +230,7 @@ class VehicleFence:
         return [f"{name} = {set_to:g} does not clear the ground: {needed_m:.0f} m needed"]
 
 
-def _others_inside(setting: Setting, hole: Polygon) -> list[int]:
+def _others_inside(setting: Layout, hole: Polygon) -> list[int]:
     """The other vehicles of a fleet whose pads lie in a hole: it is the air over them."""
     if not setting.member:
         return []
@@ -258,7 +258,7 @@ def _farthest_m(beyond: BaseGeometry, room: BaseGeometry) -> float:
     return max(float(room.distance(shapely.Point(corner))) for corner in corners)
 
 
-def shapes_of(setting: Setting, items: Sequence[Item]) -> list[tuple[bool, BaseGeometry]]:
+def shapes_of(setting: Layout, items: Sequence[Item]) -> list[tuple[bool, BaseGeometry]]:
     """The polygons and circles of a fence on the mission's ground, and whether to stay inside."""
     shapes: list[tuple[bool, BaseGeometry]] = []
     at = 0

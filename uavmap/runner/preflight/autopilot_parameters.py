@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from uavmap.mavlink.autopilots import PX4, Autopilot
 from uavmap.mavlink.parameters import Parameter
 from uavmap.mavlink.session import GROUND_SYSTEM_ID
@@ -37,7 +37,7 @@ class Needs:
     descent_m_s: float = 0.0
 
 
-def needs_of(setting: Setting | None) -> Needs:
+def needs_of(setting: Layout | None) -> Needs:
     """What a mission needs; without one, what most need."""
     if setting is None:
         return Needs()
@@ -154,7 +154,7 @@ CAPACITY: Final = {True: "BAT1_CAPACITY", False: "BATT_CAPACITY"}
 """The parameter of the battery's capacity, mAh, by whether the autopilot is a PX4."""
 
 
-def wishes_of(kind: Autopilot, setting: Setting | None) -> tuple[Wish, ...]:
+def wishes_of(kind: Autopilot, setting: Layout | None) -> tuple[Wish, ...]:
     """What is wished for, for a mission; without one, for most."""
     wishes: tuple[Wish, ...] = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
     if setting is None:
@@ -167,7 +167,7 @@ def wishes_of(kind: Autopilot, setting: Setting | None) -> tuple[Wish, ...]:
     return wishes + (PX4_FLOW_WISHES if kind is PX4 else ARDUPILOT_FLOW_WISHES)
 
 
-def names_of(kind: Autopilot, setting: Setting | None = None) -> tuple[str, ...]:
+def names_of(kind: Autopilot, setting: Layout | None = None) -> tuple[str, ...]:
     """The parameters that are asked for."""
     wishes = wishes_of(kind, setting)
     extra = () if kind is PX4 else ("BATT_LOW_MAH",)
@@ -177,7 +177,7 @@ def names_of(kind: Autopilot, setting: Setting | None = None) -> tuple[str, ...]
 def parameter_findings(
     kind: Autopilot,
     parameters: Mapping[str, Parameter],
-    setting: Setting | None,
+    setting: Layout | None,
     volts: float | None,
 ) -> Iterator[Finding]:
     """What is said of the parameters that were asked for; `volts` of the battery, if known."""
@@ -203,7 +203,7 @@ def _judged(wish: Wish, values: Values, needs: Needs) -> Finding:
     return ok(wish.name, found) if held else warn(wish.name, found, wish.wanted, wish.why)
 
 
-def _capacity(name: str, values: Values, setting: Setting | None, volts: float | None) -> Finding:
+def _capacity(name: str, values: Values, setting: Layout | None, volts: float | None) -> Finding:
     mah = values.get(name)
     if mah is None or mah <= 0.0:
         return warn(name, "not set", "the capacity of the pack, mAh", "the charge is by voltage")

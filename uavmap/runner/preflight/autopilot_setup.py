@@ -18,7 +18,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError, OutputError
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.mavlink.autopilots import PX4
@@ -150,7 +150,7 @@ def _items(rows: list[list[float]] | None) -> Items | None:
 class AutopilotSetup:
     """What is set on one autopilot for a flight, and what was there."""
 
-    def __init__(self, number: int, session: Session, setting: Setting, folder: Path) -> None:
+    def __init__(self, number: int, session: Session, setting: Layout, folder: Path) -> None:
         self._number = number
         self._session = session
         self._view = session.view

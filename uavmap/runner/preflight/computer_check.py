@@ -21,7 +21,7 @@ from shapely.geometry import Point
 
 from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, LiftedOff, Tracked, Vote
 from missions.flight.path_orders import NOTICE_S
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.flight.step import step
 from missions.mission.height_and_speed import footprint_over
 from missions.mission.places import drawn
@@ -260,7 +260,7 @@ class _InThought:
 
     def _post(self, event: Event) -> None:
         begin_s = time.perf_counter()
-        self._state, _ = step(self._setting, self._state, event)
+        self._state, _ = step(self._state, event)
         self.slowest_s = max(self.slowest_s, time.perf_counter() - begin_s)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, ImageError, LinkError
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from missions.mission.schema import CameraSection
 from uavmap.aircraft.cameras.source import Announcement, FrameSource
 from uavmap.aircraft.cameras.spec import CameraSpec
@@ -80,7 +80,7 @@ class Examination:
         self._measurement = Measurement(session)
         self._parameters = Parameters(session)
 
-    async def vehicle(self, setting: Setting | None) -> list[Finding]:
+    async def vehicle(self, setting: Layout | None) -> list[Finding]:
         """Link, state, battery, failsafes; without a mission what can be told without."""
         measured = self._measurement
         await measured.measure()
@@ -90,7 +90,7 @@ class Examination:
         told = parameter_findings(view.kind, parameters, setting, measured.volts)
         return of_vehicle(self._number, [*found, *told])
 
-    async def camera(self, setting: Setting, detector: Detector, folder: Path) -> list[Finding]:
+    async def camera(self, setting: Layout, detector: Detector, folder: Path) -> list[Finding]:
         """Take a picture, judge it, and save it with the detector's marks as a PNG in a folder."""
         camera, optics = setting.mission.camera, setting.mission.camera.optics
         size_px = (optics.width_px, optics.height_px)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.mission import flyable
-from missions.mission.energy import LANDING_OVERHEAD_S
+from missions.mission.energy import CLIMB_OVERHEAD_S, LANDING_OVERHEAD_S
 from missions.mission.height_and_speed import altitude_reason, off_if_flat_m, speed_limits
 from missions.mission.places import far_homes
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import search_length_m
+from missions.planning.search.search_order import expected_s, plain_blocks
 from missions.units import GridPoint
 
 
@@ -63,6 +64,21 @@ def estimate(setting: Setting) -> dict[str, Any]:
         "farthest_corner_m": round(corner.away_m, 1),
         "farthest_corner_wh": round(corner.sortie_wh - aside_wh, 2),
     }
+
+
+def first_sighting_s(setting: Setting) -> tuple[float, float] | None:
+    """Return the expected time from lift-off to the first sighting, with and without the prior, s.
+
+    None without a prior. Other vehicles, batteries and obstacles cost no time in it.
+    """
+    if not setting.likely:
+        return None
+    of_lane = {each.lane: each for part in setting.likely for each in (part, part.turned)}
+    blocks = [tuple(of_lane[lane] for lane in block) for block in setting.shares]
+    plain, pace = plain_blocks(setting.likely, len(blocks)), setting.strategy.pace(setting)
+    climb_s = setting.mission.top_altitude_m(0) / setting.energy.climb_m_s + CLIMB_OVERHEAD_S
+    soon_s, late_s = (climb_s + expected_s(b, setting.pads, pace) for b in (blocks, plain))
+    return soon_s, late_s
 
 
 def ground_figures(setting: Setting) -> dict[str, Any] | None:

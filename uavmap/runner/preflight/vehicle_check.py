@@ -10,7 +10,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point
 
-from missions.flight.setting import Setting
+from missions.flight.layout import Layout
 from missions.mission.flyable import look_s
 from missions.mission.places import drawn, home_heights_m
 from missions.mission.views import energy_model
@@ -141,7 +141,7 @@ _FIXES: Final = {
 
 
 def state_findings(
-    view: VehicleView, measured: Measurement, setting: Setting | None, number: int
+    view: VehicleView, measured: Measurement, setting: Layout | None, number: int
 ) -> Iterator[Finding]:
     """All that can be told without parameters, of the vehicle `number` (from 1)."""
     yield _autopilot(view, measured)
@@ -226,7 +226,7 @@ def _estimator(view: VehicleView) -> Finding:
     return ok("EKF", "has a position, ready to arm")
 
 
-def _charge(view: VehicleView, setting: Setting | None, number: int) -> Finding:
+def _charge(view: VehicleView, setting: Layout | None, number: int) -> Finding:
     percent = view.battery_percent
     if percent is None and view.energy_consumed_j is None:
         return bad(
@@ -252,7 +252,7 @@ def _charge(view: VehicleView, setting: Setting | None, number: int) -> Finding:
     return ok("battery", found)
 
 
-def nearest_sortie_wh(setting: Setting, number: int) -> float:
+def nearest_sortie_wh(setting: Layout, number: int) -> float:
     """Return the energy of a look at the box's nearest point, with the way home and the reserve,
     Wh."""
     mission, grid = setting.mission, setting.grid
@@ -262,7 +262,7 @@ def nearest_sortie_wh(setting: Setting, number: int) -> float:
     return energy_model(mission).sortie_wh(away_m, away_m, layer_m, look_s(mission))
 
 
-def _place(view: VehicleView, setting: Setting, number: int) -> Iterator[Finding]:
+def _place(view: VehicleView, setting: Layout, number: int) -> Iterator[Finding]:
     if view.position is None:
         yield bad("place", "no position", "a position", "wait for a fix")
         return
@@ -287,7 +287,7 @@ SIGMAS = 3.0
 """How many standard deviations two receivers may differ by."""
 
 
-def pad_heights(setting: Setting, pads: Mapping[int, PadHeight]) -> dict[int, Finding]:
+def pad_heights(setting: Layout, pads: Mapping[int, PadHeight]) -> dict[int, Finding]:
     """Compare the height of each home with the mission's, relative to that of the first vehicle.
 
     `pads` are what the receivers of vehicles on the ground report, by number. A finding is bad and

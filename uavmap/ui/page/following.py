@@ -11,7 +11,7 @@ from typing import Final
 
 from missions.errors import OutputError
 from missions.events import Event, FrameSeen
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.flight.step import step
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import FlightPlan
@@ -85,7 +85,7 @@ class Follower:
         due_s = float("-inf")
         while True:
             for event in events:
-                state, _ = step(self.setting, state, event)
+                state, _ = step(state, event)
                 watcher.take_in(event, state)
                 self._pictures.note(event)
                 if state.t_s >= due_s:

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.events import Event, FrameSeen
-from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.runner.operator.company import Onlooker
 from uavmap.runner.service import Service
@@ -117,14 +116,14 @@ class FlightPage(Onlooker):
         for text in self._said:
             self._watcher.say(text)
 
-    def look_back(self, setting: Setting, event: Event, state: State) -> None:
+    def look_back(self, event: Event, state: State) -> None:
         """Note an event before the interruption of a resumed flight; shown at its beginning."""
         if self._broken:
             return
         with self._harmless():
             if not self._looked_back:
                 self._looked_back = True
-                self._watch(setting)
+                self._watch(state.setting)
             if self._watcher is not None:
                 self._watcher.take_in(event, state)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from missions.errors import OutputError
 from missions.events import Vote
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon

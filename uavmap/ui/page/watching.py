@@ -16,8 +16,8 @@ from typing import Any, Final
 from shapely.geometry import LineString, Point
 
 from missions import events as ev
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.geo.trajectory import Piece, Trajectory
 from missions.mapping.tree import Tree
 from missions.orders import FlyPath, FlyTo, Order, ReturnToLaunch, Sweep
@@ -83,7 +83,7 @@ class Watcher:
         self._waiting: deque[Cell] = deque()
         """Cells of the tree that are still to be visited."""
         self._tree: Tree | None = None
-        self._why_none = partial(no_verdict, setting, real=real)
+        self._why_none = partial(no_verdict, real=real)
         self._judged = self._lost = 0
         self._last: dict[int, tuple[float, float]] = {}
         self._due_s = self._certificate_due_s = float("-inf")
@@ -231,12 +231,12 @@ class Watcher:
 
     def _show_left(self) -> None:
         state, board = self.state, self.board
-        found = finding(self.setting, state)
+        found = finding(state)
         if not self._recorded and (reason := self._why_none(state, self._fit)):
             found = f"no verdict: {reason}; {found}"
         board.set_field("finding", found)
         if not self._recorded:
-            left = time_left(self.setting, state)
+            left = time_left(state)
             about_s = None if left.about_s is None else round(left.about_s)
             words = {"what": left.what, "of": left.of, "share": left.share, "about_s": about_s}
             board.set_field("left", words)
@@ -245,7 +245,7 @@ class Watcher:
     def _show_certificate(self) -> None:
         if self._recorded or self.state.tree is None:
             return
-        found = figures_of(self.setting, self.state, self._counter)
+        found = figures_of(self.state, self._counter)
         self.board.set_field(
             "certificate",
             {

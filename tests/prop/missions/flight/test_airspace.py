@@ -15,9 +15,9 @@ from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import OFF_LAYER_M, Phase, VehicleState
+from missions.flight.state import Setting
+from missions.flight.vehicle_state import OFF_LAYER_M, Phase, VehicleState
 from missions.geo.trajectory import rounded_path
 from missions.orders import FlyPath, FlyTo, Hold, Land, Order, TakeOff
 from missions.units import GridPoint
@@ -128,7 +128,7 @@ def test_an_order_that_is_clear_leads_past_what_the_other_does(data: st.DataObje
     # whoever is too near already may leave; who got there is judged elsewhere
     assume(all(math.dist(begin, place) >= separation_m + 2.0 for place in theirs))
     state = replace(setting().initial_state(), vehicles={1: first, 2: second})
-    if not Airspace(setting(), state).is_clear(first, asked):
+    if not Airspace(state).is_clear(first, asked):
         event("refused")
         return
     event(f"given: {asked.kind}, {doing.kind if doing else 'on the ground'}")
@@ -154,4 +154,4 @@ def test_two_in_their_layers_never_wait_for_each_other(data: st.DataObject) -> N
     first, second = pair
     state = replace(setting().initial_state(), vehicles={1: first, 2: second})
     assert first.order is not None
-    assert Airspace(setting(), state).is_clear(first, first.order)
+    assert Airspace(state).is_clear(first, first.order)

@@ -17,8 +17,8 @@ from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S
 from missions.flight.return_home import HEARD_S, energy_of, way_home
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
 from missions.flight.step import fold
+from missions.flight.vehicle_state import Phase
 from missions.geo.braking import Course, braked
 from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import OUTSIDE_M
@@ -113,7 +113,7 @@ class Watched(Fleet):
         setting, state = self.setting, self.state
         vehicle, path, now_s = state.vehicles[number], order.trajectory, state.t_s
         stop = braked(path, max(path.begin_s, now_s + NOTICE_S), ACCELERATION_M_S2)
-        if not Airspace(setting, state).is_clear(vehicle, order) and path.end_s > stop.end_s + 0.6:
+        if not Airspace(state).is_clear(vehicle, order) and path.end_s > stop.end_s + 0.6:
             self._note(number, "it flies on into air that is claimed")
         if vehicle.return_reason is not None:
             return
@@ -189,7 +189,7 @@ def test_every_path_of_a_mission_that_finds_every_patch(seed: int, high: bool) -
     assert state.tree is None
     if not state.completed:
         assert (
-            setting.strategy.open_cells(setting, state) or state.unsearched
+            setting.strategy.open_cells(state) or state.unsearched
         )  # behind the hole, or the fence
         return
     box = set(setting.box_cells)

@@ -9,9 +9,9 @@ from dataclasses import replace
 import pytest
 
 from missions.events import Event, FrameSeen
-from missions.flight.setting import Setting
-from missions.flight.state import Phase, State
+from missions.flight.state import State
 from missions.flight.step import Orders
+from missions.flight.vehicle_state import Phase
 from missions.orders import StandDown
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import Fleet, fleet
@@ -146,7 +146,7 @@ def test_a_reducer_that_raises_is_told_and_everybody_returns(
 ) -> None:
     flight = started(2)
 
-    def fails(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
+    def fails(state: State, event: Event) -> tuple[State, Orders]:
         raise ZeroDivisionError("a fault of the test")
 
     monkeypatch.setattr(sys.modules[Fleet.__module__], "step", fails)

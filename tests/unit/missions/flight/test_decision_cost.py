@@ -49,7 +49,7 @@ def test_decision_of_a_flight_makes_few_calls_between_files() -> None:
         calls = Calls()
         sys.setprofile(calls)
         try:
-            state, orders = step(setting, state, event)
+            state, orders = step(state, event)
         finally:
             sys.setprofile(None)
         if event.kind == "frame_seen" and any(isinstance(order, FlyPath) for _, order in orders):

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from missions.events import Event, FrameSeen, Vote
 from missions.fleet_events import Fact, Shared
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
+from missions.flight.state import Setting
 from missions.flight.team.members import concluded
+from missions.flight.vehicle_state import Phase
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.own_cells import OwnCells
 from missions.mission.checks import parse_mission
@@ -88,7 +88,7 @@ def test_members_that_know_the_same_facts_have_the_same_region(
         for event, place in zip(data.draw(st.permutations(heard)), places, strict=False):
             events.insert(place, event)
         events += heard  # and all of it once more
-        state = joined(setting, setting.initial_state(), events)
+        state = joined(setting.initial_state(), events)
         decided = {
             (cell, state.belief.verdict(cell))
             for cell in state.belief.open_ballots
@@ -172,10 +172,10 @@ def test_who_came_home_early_tells_that_the_others_did_the_rest(missing: int) ->
     wide = {Cell(c.east + i, c.north + j) for c in region for i in (-1, 0, 1) for j in (-1, 0, 1)}
     cells = sorted({*setting.box_cells, *wide})
     told = Fact(250.0, tuple((c, c in region) for c in cells[missing:]))
-    state = joined(setting, state, [Shared(2, 251.0, 0, (told,))])
+    state = joined(state, [Shared(2, 251.0, 0, (told,))])
     assert not state.completed  # its own service gave nothing up, and ended nothing
-    ended = concluded(setting, state)
+    ended = concluded(state)
     assert ended.completed is (missing == 0)
     assert not ended.undecided
     flying = state.with_vehicle(replace(state.vehicles[1], phase=Phase.AIRBORNE, landed=False))
-    assert concluded(setting, flying) is flying
+    assert concluded(flying) is flying

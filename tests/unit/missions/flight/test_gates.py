@@ -10,11 +10,11 @@ import pytest
 from shapely.geometry import LineString
 
 from missions.fleet_events import Fact, Shared
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import chart_of, flyer_of, gate_of
 from missions.flight.transitions import apply
+from missions.flight.vehicle_state import Phase
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import rounded_path
 from missions.mission.checks import parse_mission
@@ -56,7 +56,7 @@ def test_every_way_to_the_box_is_free_from_a_gate(vehicles: int, member: int) ->
     assert free.covers(LineString([pad, gate]))
     for corner in CORNERS:
         assert allowed(setting.fence, rounded_path([corner, gate], 0.0, speed_m_s=8.0))
-    known = chart_of(setting, state, None, 101.0, {member: state.vehicles[member]})
+    known = chart_of(state, None, 101.0, {member: state.vehicles[member]})
     chart = known.chart
     for corner in CORNERS:
         for share in np.linspace(0.0, 1.0, 200):
@@ -80,10 +80,10 @@ def test_who_stands_between_two_columns_is_planned_for() -> None:
     region = {Cell(20 + i, 2 + j) for i in range(4) for j in range(3)}  # far to the east, and near
     state = over(setting, setting.pad_of(3))
     told = Fact(90.0, tuple((cell, True) for cell in sorted(region)))
-    state = apply(setting, state, Shared(1, 99.0, 0, (told,)))
+    state = apply(state, Shared(1, 99.0, 0, (told,)))
     lanes = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=lanes, t_s=110.0)
-    order = setting.strategy.plan(setting, state).vehicles[3].order
+    order = setting.strategy.plan(state).vehicles[3].order
     assert isinstance(order, FlyPath)
     assert allowed(setting.fence, order.trajectory)
     assert order.trajectory.length_m > 5.0

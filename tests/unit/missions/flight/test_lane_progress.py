@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from missions.flight.lane_progress import lane_passed
 from missions.flight.setting_of import setting_of
-from missions.flight.state import VehicleState
+from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
 from missions.orders import FlyPath
 from missions.planning.search.lanes import unseen

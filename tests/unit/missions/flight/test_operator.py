@@ -18,8 +18,8 @@ from missions.events import (
     Told,
     VehicleRecalled,
 )
-from missions.flight.state import Phase, ReturnReason
 from missions.flight.step import fold, step
+from missions.flight.vehicle_state import Phase, ReturnReason
 from missions.orders import FlyTo, Hold, Land, Look, StandDown, Sweep
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import Fleet, fleet
@@ -172,7 +172,7 @@ def test_a_skipped_suspicion_stays_skipped(service: Service) -> None:
 def test_words_move_nobody(service: Service) -> None:
     service.connect()
     before = service.state
-    assert step(service.setting, before, Told(1, 99.0, 4, "EKF variance")) == (before, ())
+    assert step(before, Told(1, 99.0, 4, "EKF variance")) == (before, ())
 
 
 def test_a_failsafe_is_named_with_its_cause_early_or_late(service: Service) -> None:
@@ -188,7 +188,7 @@ def test_a_failsafe_is_named_with_its_cause_early_or_late(service: Service) -> N
 def fold_after(service: Service, *events: Overridden | Told) -> str:
     state = service.state
     for event in events:
-        state, _ = step(service.setting, state, event)
+        state, _ = step(state, event)
     return state.vehicles[1].note
 
 

@@ -18,9 +18,9 @@ from missions.events import (
 )
 from missions.flight.path_orders import NOTICE_S, come_inside
 from missions.flight.return_home import turn_back
-from missions.flight.state import ReturnReason
 from missions.flight.strategy.charting import flyer_of
 from missions.flight.transitions import BEHIND_S, MOST_BEHIND
+from missions.flight.vehicle_state import ReturnReason
 from missions.geo.braking import Course
 from missions.geo.fence import Fence
 from missions.geo.path_in_fence import BEFORE_S, WORTH_S, allowed, as_far_as_allowed, is_outside
@@ -88,13 +88,13 @@ def test_who_waits_outside_of_the_margin_comes_inside_first() -> None:
     assert is_outside(fence, out)
     assert not is_outside(fence, rim)
     made.put(1, order=Hold(), position=out)
-    after = come_inside(made.setting, made.state, made.state.vehicles[1])
+    after = come_inside(made.state, made.state.vehicles[1])
     assert after is not None
     order = after.vehicles[1].order
     assert isinstance(order, FlyTo)
     assert order.route[-1].east_m == pytest.approx(96.5)
     made.put(1, position=rim)
-    assert come_inside(made.setting, made.state, made.state.vehicles[1]) is None
+    assert come_inside(made.state, made.state.vehicles[1]) is None
 
 
 # --- others ------------------------------------------------------------------------------------
@@ -142,7 +142,7 @@ def test_it_turns_back_while_it_can_still_brake_and_come_home() -> None:
         while high - low > 1e-3:
             middle = (low + high) / 2
             made.put(1, remaining_wh=middle)
-            back = turn_back(made.setting, made.state, made.state.vehicles[1])
+            back = turn_back(made.state, made.state.vehicles[1])
             if back.vehicles[1].return_reason is None:
                 high = middle
             else:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.mission.flyable import fence_of, look_s, search_area
 from missions.planning.search.lanes import share_out
 from missions.units import Cell, GridPoint

@@ -19,7 +19,7 @@ from missions.events import (
     Tracked,
 )
 from missions.flight.return_home import energy_of, has_energy_for
-from missions.flight.state import Phase, ReturnReason
+from missions.flight.vehicle_state import Phase, ReturnReason
 from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, TakeOff
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import at_heights, square

@@ -30,10 +30,10 @@ from missions.events import (
     Vote,
 )
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, ReturnReason
 from missions.flight.step import Orders, step
 from missions.flight.strategy.stepwise import Stepwise
 from missions.flight.transitions import MOST_HOME_REFUSED_AROUND, apply
+from missions.flight.vehicle_state import Phase, ReturnReason
 from missions.geo.trajectory import Trajectory
 from missions.mapping.tree import Tree
 from missions.mission.schema import Mission
@@ -71,7 +71,7 @@ class Service:
         orders: Orders = ()
         for event in events:
             self.now_s = max(self.now_s, event.t_s)
-            self.state, orders = step(self.setting, self.state, event)
+            self.state, orders = step(self.state, event)
         return orders
 
     def connect(self, vehicle: int = 1, *, at: GridPoint = HOME, height_m: float = 0.0) -> Orders:
@@ -473,7 +473,7 @@ def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Ser
 def test_one_that_never_speaks_again_is_still_told_to_lie_there(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, GridPoint(20.0, 20.0), "it fell"), Resumed(60.0), Resumed(90.0))
-    (line,) = aircraft_down(service.setting, service.state)
+    (line,) = aircraft_down(service.state)
     assert line.endswith("it is down: it fell")
 
 
@@ -573,6 +573,7 @@ def test_the_battery_turns_a_vehicle_back_to_a_swap_and_out_again(service: Servi
 
 def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair: Service) -> None:
     pair.setting = replace(pair.setting, strategy=Stepwise(EXPLORERS["horizon"]))
+    pair.state = replace(pair.state, setting=pair.setting)
     last, centre = Cell(2, 7), pair.setting.grid.centre_of
     for vehicle, at in ((1, centre(Cell(2, 3))), (2, centre(ROOT))):
         pair.connect(vehicle, at=GridPoint(8.0 * vehicle, 0.0))
@@ -686,7 +687,7 @@ def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: 
 def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
     service.connect()
     before, text = service.state, repr(service.state)
-    apply(service.setting, before, Airborne(1, 8.0))
+    apply(before, Airborne(1, 8.0))
     assert repr(before) == text
 
 
@@ -753,7 +754,7 @@ def test_who_is_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: b
     assert vehicle.phase is Phase.YIELDED
     assert vehicle.away is away
     assert ("from its pad" in vehicle.note) is away
-    lines = aircraft_down(service.setting, service.state)
+    lines = aircraft_down(service.state)
     assert len(lines) == away
     service.post(Released(1, 70.0, GridPoint(east_m, 0.0), 5.0))
     assert not service.state.vehicles[1].landed_away_m

@@ -8,7 +8,7 @@ from missions.errors import MissionFileError
 from missions.flight.airspace.needs import uncontrolled_air
 from missions.flight.return_home import has_energy_for
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, VehicleState
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.mission.flyable import farthest_corner, warnings
 from missions.mission.height_and_speed import altitude_reason
 from missions.mission.schema import parse_fields
@@ -141,7 +141,7 @@ def test_who_returns_above_the_highest_ground_is_expected_so_high_above_the_lowe
     returning = VehicleState(
         1, 50.0, phase=Phase.GUARDED, height_m=50.0, landed=False, order=ReturnToLaunch()
     )
-    way, column, _ = uncontrolled_air(setting, 0.0, returning)
+    way, column, _ = uncontrolled_air(setting.initial_state(), returning)
     assert min(way.high_m, column.high_m) >= 50.0 + setting.relief_m
 
 

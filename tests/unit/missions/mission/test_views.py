@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.mission.schema import Mission
 from missions.mission.views import (
     DRAG_1_S,

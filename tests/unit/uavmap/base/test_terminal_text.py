@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from missions.events import FrameLost
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
+from missions.flight.vehicle_state import Phase
 from tests.support.small_missions import mission, square
 from uavmap.base.printable import printable
 from uavmap.base.terminal import Terminal

@@ -13,10 +13,10 @@ from functools import lru_cache
 from missions.events import Event
 from missions.fleet_events import Asked, Fact, Partition
 from missions.flight.airspace.airspace import SEPARATION_BUFFER_M, Airspace
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Column, Phase, State, VehicleState
+from missions.flight.state import Setting, State
 from missions.flight.transitions import apply
+from missions.flight.vehicle_state import Column, Phase, VehicleState
 from missions.geo.volumes import Volume
 from missions.mission.checks import parse_mission
 from missions.orders import FlyTo
@@ -92,7 +92,7 @@ class Mind:
     def post(self, event: Event) -> None:
         if not self.serves:
             return
-        self.state = replace(apply(self.setting, self.state, event), t_s=self.now_s())
+        self.state = replace(apply(self.state, event), t_s=self.now_s())
         self.member.observe(event, self.state)
 
     def turn(self) -> None:
@@ -129,7 +129,7 @@ class Mind:
             min(max(mine.position.north_m + self.chance.uniform(-STEP_M, STEP_M), 30.0), 50.0),
         )
         order = FlyTo((there,), None, stop=True, height_m=mine.cruise_height_m)
-        free = Airspace(self.setting, self.state).is_clear(mine, order)
+        free = Airspace(self.state).is_clear(mine, order)
         return replace(mine, position=there) if free else mine
 
     @property

@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from missions.events import FrameLost, FrameSeen
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission.checks import parse_mission
 from missions.units import Cell, GridPoint

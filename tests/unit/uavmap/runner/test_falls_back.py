@@ -31,7 +31,7 @@ def test_it_ends_with_the_whole_region(tmp_path, monkeypatch):
         fallen.append(state.t_s)
         return fallback.fall_back(state)
 
-    monkeypatch.setattr(passes, "patience_s", lambda setting, state: 0.5)
+    monkeypatch.setattr(passes, "patience_s", lambda state: 0.5)
     monkeypatch.setattr(passes, "fall_back", told)
     summary = fly(plan(tmp_path), tmp_path)
     assert fallen
@@ -54,12 +54,12 @@ def test_it_is_never_needed_where_frames_decide(tmp_path, monkeypatch):
 def test_the_patience_grows_with_what_is_known():
     setting = setting_of(load(MISSION))
     state = setting.initial_state()
-    assert fallback.patience_s(setting, state) == fallback.LEAST_PATIENCE_S
+    assert fallback.patience_s(state) == fallback.LEAST_PATIENCE_S
     root = Cell(0, 0)
     tree = Tree.rooted(root)
     for east in range(200):
         tree = tree.looked(Cell(east, 0), [Cell(east + 1, 0)])
     known = replace(state, tree=tree)
     bound_s = fallback.bound_s(setting, 201, 200)
-    assert fallback.patience_s(setting, known) == bound_s > fallback.LEAST_PATIENCE_S
+    assert fallback.patience_s(known) == bound_s > fallback.LEAST_PATIENCE_S
     assert fallback.whole_bound_s(setting, 201, 200) > 2.0 * bound_s

@@ -12,8 +12,9 @@ import pytest
 from missions.errors import ImageError, JournalError, MissionFileError
 from missions.events import Connected, Crashed, Event, LinkLost, Overridden, Recalled, Tracked
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State
+from missions.flight.state import State
 from missions.flight.step import fold
+from missions.flight.vehicle_state import Phase
 from missions.mission.sections import DetectorSection
 from missions.orders import Order, StandDown, TakeOff
 from missions.units import GridPoint

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
 from missions.events import Airborne, Arrived, Connected, FrameLost, FrameSeen, Tracked
-from missions.flight.state import Phase
+from missions.flight.vehicle_state import Phase
 from missions.orders import AwaitBattery, FlyTo, Land, Order, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode

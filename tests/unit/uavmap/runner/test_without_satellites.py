@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from missions.events import Navigated, Tracked
-from missions.flight.setting import Setting
+from missions.flight.state import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.support.plans import plan_of

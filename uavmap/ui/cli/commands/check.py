@@ -11,8 +11,8 @@ from typing import Any, Final
 from shapely.geometry import Polygon
 
 from missions.errors import OutputError
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.places import drawn
@@ -23,7 +23,13 @@ from uavmap.output.drawing.map_scene import preflight_scene
 from uavmap.output.drawing.raster import encode_png
 from uavmap.output.drawing.sheet import draw_sheet
 from uavmap.output.report.page import encode_plan
-from uavmap.runner.preflight.plan_figures import estimate, ground_figures, ground_lines, taken_lines
+from uavmap.runner.preflight.plan_figures import (
+    estimate,
+    first_sighting_s,
+    ground_figures,
+    ground_lines,
+    taken_lines,
+)
 from uavmap.ui.cli.option_table import add_options
 
 KINDS: Final = (".html", ".png")
@@ -52,13 +58,13 @@ def run(options: argparse.Namespace) -> int:
     mission = load(options.mission)
     refuse_undecided(mission.detector, options.mission)
     setting = setting_of(mission)
-    figures = estimate(setting)
+    figures, sighted_s = estimate(setting), first_sighting_s(setting)
     warnings = flyable.warnings(setting.mission, setting.grid)
     if options.map is not None:
         write_map(setting, figures, options.map)
     if options.json:
-        if setting.first_sighting_s is not None:
-            soon_s, late_s = setting.first_sighting_s
+        if sighted_s is not None:
+            soon_s, late_s = sighted_s
             figures["first_sighting_s"] = round(soon_s, 1)
             figures["first_sighting_without_prior_s"] = round(late_s, 1)
         figures["ground"] = ground_figures(setting)
@@ -81,8 +87,8 @@ def run(options: argparse.Namespace) -> int:
     if rows := figures.pop("search_layers"):
         print("  the box is searched from layers of its own:")
         _print_layers(rows)
-    if setting.first_sighting_s is not None:
-        soon_s, late_s = setting.first_sighting_s
+    if sighted_s is not None:
+        soon_s, late_s = sighted_s
         print(
             f"  expected first sighting after about {soon_s:.0f} s "
             f"(without the prior {late_s:.0f} s)"

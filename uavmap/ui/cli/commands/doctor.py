@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import MissionFileError
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.mission.schema import CameraSection
 from uavmap.aircraft.cameras.spec import CameraSpec, parse_camera
 from uavmap.aircraft.imaging.classifier import detector_of

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import AreaError, MissionFileError, OutputError
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.checks import STRATEGIES

@@ -39,7 +39,7 @@ def test_the_end_of_a_path_is_open_however_late_it_ends(lasting_s: float) -> Non
     )  # fmt: skip
     state = state.with_vehicle(ours)
     home_s = BEGIN_S + lasting_s
-    known = chart_of(setting, state, None, BEGIN_S, {2: ours}, home_s)
+    known = chart_of(state, None, BEGIN_S, {2: ours}, home_s)
     flyer = flyer_of(setting, ours, path, None, BEGIN_S)
     end = Cell(
         round(flyer.end.east_m / known.chart.cell_m), round(flyer.end.north_m / known.chart.cell_m)

@@ -9,8 +9,9 @@ import pytest
 
 from missions.events import FrameSeen, Vote
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import State
 from missions.flight.strategy.lane_passes import flown_along, search_passes, still_open, turned
+from missions.flight.vehicle_state import Phase, VehicleState
 from missions.geo.path_in_fence import allowed
 from missions.mission.fleet_checks import with_own_air
 from missions.orders import FlyPath, FlyTo
@@ -48,7 +49,7 @@ def test_what_others_have_judged_of_a_lane_is_not_flown() -> None:
     made = service("swath")
     lanes, rows = made.setting.lanes, rows_of(made, 0)
     seen(made, 5.0, [Cell(e, n) for e in range(-5, 25) for n in rows if not 3 <= e <= 5])
-    left = still_open(made.setting, made.state, lanes)
+    left = still_open(made.state, lanes)
     assert left[1:] == lanes[1:]
     ((start, end),) = left[:1]
     # the three columns, 10 m to 22 m, and half a cell more to either side
@@ -59,7 +60,7 @@ def test_a_rest_is_flown_with_the_missing_row_in_the_middle() -> None:
     made = service("swath")
     lane, rows = made.setting.lanes[1], rows_of(made, 1)
     seen(made, 5.0, [Cell(e, n) for e in range(-5, 25) for n in rows if n != rows[-1]])
-    start, end = flown_along(made.setting, made.state, first(made.state), lane)
+    start, end = flown_along(made.state, first(made.state), lane)
     assert start.north_m == end.north_m == rows[-1] * made.setting.grid.cell_m
     assert (start.east_m, end.east_m) == (lane[0].east_m, lane[1].east_m)
 
@@ -69,7 +70,7 @@ def test_a_short_rest_is_left_to_the_planner_in_a_survey_and_flown_in_a_search()
         made = service(strategy)
         lane = made.setting.lanes[0]
         rest = (lane[0], GridPoint(lane[0].east_m + 12.0, lane[0].north_m))
-        left = still_open(made.setting, made.state, (rest, *made.setting.lanes[1:]))
+        left = still_open(made.state, (rest, *made.setting.lanes[1:]))
         assert (rest in left) is flown
         assert left[-1] == made.setting.lanes[-1]
 
@@ -125,7 +126,7 @@ def test_in_a_region_that_drifts_a_way_round_the_pads_of_others_is_always_found(
             state.vehicles[number], phase=Phase.AIRBORNE, landed=False, order=None, height_m=90.0,
             position=setting.pad_of(number), remaining_wh=60.0, lanes=setting.shares[number - 1],
         )  # fmt: skip
-        after = search_passes(setting, state.with_vehicle(vehicle), vehicle).vehicles[number]
+        after = search_passes(state.with_vehicle(vehicle), vehicle).vehicles[number]
         if isinstance(after.order, FlyPath):
             assert allowed(setting.fence, after.order.trajectory)
         else:

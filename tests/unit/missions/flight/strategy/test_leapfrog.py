@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from missions.errors import MissionFileError
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
 from missions.flight.strategy.leapfrog import MAPPER, TRACKER
+from missions.flight.vehicle_state import Phase
 from missions.geo.fence import Fence
 from missions.mission.fleet_checks import tracker_view
 from missions.orders import FlyPath, FlyTo

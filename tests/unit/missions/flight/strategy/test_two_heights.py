@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
 from missions.flight.step import assign
 from missions.flight.strategy.every_patch import ALL
+from missions.flight.vehicle_state import Phase
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.overview import with_plain
 from missions.orders import TakeOff
@@ -71,11 +71,11 @@ def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> No
             remaining_wh=100.0,
         )  # fmt: skip
         state = state.with_vehicle(grounded)
-    assert assign(setting, state).vehicles[5].order is None
+    assert assign(state).vehicles[5].order is None
     belief = state.belief
     for k in range(3):
         belief = belief.with_frame(None, FrameId(1, float(k)), dict.fromkeys(region, True))
-    order = assign(setting, replace(state, belief=belief)).vehicles[5].order
+    order = assign(replace(state, belief=belief)).vehicles[5].order
     assert order == TakeOff(mission.altitude_m(4))
 
 
@@ -88,10 +88,10 @@ def test_cell_beside_what_is_region_from_on_high_is_asked_for_until_it_is_decide
         overview = overview.with_frame(None, FrameId(1, float(k)), {region: True})
     belief = belief.with_frame(None, FrameId(2, 5.0), {beside: False, far: False})
     state = replace(state, belief=belief, overview=overview)
-    asked = ALL.asked_for(setting, state)
+    asked = ALL.asked_for(state)
     assert beside in asked
     assert far not in asked  # a frame took it for ground, and no region is near
     seen = state.belief
     for k in range(3):
         seen = seen.with_frame(None, FrameId(2, 6.0 + k), {region: False})
-    assert beside not in ALL.asked_for(setting, replace(state, belief=seen))
+    assert beside not in ALL.asked_for(replace(state, belief=seen))

@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from missions.fleet_events import Apart, Fact, Shared
-from missions.flight.state import Allotment, ReturnReason, State
+from missions.flight.state import State
 from missions.flight.team.teams import LATE_S, SILENT_S, TELLS_S, TOLD_S
 from missions.flight.transitions import apply
+from missions.flight.vehicle_state import Allotment, ReturnReason
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint
 from tests.unit.missions.flight.team.test_parts import flying, heard, setting
@@ -24,11 +25,11 @@ def away(state: State, *, with_lanes: bool = True) -> State:
     """The third is out of contact, and has lanes to fly."""
     lanes = setting(2).lanes[-1:] if with_lanes else ()
     state = state.with_vehicle(replace(state.vehicles[3], lanes=lanes))
-    return apply(setting(2), state, Apart(3, state.t_s))
+    return apply(state, Apart(3, state.t_s))
 
 
 def bides(state: State, t_s: float) -> bool:
-    return setting(2).team.gathers(setting(2), replace(state, t_s=t_s), state.vehicles[2])
+    return setting(2).team.gathers(replace(state, t_s=t_s), state.vehicles[2])
 
 
 def test_who_is_due_is_waited_for_and_not_for_ever() -> None:
@@ -54,25 +55,21 @@ def test_who_maps_already_waits_for_nobody() -> None:
 
 
 def test_who_is_heard_again_is_let_tell_what_it_knows() -> None:
-    state = apply(setting(2), replace(away(over_pad(flying(2))), t_s=130.0), heard(2, 3, "flies"))
+    state = apply(replace(away(over_pad(flying(2))), t_s=130.0), heard(2, 3, "flies"))
     back_s = state.vehicles[3].back_s
     assert back_s == 100.0  # as the message said
     state = replace(state, allotment=Allotment(1, back_s, {1: (), 2: ()}))
     assert bides(state, back_s + SILENT_S - 0.1)
     assert not bides(state, back_s + SILENT_S)
-    told = apply(
-        setting(2), state, Shared(3, back_s + 4.0, 0, (Fact(90.0, ((Cell(0, 4), True),)),))
-    )
+    told = apply(state, Shared(3, back_s + 4.0, 0, (Fact(90.0, ((Cell(0, 4), True),)),)))
     assert bides(told, back_s + SILENT_S + 3.0)
-    late = apply(
-        setting(2), told, Shared(3, back_s + 29.0, 1, (Fact(91.0, ((Cell(1, 4), True),)),))
-    )
+    late = apply(told, Shared(3, back_s + 29.0, 1, (Fact(91.0, ((Cell(1, 4), True),)),)))
     assert bides(late, back_s + TELLS_S - 0.1)
     assert not bides(late, back_s + TELLS_S)
 
 
 def test_nobody_leaves_before_it_was_told_what_it_maps() -> None:
-    state = apply(setting(2), replace(away(over_pad(flying(2))), t_s=130.0), heard(2, 3, "flies"))
+    state = apply(replace(away(over_pad(flying(2))), t_s=130.0), heard(2, 3, "flies"))
     back_s = state.vehicles[3].back_s
     led = replace(state, allotment=None)
     assert bides(led, back_s + SILENT_S + 1.0)  # the first is to say it
@@ -91,11 +88,9 @@ def test_nobody_leaves_before_it_was_told_what_it_maps() -> None:
 
 @pytest.mark.parametrize("alone", [False, True])
 def test_who_waits_plans_nothing_and_sets_out_when_the_others_are_back(*, alone: bool) -> None:
-    state = apply(
-        setting(2), over_pad(flying(2)), Shared(1, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
-    )
+    state = apply(over_pad(flying(2)), Shared(1, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),)))
     state = replace(state, t_s=110.0)
     if alone:
         state = away(state)
-    planned = setting(2).strategy.plan(setting(2), state)
+    planned = setting(2).strategy.plan(state)
     assert isinstance(planned.vehicles[2].order, FlyPath) is not alone

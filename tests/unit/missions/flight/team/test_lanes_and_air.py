@@ -11,13 +11,13 @@ import pytest
 from missions.events import Arrived, FrameSeen, Vote
 from missions.fleet_events import Apart, Heard, Leased
 from missions.flight.airspace.airspace import ASK_S, Airspace
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Column, Phase, State, VehicleState
+from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.sweep import change_layer
 from missions.flight.team.members import heard
 from missions.flight.transitions import apply
+from missions.flight.vehicle_state import Column, Phase, VehicleState
 from missions.geo.trajectory import rounded_path
 from missions.mission.checks import parse_mission
 from missions.orders import FlyPath, FlyTo, Hold, StandDown, TakeOff
@@ -55,43 +55,43 @@ def told(does: str, vehicle: int = 1) -> Heard:
 
 
 def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
-    state = heard(setting(), in_the_air(on_lane=False), told("flies"))
+    state = heard(in_the_air(on_lane=False), told("flies"))
     ours = state.vehicles[OURS]
     assert (ours.lanes, ours.on_lane, ours.lane_seen_m) == ((), False, ())
-    state = apply(setting(), state, Arrived(OURS, 12.0, setting().lanes[0][1]))
+    state = apply(state, Arrived(OURS, 12.0, setting().lanes[0][1]))
     assert state.vehicles[OURS].order is None
 
 
 @pytest.mark.parametrize("on_lane", [True, False])
 def test_who_is_on_a_lane_keeps_it_and_who_flies_from_all_that_do_not_fly(*, on_lane: bool) -> None:
     for does in ("stands", "down", "ended", "pilot", "guarded", *(["flies"] if on_lane else [])):
-        ours = heard(setting(), in_the_air(on_lane=on_lane), told(does)).vehicles[OURS]
+        ours = heard(in_the_air(on_lane=on_lane), told(does)).vehicles[OURS]
         assert (ours.lanes, ours.lane_seen_m) == (setting().lanes[:1], (4.0,)), does
 
 
 def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> None:
     state = in_the_air(on_lane=False)
     state = state.with_vehicle(replace(state.vehicles[OURS], lanes=()))
-    state = heard(setting(), state, told("down"))
-    assert drop_seen(setting(), state).vehicles[1].lanes == setting().lanes[:1]
+    state = heard(state, told("down"))
+    assert drop_seen(state).vehicles[1].lanes == setting().lanes[:1]
     votes = tuple(Vote(cell, False, 0.0) for cell in setting().box_cells)
-    state = apply(setting(), state, FrameSeen(OURS, 2.0, None, votes, overview=True))
-    state = heard(setting(), state, told("down"))
-    assert drop_seen(setting(), state).vehicles[1].lanes == ()
+    state = apply(state, FrameSeen(OURS, 2.0, None, votes, overview=True))
+    state = heard(state, told("down"))
+    assert drop_seen(state).vehicles[1].lanes == ()
 
 
 def test_air_that_was_promised_once_is_asked_for_again_the_next_time() -> None:
     state = in_the_air(on_lane=False)
     for vehicle in (1, 3):
-        state = heard(setting(), state, replace(told("flies", vehicle), lanes=()))
+        state = heard(state, replace(told("flies", vehicle), lanes=()))
     mine = replace(state.vehicles[OURS], lanes=(), order=None, leased_until_s=500.0)
-    after = change_layer(setting(), state.with_vehicle(mine), mine)
+    after = change_layer(state.with_vehicle(mine), mine)
     assert after is not None
     ours = after.vehicles[OURS]
     assert ours.asks is not None
     assert isinstance(ours.order, Hold)
     assert ours.leased_until_s == -math.inf
-    again = change_layer(setting(), after, ours)
+    again = change_layer(after, ours)
     assert again is None or isinstance(again.vehicles[OURS].order, Hold)
 
 
@@ -100,9 +100,9 @@ def stopped_between(*, leased_s: float, apart: bool = False) -> State:
     """Ours has come down to 2 m above the layer from which it maps, and was stopped there."""
     state = replace(in_the_air(on_lane=False), t_s=100.0)
     for vehicle in (1, 3):
-        state = heard(setting(), state, replace(told("flies", vehicle), lanes=()))
+        state = heard(state, replace(told("flies", vehicle), lanes=()))
     if apart:
-        state = apply(setting(), state, Apart(3, 100.0))
+        state = apply(state, Apart(3, 100.0))
     mine, low_m = state.vehicles[OURS], setting().mission.altitude_m(OURS - 1)
     high_m = setting().mission.search_altitude_m(OURS - 1) or 0.0
     asks = Column(mine.position, low_m, high_m, 80.0, 80.0 + leased_s)
@@ -114,7 +114,7 @@ def stopped_between(*, leased_s: float, apart: bool = False) -> State:
 
 
 def sent_back(state: State) -> VehicleState:
-    after = setting().team.urgent_order(setting(), state, state.vehicles[OURS])
+    after = setting().team.urgent_order(state, state.vehicles[OURS])
     assert after is not None
     return after.vehicles[OURS]
 
@@ -134,7 +134,7 @@ def test_who_is_stopped_for_longer_asks_anew_for_the_shorter_way() -> None:
     assert ours.asks.asked_s == 100.0
     waits = replace(state.with_vehicle(ours), t_s=101.0)
     assert sent_back(waits).asks == ours.asks
-    promised = apply(setting(), waits, Leased(OURS, 101.0, ours.asks.place, ours.asks.until_s))
+    promised = apply(waits, Leased(OURS, 101.0, ours.asks.place, ours.asks.until_s))
     down = sent_back(promised)
     assert isinstance(down.order, FlyTo)
     assert down.order.height_m == low_m
@@ -169,7 +169,7 @@ def test_air_is_promised_only_for_a_vehicle_that_follows_our_orders(
     if isinstance(changes.get("order"), TakeOff):
         column = replace(column, place=mine.position)
     state = state.with_vehicle(replace(mine, **changes))  # type: ignore[arg-type]
-    assert Airspace(setting(), state).can_promise(column) == promises
+    assert Airspace(state).can_promise(column) == promises
 
 
 @pytest.mark.parametrize("does", ["pilot", "guarded"])
@@ -177,9 +177,9 @@ def test_nobody_is_asked_for_air_while_others_have_the_vehicle_of_one(does: str)
     """Its member answers, and cannot say where the vehicle goes: ours goes by its own pad."""
     state = replace(in_the_air(on_lane=False), t_s=100.0)
     for vehicle, doing in ((1, does), (3, "flies")):
-        state = heard(setting(), state, replace(told(doing, vehicle), lanes=()))
+        state = heard(state, replace(told(doing, vehicle), lanes=()))
     mine = replace(state.vehicles[OURS], lanes=(), order=None, position=GridPoint(20.0, 40.0))
-    after = change_layer(setting(), state.with_vehicle(mine), mine)
+    after = change_layer(state.with_vehicle(mine), mine)
     assert after is not None
     order = after.vehicles[OURS].order
     assert after.vehicles[OURS].asks is None

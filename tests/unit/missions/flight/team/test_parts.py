@@ -12,15 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.fleet_events import Allotted, Apart, Fact, Heard, Part, Shared
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Allotment, Phase, State
+from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import chart_of, flyer_of
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep_passes import NEAR_PAD_M
 from missions.flight.strategy.work import OpenWork, TourMemory
 from missions.flight.team.work_shares import EVERY_S, KNOWN_S, own_part, share_parts
 from missions.flight.transitions import apply
+from missions.flight.vehicle_state import Allotment, Phase
 from missions.mission.checks import parse_mission
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Chart
@@ -69,9 +69,9 @@ def test_each_cell_is_of_exactly_one_that_maps(
     for member in sorted(set(TEAM) - home):
         state = told(flying(member), parts)
         for number in home:
-            state = apply(setting(member), state, heard(member, number, "returns"))
+            state = apply(state, heard(member, number, "returns"))
         chart = Chart.around(AREA, 4.0)
-        theirs, _, _ = own_part(member, setting(member), state, chart, TourMemory())
+        theirs, _, _ = own_part(member, state, chart, TourMemory())
         assert theirs is not None
         whose[: theirs.size] += ~theirs
     assert (whose[: theirs.size] == 1).all()
@@ -87,35 +87,33 @@ def test_what_was_told_long_ago_is_kept_to_no_more() -> None:
     state = told(flying(2), parts)
     for later_s, kept in ((KNOWN_S - 1.0, True), (KNOWN_S, False)):
         now = replace(state, t_s=state.t_s + later_s)
-        theirs, _, _ = own_part(2, setting(2), now, Chart.around(AREA, 4.0), TourMemory())
+        theirs, _, _ = own_part(2, now, Chart.around(AREA, 4.0), TourMemory())
         assert (theirs is not None) is kept
 
 
 def test_who_has_no_part_in_what_was_told_plans_for_all() -> None:
     state = told(flying(2), {1: (GridPoint(0.0, 10.0),)})
-    assert own_part(2, setting(2), state, Chart.around(AREA, 4.0), TourMemory())[0] is None
+    assert own_part(2, state, Chart.around(AREA, 4.0), TourMemory())[0] is None
 
 
 def test_a_plan_begins_once_with_what_was_told() -> None:
-    state = apply(
-        setting(2), flying(2), Allotted(1, 100.0, (Part(1, ()), Part(2, (GridPoint(4.0, 8.0),))))
-    )
-    _, memory, waypoints = own_part(2, setting(2), state, Chart.around(AREA, 4.0), TourMemory())
+    state = apply(flying(2), Allotted(1, 100.0, (Part(1, ()), Part(2, (GridPoint(4.0, 8.0),)))))
+    _, memory, waypoints = own_part(2, state, Chart.around(AREA, 4.0), TourMemory())
     assert [(x, y) for x, y, _ in waypoints[0]] == [(4.0, 8.0)]
-    _, _, again = own_part(2, setting(2), state, Chart.around(AREA, 4.0), memory)
+    _, _, again = own_part(2, state, Chart.around(AREA, 4.0), memory)
     assert again == ()
 
 
 def test_who_is_out_of_contact_keeps_its_part_for_as_long_as_that_takes() -> None:
     parts = {number: (GridPoint(4.0, 10.0 * number),) for number in TEAM}
-    state = apply(setting(2), told(flying(2), parts), Apart(3, 100.0))
+    state = apply(told(flying(2), parts), Apart(3, 100.0))
     until_s = state.vehicles[3].held_until_s
     assert 130.0 < until_s < 180.0
     chart = Chart.around(AREA, 4.0)
     its = chart.index(Cell(1, 8))
     for t_s, closed in ((until_s - 1.0, True), (until_s, False)):
         now = replace(state, t_s=t_s, allotment=Allotment(1, t_s, parts))
-        theirs, _, _ = own_part(2, setting(2), now, Chart.around(AREA, 4.0), TourMemory())
+        theirs, _, _ = own_part(2, now, Chart.around(AREA, 4.0), TourMemory())
         assert theirs is not None
         assert bool(theirs[its]) is closed
 
@@ -123,13 +121,13 @@ def test_who_is_out_of_contact_keeps_its_part_for_as_long_as_that_takes() -> Non
 def test_lanes_of_who_is_out_of_contact_are_taken_when_they_should_be_flown() -> None:
     state, lanes = flying(2), setting(2).lanes
     state = state.with_vehicle(replace(state.vehicles[3], lanes=lanes))
-    state = apply(setting(2), state, Apart(3, 100.0))
+    state = apply(state, Apart(3, 100.0))
     until_s = state.vehicles[3].held_until_s
     assert until_s > 130.0
     for t_s, taken in ((until_s - 0.1, ()), (until_s, lanes[-1:])):
         now = replace(state, t_s=t_s)
         now = now.with_vehicle(replace(now.vehicles[1], phase=Phase.FINISHED))
-        now = find_work(setting(2), now, now.vehicles[2])
+        now = find_work(now, now.vehicles[2])
         assert now.vehicles[2].lanes == taken
 
 
@@ -137,9 +135,9 @@ def test_lanes_of_who_is_out_of_contact_are_taken_when_they_should_be_flown() ->
 def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
     state, here = flying(member), setting(member)
     flyers = {n: flyer_of(here, state.vehicles[n], None, None, 101.0) for n in TEAM}
-    known = chart_of(here, state, None, 101.0, state.vehicles)
+    known = chart_of(state, None, 101.0, state.vehicles)
     before = known.chart.closed.copy()
-    laid = share_parts(member, here, state, OpenWork(known, flyers, TourMemory(), 1)).allotment
+    laid = share_parts(member, state, OpenWork(known, flyers, TourMemory(), 1)).allotment
     assert (known.chart.closed == before).all()
     if member > 1:
         assert laid is None
@@ -148,14 +146,11 @@ def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
     assert laid.parts.keys() == set(TEAM)
     assert all(laid.parts.values())
     soon = replace(state, t_s=100.0 + EVERY_S - 0.1, allotment=laid)
-    assert (
-        share_parts(member, here, soon, OpenWork(known, flyers, TourMemory(), 2)).allotment is laid
-    )
+    again = share_parts(member, soon, OpenWork(known, flyers, TourMemory(), 2))
+    assert again.allotment is laid
     # whoever leads of those that are left goes on with what was told
     rest = {n: flyer for n, flyer in flyers.items() if n != 1}
-    assert (
-        share_parts(2, setting(2), soon, OpenWork(known, rest, TourMemory(), 2)).allotment != laid
-    )
+    assert share_parts(2, soon, OpenWork(known, rest, TourMemory(), 2)).allotment != laid
 
 
 @pytest.mark.parametrize("at", [GridPoint(40.0, 50.0), GridPoint(16.0, 4.0)])
@@ -164,18 +159,16 @@ def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: G
     state = flying(2)
     state = state.with_vehicle(replace(state.vehicles[2], position=at))
     state = told(state, {1: (GridPoint(10.0, 30.0),), 2: (), 3: (GridPoint(30.0, 30.0),)})
-    order = setting(2).strategy.plan(setting(2), state).vehicles[2].order
+    order = setting(2).strategy.plan(state).vehicles[2].order
     pad = setting(2).pad_of(2)
     if at.distance_to(pad) < NEAR_PAD_M:
         assert order is None
         return
     assert isinstance(order, FlyPath)
     assert order.trajectory.place_at(order.trajectory.end_s).distance_to(pad) < 1.0
-    called = told(
-        setting(2).strategy.plan(setting(2), state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()}
-    )
+    called = told(setting(2).strategy.plan(state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()})
     called = replace(called, t_s=103.0)
-    again = setting(2).strategy.plan(setting(2), replace(called, memory=None)).vehicles[2].order
+    again = setting(2).strategy.plan(replace(called, memory=None)).vehicles[2].order
     assert isinstance(again, FlyPath)
     assert again is not order
 
@@ -183,11 +176,11 @@ def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: G
 def test_who_waits_over_its_pad_has_its_part_in_what_is_laid_out() -> None:
     found = Shared(3, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
     for member, lays in ((1, True), (2, False)):
-        state = apply(setting(member), flying(member), found)
+        state = apply(flying(member), found)
         for number in (1, 3):
             at = setting(member).pad_of(number)
             state = state.with_vehicle(replace(state.vehicles[number], position=at))
-        state = setting(member).strategy.plan(setting(member), state)
+        state = setting(member).strategy.plan(state)
         assert (state.allotment is not None) is lays
         if lays:
             assert state.allotment is not None

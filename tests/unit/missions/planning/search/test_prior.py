@@ -16,6 +16,7 @@ from missions.planning.search.prior import EVEN_SHARE, Area, LikelyLane, Spot, l
 from missions.units import GridPoint
 from tests.support.small_missions import mission_text, square
 from tests.unit.missions.mission.test_mission_file import HEAD, faults
+from uavmap.runner.preflight.plan_figures import first_sighting_s
 
 BOX = [GridPoint(*xy) for xy in ((0.0, 0.0), (100.0, 0.0), (100.0, 44.0), (0.0, 44.0))]
 OPEN = Fence.of([GridPoint(*xy) for xy in square(-500, -500, 1000, 1000)], [], 0.0)
@@ -130,4 +131,4 @@ def test_without_a_prior_nobody_knows_when_the_region_is_seen():
     text = mission_text(square(0, 0, 60, 40), square(-60, -60, 200, 200))
     setting = setting_of(parse_mission(text, "m.toml"))
     assert setting.likely == ()
-    assert setting.first_sighting_s is None
+    assert first_sighting_s(setting) is None

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.mission.checks import parse_mission
@@ -25,6 +25,7 @@ from missions.planning.search.search_order import (
 )
 from missions.units import GridPoint
 from tests.support.small_missions import CELL_M, START, mission_text, square
+from uavmap.runner.preflight.plan_figures import first_sighting_s
 
 HOME = GridPoint(0.0, 0.0)
 PACE = Pace(5.0, 2.0)
@@ -94,14 +95,14 @@ def test_a_point_in_the_far_corner_is_looked_at_first(north_m):
 
 
 def test_it_is_told_how_much_sooner_that_is():
-    found = field((96.0, 64.0)).first_sighting_s
+    found = first_sighting_s(field((96.0, 64.0)))
     assert found is not None
     soon_s, late_s = found
     assert 20.0 < soon_s < 0.5 * late_s
 
 
 def test_two_vehicles_see_it_sooner_than_one():
-    one, two = (field((50.0, 64.0), vehicles).first_sighting_s for vehicles in (1, 2))
+    one, two = (first_sighting_s(field((50.0, 64.0), vehicles)) for vehicles in (1, 2))
     assert one is not None
     assert two is not None
     assert two[0] < one[0]

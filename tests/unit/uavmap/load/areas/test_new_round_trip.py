@@ -10,8 +10,8 @@ import pytest
 import shapely
 
 from missions.events import FrameSeen, Vote
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.mission.schema import Mission, positions
 from missions.units import Cell
 from tests.support.journals import PLAN, begun

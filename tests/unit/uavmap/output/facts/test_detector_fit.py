@@ -79,34 +79,34 @@ def flight():
     setting = STOPS.setting()
     state = setting.initial_state()
     for line in STOPS.lines():
-        state, _ = step(setting, state, from_json(line))
+        state, _ = step(state, from_json(line))
     assert state.completed
     return setting, state
 
 
-def with_detector(setting, **section):
-    detector = DetectorSection(**section)
-    return replace(setting, mission=setting.mission.model_copy(update={"detector": detector}))
+def with_detector(state, **section):
+    mission = state.setting.mission.model_copy(update={"detector": DetectorSection(**section)})
+    return replace(state, setting=replace(state.setting, mission=mission))
 
 
 def test_no_verdict_nearly_all_is_region_tells_nothing_on_any_ground():
     setting, state = flight()
     for real in (False, True):
-        assert "90% of the 200 cells seen" in no_verdict(setting, state, fit_of(9), real=real)
-    assert no_verdict(setting, state, fit_of(8), real=True) == ""
-    assert no_verdict(setting, state, fit_of(9, LEAST_FRAMES - 1), real=True) == ""
-    assert no_verdict(setting, setting.initial_state(), fit_of(9), real=True) == ""  # not over
+        assert "90% of the 200 cells seen" in no_verdict(state, fit_of(9), real=real)
+    assert no_verdict(state, fit_of(8), real=True) == ""
+    assert no_verdict(state, fit_of(9, LEAST_FRAMES - 1), real=True) == ""
+    assert no_verdict(setting.initial_state(), fit_of(9), real=True) == ""  # not over
 
 
 def test_no_verdict_without_region_depends_on_ground_and_detector():
-    setting, state = flight()
+    _, state = flight()
+    state = with_detector(state)
     nothing = replace(state, belief=replace(state.belief, roi=PersistentSet()))
-    setting = with_detector(setting)
-    assert "no region in the whole box" in no_verdict(setting, nothing, fit_of(0), real=True)
-    assert no_verdict(setting, nothing, fit_of(0), real=False) == ""
-    assert no_verdict(setting, state, fit_of(0), real=True) == ""  # it has found one
-    chosen = with_detector(setting, intensity=100)
-    assert no_verdict(chosen, nothing, fit_of(0), real=True) == ""
+    assert "no region in the whole box" in no_verdict(nothing, fit_of(0), real=True)
+    assert no_verdict(nothing, fit_of(0), real=False) == ""
+    assert no_verdict(state, fit_of(0), real=True) == ""  # it has found one
+    chosen = with_detector(nothing, intensity=100)
+    assert no_verdict(chosen, fit_of(0), real=True) == ""
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def test_a_search_that_finds_the_region_has_a_bound():
     events += [ev.FrameSeen(1, 16.0 + n, cell, votes) for n in range(3)]
     state, found = figures(setting(), [*events, *SORTIE[6:]])
     assert state.belief.roi in (frozenset(), frozenset({cell}))
-    values = summary(setting(), state, found, 7)
+    values = summary(state, found, 7)
     assert values["seed"] == 7
     assert values["distance_m"] == found.distance_m
     assert values["iou_cells"] is None
@@ -129,14 +129,14 @@ def test_finding_other_patches_seen_counts_only_the_explored_one(others, what, r
         belief = belief.with_frame(None, FrameId(1, t_s), dict.fromkeys(roi, True))
     tree = Tree.rooted(explored[0]).looked(explored[0], explored[1:]).looked(explored[1], ())
     state = replace(state, belief=belief, tree=tree)
-    assert finding(made, state) == f"{what} in 3 judged frames, explored to its end{rest}"
+    assert finding(state) == f"{what} in 3 judged frames, explored to its end{rest}"
 
 
 def test_nothing_has_happened():
     state, found = figures(setting(3), [])
     assert (found.distance_m, found.flight_time_s, found.makespan_s) == (0.0, 0.0, 0.0)
     assert (found.sorties, found.battery_swaps, found.exploration_s) == (0, 0, 0.0)
-    assert summary(setting(3), state, found, None)["completed"] is False
+    assert summary(state, found, None)["completed"] is False
 
 
 # --- the certificate -------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def flown(seed, strategy):
     flight.start()
     flight.run()
     state, found = figures(flight.setting, flight.events)
-    return summary(flight.setting, state, found, seed), found
+    return summary(state, found, seed), found
 
 
 @pytest.mark.parametrize("seed", [1, 2, 9])
@@ -173,7 +173,7 @@ def test_one_vehicle_goes_in_rounds_of_its_own():
 
 
 def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch):
-    monkeypatch.setattr(passes, "patience_s", lambda setting, state: 0.5)
+    monkeypatch.setattr(passes, "patience_s", lambda state: 0.5)
     made = mission(
         square(-4, 10, 24, 16),
         square(-40, -40, 120, 130),
@@ -190,6 +190,6 @@ def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch):
     # 100 cells, and what is beside them, at 5 m/s, less what the first frame may have shown
     assert 5.0 < found.lower_bound_s < found.exploration_s
     assert found.ratio is not None
-    (patch,) = summary(flight.setting, state, found, None)["patches"]
+    (patch,) = summary(state, found, None)["patches"]
     assert patch["complete"]
     assert 1.0 < patch["lower_bound_s"] < patch["took_s"]

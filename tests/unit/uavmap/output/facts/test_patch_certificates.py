@@ -66,7 +66,7 @@ def test_two_patches_and_all_of_them():
     ground = around(single) - {Cell(5, 5)}
     frames = [seen(20.0 + k, pair, set()) for k in range(3)]
     frames += [seen(30.0 + k, single, around(pair) | ground, 2) for k in range(3)]
-    (first, second), in_all = certificates(setting(), state_of(*frames), 10.0)
+    (first, second), in_all = certificates(state_of(*frames), 10.0)
     assert (first["cells"], first["area_m2"], first["complete"]) == (2, 32.0, True)
     assert (first["root"]["column"], first["root"]["row"]) == (0, 4)
     assert (first["root"]["seen_s"], first["found_s"], first["decided_s"]) == (10.0, 12.0, 22.0)
@@ -82,7 +82,7 @@ def test_two_patches_and_all_of_them():
         "cells": 28, "decided": len(decided & box), "few_frames": 0,
         "no_frames": len(box - decided), "beyond_fence": 0, "whole": False,
     }  # fmt: skip
-    told = list(lines(*certificates(setting(), state_of(*frames), 10.0), verbose=True))
+    told = list(lines(*certificates(state_of(*frames), 10.0), verbose=True))
     assert "open at 1 cell: 1 in no frame" in told[1]
     assert told[2].startswith("all 2 patches: 48 sq m, open at 1 cell")
     assert told[3].endswith("a patch may be missing there")
@@ -93,7 +93,7 @@ def test_the_lower_bound_is_of_the_ground_that_was_judged_later():
     region = block(0, 0, 20, 20)
     frames = [seen(float(k), {Cell(0, 0)}, set()) for k in range(3)]
     frames += [seen(90.0 + k, region, around(region)) for k in range(3)]
-    (patch,), in_all = certificates(setting(), state_of(*frames), 0.0)
+    (patch,), in_all = certificates(state_of(*frames), 0.0)
     optics = setting().mission.camera.optics
     top_m = max(setting().mission.altitude_m(k) for k in range(2))
     ground_m2 = (400 - 1 + 80) * 16.0
@@ -110,7 +110,7 @@ def test_why_a_cell_is_open():
     state = state_of(*frames, seen(3.0, set(), {Cell(2, 6)}))
 
     def reasons(state):
-        return certificates(setting(), state, 0.0)[1]["open"]
+        return certificates(state, 0.0)[1]["open"]
 
     assert reasons(state) == {"few_frames": 1, "no_frames": 3}
     assert reasons(replace(state, undecided=frozenset({Cell(2, 6)}))) == {
@@ -139,7 +139,7 @@ def test_a_cell_that_drifted_out_is_beyond_the_fence():
 def test_without_a_region_there_is_no_certificate_but_of_the_box():
     shown = set(setting().box_cells)
     frames = [seen(float(k), set(), shown) for k in range(3)]
-    found, in_all = certificates(setting(), state_of(*frames), 0.0)
+    found, in_all = certificates(state_of(*frames), 0.0)
     assert found == []
     assert (in_all["complete"], in_all["took_s"], in_all["ratio"]) == (False, None, None)
     assert in_all["box"]["whole"]
@@ -179,8 +179,8 @@ def test_frames_in_any_order_and_twice_give_one_certificate(drawn, data):
     frames = frames_of(drawn)
     state = state_of(*frames)
     again = data.draw(st.permutations(frames + frames[: len(frames) // 2]))
-    told = certificates(setting(), state, 0.0)
-    assert certificates(setting(), state_of(*again), 0.0) == told
+    told = certificates(state, 0.0)
+    assert certificates(state_of(*again), 0.0) == told
     judged = judging_frames(state.belief)
     assert set(judged) == {
         cell for cell in state.belief.open_ballots if state.belief.verdict(cell) is not None
@@ -206,8 +206,8 @@ def test_facts_of_a_fleet_in_any_order_give_one_certificate(drawn, data):
     listening = setting(0)
 
     def certified(events):
-        state = joined(listening, listening.initial_state(), events)
-        return certificates(listening, state, 0.0)
+        state = joined(listening.initial_state(), events)
+        return certificates(state, 0.0)
 
     assert certified(data.draw(st.permutations(told + told[::2]))) == certified(told)
 
@@ -220,7 +220,7 @@ def test_a_flight_from_two_heights_certifies_each_patch():
     flight.start()
     flight.run()
     state, found = figures(flight.setting, flight.events)
-    values = summary(flight.setting, state, found, seed)
+    values = summary(state, found, seed)
     assert state.completed
     in_all = values["patches_in_all"]
     assert in_all["complete"]

@@ -8,8 +8,9 @@ from dataclasses import replace
 import pytest
 
 from missions.events import from_json
-from missions.flight.state import Phase, State
+from missions.flight.state import State
 from missions.flight.step import step
+from missions.flight.vehicle_state import Phase
 from tests.golden.recording import STOPS, Recording
 from uavmap.base.terminal import Terminal
 from uavmap.runner.operator import progress
@@ -23,9 +24,9 @@ def course(recording: Recording, every: int = 10) -> list[tuple[State, Left]]:
     state = setting.initial_state()
     lines = recording.lines()
     for index, line in enumerate(lines):
-        state, _ = step(setting, state, from_json(line))
+        state, _ = step(state, from_json(line))
         if index % every == 0 or index == len(lines) - 1:
-            told.append((state, time_left(setting, state)))
+            told.append((state, time_left(state)))
     return told
 
 
@@ -50,11 +51,11 @@ def test_all_of_it_is_said_only_at_home_and_the_search_never_goes_back():
 def test_nothing_is_said_where_nobody_knows():
     setting = STOPS.setting()
     state = setting.initial_state()
-    assert time_left(setting, replace(state, recalled=True)) == Left()
+    assert time_left(replace(state, recalled=True)) == Left()
     down = replace(state.vehicles[1], phase=Phase.DOWN)
     others = {n: replace(v, phase=Phase.LOST) for n, v in state.vehicles.items()}
     nobody = replace(state, vehicles={**others, 1: down})
-    assert time_left(setting, nobody) == Left()
+    assert time_left(nobody) == Left()
 
 
 @pytest.mark.parametrize("live", [False, True])
@@ -68,9 +69,10 @@ def test_a_terminal_and_a_pipe_show_it(live, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     setting, out = STOPS.setting(), Stream()
     terminal, state = ProgressTable(Terminal(out)), setting.initial_state()
+    assert progress.phase(replace(state, recalled=True, paused=True)) == "recalled"
     terminal.begin(setting, again=False)
     for index, line in enumerate(STOPS.lines()[:400]):
-        state, _ = step(setting, state, event := from_json(line))
+        state, _ = step(state, event := from_json(line))
         if index % 20 == 0:
             terminal.update(event, state, 0)
     terminal.end()

@@ -11,9 +11,8 @@ import pytest
 
 from missions.errors import ImageError
 from missions.events import Event, FrameSeen
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import State
+from missions.flight.state import Setting, State
 from tests.support.flights import small_mission
 from uavmap.runner.preflight import computer_check
 from uavmap.runner.preflight.computer_check import (

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.mission.schema import NavigationSection
 from tests.e2e.rig import SHARED
 from tests.support.field import mission_of

@@ -9,7 +9,7 @@ import pytest
 
 from missions.events import GivenUp, Landed, LinkLost, Overridden, Released, Told, Tracked
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase
+from missions.flight.vehicle_state import Phase
 from missions.mapping.tree import Tree
 from missions.orders import AwaitBattery, StandDown, TakeOff
 from missions.units import Cell, GridPoint
@@ -194,7 +194,7 @@ def test_an_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
     made = mapped(phase, away_m)
     assert made.state.exploration_finished
     assert made.state.completed is completed
-    down = aircraft_down(made.setting, made.state)
+    down = aircraft_down(made.state)
     assert len(down) == 1
     summary = {
         "mission": "m", "strategy": "rdfs", "completed": made.state.completed, "seed": None,

@@ -117,7 +117,7 @@ def told_of(feed):
     state = setting.initial_state()
     page.begin(setting, again=False)
     for line in STOPS.lines():
-        state, _ = step(setting, state, event := from_json(line))
+        state, _ = step(state, event := from_json(line))
         page.update(event, state, 0)
     page.end()
     return page

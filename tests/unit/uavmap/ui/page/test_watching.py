@@ -7,8 +7,8 @@ import pytest
 from shapely.geometry import LineString, Point
 
 from missions.events import Tracked, from_json
-from missions.flight.state import Phase
 from missions.flight.step import step
+from missions.flight.vehicle_state import Phase
 from missions.orders import FlyPath, FlyTo, Sweep
 from tests.golden.recording import PASSES, SPILL, STOPS
 from uavmap.output.facts.figures import figures
@@ -26,14 +26,14 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch):
     state, copy = setting.initial_state(), Board()
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
     for index, event in enumerate(events):
-        state, _ = step(setting, state, event)
+        state, _ = step(state, event)
         watcher.take_in(event, state)
         if index % 5 == 0 and watcher.refresh():
             copy.apply(json.loads(json.dumps(watcher.board.since(copy.version))))
     watcher.refresh(whole=True)
     copy.apply(watcher.board.since(copy.version))
     final, found = figures(setting, events)
-    table = map_data(setting, final, found, None).cells
+    table = map_data(final, found, None).cells
     rows = {tuple(cell): state for cell, state, *_ in table.values()}
     shown = {cell: STATES[code] for cell, code in copy.cells.items()}
     assert shown == rows
@@ -53,7 +53,7 @@ def test_the_figures_of_a_flight_without_stopping_agree_at_any_time():
     state, said = setting.initial_state(), set[str]()
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
     for line in PASSES.lines():
-        state, _ = step(setting, state, event := from_json(line))
+        state, _ = step(state, event := from_json(line))
         watcher.take_in(event, state)
         watcher.refresh()
         if "ROI cells decided" in (known := watcher.board.field("known")):
@@ -85,7 +85,7 @@ def test_it_is_flown(recording, kinds):
     seen = set()
     news = 0
     for line in lines:
-        state, _ = step(setting, state, event := from_json(line))
+        state, _ = step(state, event := from_json(line))
         for number, vehicle in state.vehicles.items():
             here = Point(setting.grid.to_moving(vehicle.position, state.t_s))
             if isinstance(event, Tracked) and event.vehicle == number and told.get(number):
@@ -111,7 +111,7 @@ def test_over_a_region_that_drifts_it_is_where_the_path_will_be():
     setting, lines = SPILL.setting(), SPILL.lines()
     state, ahead = setting.initial_state(), Ahead(setting)
     for line in lines:
-        state, _ = step(setting, state, from_json(line))
+        state, _ = step(state, from_json(line))
         if isinstance(order := state.vehicles[1].order, FlyPath):
             break
     path = ahead.news(state.vehicles[1], state.t_s)
