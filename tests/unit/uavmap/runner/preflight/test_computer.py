@@ -89,7 +89,7 @@ def test_pictures_for_it_are_evidence_to_the_mission(monkeypatch):
 
 
 def test_slowest_plan_is_that_of_an_exploration(monkeypatch):
-    def explores(made: Setting, state: State, event: Event) -> bool:
+    def explores(state: State, event: Event) -> bool:
         return state.tree is not None and isinstance(event, FrameSeen)
 
     monkeypatch.setattr(computer_check, "step", slowed(computer_check.step, 0.3, explores))
