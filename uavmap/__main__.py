@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import signal
 import sys
@@ -14,6 +15,7 @@ INTERRUPTED = 130
 
 def main() -> int:
     """Run the command; returns the exit code. Ctrl-C is heard from the beginning."""
+    gc.disable()  # until all is loaded: that leaves no garbage
     try:
         from uavmap.ui import cli  # noqa: PLC0415 - this takes seconds on a small computer
 

@@ -11,6 +11,7 @@ import argparse
 import contextlib
 import difflib
 import errno
+import gc
 import select
 import sys
 from collections.abc import Sequence
@@ -106,6 +107,8 @@ def complain(line: str) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; return the exit code."""
     options = _parsed(sys.argv[1:] if arguments is None else arguments)
+    gc.freeze()  # what is loaded stays: the collector need not search it again and again
+    gc.enable()
     if options is None:
         return USER_ERROR
     if isinstance(sys.stdout, TextIOWrapper):
