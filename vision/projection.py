@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from itertools import starmap
+from typing import Final, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -286,8 +287,7 @@ class Frame:
     camera: Camera
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(NamedTuple):
     """The verdict of one frame on one cell.
 
     `share` is the part of the cell that is ROI, 0 to 1: of its pixels, those in the mask; of a
@@ -362,12 +362,16 @@ def verdicts(
     """
     unsure = projection.unsure(found.unfamiliar, cells)
     numbers, parts = projection.by_class(found.classes, cells)
-    rows = zip(cells.tolist(), shares.tolist(), unsure.tolist(), parts.tolist(), strict=True)
+    seen = np.flatnonzero(shares >= 0.0)
+    classes: list[tuple[tuple[int, float], ...]] = [()] * len(seen)
+    if numbers:
+        classes = [
+            tuple((n, p) for n, p in zip(numbers, part, strict=True) if p > 0.0)
+            for part in parts[seen].tolist()
+        ]
     return tuple(
-        Verdict(
-            Cell(*cell), s >= least, s, doubt,
-            tuple((n, p) for n, p in zip(numbers, part, strict=True) if p > 0.0),
+        map(
+            Verdict, starmap(Cell, cells[seen].tolist()), (shares >= least)[seen].tolist(),
+            shares[seen].tolist(), unsure[seen].tolist(), classes,
         )
-        for cell, s, doubt, part in rows
-        if s >= 0.0
     )  # fmt: skip
