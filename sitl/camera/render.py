@@ -172,7 +172,10 @@ def _with_films(
             film = _coloured(world, roi)
         mask = np.zeros(view.shape[:2], np.uint8)
         cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
-        view = _blend(film, view, mask)
+        left, top, columns, rows = cv2.boundingRect(mask)
+        if columns:
+            at = slice(top, top + rows), slice(left, left + columns)
+            view[at] = _blend(film[at], view[at], mask[at])
     return view
 
 
