@@ -18,9 +18,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.units import GridPoint
+from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
+from missions.units import GridPoint, Pose
+from vision.camera import Camera
 from vision.detectors.interface import Marks
-from vision.projection import OBLIQUE_LIMIT
+from vision.projection import OBLIQUE_LIMIT, Projection
 
 
 class Window(NamedTuple):
@@ -168,6 +171,19 @@ class Overlay:
     height_m: float
     width_px: int
     height_px: int
+
+    @classmethod
+    def of(
+        cls, camera: Camera, pose: Pose, t_s: float, grid: Grid, terrain: Terrain | None
+    ) -> Overlay:
+        """Lay a picture on the ground that was taken at mission time `t_s`."""
+        return cls(
+            Projection(camera, pose, t_s, grid, terrain).pixels,
+            grid.to_moving(grid.fixed(pose.position), t_s),
+            pose.height_m,
+            camera.width_px,
+            camera.height_px,
+        )
 
     def bounds(self) -> tuple[Floats, Floats] | None:
         """Return the south-western and north-eastern corner around what it shows, if anything."""

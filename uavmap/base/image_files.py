@@ -56,13 +56,15 @@ def _check_size(size: tuple[int, int], name: str, wanted: tuple[int, int] | None
 
 
 @contextmanager
-def opened(source: Path | BinaryIO, name: str) -> Iterator[PillowImage.Image]:
+def opened(
+    source: Path | BinaryIO, name: str, formats: tuple[str, ...] = _FORMATS
+) -> Iterator[PillowImage.Image]:
     """Open a picture, its size checked; a failure here or in the block is an `ImageError`."""
     try:
         with warnings.catch_warnings():
             # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name
             warnings.simplefilter("ignore")
-            with PillowImage.open(source, formats=_FORMATS) as picture:
+            with PillowImage.open(source, formats=formats) as picture:
                 if picture.width * picture.height > MAX_PIXELS:
                     raise ImageError(
                         f"{printable(name)}: {picture.width} x {picture.height} px are too many; "
@@ -72,7 +74,7 @@ def opened(source: Path | BinaryIO, name: str) -> Iterator[PillowImage.Image]:
     except UavmapError:
         raise
     except UnidentifiedImageError as error:  # its own words tell where it lies in memory
-        kinds = ", ".join(_FORMATS)
+        kinds = ", ".join(formats)
         raise ImageError(f"{printable(name)}: not a readable picture (no {kinds})") from error
     except Exception as error:  # decoders raise whatever a damaged file leads them to
         raise ImageError(

@@ -27,6 +27,7 @@ from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.output import summary as summary_file
 from uavmap.output.documents import write_documents
 from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
+from uavmap.output.drawing.mosaic_file import Ground
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_file import BoundaryMap
@@ -75,7 +76,9 @@ def flown_flight(
 def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
     """Write the maps, the summary and then the documents of a flight; return the summary."""
     write_cells(flown)
-    write_sheet(map_scene(flown.data), flown.folder / "map.png")
+    ground = Ground.read(flown.folder, flown.data.grid)
+    photograph = None if ground is None else ground.beneath(map_view(flown.data))
+    write_sheet(map_scene(flown.data), flown.folder / "map.png", photograph)
     summary_file.write(flown.values, flown.folder / "summary.json")
     write_documents(flown, say)
     return dict(flown.values)

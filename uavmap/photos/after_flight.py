@@ -1,6 +1,7 @@
-"""After a flight that kept its pictures: the boundary at pixel level, and the ground on the map.
+"""After a flight: what takes longer than its map, the boundary at pixel level and ortho.tif.
 
-The pictures are judged again with their poses in the air. The map of cells stays as flown.
+Kept pictures are judged again with their poses in the air; the map of cells stays as flown. Without
+them ortho.tif is the mosaic of the flight.
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.kept_frames import FRAMES, POSES
 from uavmap.output.documents import write_documents
 from uavmap.output.drawing.map_scene import map_scene, map_view
+from uavmap.output.drawing.mosaic_file import Ground
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.output.results import flown_flight
 from uavmap.photos.ground.fine_map import FineMap, beneath
-from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
+from uavmap.photos.ground.rasters import COLOURS, ORTHO, Rasters, Wishes, there, write_cog
 from uavmap.photos.ground.surface import Footing, Scene
 from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.scratch_file import Spool
@@ -38,6 +40,27 @@ _LOG: Final = logging.getLogger("uavmap.photos")
 def kept_frames(folder: Path) -> bool:
     """Whether the flight in a folder kept its pictures."""
     return (folder / FRAMES / POSES).is_file()
+
+
+def draw_ground(folder: Path, complain: Callable[[str], None]) -> None:
+    """Write what is made of the pictures of a flight that is over; faults go to `complain`."""
+    if kept_frames(folder):
+        draw_boundary(folder, complain)
+    elif there():
+        try:
+            _write_ortho(folder)
+        except UavmapError as error:
+            complain(f"{error}; all other results are complete")
+        except KeyboardInterrupt:
+            complain(f"interrupted: {ORTHO} is not written; all other results are complete")
+
+
+def _write_ortho(folder: Path) -> None:
+    grid = FlightPlan.read(JournalReader(folder / JOURNAL)).known_setting().grid
+    ground = Ground.read(folder, grid)
+    if ground is not None:
+        block = ground.raster.whole, np.ascontiguousarray(ground.image.transpose(2, 0, 1))
+        write_cog(folder / ORTHO, ground.raster, grid, 0.0, COLOURS, [block])
 
 
 def draw_boundary(

@@ -46,6 +46,7 @@ from uavmap.runner.aircraft_takeover import Attachment
 from uavmap.runner.before_flight import KEEP_FENCE
 from uavmap.runner.flight_links import Link, mavlink_link
 from uavmap.runner.operator.company import Company
+from uavmap.runner.operator.flight_mosaic import FlightMosaic
 from uavmap.runner.operator.ground_crew import (
     Crew,
     EnterKey,
@@ -93,8 +94,12 @@ class Flight:
         self.folder = folder
         self._journal = journal
         self._state = state
-        onlookers = *company.onlookers, JudgedPicture(folder, setting)
-        self._company = replace(company, onlookers=onlookers)
+        # they end before a page does, which then shows what they have written last
+        mine = (
+            FlightMosaic(folder, setting, waits=plan.simulated),
+            JudgedPicture(folder, setting, found=bool(state.belief.roi)),
+        )
+        self._company = replace(company, onlookers=(*mine, *company.onlookers))
         self._again = again
         self._found = found
         self._events_before = len(journal)

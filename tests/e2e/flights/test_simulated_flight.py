@@ -10,15 +10,19 @@ import cv2
 import numpy as np
 import pyproj
 import pytest
+import rasterio
 import shapely
 from pymavlink import mavutil
 from shapely.geometry import LineString, Polygon, shape
 from shapely.ops import unary_union
 
 from tests.e2e import rig
+from tests.support.true_ground import shifts_m, true_ground
+from uavmap.output.drawing.mosaic_file import MOSAIC, PLACE, Ground
+from uavmap.output.results import flown_of
 
 RESULTS = {"map.geojson", "map.kml", "map.png", "journal.jsonl", "flight.tlog", "summary.json"}
-RESULTS |= {"map.gpkg", "report.html", "judged.jpg"}
+RESULTS |= {"map.gpkg", "report.html", "judged.jpg", MOSAIC, PLACE, "ortho.tif"}
 KEYS = (
     "mission", "strategy", "vehicles", "seed", "completed", "flight_time_s", "makespan_s",
     "distance_m", "sorties", "battery_swaps", "vertices", "tree_depth", "cells_roi", "detections",
@@ -107,6 +111,25 @@ class TestTiny:
         picture = cv2.imread(str(tiny.folder / "map.png"))
         assert picture is not None
         assert picture.std() > 10.0
+
+    def test_the_mosaic_shows_the_ground_as_the_simulator_paints_it(self, tiny):
+        flown = flown_of(tiny.folder)
+        ground = Ground.read(tiny.folder, flown.setting.grid)
+        truth = true_ground(flown.setting, flown.plan.seed, ground.raster)
+        off_m = np.hypot(*shifts_m(ground.image, truth, ground.raster.pitch_m).reshape(-1, 2).T)
+        assert np.isfinite(off_m).sum() > 10
+        assert np.nanmedian(off_m) < 0.75  # of which a receiver's error is 0.3 m
+        seen = ground.image[..., 3] > 0
+        dark = [image[seen].mean(axis=1) < 100 for image in (ground.image[..., :3], truth)]
+        assert np.mean(dark[0] == dark[1]) > 0.95
+        with rasterio.open(tiny.folder / "ortho.tif") as file:
+            assert (file.shape, file.crs) == (seen.shape, flown.crs)
+            assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+            assert ((file.dataset_mask() > 0) == seen).all()
+
+    def test_the_report_shows_the_ground(self, tiny):
+        text = (tiny.folder / "report.html").read_text("utf-8")
+        assert 'href="data:image/webp;base64,' in text
 
     def test_the_log_tells_the_flight_in_mavlink(self, tiny):
         log = mavutil.mavlink_connection(str(tiny.folder / "flight.tlog"))

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Iterable, Iterator
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup, escape
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
 
 from missions.units import GridPoint
 from uavmap.output.drawing import sheet
 from uavmap.output.drawing.palette import FAINT, LAND, PAPER, Style, css
+from uavmap.output.drawing.raster import cell_picture
 from uavmap.output.drawing.scene import (
     Area,
     Box,
@@ -31,6 +35,7 @@ LEFT_PX: Final = 84
 RIGHT_PX: Final = 24
 _ABOVE_PX: Final = 8 + int(sheet.ARROW_HEIGHT_PX)
 _BELOW_PX: Final = 36 + int(sheet.BAR_HEIGHT_PX)
+_QUALITY: Final = 85
 _LEAST_PX: Final = 0.4
 """Minimum distance of two neighbours in a line that are both kept, px."""
 
@@ -43,16 +48,25 @@ def document(view: View, shapes: Iterable[Shape]) -> Markup:
     return _svg(view.width_px, view.height_px, "\n".join(inside), "drawing")
 
 
-def map_drawing(scene: Scene, over: Iterable[Shape] = (), around: Iterable[Shape] = ()) -> Markup:
+def map_drawing(
+    scene: Scene,
+    over: Iterable[Shape] = (),
+    around: Iterable[Shape] = (),
+    photograph: NDArray[np.uint8] | None = None,
+) -> Markup:
     """Write the map of a scene with its scale and north arrow.
 
     `over` are lines in metres, cut at the map's frame; `around` are shapes in pixels from its
-    corner.
+    corner; `photograph` is as for `cell_picture`, and has the cells drawn as pixels.
     """
     view = scene.view
     wide, high = view.width_px, view.height_px
     frame = [(0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)]
-    cells = "" if scene.cells is None else "\n".join(_cells(scene.cells, view))
+    cells = ""
+    if scene.cells is not None and photograph is not None:
+        cells = _picture(cell_picture(scene.cells, view, LAND, photograph))
+    elif scene.cells is not None:
+        cells = "\n".join(_cells(scene.cells, view))
     beside = [
         Line.through(frame, Style(FAINT, 1.0), closed=True),
         *around,
@@ -138,6 +152,14 @@ def _cells(shape: Cells, view: View) -> Iterator[str]:
         if parts:
             path = "".join(parts)
             yield f'<path d="{path}" fill="{css(colour)}" shape-rendering="crispEdges"/>'
+
+
+def _picture(image: Image.Image) -> str:
+    buffer = io.BytesIO()
+    image.save(buffer, "WEBP", quality=_QUALITY)
+    text = base64.b64encode(buffer.getvalue()).decode()
+    size = f'width="{image.width}" height="{image.height}"'
+    return f'<image {size} href="data:image/webp;base64,{text}"/>'
 
 
 def _path(places: ArrayLike, view: View) -> str:

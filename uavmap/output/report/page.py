@@ -26,6 +26,7 @@ from uavmap.journal.kept_frames import FRAMES, KeptFrame
 from uavmap.output.drawing import svg
 from uavmap.output.drawing.judged import FILE as JUDGED
 from uavmap.output.drawing.map_scene import map_scene
+from uavmap.output.drawing.mosaic_file import Ground
 from uavmap.output.drawing.palette import FAINT, INK, UNSEARCHED, Style, css, track_colour
 from uavmap.output.drawing.scene import Label, Line, Scene, View
 from uavmap.output.drawing.sheet import step_up
@@ -120,7 +121,9 @@ def draw_map(flown: Flown) -> Drawing:
     scene = map_scene(data)
     corners = tuple(_corners(flown, scene.view))
     lines, labels = _graticule(flown, scene.view, corners)
-    drawing = svg.map_drawing(scene, lines, labels)
+    ground = Ground.read(flown.folder, data.grid)
+    photograph = None if ground is None else ground.beneath(scene.view)
+    drawing = svg.map_drawing(scene, lines, labels, photograph)
     return Drawing(drawing, legend_of(scene), corners, -math.degrees(data.grid.convergence_rad))
 
 

@@ -30,6 +30,7 @@ from uavmap.photos.ground.surface import Scene, Shown, Surface, fused
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.workers import Threads
 from vision.contours import Contours, Ring
+from vision.mosaic import Colours, Mosaic, Part, laid
 from vision.raster import MOST, Raster, Window, framed
 
 HALF: Final = 0.5
@@ -156,14 +157,6 @@ def _open_parts(raster: Raster, rings: Sequence[Ring]) -> NDArray[np.float64]:
 
 
 # --- the ground, and all of it -------------------------------------------------------------------
-SHARPNESS: Final = 2
-"""Number of times that weights are squared: the best picture shows, the others hardly."""
-
-_ROWS: Final = 256
-
-Colours = NDArray[np.uint8]
-
-
 class Tile(NamedTuple):
     """A picture of a mosaic.
 
@@ -189,43 +182,16 @@ def mosaic(
     Returns:
         Shape (rows, columns, 4), uint8: red, green, blue, and 255 where there is a picture, else 0.
     """
-    colours = np.zeros((*window.shape, 3), np.float32)
-    total = np.zeros(window.shape, np.float32)
+    found = Mosaic(window)
 
-    def laid(tile: Tile) -> list[tuple[Window, Colours, NDArray[np.float32]]]:
+    def parts(tile: Tile) -> list[Part]:
         part = raster.around(*tile.shown.bounds).common(window)
-        found, image = [], None
-        for at, laying in () if part.is_empty else tile.shown.overlay.laid(raster, part):
-            image = tile.image() if image is None else image
-            if image is None:
-                break
-            weight = laying.weight
-            for _ in range(SHARPNESS):
-                weight = weight * weight
-            found.append((at, laying.sampled(image), weight))
-        return found
+        return laid(tile.shown.overlay, raster, part, tile.image)
 
-    for answer in threads.in_order(laid, tiles):
-        for part, image, weight in answer:
-            at = part.within(window)
-            shades = cv2.multiply(image, cv2.merge([weight] * 3), dtype=cv2.CV_32F)
-            for summed, more in ((colours, shades), (total, weight)):
-                cv2.add(summed[at], more, dst=summed[at])
-    return _means(colours, total)
-
-
-def _means(colours: NDArray[np.float32], total: NDArray[np.float32]) -> Colours | None:
-    """Return colours' sums over weights; some rows at a time, to save memory."""
-    if not cv2.hasNonZero(total):
-        return None
-    found = np.empty((*total.shape, 4), np.uint8)
-    for top in range(0, len(total), _ROWS):
-        weight, into = total[top : top + _ROWS], found[top : top + _ROWS]
-        mean = cv2.divide(colours[top : top + _ROWS], cv2.merge([weight] * 3))  # 0 where none is
-        blue, green, red = cv2.split(cv2.convertScaleAbs(mean))
-        there = (weight > 0.0).view(np.uint8) * np.uint8(255)
-        cv2.merge([red, green, blue, there], dst=into)
-    return found
+    for answer in threads.in_order(parts, tiles):
+        for part in answer:
+            found.add(part)
+    return found.image()
 
 
 @dataclass(frozen=True, slots=True)

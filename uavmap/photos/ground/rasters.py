@@ -24,11 +24,13 @@ from numpy.typing import NDArray
 from missions.errors import ImageError, OutputError, UavmapError
 from missions.geo.grid import Grid
 from uavmap.base.extras import install_command
-from uavmap.photos.ground.fine_map import Colours, FineMap, Tile, mosaic, upright
+from uavmap.output.drawing.mosaic_file import utm_transform
+from uavmap.photos.ground.fine_map import FineMap, Tile, mosaic, upright
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.surface import Shown, aligned
 from uavmap.photos.sources.picture_record import Placed
 from uavmap.photos.workers import Threads
+from vision.mosaic import Colours
 from vision.raster import MOST, UNSEEN, Levels, Raster, Window, framed
 
 TILE_PX: Final = 512
@@ -113,7 +115,7 @@ def write_cog(
         "count": layout.bands,
         "dtype": layout.dtype,
         "crs": f"EPSG:{grid.zone.epsg}",
-        "transform": rasterio.Affine(*_transform(raster, grid, t_s)),
+        "transform": rasterio.Affine(*utm_transform(raster, grid, t_s)),
     }
     try:
         with (
@@ -135,14 +137,6 @@ def write_cog(
         if error.errno in (errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS):
             helps = "write into another folder"
         raise OutputError(f"{path.name} is not written ({reason}); {helps}") from None
-
-
-def _transform(raster: Raster, grid: Grid, t_s: float) -> tuple[float, ...]:
-    """Return the matrix from columns and rows to UTM, in the order of `Affine`."""
-    step = raster.pitch_m * grid.scale
-    west = grid.origin.east_m + (raster.west_m + grid.drift_east_m_s * t_s) * grid.scale
-    north = grid.origin.north_m + (raster.north_m + grid.drift_north_m_s * t_s) * grid.scale
-    return tuple(round(value, 9) for value in (step, 0.0, west, 0.0, -step, north))
 
 
 def _read_again(path: Path) -> None:

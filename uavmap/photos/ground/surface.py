@@ -16,7 +16,6 @@ from operator import attrgetter
 from statistics import median
 from typing import Final, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,7 +27,7 @@ from uavmap.photos.ground.judging import unpacked
 from uavmap.photos.scratch_file import Said, Spool
 from uavmap.photos.workers import Threads
 from vision.camera import Camera
-from vision.projection import Projection
+from vision.mosaic import shrunk
 from vision.raster import UNSEEN, Fusion, Levels, Overlay, Raster, Window, as_levels, framed
 
 FINEST_M: Final = 0.1
@@ -58,13 +57,7 @@ class Footing:
 
     def overlay(self, grid: Grid, terrain: Terrain | None) -> Overlay:
         """Return the picture over the ground."""
-        return Overlay(
-            Projection(self.camera, self.pose, self.t_s, grid, terrain).pixels,
-            grid.to_moving(grid.fixed(self.pose.position), self.t_s),
-            self.pose.height_m,
-            self.camera.width_px,
-            self.camera.height_px,
-        )
+        return Overlay.of(self.camera, self.pose, self.t_s, grid, terrain)
 
     @property
     def gsd_m(self) -> float:
@@ -224,16 +217,3 @@ def _levels(footing: Footing, marks: bytes, shrinks_px: int, pitch_m: float) -> 
         unpacked(marks, camera.height_px, camera.width_px, upside_down=footing.turned), shrinks_px
     )
     return shrunk(found, pitch_m / footing.gsd_m)
-
-
-def shrunk(image: NDArray[np.uint8], times: float) -> NDArray[np.uint8]:
-    """Return an image of `times` fewer pixels along an edge, by means over squares.
-
-    >>> shrunk(np.full((6, 9), 7, np.uint8), 3.4).shape
-    (2, 3)
-    """
-    factor = int(times)
-    if factor < 2:
-        return image
-    rows, columns = (max(1, side // factor) for side in image.shape[:2])
-    return np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)

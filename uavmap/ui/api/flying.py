@@ -18,7 +18,7 @@ from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import DRIVERS, KEY_VARIABLE, PYMAVLINK, Driver, FlightOptions
 from uavmap.journal.results_folder import results_folder
-from uavmap.photos.after_flight import draw_boundary, kept_frames
+from uavmap.photos.after_flight import draw_ground, kept_frames
 from uavmap.runner import flight
 from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground
@@ -255,10 +255,10 @@ def _resumption(folder: Paths, **given: Any) -> Job[Results]:
 def _finished(folder: Path) -> Results:
     """Return the results of a flight, with the boundary by its kept pictures."""
     results = open_results(folder)
-    if not kept_frames(folder) or results.aircraft_down:
+    if results.aircraft_down:
         return results
-    draw_boundary(folder, _LOG.info)
-    return open_results(folder)
+    draw_ground(folder, _LOG.info)
+    return open_results(folder) if kept_frames(folder) else results
 
 
 @contextlib.contextmanager

@@ -15,7 +15,7 @@ from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import KEY_VARIABLE, FleetNetwork, FlightOptions, FlightPlan
 from uavmap.journal.results_folder import results_folder
-from uavmap.photos.after_flight import draw_boundary, kept_frames
+from uavmap.photos.after_flight import draw_ground
 from uavmap.runner.flight import fly
 from uavmap.runner.ground_survey import with_ground
 from uavmap.runner.operator.company import Company, Onlooker, Preflight
@@ -48,7 +48,11 @@ def beside(
     plan = plan() if callable(plan) else plan
     mission = plan.mission
     under = of_tiles(Path(options.tiles), setting_of(mission)) if options.tiles else None
-    config = {"title": mission.name, "steers": not plan.simulated}
+    config = {
+        "title": mission.name,
+        "steers": not plan.simulated,
+        "folder": str(folder.absolute()),
+    }
     with opened(config, options.page, "--page", options.page_host) as feed:
         page = FlightPage(feed, simulated=plan.simulated, background=under)
         how = "was left before its end"
@@ -125,8 +129,8 @@ def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | 
         except (NotFlownError, ExceptionGroup) as error:
             return not_flown(error)
         code = report(summary, folder, as_json=options.json, verbose=options.verbose)
-        if kept_frames(folder) and code != AIRCRAFT_DOWN:
-            draw_boundary(folder, complain)
+        if code != AIRCRAFT_DOWN:
+            draw_ground(folder, complain)
         return code
 
 

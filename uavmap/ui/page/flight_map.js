@@ -3,7 +3,7 @@
 
 import { Board, Raster } from "flight_board";
 
-const GROUND_MS = 2000; // between two loads of the ground
+const RESULTS_MS = 5000; // between two loads of the pictures of the results
 const EASE_S = 0.35; // a marker glides to where its vehicle was heard last
 
 export class FlightMap {
@@ -14,7 +14,10 @@ export class FlightMap {
     this.raster = new Raster();
     this.board = new Board();
     this.scene = null;
-    this.background = null;
+    this.background = null; // what is given for the ground
+    this.mosaic = null; // the ground by the pictures of the flight, over it
+    this.onresults = () => {}; // called when the results may have new pictures
+    this.due_ms = 0;
     this.shown = {}; // where the markers are drawn
     this.view = null;
     this.stale = true; // the base has to be drawn anew
@@ -37,27 +40,32 @@ export class FlightMap {
     this.colours = scene.states.map(([, colour]) => colour);
     this.view = null;
     this.stale = true;
-    this.background = null;
-    this.ground = null; // the picture of which it was loaded last
-    this.loadGround();
+    this.background = this.mosaic = this.asked = null;
+    this.due_ms = 0;
+    if (scene.background) this.load("background", "background");
+    this.loadResults();
   }
 
-  // the ground beneath the cells; one that grows is loaded again after new pictures
-  loadGround() {
-    const { background } = this.scene;
-    const picture = this.board.fields.picture ? this.board.fields.picture.id : "";
-    if (!background || this.loading || this.ground === picture) return;
-    if (this.ground !== null && !background.grows) return;
-    this.loading = true;
-    this.ground = picture;
+  load(name, url) {
     const image = new Image();
     image.onload = () => {
-      this.background = image;
+      this[name] = image;
       this.stale = true;
-      setTimeout(() => (this.loading = false), GROUND_MS);
     };
-    image.onerror = () => (this.loading = false);
-    image.src = `${background.url}?${picture}`;
+    image.src = url;
+  }
+
+  // the pictures of the results are loaded again while the mission goes on, and once it is over
+  loadResults() {
+    const { t_s, hands_off } = this.board.fields;
+    const asked = encodeURIComponent(`${Math.round(t_s || 0)} ${hands_off}`);
+    const due = hands_off !== this.hands_off || performance.now() >= this.due_ms;
+    if (this.asked === asked || !due) return;
+    this.asked = asked;
+    this.hands_off = hands_off;
+    this.due_ms = performance.now() + RESULTS_MS;
+    if (this.scene.mosaic) this.load("mosaic", `result/mosaic.webp?${asked}`);
+    this.onresults(asked);
   }
 
   take(delta) {
@@ -67,7 +75,7 @@ export class FlightMap {
     );
     if (delta.since === 0) this.shown = {};
     this.stale = true;
-    this.loadGround();
+    this.loadResults();
     return good;
   }
 
@@ -230,13 +238,13 @@ export class FlightMap {
     pen.fillRect(0, 0, this.base.width, this.base.height);
     const [de, dn] = this.drifted();
     const ground = (e, n) => this.at(e - de, n - dn);
-    const image = this.background;
-    if (image) {
-      const { west, north, width_m, height_m } = scene.background;
+    for (const name of ["background", "mosaic"]) {
+      if (!this[name]) continue;
+      const { west, north, width_m, height_m } = scene[name];
       const [x, y] = ground(west, north);
-      pen.drawImage(image, x, y, width_m * view.scale, height_m * view.scale);
+      pen.drawImage(this[name], x, y, width_m * view.scale, height_m * view.scale);
     }
-    this.drawCells(pen, image ? 0.6 : 1);
+    this.drawCells(pen, this.background || this.mosaic ? 0.6 : 1);
     this.drawRing(pen, scene.box.map((p) => ground(...p)), scene.lines.box);
     for (const ring of [scene.fence, ...scene.holes])
       this.drawRing(pen, ring.map((p) => ground(...p)), scene.lines.fence);

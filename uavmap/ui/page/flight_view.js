@@ -58,6 +58,10 @@ export default {
         <canvas ref="picture" v-show="pictured"></canvas>
         <figcaption>{{ caption }}</figcaption>
       </figure>
+      <figure class="flight-picture" v-if="judged">
+        <img :src="judged" alt="a judged picture">
+        <figcaption>Outlined in red: what the detector takes for the region, in the first picture that shows some of it, or else in the first one</figcaption>
+      </figure>
       <ol class="flight-log" aria-label="log" tabindex="0">
         <li v-for="[number, t, level, text] in lines" :key="number" :class="level">
           <time>{{ clock(t) }}</time> {{ text }}
@@ -66,11 +70,16 @@ export default {
     </div>
   </div>`,
   data() {
-    return { scene: null, figures: [], rows: [], lines: [], banner: "", caption: "", pictured: false };
+    return { scene: null, figures: [], rows: [], lines: [], banner: "", caption: "", pictured: false, judged: "" };
   },
   mounted() {
     this.map = new FlightMap(this.$refs.map);
     window.flightMap = this.map; // for tests, and whoever looks into it
+    this.map.onresults = (asked) => {
+      const image = new Image();
+      image.onload = () => (this.judged = image.src);
+      image.src = "result/judged.jpg?" + asked;
+    };
     this.heard_ms = performance.now();
     this.timer = setInterval(() => this.check(), 1000);
   },

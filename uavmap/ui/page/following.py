@@ -16,6 +16,7 @@ from missions.flight.step import step
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import FRAMES, POSES, KeptFrame, read_kept
+from uavmap.output.drawing.mosaic_file import Ground, raster_of
 from uavmap.output.facts.flown_mission import DERIVED
 from uavmap.photos.ground.rasters import ORTHO
 from uavmap.ui.page.feed import Feed
@@ -78,7 +79,11 @@ class Follower:
             real=self._real,
             dear_s=math.inf,
         )
-        scene = scene_of(self.setting, self._background, recorded=self.recorded, drawn=self._drawn)
+        ground = Ground.read(self._folder, self.setting.grid)
+        raster = raster_of(self.setting) if ground is None else ground.raster
+        scene = scene_of(
+            self.setting, self._background, raster, recorded=self.recorded, drawn=self._drawn
+        )
         send_scene(feed, scene, self._background)
         last_s = events[-1].t_s if events else 0.0
         step_s = max(STEP_S, last_s / MOST_STEPS)

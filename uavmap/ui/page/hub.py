@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from uavmap.output.drawing.judged import FILE as JUDGED
+from uavmap.output.drawing.mosaic_file import MOSAIC
 from uavmap.ui.page.board import Board, Delta
-from uavmap.ui.page.mosaic import Mosaic
 from uavmap.ui.page.page_pipe import Words
 
 MOST_PICTURES: Final = 24
@@ -22,6 +23,8 @@ PICTURE_PX: Final = 640
 """Maximum width of a picture, px."""
 _QUALITY: Final = 75
 _SUFFIXES: Final = (".jpg", ".png")
+RESULTS: Final = {MOSAIC: "image/webp", JUDGED: "image/jpeg"}
+"""Types of the pictures of the results that a page shows; a flight writes them anew."""
 KEY_EVERY: Final = 40
 """Number of deltas between two snapshots of a timeline."""
 
@@ -77,10 +80,10 @@ class Hub:
         self.ended = ""
         """Why nothing more will come; empty while it may."""
         self.timeline = Timeline() if config.get("timeline") else None
-        self._background = b""
-        self._mosaic: Mosaic | None = None
+        self.background = b""
+        """What lies under the map, as JPEG; empty without one."""
         self.answers: dict[str, asyncio.Future[str]] = {}
-        self._frames = Path(config["frames"]) if config.get("frames") else None
+        self._folder = Path(config["folder"]) if config.get("folder") else None
         self._pictures: dict[str, bytes] = {}
         self.news = asyncio.Event()
         """Set when something is new; then it is another event."""
@@ -110,20 +113,17 @@ class Hub:
         match words.get("kind"):
             case "scene":
                 self.scene = words["scene"]
-                ground = words["scene"].get("background")
-                if ground is not None and ground["grows"]:
-                    self._mosaic = Mosaic(ground, self._background)
             case "delta":
                 self.board.apply(words["delta"])
                 if self.timeline is not None:
                     self.timeline.add(self.board.field("t_s") or 0.0, words["delta"])
             case "picture":
-                shown = await asyncio.to_thread(self._lay_picture, words, data)
-                self._pictures[str(words["id"])] = shown
+                image = await asyncio.to_thread(_decoded, data, words.get("shape"))
+                self._pictures[str(words["id"])] = b"" if image is None else _small(image)
                 while len(self._pictures) > MOST_PICTURES:
                     del self._pictures[next(iter(self._pictures))]
             case "background":
-                self._background = data
+                self.background = data
             case "answer":
                 answer = self.answers.pop(str(words.get("id")), None)
                 if answer is not None and not answer.done():
@@ -132,30 +132,21 @@ class Hub:
                 self.ended = str(words["text"])
         self.wake()
 
-    async def background(self) -> bytes:
-        """Return the background of the map as JPEG; empty without one."""
-        if self._mosaic is None:
-            return self._background
-        return await asyncio.to_thread(self._mosaic.jpeg)
-
-    def _lay_picture(self, words: Words, data: bytes) -> bytes:
-        """Lay a picture on the ground; return it for the page."""
-        image = _decoded(data, words.get("shape"))
-        if image is None:
+    async def result(self, name: str) -> bytes:
+        """Return one of `RESULTS` as it is now; empty where it is not there."""
+        if self._folder is None or name not in RESULTS:
             return b""
-        if self._mosaic is not None and "ground" in words:
-            wide = image.shape[1] / words["width_px"]
-            self._mosaic.add(image, np.diag([wide, wide, 1.0]) @ np.array(words["ground"]))
-        return _small(image)
+        path = self._folder / name
+        return await asyncio.to_thread(lambda: path.read_bytes() if path.is_file() else b"")
 
     async def picture(self, name: str) -> bytes:
         """Return a picture as JPEG; empty for one that is gone."""
         if name in self._pictures:
             return self._pictures[name]
         plain = PurePath(name).name == name and not name.startswith(".")
-        if self._frames is None or not plain or not name.endswith(_SUFFIXES):
+        if self._folder is None or not plain or not name.endswith(_SUFFIXES):
             return b""
-        return await asyncio.to_thread(_shown, self._frames / name)
+        return await asyncio.to_thread(_shown, self._folder / "frames" / name)
 
 
 def _shown(path: Path) -> bytes:

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from missions.events import Event, FrameSeen
 from missions.flight.state import Setting, State
 from uavmap.journal.kept_frames import KeptFrame
+from uavmap.output.drawing.mosaic_file import raster_of
 from uavmap.runner.operator.company import Onlooker
 from uavmap.runner.service import Service
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.page_pipe import Words
-from uavmap.ui.page.page_scene import Background, growing, laid_on_ground, marks_of, scene_of
+from uavmap.ui.page.page_scene import Background, marks_of, scene_of
 from uavmap.ui.page.watching import Watcher
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
@@ -111,8 +112,8 @@ class FlightPage(Onlooker):
             now_s=self._now_s,
         )
         self._watcher.board.set_field("hands_off", self._hands_off)
-        background = growing(setting, self._background)
-        send_scene(self._feed, scene_of(setting, background), background)
+        scene = scene_of(setting, self._background, raster_of(setting))
+        send_scene(self._feed, scene, self._background)
         for text in self._said:
             self._watcher.say(text)
 
@@ -186,8 +187,6 @@ class FlightPage(Onlooker):
         self._shown += 1
         setting = self._watcher.setting
         words: Words = {"kind": "picture", "id": str(self._shown)}
-        if not setting.grid.drift_speed_m_s:
-            words |= laid_on_ground(setting, frame)
         if not isinstance(picture, bytes):
             words, picture = {**words, "shape": picture.shape}, picture.tobytes()
         if self._feed.put(words, picture):

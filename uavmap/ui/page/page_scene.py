@@ -6,7 +6,7 @@ import math
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,16 +22,17 @@ from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.output.drawing import palette
-from uavmap.output.drawing.scene import bounds_of
+from uavmap.output.drawing.mosaic_file import SIDE_PX, bounds_around
 from uavmap.output.facts.map_model import State
 from uavmap.photos.ground.rasters import there
-from uavmap.ui.page.mosaic import PAPER, SIDE_PX, jpeg
 from vision.camera import Camera
 from vision.projection import Projection
+from vision.raster import Raster
 
+PAPER: Final = (243, 247, 247)
+_QUALITY: Final = 80
 MOST_TILES: Final = 120
 """Maximum number of tiles; a larger area takes a coarser zoom."""
-_MARGIN: Final = 0.25
 _NODES: Final = 33
 """Number of points a side on which the projection is computed; linear between them."""
 _MERCATOR_M: Final = 2.0 * math.pi * 6378137.0
@@ -42,29 +43,28 @@ Colours = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """A picture of the ground, and the rectangle that it covers in the fixed frame.
-
-    One that `grows` is laid together of the pictures of a flight, over these bytes.
-    """
+    """A picture of the ground, and the rectangle that it covers in the fixed frame."""
 
     jpeg: bytes
     west_m: float
     north_m: float
     width_m: float
     height_m: float
-    grows: bool = False
 
     @property
     def place(self) -> dict[str, Any]:
         """For the scene of a page."""
-        return {
-            "url": "background",
-            "west": self.west_m,
-            "north": self.north_m,
-            "width_m": self.width_m,
-            "height_m": self.height_m,
-            "grows": self.grows,
-        }
+        return placed(self.west_m, self.north_m, self.width_m, self.height_m)
+
+
+def placed(west_m: float, north_m: float, width_m: float, height_m: float) -> dict[str, Any]:
+    """Return the place of a picture of the ground, for JSON."""
+    return {"west": west_m, "north": north_m, "width_m": width_m, "height_m": height_m}
+
+
+def jpeg(image: NDArray[Any]) -> bytes:
+    """Return a picture of the ground as a page gets it."""
+    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
 
 
 def of_tiles(path: Path, setting: Setting) -> Background:
@@ -72,7 +72,7 @@ def of_tiles(path: Path, setting: Setting) -> Background:
 
     Raises `OutputError` for another file, one of vector tiles, or one without tiles here.
     """
-    west_m, south_m, east_m, north_m = _bounds(setting)
+    west_m, south_m, east_m, north_m = bounds_around(setting)
     m_per_px = max(east_m - west_m, north_m - south_m) / SIDE_PX
     size = (round((east_m - west_m) / m_per_px), round((north_m - south_m) / m_per_px))
     nodes = _mercator(setting.grid, np.linspace(west_m, east_m, _NODES),
@@ -88,17 +88,6 @@ def of_tiles(path: Path, setting: Setting) -> Background:
     return Background(
         jpeg(image), west_m, north_m, round(east_m - west_m, 3), round(north_m - south_m, 3)
     )
-
-
-def growing(setting: Setting, beneath: Background | None) -> Background | None:
-    """Return a background that grows in flight; where the region drifts only what is given."""
-    if setting.grid.drift_speed_m_s:
-        return beneath
-    if beneath is not None:
-        return replace(beneath, grows=True)
-    west_m, south_m, east_m, north_m = _bounds(setting)
-    size = (round(east_m - west_m, 3), round(north_m - south_m, 3))
-    return Background(b"", west_m, north_m, *size, grows=True)
 
 
 def of_mosaic(path: Path, setting: Setting) -> Background | None:
@@ -128,14 +117,6 @@ def of_mosaic(path: Path, setting: Setting) -> Background | None:
         (bounds.right - bounds.left) / grid.scale,
         (bounds.top - bounds.bottom) / grid.scale,
     )
-
-
-def _bounds(setting: Setting) -> tuple[float, float, float, float]:
-    mission = setting.mission
-    rings = (*positions(mission.search.box), *positions(mission.fence.polygon), mission.home)
-    west_m, south_m, east_m, north_m = bounds_of(map(setting.grid.fixed, rings))
-    pad_m = _MARGIN * max(east_m - west_m, north_m - south_m)
-    return west_m - pad_m, south_m - pad_m, east_m + pad_m, north_m + pad_m
 
 
 def _mercator(
@@ -213,12 +194,14 @@ STATES: Final[tuple[State, ...]] = tuple(palette.STATES)
 def scene_of(
     setting: Setting,
     background: Background | None = None,
+    mosaic: Raster | None = None,
     *,
     recorded: bool = False,
     drawn: bool = True,
 ) -> dict[str, Any]:
     """Return the scene of a mission, for JSON, with the picture under its map.
 
+    `mosaic` is where the mosaic of the results lies, which may grow, in the fixed frame.
     `drawn`: its box and fence are not derived from pictures. Points are metres east and north in
     the fixed frame; cells are in the moving one, which drifts with `drift_m_s` from mission time 0.
     """
@@ -254,6 +237,14 @@ def scene_of(
         "ink": palette.css(palette.INK),
         "land": palette.css(palette.LAND),
         "background": None if background is None else background.place,
+        "mosaic": None
+        if mosaic is None
+        else placed(
+            mosaic.west_m,
+            mosaic.north_m,
+            mosaic.columns * mosaic.pitch_m,
+            mosaic.rows * mosaic.pitch_m,
+        ),
         "tracks": [palette.css(colour) for colour in palette.TRACKS],
     }
 
@@ -262,13 +253,6 @@ def camera_of(setting: Setting, frame: KeptFrame) -> Camera:
     """Return the camera of a picture, at the size at which it is judged."""
     optics = setting.mission.camera.optics
     return Camera(math.radians(frame.hfov_deg), optics.width_px, optics.height_px)
-
-
-def laid_on_ground(setting: Setting, frame: KeptFrame) -> dict[str, Any]:
-    """Return where a picture lies on the ground, for JSON."""
-    camera = camera_of(setting, frame)
-    matrix = camera.homography(frame.pose, setting.grid, frame.t_s)
-    return {"ground": matrix.tolist(), "width_px": camera.width_px}
 
 
 def marks_of(setting: Setting, frame: KeptFrame, votes: Sequence[Vote]) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from nicegui import Client, background_tasks, ui
 
 from uavmap.ui.page.access_guard import Guard
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.hub import Hub
+from uavmap.ui.page.hub import RESULTS, Hub
 from uavmap.ui.page.page_pipe import Words
 
 UPDATE_S: Final = 0.1
@@ -70,8 +70,15 @@ def serving(hub: Hub, config: Words, send: Send) -> Server:
 
     @app.get("/background")
     async def background() -> Response:
-        data = await hub.background()
+        data = hub.background
         return Response(data, 200 if data else 404, None, "image/jpeg")
+
+    @app.get("/result/{name}")
+    async def result(name: str) -> Response:
+        data = await hub.result(name)
+        return Response(
+            data, 200 if data else 404, {"cache-control": "no-store"}, RESULTS.get(name)
+        )
 
     @ui.page("/")
     def page(client: Client) -> None:

@@ -15,7 +15,7 @@ from uavmap.base.terminal import Terminal
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.recovery import recover
-from uavmap.photos.after_flight import draw_boundary, kept_frames
+from uavmap.photos.after_flight import draw_ground
 from uavmap.runner.flight import plan_of, resume
 from uavmap.runner.operator.company import Company
 from uavmap.ui.cli import AIRCRAFT_DOWN, complain
@@ -68,8 +68,8 @@ def run(options: argparse.Namespace) -> int:
         except NotFlownError as over:
             return not_flown(over)
         code = report(summary, folder, as_json=options.json, verbose=options.verbose)
-        if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
-            draw_boundary(folder, complain)
+        if not options.recall and code != AIRCRAFT_DOWN:
+            draw_ground(folder, complain)
         return code
 
 

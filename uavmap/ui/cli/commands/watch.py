@@ -14,7 +14,6 @@ from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import JOURNAL
-from uavmap.journal.kept_frames import FRAMES
 from uavmap.ui.cli.option_table import add_options
 from uavmap.ui.page.feed import PORT, opened
 from uavmap.ui.page.following import Follower
@@ -49,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
         "title": follower.title,
         "steers": False,
         "timeline": True,
-        "frames": str((folder / FRAMES).absolute()),
+        "folder": str(folder.absolute()),
         "pictures": "no picture is kept: fly with --keep-frames",
     }
     with (

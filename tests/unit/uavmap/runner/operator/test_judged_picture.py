@@ -51,7 +51,6 @@ def test_judged_picture_is_the_first_with_region_and_has_its_outline(tmp_path):
     assert good
     shown(keeper, 2.0, data.tobytes(), region=True)
     shown(keeper, 3.0, picture(200), region=True)
-    assert not (tmp_path / FILE).exists()  # aircraft are steered until the end
     keeper.end()
     rows, columns = np.nonzero(red(tmp_path / FILE))
     # the region less what dilations of the surround take of it
@@ -70,17 +69,18 @@ def test_judged_picture_without_region_is_the_first_one(tmp_path):
 
 
 def test_judged_picture_of_before_stays_after_a_resume(tmp_path):
-    (tmp_path / FILE).write_bytes(b"of before")
-    keeper = JudgedPicture(tmp_path, SETTING)
-    shown(keeper, 1.0, picture(100), region=True)
-    keeper.end()
-    assert (tmp_path / FILE).read_bytes() == b"of before"
+    for found in (True, False):  # one without region makes room for one with it
+        (tmp_path / FILE).write_bytes(b"of before")
+        keeper = JudgedPicture(tmp_path, SETTING, found=found)
+        shown(keeper, 1.0, picture(100), region=True)
+        keeper.end()
+        assert ((tmp_path / FILE).read_bytes() == b"of before") is found
 
 
 def test_judged_picture_that_cannot_be_read_is_left_out_with_a_line(tmp_path, caplog):
     keeper = JudgedPicture(tmp_path, SETTING)
-    shown(keeper, 1.0, b"no picture", region=True)
     with caplog.at_level("INFO", "uavmap.flight"):
+        shown(keeper, 1.0, b"no picture", region=True)
         keeper.end()
     assert "judged.jpg: the judged picture is left out (1.0.png: not a readable" in caplog.text
     assert not (tmp_path / FILE).exists()

@@ -57,10 +57,13 @@ class Flight:
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
     said = Said()
-    frames = tmp_path_factory.mktemp("frames")
+    folder = tmp_path_factory.mktemp("results")
+    frames = folder / "frames"
+    frames.mkdir()
+    (folder / "mosaic.webp").write_bytes(b"the ground")
     cv2.imwrite(str(frames / "1-000001.000.jpg"), np.full((90, 1280, 3), 80, np.uint8))
     (frames.parent / "secret.jpg").write_bytes((frames / "1-000001.000.jpg").read_bytes())
-    config = {"title": "a <field>", "steers": True, "timeline": True, "frames": str(frames)}
+    config = {"title": "a <field>", "steers": True, "timeline": True, "folder": str(folder)}
     with shown_on(said), opened(config, 0, "--page") as feed:
         yield Flight(feed, said)
 
@@ -172,6 +175,10 @@ def test_pictures_come_small_and_from_their_folder_only(flight):
         for name, size in (("7", (24, 32)), ("1-000001.000.jpg", (45, 640))):
             data = client.get(f"{base}picture/{name}").content
             assert cv2.imdecode(np.frombuffer(data, np.uint8), 1).shape[:2] == size
+        ground = client.get(f"{base}result/mosaic.webp")
+        assert (ground.content, ground.headers["content-type"]) == (b"the ground", "image/webp")
+        for name in ("judged.jpg", "secret.jpg", "..%2Fsecret.jpg"):
+            assert client.get(f"{base}result/{name}").status_code == 404
         for name in ("8", "..%2Fsecret.jpg", "poses.csv", ".jpg", "no.jpg"):
             assert client.get(f"{base}picture/{name}").status_code == 404
 

@@ -1,0 +1,139 @@
+"""mosaic.webp: the ground as the pictures of a flight show it, transparent where none does.
+
+QGIS and all else that reads by GDAL take its place on the ground from the file beside it.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from missions.errors import ImageError
+from missions.flight.state import Setting
+from missions.geo.grid import Grid
+from missions.mission.schema import positions
+from uavmap.base.atomic_write import write_bytes, write_text
+from uavmap.base.image_files import MAX_PICTURE_BYTES, opened
+from uavmap.base.text_files import read_bytes, read_text
+from uavmap.output.drawing.scene import Bounds, View, bounds_of
+from vision.mosaic import Colours
+from vision.raster import Raster
+
+MOSAIC: Final = "mosaic.webp"
+PLACE: Final = f"{MOSAIC}.aux.xml"
+"""Where the mosaic lies, as GDAL writes it."""
+SIDE_PX: Final = 1600
+"""Maximum length of the longer side of a flight's mosaic, px."""
+FINEST_M: Final = 0.1
+"""Minimum edge of a pixel of a flight's mosaic, m."""
+_MARGIN: Final = 0.25
+_QUALITY: Final = 80
+_EFFORT: Final = 1
+"""Of WebP, 0 to 6: higher ones take twice the time for a tenth of the size."""
+_PLACE_BYTES: Final = 100_000
+_OPAQUE: Final = 250
+
+
+def bounds_around(setting: Setting) -> Bounds:
+    """Return the bounds of box, fence and home, with what pictures show around them."""
+    mission = setting.mission
+    rings = (*positions(mission.search.box), *positions(mission.fence.polygon), mission.home)
+    west_m, south_m, east_m, north_m = bounds_of(map(setting.grid.fixed, rings))
+    pad_m = _MARGIN * max(east_m - west_m, north_m - south_m)
+    return west_m - pad_m, south_m - pad_m, east_m + pad_m, north_m + pad_m
+
+
+def raster_of(setting: Setting) -> Raster | None:
+    """Return the raster of a flight's mosaic; None where the region drifts."""
+    if setting.grid.drift_speed_m_s:
+        return None
+    west_m, south_m, east_m, north_m = bounds_around(setting)
+    sides_m = east_m - west_m, north_m - south_m
+    pitch_m = max(FINEST_M, math.ceil(100.0 * max(sides_m) / SIDE_PX) / 100.0)
+    columns, rows = (math.ceil(side_m / pitch_m) for side_m in sides_m)
+    return Raster(west_m, north_m, pitch_m, columns, rows)
+
+
+def utm_transform(raster: Raster, grid: Grid, t_s: float = 0.0) -> tuple[float, ...]:
+    """Return the matrix from columns and rows to UTM at a mission time, in the order of `Affine`.
+
+    `raster` is in the grid's moving frame.
+    """
+    step = raster.pitch_m * grid.scale
+    west = grid.origin.east_m + (raster.west_m + grid.drift_east_m_s * t_s) * grid.scale
+    north = grid.origin.north_m + (raster.north_m + grid.drift_north_m_s * t_s) * grid.scale
+    return tuple(round(value, 9) for value in (step, 0.0, west, 0.0, -step, north))
+
+
+def write_mosaic(folder: Path, image: Colours, raster: Raster, grid: Grid) -> None:
+    """Write a mosaic, red, green, blue, and 255 where there is a picture, and its place.
+
+    A raster stays that of the file that is there, if any. Raises `OSError`.
+    """
+    step, _, west, _, down, north = utm_transform(raster, grid)
+    numbers = ", ".join(repr(value) for value in (west, step, 0.0, north, 0.0, down))
+    text = (
+        f"<PAMDataset>\n  <SRS>EPSG:{grid.zone.epsg}</SRS>\n"
+        f"  <GeoTransform>{numbers}</GeoTransform>\n</PAMDataset>\n"
+    )
+    if not (folder / PLACE).exists():
+        write_text(folder / PLACE, text)
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "WEBP", quality=_QUALITY, method=_EFFORT)
+    write_bytes(folder / MOSAIC, buffer.getvalue())
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """A mosaic of a folder: `image` is as it was written; `raster` is in the fixed frame."""
+
+    raster: Raster
+    image: Colours
+
+    @classmethod
+    def read(cls, folder: Path, grid: Grid) -> Ground | None:
+        """Read the mosaic of a folder; None where there is none that can be read."""
+        try:
+            data = read_bytes(folder / MOSAIC, MAX_PICTURE_BYTES)
+            found = re.search("<GeoTransform>(.*?)</GeoTransform>",
+                              read_text(folder / PLACE, _PLACE_BYTES))  # fmt: skip
+            if found is None:
+                return None
+            west, step, _, north, _, _ = map(float, found[1].split(","))
+            with opened(io.BytesIO(data), MOSAIC, ("WEBP",)) as picture:
+                image = np.array(picture.convert("RGBA"))
+        except (ImageError, OSError, ValueError):
+            return None
+        if not (step > 0.0 and math.isfinite(west + step + north)):
+            return None
+        rows, columns = image.shape[:2]
+        west_m, north_m = west - grid.origin.east_m, north - grid.origin.north_m
+        scaled = (west_m / grid.scale, north_m / grid.scale, step / grid.scale)
+        return cls(Raster(*scaled, columns, rows), image)
+
+    def beneath(self, view: View) -> NDArray[np.uint8]:
+        """Return the mosaic as a view shows it, for `uavmap.output.drawing.raster.cell_picture`."""
+        raster = self.raster
+        times = 1.0 / (view.px_per_m * raster.pitch_m)  # pixels of the raster in one of the view
+        left = (view.left_m - raster.west_m) / raster.pitch_m
+        top = (raster.north_m - view.top_m) / raster.pitch_m
+        image = self.image
+        if times > 1.0:  # else detail between the view's pixels would speckle
+            blur = 0.5 * math.sqrt(times**2 - 1.0)
+            image = np.asarray(cv2.GaussianBlur(image, (0, 0), blur), np.uint8)
+        matrix = np.array([[times, 0.0, left + (times - 1.0) / 2.0],
+                           [0.0, times, top + (times - 1.0) / 2.0]])  # fmt: skip
+        size = view.width_px, view.height_px
+        how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        found = np.asarray(cv2.warpAffine(image, matrix, size, flags=how), np.uint8)
+        found[..., 3] = np.where(found[..., 3] >= _OPAQUE, 255, 0)
+        return found
