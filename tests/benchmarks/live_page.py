@@ -63,7 +63,7 @@ def busy() -> tuple[Setting, State]:
 class Team:
     def __init__(self) -> None:
         self.setting, self.state = busy()
-        self.watcher = Watcher(self.setting, self.state)
+        self.watcher = Watcher(self.state)
         self.watcher.board.set_field("hands_off", "")
         self.step = 0
 

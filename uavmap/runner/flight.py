@@ -125,7 +125,7 @@ def fly(
         except OutputError:
             journal.discard()
             raise
-        flight = Flight(plan, setting, folder, journal, setting.initial_state(), company)
+        flight = Flight(plan, folder, journal, setting.initial_state(), company)
         if company.preflight is not None and company.preflight.keep_fence:
             journal.put_meta(KEEP_FENCE, True)
         if keep_frames:
@@ -215,9 +215,7 @@ def resume(
         elif plan.simulated and not plan.rehomed:
             plan = replace(plan, rehomed=True)
             journal.put_meta(REHOMED, True)
-        return Flight(
-            plan, setting, folder, journal, state, company, again=again, found=found
-        ).run()
+        return Flight(plan, folder, journal, state, company, again=again, found=found).run()
 
 
 def _put_back_alone(plan: FlightPlan, setting: Setting, journal: Journal) -> None:

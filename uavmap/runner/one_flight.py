@@ -80,7 +80,6 @@ class Flight:
     def __init__(
         self,
         plan: FlightPlan,
-        setting: Setting,
         folder: Path,
         journal: Journal,
         state: State,
@@ -90,14 +89,14 @@ class Flight:
         found: Attachment | None = None,
     ) -> None:
         self._plan = plan
-        self.setting = setting
+        self.setting = state.setting
         self.folder = folder
         self._journal = journal
         self._state = state
         # they end before a page does, which then shows what they have written last
         mine = (
-            FlightMosaic(folder, setting, waits=plan.simulated),
-            JudgedPicture(folder, setting, found=bool(state.belief.roi)),
+            FlightMosaic(folder, self.setting, waits=plan.simulated),
+            JudgedPicture(folder, self.setting, found=bool(state.belief.roi)),
         )
         self._company = replace(company, onlookers=(*mine, *company.onlookers))
         self._again = again
@@ -227,7 +226,7 @@ class Flight:
                 _LOG.info(f"swap the batteries, then `uavmap resume {self.folder}` goes on")
                 service.stop()
 
-        parts = self.setting, self._journal, port, self._state, observe, reports
+        parts = self._journal, port, self._state, observe, reports
         if connection is not None or member is None:
             service = Service(*parts)
         else:

@@ -19,7 +19,7 @@ from typing import Final, Protocol
 from missions.errors import EventError
 from missions.events import CellSkipped, Continued, Event, Paused, Recalled, VehicleRecalled
 from missions.flight.operator_orders import to_skip
-from missions.flight.state import Setting, State
+from missions.flight.state import State
 from missions.flight.step import step
 from missions.flight.vehicle_state import Phase
 from missions.orders import Order
@@ -61,14 +61,13 @@ class Service:
 
     def __init__(
         self,
-        setting: Setting,
         journal: Journal,
         aircraft: Aircraft,
         state: State,
         observe: Observer,
         reports: Reports | None = None,
     ) -> None:
-        self.setting = setting
+        self.setting = state.setting
         self.state = state
         self._journal = journal
         self._aircraft = aircraft
@@ -229,7 +228,6 @@ class GroundService(Service):
 
     def __init__(
         self,
-        setting: Setting,
         journal: Journal,
         aircraft: Aircraft,
         state: State,
@@ -237,7 +235,7 @@ class GroundService(Service):
         reports: Reports,
         send: Callable[[OrderWord, int], None],
     ) -> None:
-        super().__init__(setting, journal, aircraft, state, observe, reports)
+        super().__init__(journal, aircraft, state, observe, reports)
         self._send = send
 
     def recall(self) -> None:

@@ -82,7 +82,7 @@ class SimulatedFleet:
         at = self.folder(number)
         journal = Journal.create(at / JOURNAL, {"plan": own.as_json()})
         mine = setting_of(self.setting.mission, number)
-        return Flight(own, mine, at, journal, mine.initial_state())
+        return Flight(own, at, journal, mine.initial_state())
 
     def radio(self, flight: Flight, number: int, start: int = 1) -> SealedRadio:
         """The radio of a member whose program starts for this time."""

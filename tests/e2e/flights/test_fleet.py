@@ -145,7 +145,7 @@ class Beset(SimulatedFleet):
         await asyncio.sleep(2.0)
         opened, mine = Journal.open(folder / JOURNAL), setting_of(self.setting.mission, number)
         state = folded(mine, opened.events())
-        again = self.flights[number] = Flight(FlightPlan.read(opened), mine, folder, opened, state)
+        again = self.flights[number] = Flight(FlightPlan.read(opened), folder, opened, state)
         again.clock.set(clock_s + loop.time())
         with of_member(number):
             await again.fly_member(self.world, self.radio(again, number, 2))

@@ -85,7 +85,7 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     assert overviews.count(None) > 10
     setting = setting_of(load(str(file)))
     state = setting.initial_state()
-    watcher = Watcher(setting, state, now_s=lambda: 0.0)
+    watcher = Watcher(state, now_s=lambda: 0.0)
     for event in events:  # what the live page shows is what the map says
         state, _ = step(state, event)
         watcher.take_in(event, state)

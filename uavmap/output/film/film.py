@@ -201,7 +201,7 @@ def film_of_flight(
     events = list(events)
     weighed = any(isinstance(event, Weighed) for event in events)
     cells = CellStates(setting, recorded=recorded, weighed=weighed)
-    log = _Log(setting, setting.initial_state(), cells)
+    log = _Log(setting.initial_state(), cells)
     for event in events:
         log.take_in(event)
     for cell in cells.weighed_cells():  # known with the last picture
@@ -225,7 +225,6 @@ def film_of_flight(
 
 @dataclass(slots=True)
 class _Log:
-    setting: Setting
     state: State
     states: CellStates
     t_s: float = 0.0
@@ -237,7 +236,7 @@ class _Log:
         before, self.t_s = self.state, max(self.t_s, event.t_s)
         self.state, _ = step(before, event)
         if isinstance(event, Tracked | Connected):
-            grid = self.setting.grid
+            grid = self.state.setting.grid
             east_m, north_m = grid.to_moving(event.position, self.t_s)
             place = Place(east_m / grid.cell_m, north_m / grid.cell_m)
             fix = Fix(self.t_s, place, event.height_m >= LIFT_OFF_M)

@@ -72,7 +72,6 @@ class Follower:
         events = self._reader.new_events()
         state = self.setting.initial_state()
         watcher = Watcher(
-            self.setting,
             state,
             recorded=self.recorded,
             weighed=self.recorded and any(event.kind == "weighed" for event in events),

@@ -105,11 +105,7 @@ class FlightPage(Onlooker):
 
     def _watch(self, setting: Setting) -> None:
         self._watcher = Watcher(
-            setting,
-            setting.initial_state(),
-            real=self._real,
-            words=False,
-            now_s=self._now_s,
+            setting.initial_state(), real=self._real, words=False, now_s=self._now_s
         )
         self._watcher.board.set_field("hands_off", self._hands_off)
         scene = scene_of(setting, self._background, raster_of(setting))

@@ -61,7 +61,6 @@ class Watcher:
 
     def __init__(
         self,
-        setting: Setting,
         state: State,
         *,
         recorded: bool = False,
@@ -71,14 +70,14 @@ class Watcher:
         dear_s: float = DEAR_S,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.board, self.state, self.setting = Board(), state, setting
+        self.board, self.state, self.setting = Board(), state, state.setting
         self._recorded, self._fit = recorded, DetectorFit()
-        self._cells = CellStates(setting, recorded=recorded, weighed=weighed)
+        self._cells = CellStates(state.setting, recorded=recorded, weighed=weighed)
         self._words = words
         self._dear_s = dear_s
         self._now_s = now_s
         self._counter = Counter(state.vehicles)
-        self._ahead = Ahead(setting)
+        self._ahead = Ahead(state.setting)
         self._marked: dict[Cell, None] = {}
         self._waiting: deque[Cell] = deque()
         """Cells of the tree that are still to be visited."""

@@ -66,7 +66,7 @@ def service_of(
     reports: Reports | None = None,
 ) -> Service:
     setting = setting_of(small_mission())
-    return Service(setting, journal, vehicle, setting.initial_state(), observe, reports)
+    return Service(journal, vehicle, setting.initial_state(), observe, reports)
 
 
 def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> State:

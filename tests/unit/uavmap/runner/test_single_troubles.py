@@ -54,10 +54,8 @@ def serve(body: Body, folder: Path) -> None:
 
     async def main() -> None:
         with Journal.create(folder / "journal.jsonl", {}) as journal, no_task_left():
-            service = Service(
-                flight.setting, journal, OneVehicle(flight.driver), flight.setting.initial_state(),
-                lambda event, state: None,
-            )  # fmt: skip
+            state, vehicle = flight.setting.initial_state(), OneVehicle(flight.driver)
+            service = Service(journal, vehicle, state, lambda event, state: None)
             flight.report = service.post
             flight.taken_in = service._reports.join
             async with asyncio.TaskGroup() as tasks:

@@ -98,7 +98,7 @@ def flown(rig, made, folder):
     setting, said = setting_of(made), Said()
     folder.mkdir()
     with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
-        flight = RiggedFlight(rig, said, plan, setting, folder, journal, setting.initial_state())
+        flight = RiggedFlight(rig, said, plan, folder, journal, setting.initial_state())
         with shown_on(said):
             return flight.run(), list(journal.events()), said
 

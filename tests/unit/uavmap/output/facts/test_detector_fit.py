@@ -127,7 +127,7 @@ def test_is_untouched_only_with_all_values_of_the_default(section, untouched):
 def test_terminal_and_page_report_what_the_detector_takes():
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state, out = setting.initial_state(), io.StringIO()
-    table, watcher = ProgressTable(Terminal(out)), Watcher(setting, state, real=True)
+    table, watcher = ProgressTable(Terminal(out)), Watcher(state, real=True)
     for number in range(FIRST_FRAMES):
         table.notice(frame(number, 10))
         table.update(frame(number, 10), state, 0)

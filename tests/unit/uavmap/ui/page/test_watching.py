@@ -24,7 +24,7 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch):
     setting = STOPS.setting()
     events = [from_json(line) for line in STOPS.lines()]
     state, copy = setting.initial_state(), Board()
-    watcher = Watcher(setting, state, now_s=lambda: 0.0)
+    watcher = Watcher(state, now_s=lambda: 0.0)
     for index, event in enumerate(events):
         state, _ = step(state, event)
         watcher.take_in(event, state)
@@ -51,7 +51,7 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch):
 def test_the_figures_of_a_flight_without_stopping_agree_at_any_time():
     setting = PASSES.setting()
     state, said = setting.initial_state(), set[str]()
-    watcher = Watcher(setting, state, now_s=lambda: 0.0)
+    watcher = Watcher(state, now_s=lambda: 0.0)
     for line in PASSES.lines():
         state, _ = step(state, event := from_json(line))
         watcher.take_in(event, state)
