@@ -112,7 +112,7 @@ def _path_at(tables: Mapping[str, Any], section: str, key: str) -> str | None:
 
 def _read(name: str) -> tuple[str, Path]:
     path = Path(name)
-    if not path.suffix and name in shipped_missions() and not path.exists():
+    if not path.suffix and name in shipped_missions() and not path.is_file():
         folder = Path(str(resources.files("missions"))) / "shipped"
         return (folder / f"{name}.toml").read_text("utf-8"), folder
     try:

@@ -101,6 +101,12 @@ def test_a_long_line_of_dots_is_no_work():
     assert with_lines("f: grid.cell_m = 0: no", "f", text) == "f:3: grid.cell_m = 0: no"
 
 
+def test_load_shipped_name_beside_a_folder_of_that_name(tmp_path, monkeypatch):
+    (tmp_path / "runway").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert load("runway") == mission_of_text(named_text("runway").text, "runway")
+
+
 @pytest.mark.parametrize("name", shipped_missions())
 def test_a_journal_gives_the_plan_back_as_it_was(name, tmp_path):
     plan = plan_of(name, named_text(name).text, vehicles=2, seed=5)
