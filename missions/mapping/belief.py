@@ -35,7 +35,7 @@ every cell that ever was in it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -286,10 +286,12 @@ class Belief:
             open_tallies, self._verdicts.updated(says),
         )  # fmt: skip
 
-    def with_region(self, cells: Collection[Cell]) -> Belief:
-        """This belief with cells that are region whatever their ballots say: of a finished map."""
-        says: dict[Cell, bool | None] = dict.fromkeys(cells, True)
-        return replace(self, roi=self.roi.added(cells), _verdicts=self._verdicts.updated(says))
+    def with_verdicts(self, verdicts: Mapping[Cell, bool]) -> Belief:
+        """Return this belief with verdicts that hold whatever ballots say: of a finished map."""
+        region = [cell for cell, is_region in verdicts.items() if is_region]
+        return replace(
+            self, roi=self.roi.added(region), _verdicts=self._verdicts.updated(dict(verdicts))
+        )
 
     def _ballot(self, cell: Cell, vantage: Vantage) -> Ballot:
         at_vantage = self._ballots.get(vantage)
@@ -332,6 +334,7 @@ def judging_frames(belief: Belief) -> dict[Cell, FrameId]:
 
     A cell of the region is decided when the first of its ballots elects it, any other one when its
     open ballot is decided against it, or a ballot of a look at it is full and does not elect it.
+    What a finished map decides by all frames (`with_verdicts`) counts from its latest vote.
 
     >>> belief, here, beside = Belief(frames=3, positive=2), Cell(0, 0), Cell(0, 1)
     >>> for t_s in (0.0, 1.0, 2.0):
@@ -349,7 +352,14 @@ def judging_frames(belief: Belief) -> dict[Cell, FrameId]:
                 elected, frame = found
                 told = region if elected else others
                 told[cell] = min(frame, told.get(cell, frame), key=lambda each: each.exposed)
-    return {**others, **region}
+    found_frames = {**others, **region}
+    verdicts = belief.verdicts
+    late = {
+        cell: ballot[-1][0]
+        for cell, ballot in belief.ballots.get(None, {}).items()
+        if cell not in found_frames and verdicts.get(cell) is not None
+    }
+    return {**late, **found_frames}
 
 
 def _spoken(belief: Belief, ballot: Ballot, *, is_open: bool) -> tuple[bool, FrameId] | None:

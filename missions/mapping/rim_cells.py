@@ -19,11 +19,13 @@ from missions.units import Cell
 _STEPS: Final = 1000  # shares have three digits; whole numbers add up alike in any order
 
 
-def rim_cells(events: Iterable[Event], belief: Belief, share: float) -> list[Cell]:
-    """Return the cells that a belief decided against, and that all frames show to be region.
+def rim_verdicts(events: Iterable[Event], belief: Belief, share: float) -> dict[Cell, bool]:
+    """Return the cells at the rim that votes have left out of the region, and that are region.
 
-    Such a cell lies beside a cell of the region, and all four beside it are decided, so that the
-    region is as explored with it as without. Frames from the height of a search do not count.
+    Such a cell lies beside a cell of the region, and votes decided against it. All four cells
+    beside it are decided, or frames show them to be no region: then their verdicts are returned,
+    too, and the region is as explored with the cell as without. Frames from the height of a search
+    do not count.
 
     Args:
         events: The journal of a flight.
@@ -31,21 +33,26 @@ def rim_cells(events: Iterable[Event], belief: Belief, share: float) -> list[Cel
         share: Least mean of the shares of a cell that frames in passing showed, 0 to 1.
     """
     asked = {near for cell in belief.roi for near in cell.neighbours()}
-    asked = {cell for cell in asked if belief.verdict(cell) is False and _is_enclosed(belief, cell)}
+    asked = {cell for cell in asked if belief.verdict(cell) is False}
+    around = {near for cell in asked for near in cell.neighbours()}
+    undecided = {cell for cell in around if belief.verdict(cell) is None}
     shown: dict[Cell, dict[tuple[int, float], int]] = {}
     for event in events:
         if isinstance(event, FrameSeen) and event.vantage is None and not event.overview:
             for vote in event.votes:
-                if vote.cell in asked:
+                if vote.cell in asked or vote.cell in undecided:
                     frames = shown.setdefault(vote.cell, {})
                     frames[event.vehicle, event.t_s] = round(vote.share * _STEPS)
-    return sorted(
+    region = {
         cell
         for cell, shares in shown.items()
-        if len(shares) >= belief.frames and sum(shares.values()) >= share * _STEPS * len(shares)
-    )
-
-
-def _is_enclosed(belief: Belief, cell: Cell) -> bool:
-    """Return whether all four cells beside a cell are decided."""
-    return all(belief.verdict(near) is not None for near in cell.neighbours())
+        if sum(shares.values()) >= share * _STEPS * len(shares)
+    }
+    ground = undecided & (shown.keys() - region)
+    open_ = undecided - ground
+    verdicts: dict[Cell, bool] = {}
+    for cell in sorted(asked & region):
+        beside = cell.neighbours()
+        if len(shown[cell]) >= belief.frames and open_.isdisjoint(beside):
+            verdicts |= {cell: True} | dict.fromkeys(ground.intersection(beside), False)
+    return verdicts

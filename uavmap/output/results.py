@@ -17,7 +17,7 @@ from missions.events import Event, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.state import Setting, State
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
-from missions.mapping.rim_cells import rim_cells
+from missions.mapping.rim_cells import rim_verdicts
 from missions.mission.schema import positions
 from missions.mission.views import rim_share
 from missions.units import Cell, LatLon
@@ -55,8 +55,8 @@ def flown_flight(
     """
     state, found = figures(setting, events)
     if not setting.team.shares_facts:  # facts are votes, without the shares of cells
-        rim = rim_cells(events, state.belief, rim_share(setting.mission))
-        state = replace(state, belief=state.belief.with_region(rim))
+        rim = rim_verdicts(events, state.belief, rim_share(setting.mission))
+        state = replace(state, belief=state.belief.with_verdicts(rim))
     truth = None
     if plan.simulated and setting.mission.sim.roi:
         truth = true_roi(setting.mission, setting.grid)
