@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from missions.flight.state import Setting
+from missions.flight.state import OneHeight, Setting
 from missions.flight.strategies import chosen
-from missions.flight.strategy.two_heights import heights_for
+from missions.flight.strategy.two_heights import TwoHeights
 from missions.flight.strategy.work import Area
-from missions.flight.team.teams import make_team
+from missions.flight.team.teams import Alone, Listener, Member
 from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
 from missions.mission.places import homes, prior_of
@@ -23,7 +23,9 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
     grid = Grid.at(
         mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
     )
-    team, pads = make_team(member), [grid.fixed(place) for place in homes(mission)]
+    commanded = Member(member) if member else Listener()
+    team = Alone() if member is None else commanded
+    pads = [grid.fixed(place) for place in homes(mission)]
     fences = team.fences(mission, fence_of(mission, grid), pads)
     box = [grid.fixed(place) for place in positions(mission.search.box)]
     strategy = chosen(mission)
@@ -44,5 +46,5 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
         fences.whole,
         team=team,
         strategy=strategy,
-        heights=heights_for(mission),
+        heights=OneHeight() if mission.search.altitude_m is None else TwoHeights(),
     )

@@ -50,6 +50,10 @@ class Strategy(ABC):
     """Whether vehicles fly all their lanes, on one path, before they map."""
     least_lane_cells: float = 0.0
     """Least length of what is left of a lane to be flown as one."""
+    replan_frames: float = 0.0
+    """How many frames are taken at least before a new plan."""
+    shares_work: bool = False
+    """Whether the team shares out what is left to map."""
     lanes_drift: bool = False
     """Whether lanes drift with the cells; else they lie still over ground."""
 
@@ -158,23 +162,6 @@ class Strategy(ABC):
     def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
         """Return the cell that a vehicle looks from, or is on its way to."""
         return None
-
-    # --- work that is shared --------------------------------------------------------------------
-    def replan_s(self, setting: Setting) -> float:
-        """Return how long a plan is flown at least, seconds."""
-        return 0.0
-
-    def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
-        """Close in the chart what others are to see."""
-        return state, Work(work.memory)
-
-    def gathers(self, state: State, vehicle: VehicleState) -> bool:
-        """Return whether a member has to receive of others before it does anything."""
-        return False
-
-    def held_until_s(self, state: State, vehicle: VehicleState, t_s: float) -> float:
-        """Return until when a member that is out of contact since `t_s` is left its work."""
-        return t_s
 
 
 class Team(ABC):

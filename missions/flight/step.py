@@ -9,7 +9,6 @@ through air that another vehicle has reserved (`missions.flight.airspace.airspac
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 from shapely.geometry import Point
@@ -53,14 +52,6 @@ def step(state: State, event: Event) -> tuple[State, Orders]:
         and number in after.our_numbers
     )
     return after, orders
-
-
-def fold(setting: Setting, events: Iterable[Event]) -> State:
-    """Return the state after a journal."""
-    state = setting.initial_state()
-    for event in events:
-        state, _ = step(state, event)
-    return state
 
 
 def assign(state: State) -> State:

@@ -7,38 +7,10 @@ from dataclasses import replace
 from functools import singledispatch
 from typing import Any, Final
 
-from missions.events import (
-    Airborne,
-    Arrived,
-    BatterySwapped,
-    CellSkipped,
-    Continued,
-    Crashed,
-    Event,
-    FrameLost,
-    FrameSeen,
-    Guarded,
-    Landed,
-    LiftedOff,
-    LookEnded,
-    Navigated,
-    OrderFailed,
-    Paused,
-    Recalled,
-    Resumed,
-    Tracked,
-)
+from missions import events as ev
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
-from missions.flight.connections import (
-    LIFTED_M,
-    connected,
-    given_up,
-    link_lost,
-    overridden,
-    released,
-    resume,
-    taken_away,
-)
+from missions.flight import connections
+from missions.flight.connections import LIFTED_M, taken_away
 from missions.flight.lane_progress import lane_flown, lane_left, set_free
 from missions.flight.operator_orders import called_home, paused, skip, skipped_for_good
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
@@ -49,7 +21,7 @@ from missions.guardian import PAD_M, corners_home
 from missions.orders import AwaitBattery, FlyTo, StandDown, TakeOff
 
 
-def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def landed(event: ev.Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
     """A landing: away from its pad, the crew has to fetch the vehicle."""
     position = vehicle.position if event.position is None else event.position
     down = replace(
@@ -86,7 +58,7 @@ def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleSta
     return down.stood_down(Phase.FAILED, vehicle.note or unexpected)
 
 
-def crashed(event: Crashed, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def crashed(event: ev.Crashed, vehicle: VehicleState, setting: Setting) -> VehicleState:
     """A crash: it is down, wherever that is."""
     return replace(
         set_free(vehicle, setting.grid.cell_m),
@@ -123,13 +95,13 @@ MOST_EMPTY_PASSES = 2
 
 
 _OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
-    Recalled: lambda state, event: replace(state, recalled=True, paused=False),
-    Paused: lambda state, event: paused(state),
-    Continued: lambda state, event: replace(state, paused=False),
-    Resumed: lambda state, event: resume(state),
-    FrameSeen: lambda state, event: skipped_for_good(frame_seen(state, event)),
-    LookEnded: lambda state, event: skipped_for_good(look_ended(state, event)),
-    CellSkipped: skip,
+    ev.Recalled: lambda state, event: replace(state, recalled=True, paused=False),
+    ev.Paused: lambda state, event: paused(state),
+    ev.Continued: lambda state, event: replace(state, paused=False),
+    ev.Resumed: lambda state, event: connections.resume(state),
+    ev.FrameSeen: lambda state, event: skipped_for_good(frame_seen(state, event)),
+    ev.LookEnded: lambda state, event: skipped_for_good(look_ended(state, event)),
+    ev.CellSkipped: skip,
     Heard: heard,
     Shared: shared,
     Apart: apart,
@@ -140,7 +112,7 @@ _OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
 """Rules for events that change more than one vehicle, or more than vehicles."""
 
 
-def apply(state: State, event: Event) -> State:
+def apply(state: State, event: ev.Event) -> State:
     """Return the state after an event, before any vehicle is given a new order."""
     state = replace(state, t_s=max(state.t_s, event.t_s))
     if (rule := _OF_ALL.get(type(event))) is not None:
@@ -148,27 +120,27 @@ def apply(state: State, event: Event) -> State:
     assert isinstance(event, OfVehicle)
     changed = _changed(event, state.vehicles[event.vehicle], state.setting)
     state = state.with_vehicle(changed)
-    return follow_no_farther(state, changed) if isinstance(event, Tracked) else state
+    return follow_no_farther(state, changed) if isinstance(event, ev.Tracked) else state
 
 
 @singledispatch
-def _changed(event: Event, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _changed(event: ev.Event, vehicle: VehicleState, setting: Setting) -> VehicleState:
     """The vehicle after an event that concerns nothing else."""
     raise TypeError(f"no rule for {type(event).__name__}")
 
 
-_changed.register(connected)
-_changed.register(link_lost)
-_changed.register(given_up)
-_changed.register(overridden)
-_changed.register(released)
+_changed.register(connections.connected)
+_changed.register(connections.link_lost)
+_changed.register(connections.given_up)
+_changed.register(connections.overridden)
+_changed.register(connections.released)
 _changed.register(landed)
 _changed.register(crashed)
 _changed.register(called_home)
 
 
 @_changed.register
-def _(event: LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
     up = replace(vehicle, landed=False, landed_away_m=0.0)
     if vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
         # a take-off that was given up without an acknowledgement: it cannot stay up there
@@ -178,7 +150,7 @@ def _(event: LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState
 
 
 @_changed.register
-def _(event: Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
     home = vehicle.home if event.home is None else event.home
     if vehicle.phase is not Phase.GROUNDED:  # it is not under our control by now
         return replace(vehicle, landed=False, cleared=False, home=home)
@@ -195,7 +167,7 @@ def _(event: Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
 
 
 @_changed.register
-def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     elapsed_s = event.t_s - vehicle.tracked_s
     if vehicle.braking_until_s is not None:
         slow = vehicle.position.distance_to(event.position) < REST_M_S * elapsed_s
@@ -228,7 +200,7 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
 
 
 @_changed.register
-def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.AIRBORNE:  # it is not under our control by now
         return replace(vehicle, position=event.position)
     on_path = vehicle.path is not None
@@ -263,7 +235,7 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
 
 
 @_changed.register
-def _(event: FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
     lost = replace(vehicle, frames_lost=vehicle.frames_lost + 1, note=event.reason)
     # a look's frames are as many, and seconds apart; on a path several are lost in a second, or
     # one in several
@@ -288,19 +260,19 @@ def _comes_home(vehicle: VehicleState, t_s: float, setting: Setting, note: str) 
 
 
 @_changed.register
-def _(event: Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
     does = "landing" if event.action == "land" else "returning"
     note = f"{does} by its guardian: {event.reason}"
     return taken_away(vehicle, setting, Phase.GUARDED, note, returns=event.action == "rtl")
 
 
 @_changed.register
-def _(event: Navigated, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.Navigated, vehicle: VehicleState, setting: Setting) -> VehicleState:
     return vehicle  # places are corrected by it already
 
 
 @_changed.register
-def _(event: BatterySwapped, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.BatterySwapped, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.GROUNDED:  # no reason to take off
         return replace(vehicle, remaining_wh=event.remaining_wh, drawn_w=0.0)
     return replace(
@@ -315,7 +287,7 @@ def _(event: BatterySwapped, vehicle: VehicleState, setting: Setting) -> Vehicle
 
 
 @_changed.register
-def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleState:
     note = f"{event.order}: {event.reason}"
     if vehicle.phase is Phase.GROUNDED and not vehicle.landed:  # a take-off that failed half-way
         vehicle = replace(vehicle, phase=Phase.AIRBORNE)

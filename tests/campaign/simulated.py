@@ -13,7 +13,6 @@ from shapely.geometry import Point
 
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting
-from missions.flight.step import fold
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.guardian import HARD_M_S, PAD_M
 from missions.mission.checks import parse_mission
@@ -22,6 +21,7 @@ from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.benchmarks import watched
 from tests.benchmarks.watched import FAR_M, SEEN_TO_S, Observer
+from tests.support.folding import fold
 from tests.support.small_missions import mission_text, square
 from uavmap.aircraft.guardian.estimates import GRAVITY_M_S2
 from uavmap.runner.simulation import STEP_S

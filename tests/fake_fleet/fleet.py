@@ -15,13 +15,14 @@ from dataclasses import dataclass, field, replace
 from missions.events import Event, Recalled, Resumed
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
-from missions.flight.step import fold, step
+from missions.flight.step import step
 from missions.flight.vehicle_state import Phase
 from missions.guardian import Guard, Limits
 from missions.mission.places import homes
 from missions.mission.schema import Mission
 from missions.orders import Order, StandDown
 from missions.units import Cell, GridPoint
+from tests.support.folding import fold
 
 from .aircraft import Air, Aircraft
 from .driver import PATH_TRACK_S, TRACK_S, WATCH_S, Driver

@@ -13,7 +13,6 @@ from shapely.geometry import Point
 
 from missions.events import FrameSeen, from_json, to_json
 from missions.flight.return_home import BESIDE_M
-from missions.flight.step import fold
 from missions.flight.vehicle_state import Phase
 from missions.guardian import PAD_M
 from missions.lab.arena.roi import component
@@ -22,6 +21,7 @@ from missions.mapping.tree import patches
 from missions.orders import StandDown, TakeOff
 from missions.planning.search.lanes import point_on
 from missions.units import GridPoint
+from tests.support.folding import fold
 from tests.support.small_missions import reachable
 
 from .aircraft import Aircraft

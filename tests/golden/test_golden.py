@@ -11,11 +11,12 @@ import pytest
 
 from missions.events import Event, from_json, to_json
 from missions.flight.state import Setting
-from missions.flight.step import fold, step
+from missions.flight.step import step
 from missions.mapping.overview import with_plain
 from missions.orders import FlyPath, Look
 from missions.planning.kernels.jit import COMPILED
 from tests.golden.recording import PASSES, RECORDINGS, STOPS, Recording, outcome
+from tests.support.folding import fold
 
 
 @dataclass(frozen=True, slots=True)

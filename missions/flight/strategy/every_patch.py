@@ -16,9 +16,8 @@ from missions.flight.airspace.airspace import Airspace
 from missions.flight.state import Setting, Shares, State
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
-from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
-from missions.flight.strategy.work import Area, Lanes, OpenWork, Work
-from missions.flight.team.work_shares import held_until_s
+from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, pass_memory
+from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
@@ -80,6 +79,8 @@ class EveryPatch(Covering):
 
     about = SWATH
     patches = True
+    replan_frames = 2.0  # more than that is flown before it is known what they show
+    shares_work = True
 
     def lay(self, area: Area) -> Lanes:
         """Lay lanes along the side of the box along which the team is done sooner.
@@ -134,28 +135,10 @@ class EveryPatch(Covering):
         belief = state.belief
         return nearest(state, vehicle, belief.undecided(beside(belief.roi)))
 
-    def replan_s(self, setting: Setting) -> float:
-        """Two frames: more than that is flown before it is known what they show."""
-        return 2.0 * setting.mission.camera.interval_s
-
-    def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
-        """As the team shares its work."""
-        return state.setting.team.share_work(state, work)
-
-    def gathers(self, state: State, vehicle: VehicleState) -> bool:
-        """As the team does."""
-        return state.setting.team.gathers(state, vehicle)
-
-    def held_until_s(self, state: State, vehicle: VehicleState, t_s: float) -> float:
-        """As long as its lanes and its part of the map should take it, and some more."""
-        if vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED):
-            return t_s
-        return held_until_s(state, vehicle, t_s)
-
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """One that waits for members out of contact does so over its pad, where all are heard."""
         away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
-        waits = vehicle.vehicle in last_waiting(state)
+        waits = vehicle.vehicle in pass_memory(state).waiting
         waits = waits and any(state.t_s < v.held_until_s for v in away)
         if waits and not vehicle.is_over_pad:
             return Airspace(state).over_own_pad(vehicle)

@@ -40,14 +40,26 @@ def search_passes(state: State, vehicle: VehicleState) -> State:
     first = setting.over_ground(points[0], state.t_s)
     if not has_energy_for(setting, vehicle, first, REACTION_S):
         return go_home(state, vehicle, ReturnReason.BATTERY)
-    path = _lane_path(state, vehicle, points, corners)
+
+    def along(count: int) -> Trajectory:
+        return through(
+            setting, vehicle, points[:count], corners[:count], state.t_s + NOTICE_S,
+            drifts=setting.lanes_drift, cuts_m=setting.heights.cuts_m(setting),
+        )  # fmt: skip
+
+    path = along(len(points))
     if any(corners) and not allowed(setting.fence, path):
         # what drifts on its way round a corner may miss the rim of the fence by a little
         round_at = corners.index(True)
         if round_at == 0:
-            start = points[corners.index(False)]
-            return _to_first_lane(state, vehicle, setting.over_ground(start, state.t_s))
-        path = _lane_path(state, vehicle, points[:round_at], corners[:round_at])
+            # over ground, round the corners of the fence, to where the lane begins
+            start = setting.over_ground(points[corners.index(False)], state.t_s)
+            route = setting.fence.route(vehicle.position, start)
+            if route is None:
+                return state.holding(vehicle)
+            begins = replace(vehicle, on_lane=False)
+            return Airspace(state).reserve_or_wait(begins, vehicle.leg(route))
+        path = along(round_at)
     return give_path(state, replace(vehicle, on_lane=True), path)
 
 
@@ -56,24 +68,6 @@ def give_up_lane(state: State, vehicle: VehicleState) -> State:
     lost = (*state.unreachable_lanes, vehicle.lanes[0])
     state = replace(state, unreachable_lanes=lost)
     return state.holding(replace(vehicle, lanes=vehicle.lanes[1:]))
-
-
-def _lane_path(
-    state: State, vehicle: VehicleState, points: list[GridPoint], corners: list[bool]
-) -> Trajectory:
-    setting = state.setting
-    return through(
-        setting, vehicle, points, corners, state.t_s + NOTICE_S,
-        drifts=setting.lanes_drift, cuts_m=setting.heights.cuts_m(setting),
-    )  # fmt: skip
-
-
-def _to_first_lane(state: State, vehicle: VehicleState, start: GridPoint) -> State:
-    """Fly over ground, round the corners of the fence, to where a lane begins."""
-    route = state.setting.fence.route(vehicle.position, start)
-    if route is None:
-        return state.holding(vehicle)
-    return Airspace(state).reserve_or_wait(replace(vehicle, on_lane=False), vehicle.leg(route))
 
 
 def _way_along(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], list[bool]]:

@@ -36,15 +36,16 @@ def explore_moves(explorer: Explorer, state: State) -> State:
         return state
     at = _robots(state)
     away = frozenset(n for n in at if _away(state.vehicles[n]))
-    waiting = _told_to_wait(state, away)
+    places, waiting = {n: at[n] for n in at.keys() - away}, frozenset[int]()
+    if state.last_wait is not None and state.last_wait[0] is tree and state.last_wait[1] == places:
+        waiting = state.last_wait[2]
     asked = tuple(n for n in sorted(at) if n not in waiting and _decides(state.vehicles[n], tree))
     if not asked:
         return _end_in_vain(explorer, state, waiting)
 
     def passable(*cells: Cell) -> bool:
-        return state.setting.fence.allows_leg(
-            *(state.setting.where(cell, state.t_s) for cell in cells)
-        )
+        places = (state.setting.where(cell, state.t_s) for cell in cells)
+        return state.setting.fence.allows_leg(*places)
 
     metric = replace(state.setting.metric, passable=passable)
     situation = Situation(tree, at, asked, state.memory, metric, away)
@@ -56,7 +57,8 @@ def explore_moves(explorer: Explorer, state: State) -> State:
             moves = replace(state.vehicles[number], vertex=cell, fruitless_sorties=0)
             state = state.with_vehicle(replace(moves, at_target=False))
     stay = frozenset(n for n in asked if decision.moves.get(n) is None)
-    return replace(state, last_wait=(tree, _present(state, away), waiting | stay, state.t_s))
+    places = {n: cell for n, cell in _robots(state).items() if n not in away}
+    return replace(state, last_wait=(tree, places, waiting | stay, state.t_s))
 
 
 def _end_in_vain(explorer: Explorer, state: State, waiting: frozenset[int]) -> State:
@@ -98,20 +100,6 @@ def _robots(state: State) -> dict[int, Cell]:
         for number, v in state.vehicles.items()
         if v.vertex is not None and v.phase in (Phase.AIRBORNE, Phase.GROUNDED)
     }
-
-
-def _present(state: State, away: frozenset[int]) -> dict[int, Cell]:
-    """The vertices of robots that are not away."""
-    return {n: cell for n, cell in _robots(state).items() if n not in away}
-
-
-def _told_to_wait(state: State, away: frozenset[int]) -> frozenset[int]:
-    """The vehicles that were told to wait, if neither the tree nor the places have changed."""
-    if state.last_wait is None:
-        return frozenset()
-    tree, places, waiting, _ = state.last_wait
-    same = tree is state.tree and places == _present(state, away)
-    return waiting if same else frozenset()
 
 
 def explore(state: State, vehicle: VehicleState) -> State:

@@ -108,7 +108,7 @@ class Paths(Strategy):
         inside = come_inside(state, vehicle)
         if inside is not None:
             return inside
-        if self.gathers(state, vehicle):
+        if self.shares_work and state.setting.team.gathers(state, vehicle):
             if not vehicle.is_over_pad:
                 return Airspace(state).over_own_pad(vehicle)
         else:

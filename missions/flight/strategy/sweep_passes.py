@@ -20,7 +20,7 @@ from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s, over_pad
 from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
-from missions.flight.strategy.work import OpenWork, TourMemory
+from missions.flight.strategy.work import OpenWork, TourMemory, Work
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
@@ -79,17 +79,12 @@ class PassMemory:
     """Their observation points since a vote was last added."""
     tour: TourMemory = field(default_factory=TourMemory)
 
-    @property
-    def is_stalled(self) -> bool:
-        """Whether plans have been flown to their ends, and on, without a vote that counts."""
-        return self.stalled_s > STALLED_S + STALLED_SHARE * self.longest_s
-
 
 def explore_passes(strategy: Strategy, state: State) -> State:
     """Plan anew for all vehicles that explore, if there is news and the last plan is old enough."""
     setting, tree = state.setting, state.tree
     lanes_left = strategy.flies_all_lanes and any(v.lanes for v in state.vehicles.values())
-    memory = _memory(state)
+    memory = pass_memory(state)
     team = {
         n: v for n, v in sorted(state.vehicles.items()) if _takes_part(strategy, state, v, memory)
     }
@@ -99,7 +94,7 @@ def explore_passes(strategy: Strategy, state: State) -> State:
     fresh = frames != memory.frames
     news = fresh or bool(waiting - memory.waiting)
     retry = bool(waiting) and state.t_s >= memory.planned_s + RETRY_S
-    replan_s = max(REPLAN_S, strategy.replan_s(setting))
+    replan_s = max(REPLAN_S, strategy.replan_frames * setting.mission.camera.interval_s)
     due = state.t_s >= memory.planned_s + replan_s - 1e-6
     if not ours or not due or not (news or retry):
         return state
@@ -111,7 +106,8 @@ def explore_passes(strategy: Strategy, state: State) -> State:
     memory = _gone_on(memory, state, team)
     if tree is not None and memory.flown_s > patience_s(state):
         return fall_back(state)
-    if memory.is_stalled and not lanes_left:
+    stalls = memory.stalled_s > STALLED_S + STALLED_SHARE * memory.longest_s
+    if stalls and not lanes_left:
         return give_up_rest(replace(state, memory=memory))
     if memory.tried and waiting == ours:
         return _fetch(state, memory, known, waiting)
@@ -120,8 +116,11 @@ def explore_passes(strategy: Strategy, state: State) -> State:
         n: flyer_of(setting, vehicle, paths.get(n), routes.get(n), begin_s)
         for n, vehicle in team.items()
     }
-    open_work = OpenWork(known, flyers, memory.tour, memory.decisions)
-    state, (tour, tours, others_part) = strategy.share_work(state, open_work)
+    work = Work(memory.tour)
+    if strategy.shares_work:
+        open_work = OpenWork(known, flyers, memory.tour, memory.decisions)
+        state, work = setting.team.share_work(state, open_work)
+    tour, tours, others_part = work
     memory = replace(memory, tour=tour)
     if others_part is not None:  # they plan for themselves
         team = {n: team[n] for n in sorted(ours)}
@@ -182,12 +181,8 @@ def _fetch(state: State, memory: PassMemory, known: Known, idle: frozenset[int])
     return replace(state, memory=replace(memory, waiting=idle - {found.vehicle}))
 
 
-def last_waiting(state: State) -> frozenset[int]:
-    """The vehicles for which the last plan had nothing to fly."""
-    return _memory(state).waiting
-
-
-def _memory(state: State) -> PassMemory:
+def pass_memory(state: State) -> PassMemory:
+    """Return what the last plan has left for the next."""
     return state.memory if isinstance(state.memory, PassMemory) else PassMemory()
 
 
@@ -201,15 +196,15 @@ def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState])
     """The memory at a new plan: whether the last ones have added a vote."""
     votes = sum(total for _, total in state.belief.open_tallies.values())
     since_s = min(state.t_s - memory.planned_s, RETRY_S)
-    memory, stalled_s = (
-        replace(memory, flown_s=memory.flown_s + since_s),
-        memory.stalled_s + since_s,
-    )
+    stalled_s, flown_s = memory.stalled_s + since_s, memory.flown_s + since_s
     if votes != memory.votes:
         ends = (v.path.end_s for v in team.values() if v.path is not None)
         left_s = max((end_s - state.t_s for end_s in ends), default=0.0)
         memory, stalled_s = replace(memory, votes=votes, longest_s=left_s, tried=frozenset()), 0.0
-    return replace(memory, planned_s=state.t_s, stalled_s=stalled_s, decisions=memory.decisions + 1)
+    return replace(
+        memory, planned_s=state.t_s, stalled_s=stalled_s, flown_s=flown_s,
+        decisions=memory.decisions + 1,
+    )  # fmt: skip
 
 
 def _takes_part(
@@ -227,7 +222,7 @@ def _takes_part(
         apart = is_outside(whole or state.setting.fence, vehicle.position)
     if apart or (strategy.flies_all_lanes and vehicle.lanes):
         return False
-    waits = ours and idle and strategy.gathers(state, vehicle)
+    waits = ours and idle and strategy.shares_work and state.setting.team.gathers(state, vehicle)
     return not waits and state.setting.heights.in_layer(state, vehicle)
 
 

@@ -17,7 +17,6 @@ from typing import Final
 from missions.flight.state import OneHeight, Setting, State
 from missions.flight.vehicle_state import OFF_LAYER_M, VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
-from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane, point_on
 from missions.units import Cell
 
@@ -82,11 +81,6 @@ class TwoHeights(OneHeight):
         length_m = lane[0].distance_to(lane[1])
         short_m = min(max(short_m, 0.0), MOST_OFF * length_m)
         return point_on(lane, short_m), point_on(lane, length_m - short_m)
-
-
-def heights_for(mission: Mission) -> OneHeight:
-    """Return how high the vehicles of a mission search and map."""
-    return OneHeight() if mission.search.altitude_m is None else TwoHeights()
 
 
 def climbed_on_the_way_m(state: State, vehicle: VehicleState) -> float:

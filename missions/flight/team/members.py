@@ -19,7 +19,7 @@ from missions.flight.lane_progress import lane_number
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import still_open
-from missions.flight.team.work_shares import back_from_lanes_s
+from missions.flight.team.work_shares import back_from_lanes_s, held_until_s
 from missions.flight.vehicle_state import Allotment, Column, Phase, ReturnReason
 from missions.geo.trajectory import rounded_path
 from missions.mapping.belief import Belief
@@ -74,13 +74,15 @@ def apart(state: State, event: Apart) -> State:
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
-    until_s = round(state.setting.strategy.held_until_s(state, vehicle, event.t_s), 1)
-    due_s = float("-inf")
+    until_s, due_s = event.t_s, float("-inf")
+    if state.setting.strategy.shares_work and vehicle.phase in (Phase.AIRBORNE, Phase.GROUNDED):
+        until_s = held_until_s(state, vehicle, event.t_s)
     if vehicle.lanes:
         due_s = round(back_from_lanes_s(state.setting, vehicle, event.t_s), 1)
     gone = replace(
-        vehicle, phase=Phase.APART, order=None, on_lane=False, held_until_s=until_s, due_s=due_s
-    )
+        vehicle, phase=Phase.APART, order=None, on_lane=False,
+        held_until_s=round(until_s, 1), due_s=due_s,
+    )  # fmt: skip
     return state.with_vehicle(gone)
 
 

@@ -199,15 +199,3 @@ def _part_to_come(state: State, vehicle: VehicleState, others: Sequence[VehicleS
     found = state.allotment
     told = found is not None and found.made_s >= back_s and vehicle.vehicle in found.parts
     return leads and not told
-
-
-def make_team(member: int | None) -> Team:
-    """Return the team of a service.
-
-    Args:
-        member: The one vehicle that it commands, where each has a service of its own; 0 for none;
-            None: it commands all.
-    """
-    if member is None:
-        return Alone()
-    return Member(member) if member else Listener()

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from missions.events import Event, FrameSeen
-from missions.flight.step import fold
 from missions.flight.vehicle_state import Phase
 from missions.geo.terrain import FOLLOW_M
 from missions.lab.arena.roi import component
@@ -16,6 +15,7 @@ from missions.mapping.belief import Belief, FrameId
 from missions.orders import Hold, TakeOff
 from missions.planning.stepwise import EXPLORERS
 from tests.fake_fleet import Fleet, fleet
+from tests.support.folding import fold
 from tests.support.hills import hills, over
 from tests.support.small_missions import Scenario, random_scenario, reachable
 

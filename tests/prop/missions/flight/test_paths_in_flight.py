@@ -17,7 +17,6 @@ from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S
 from missions.flight.return_home import HEARD_S, energy_of, way_home
 from missions.flight.setting_of import setting_of
-from missions.flight.step import fold
 from missions.flight.vehicle_state import Phase
 from missions.geo.braking import Course, braked
 from missions.geo.fence import route_length_m
@@ -29,6 +28,7 @@ from missions.mission.views import path_speed_m_s
 from missions.orders import FlyPath
 from missions.planning.kernels.swath import SLOW
 from tests.fake_fleet import Fleet
+from tests.support.folding import fold
 from tests.support.small_missions import Scenario, random_scenario, scattered, unkind_scenario
 
 STEP_S = 0.1

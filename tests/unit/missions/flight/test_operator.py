@@ -18,11 +18,12 @@ from missions.events import (
     Told,
     VehicleRecalled,
 )
-from missions.flight.step import fold, step
+from missions.flight.step import step
 from missions.flight.vehicle_state import Phase, ReturnReason
 from missions.orders import FlyTo, Hold, Land, Look, StandDown, Sweep
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import Fleet, fleet
+from tests.support.folding import fold
 from tests.support.small_missions import random_scenario
 from tests.unit.missions.flight.test_step import ROOT, Service, frame, pair, service
 

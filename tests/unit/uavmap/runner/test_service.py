@@ -13,12 +13,12 @@ from missions.errors import ImageError, JournalError, MissionFileError
 from missions.events import Connected, Crashed, Event, LinkLost, Overridden, Recalled, Tracked
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
-from missions.flight.step import fold
 from missions.flight.vehicle_state import Phase
 from missions.mission.sections import DetectorSection
 from missions.orders import Order, StandDown, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import small_mission
+from tests.support.folding import fold
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.imaging.classifier import Blind, PictureJudge
 from uavmap.aircraft.process import messages as say
