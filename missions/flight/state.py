@@ -122,9 +122,9 @@ class Strategy(ABC):
         """Return what says whether a lane has done its work at a cell: a frame has judged it."""
         return state.setting.heights.searched(state)
 
-    @abstractmethod
     def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
         """Return the state in which a frame from anywhere counts for a search, beside its votes."""
+        return state
 
     # --- orders ---------------------------------------------------------------------------------
     @abstractmethod

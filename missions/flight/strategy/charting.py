@@ -43,8 +43,7 @@ def flyer_of(
     """
     from missions.planning.sweep.paths import Flyer  # noqa: PLC0415 - numba takes a second to load
 
-    grid = setting.grid
-    path = vehicle.path
+    grid, path = setting.grid, vehicle.path
     # at the end of a path it is where that ends, until it is seen to have arrived
     place = vehicle.position if path is None else path.place_at(begin_s)
     mine = path is not None and _is_planned(path, planned, begin_s)

@@ -14,7 +14,6 @@ from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.state import Setting, Shares, State
-from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, pass_memory
 from missions.flight.strategy.work import Area, Lanes
@@ -36,17 +35,9 @@ class Covering(Paths):
         """The state as it is: the search is done when its cells are decided."""
         return state
 
-    def take_work(self, state: State, vehicle: VehicleState) -> State:
-        """Take lanes of others, or what they suspected."""
-        return state if vehicle.lanes else find_work(state, vehicle)
-
     def plan_paths(self, state: State) -> State:
         """Plan for all who have no lanes left."""
         return state if state.exhausted else explore_passes(self, state)
-
-    def without_lanes(self, state: State, vehicle: VehicleState) -> State:
-        """It is planned for with the others."""
-        return state.holding(vehicle)
 
     def first_target(self, state: State, vehicle: VehicleState) -> GridPoint | None:
         """Return where its lanes begin, or the nearest open cell once no vehicle has lanes."""

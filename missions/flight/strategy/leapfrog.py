@@ -61,39 +61,6 @@ class LeapfrogMemory:
     rests_until_s: float = float("-inf")
 
 
-def take_turns(state: State) -> State:
-    """Have the one move whose turn it is, once both are at rest."""
-    if state.exhausted or state.recalled:
-        return state
-    state = _together(state)
-    mapper, tracker = state.vehicles[MAPPER], state.vehicles[TRACKER]
-    memory = state.memory if isinstance(state.memory, LeapfrogMemory) else LeapfrogMemory()
-    if state.exhausted:
-        return state
-    if not (mapper.works and tracker.works):
-        # the next sortie begins anew, along what is left then
-        fresh = LeapfrogMemory(open=memory.open)
-        return state if memory == fresh else replace(state, memory=fresh)
-    rest = all(v.idle and v.braking_until_s is None for v in (mapper, tracker))
-    if not rest or any(is_outside(state.setting.fence, v.position) for v in (mapper, tracker)):
-        return state
-    before, memory = memory.index, _passed(memory, state)
-    if memory.index > before:  # a sortie on which somebody got on was not in vain
-        state = replace(state, vehicles={
-            n: replace(v, fruitless_sorties=0) for n, v in state.vehicles.items()
-        })  # fmt: skip
-    if state.t_s < memory.rests_until_s:
-        return replace(state, memory=memory)
-    if memory.index >= len(memory.steps):
-        if memory.homeward:
-            return give_up_rest(replace(state, memory=memory))
-        memory = _next_round(state, memory)
-        memory = _passed(memory, state)
-        if memory.index >= len(memory.steps):  # it is over its pad already
-            return give_up_rest(replace(state, memory=memory))
-    return _move(state, memory)
-
-
 def _together(state: State) -> State:
     """Send a vehicle home with its partner; end the round when one takes no more part."""
     vehicles = state.vehicles.values()
@@ -187,13 +154,10 @@ def lanes_left(state: State) -> tuple[Lane, ...]:
 
 def _way(state: State, mapper: VehicleState, lanes: Iterable[Lane]) -> list[GridPoint]:
     """From where the mapper is along lanes, inside of the fence; what has no way is left out."""
-    places = [mapper.position]
+    places, fence = [mapper.position], state.setting.fence
     for lane in turned(state.setting, mapper.position, tuple(lanes)):
         start, end = flown_along(state, mapper, lane)
-        there, along = (
-            state.setting.fence.route(places[-1], start),
-            state.setting.fence.route(start, end),
-        )
+        there, along = fence.route(places[-1], start), fence.route(start, end)
         if there is not None and along is not None:
             places.extend((*there, *along))
     return places
@@ -250,8 +214,36 @@ class Leapfrog(Survey):
         )
 
     def plan_paths(self, state: State) -> State:
-        """Have the one move whose turn it is."""
-        return take_turns(state)
+        """Have the one move whose turn it is, once both are at rest."""
+        if state.exhausted or state.recalled:
+            return state
+        state = _together(state)
+        mapper, tracker = state.vehicles[MAPPER], state.vehicles[TRACKER]
+        memory = state.memory if isinstance(state.memory, LeapfrogMemory) else LeapfrogMemory()
+        if state.exhausted:
+            return state
+        if not (mapper.works and tracker.works):
+            # the next sortie begins anew, along what is left then
+            fresh = LeapfrogMemory(open=memory.open)
+            return state if memory == fresh else replace(state, memory=fresh)
+        rest = all(v.idle and v.braking_until_s is None for v in (mapper, tracker))
+        if not rest or any(is_outside(state.setting.fence, v.position) for v in (mapper, tracker)):
+            return state
+        before, memory = memory.index, _passed(memory, state)
+        if memory.index > before:  # a sortie on which somebody got on was not in vain
+            state = replace(state, vehicles={
+                n: replace(v, fruitless_sorties=0) for n, v in state.vehicles.items()
+            })  # fmt: skip
+        if state.t_s < memory.rests_until_s:
+            return replace(state, memory=memory)
+        if memory.index >= len(memory.steps):
+            if memory.homeward:
+                return give_up_rest(replace(state, memory=memory))
+            memory = _next_round(state, memory)
+            memory = _passed(memory, state)
+            if memory.index >= len(memory.steps):  # it is over its pad already
+                return give_up_rest(replace(state, memory=memory))
+        return _move(state, memory)
 
 
 PAIR: Final = Leapfrog()

@@ -63,26 +63,23 @@ def _stays_inside(
     look: bool = True,
 ) -> bool:
     """Whether the fence still allows a drifting cell when it is reached, and looked from."""
-    setting = state.setting
-    grid, mission = setting.grid, setting.mission
-    if grid.drift_speed_m_s == 0.0:
+    setting, mission = state.setting, state.setting.mission
+    drift_m_s = setting.grid.drift_speed_m_s
+    if drift_m_s == 0.0:
         return True
-    closing_m_s = mission.flight.speed_m_s - grid.drift_speed_m_s
-    there_s = route_length_m(vehicle.position, route) / closing_m_s + REACTION_S
-    look_s = setting.look_s + EXTRA_FRAMES * mission.votes.frames * mission.camera.interval_s
-    gone_s = there_s + (look_s if look else 0.0)
-    then = grid.to_fixed(grid.centre_of(cell), state.t_s + gone_s)
-    return setting.fence.allows_leg(route[-1], then)
+    closing_m_s = mission.flight.speed_m_s - drift_m_s
+    gone_s = route_length_m(vehicle.position, route) / closing_m_s + REACTION_S
+    if look:
+        frames = EXTRA_FRAMES * mission.votes.frames
+        gone_s += setting.look_s + frames * mission.camera.interval_s
+    return setting.fence.allows_leg(route[-1], setting.where(cell, state.t_s + gone_s))
 
 
 def drifts_out(state: State, cell: Cell) -> bool:
     """Return whether a cell is outside of the fence, or will be within `REACTION_S`."""
     setting = state.setting
-    if setting.grid.drift_speed_m_s == 0.0:
-        return False
-    now = setting.where(cell, state.t_s)
-    soon = setting.grid.to_fixed(setting.grid.centre_of(cell), state.t_s + REACTION_S)
-    return not setting.fence.allows_leg(now, soon)
+    now, soon = (setting.where(cell, state.t_s + ahead_s) for ahead_s in (0.0, REACTION_S))
+    return setting.grid.drift_speed_m_s > 0.0 and not setting.fence.allows_leg(now, soon)
 
 
 def give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:

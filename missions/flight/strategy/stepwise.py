@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.events import FrameSeen
 from missions.flight.return_home import send_home
 from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.fallback import moves_s
 from missions.flight.strategy.searching import mark_unreachable, search, visit
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
-from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
 from missions.orders import TakeOff
 from missions.planning.search.lanes import LANE_CELLS, along_east, search_length_m
@@ -102,14 +100,6 @@ def _robots(state: State) -> dict[int, Cell]:
     }
 
 
-def explore(state: State, vehicle: VehicleState) -> State:
-    """Fly to the vertex; look from it unless somebody has or does."""
-    tree = state.tree
-    if tree is None or vehicle.vertex is None:
-        raise AssertionError("a vehicle explores without a tree or a vertex")
-    return visit(state, vehicle, vehicle.vertex, stop=not tree.has_looked(vehicle.vertex))
-
-
 class Stepwise(Strategy):
     """Search with stops, then explore cell by cell as an explorer says."""
 
@@ -143,19 +133,16 @@ class Stepwise(Strategy):
         moves = promised_moves(self.explorer, tree, robots, setting.metric)
         return None if moves is None else round(moves_s(setting, moves), 1)
 
-    def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
-        """Evidence, and no more: lanes and looks have frames of their own."""
-        return state
-
     def plan(self, state: State) -> State:
         """Ask the explorer for those who have looked from where they are."""
         return state if state.paused else explore_moves(self.explorer, state)
 
     def next_order(self, state: State, vehicle: VehicleState) -> State:
-        """Search until there is a root, then fly to the vertex and look."""
+        """Search until there is a root, then fly to the vertex; look unless one has or does."""
         if state.tree is None:
             return search(state, vehicle)
-        return explore(state, vehicle)
+        assert vehicle.vertex is not None
+        return visit(state, vehicle, vehicle.vertex, stop=not state.tree.has_looked(vehicle.vertex))
 
     def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
         """Go on in the tree without the vertex."""

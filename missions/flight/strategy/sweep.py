@@ -17,7 +17,7 @@ from missions.flight.sightings import grown, on_a_lane
 from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.fallback import whole_bound_s
 from missions.flight.strategy.lane_passes import end_searched, search_passes
-from missions.flight.strategy.searching import search
+from missions.flight.strategy.searching import find_work, search
 from missions.flight.strategy.stepwise import RDFS
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest
 from missions.flight.strategy.work import Area, Lanes
@@ -111,8 +111,8 @@ class Paths(Strategy):
         if self.shares_work and state.setting.team.gathers(state, vehicle):
             if not vehicle.is_over_pad:
                 return Airspace(state).over_own_pad(vehicle)
-        else:
-            state = self.take_work(state, vehicle)
+        elif self.flies_all_lanes and not vehicle.lanes:  # before it changes its layer
+            state = find_work(state, vehicle)
             vehicle = state.vehicles[vehicle.vehicle]
         changed = change_layer(state, vehicle)
         if changed is not None:
@@ -124,13 +124,9 @@ class Paths(Strategy):
             return search_passes(state, vehicle)
         return self.without_lanes(state, vehicle)
 
-    def take_work(self, state: State, vehicle: VehicleState) -> State:
-        """Give a vehicle without lanes some of others before it changes its layer."""
-        return state
-
-    @abstractmethod
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
-        """Give an order to an idle vehicle that has no lanes to fly."""
+        """Give an order to an idle vehicle that has no lanes: it is planned for with the others."""
+        return state.holding(vehicle)
 
     def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
         """Give up the rest, unless lanes are left that a vehicle may still fly."""

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from missions.flight.step import fold
 from missions.geo.grid import Grid
 from missions.units import GridPoint
 from tests.e2e import rig
+from tests.support.folding import fold
 from tests.support.small_missions import CELL_M, START, mission_text, square, with_small_pictures
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
