@@ -39,8 +39,7 @@ def give_path(
 
     With `partly` one is flown as far as the fence allows it.
     """
-    setting = state.setting
-    mission = setting.mission
+    setting, mission = state.setting, state.setting.mission
     fits = allowed(setting.fence, path)
     if not fits and partly:
         short = as_far_as_allowed(setting.fence, path, setting.energy.accel_m_s2)

@@ -106,18 +106,13 @@ class Strategy(ABC):
 
     def open_cells(self, state: State) -> frozenset[Cell]:
         """Return all cells that have to be decided and are not, also those beside a patch."""
-        return frozenset()
+        return frozenset(self.asked_for(state))
 
     def concluded(self, state: State, left: tuple[Lane, ...]) -> State:
         """Return the state at the end by the map of a whole fleet; `left` are unseen lanes."""
         return replace(state, exhausted=state.tree is None and not left)
 
     # --- the search -----------------------------------------------------------------------------
-    def searched(self, state: State) -> State:
-        """Note that the search is over once no vehicle has a lane or a suspicion."""
-        done = all(v.idle_in_search for v in state.vehicles.values())
-        return replace(state, exhausted=done)
-
     def lane_done(self, state: State) -> Callable[[Cell], bool]:
         """Return what says whether a lane has done its work at a cell: a frame has judged it."""
         return state.setting.heights.searched(state)

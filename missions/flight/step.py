@@ -59,8 +59,10 @@ def assign(state: State) -> State:
     if state.tree is None:
         state = drop_seen(state)
     strategy = state.setting.strategy.in_force(state)
-    if state.tree is None and state.setting.lanes:
-        state = strategy.searched(state)
+    if state.tree is None and state.setting.lanes and not strategy.flies_all_lanes:
+        # the search is over once no vehicle has a lane or a suspicion
+        done = all(v.idle_in_search for v in state.vehicles.values())
+        state = replace(state, exhausted=done)
     state = Airspace(state).stop_conflicting()
     for number in state.our_numbers:
         state = turn_back(state, state.vehicles[number])

@@ -15,7 +15,7 @@ from typing import Final
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.state import Setting, Shares, State
 from missions.flight.strategy.sweep import Paths
-from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, pass_memory
+from missions.flight.strategy.sweep_passes import give_up_rest, pass_memory
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.mission.views import rows_across
@@ -30,14 +30,6 @@ class Covering(Paths):
     flies_all_lanes = True
     lanes_drift = True
     least_lane_cells = 10.0  # what is shorter is flown to, in the best order that is found
-
-    def searched(self, state: State) -> State:
-        """The state as it is: the search is done when its cells are decided."""
-        return state
-
-    def plan_paths(self, state: State) -> State:
-        """Plan for all who have no lanes left."""
-        return state if state.exhausted else explore_passes(self, state)
 
     def first_target(self, state: State, vehicle: VehicleState) -> GridPoint | None:
         """Return where its lanes begin, or the nearest open cell once no vehicle has lanes."""
@@ -158,12 +150,8 @@ class Survey(Covering):
     whole_box = True
 
     def asked_for(self, state: State) -> list[Cell]:
-        """The cells of the box that are not decided."""
+        """The cells of the box that are not decided; what lies beside a patch beyond it is not."""
         return state.belief.undecided(state.setting.box_cells)
-
-    def open_cells(self, state: State) -> frozenset[Cell]:
-        """The same: what lies beside a patch beyond the box is not asked for."""
-        return frozenset(self.asked_for(state))
 
     def lane_done(self, state: State) -> Callable[[Cell], bool]:
         """Whether a cell is decided."""

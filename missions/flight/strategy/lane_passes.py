@@ -186,8 +186,7 @@ def drop_seen(state: State) -> State:
 
 def flown_along(state: State, vehicle: VehicleState, lane: Lane) -> Lane:
     """Return where a lane is flown, as far beside the middle of its rows as the fence allows."""
-    setting = state.setting
-    grid = setting.grid
+    setting, grid = state.setting, state.setting.grid
     strip = setting.strip(lane, state.t_s)
     beside_m = beside_rows_m(
         setting.mission, grid, vehicle.cruise_height_m, east_ahead=setting.east_ahead

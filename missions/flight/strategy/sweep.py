@@ -6,7 +6,6 @@ given is in `missions.flight.strategy.lane_passes` and `sweep_passes`.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import replace
 from typing import Final
 
@@ -37,8 +36,7 @@ def change_layer(state: State, vehicle: VehicleState) -> State | None:
 
     While the air is not free it stays where it is, and tries again.
     """
-    setting = state.setting
-    heights = setting.heights
+    setting, heights = state.setting, state.setting.heights
     if heights.in_layer(state, vehicle):
         return None
     changed = setting.team.change_layer(state, vehicle)
@@ -99,9 +97,10 @@ class Paths(Strategy):
         state = end_searched(keep_clear(state))
         return state if state.paused else self.plan_paths(state)
 
-    @abstractmethod
     def plan_paths(self, state: State) -> State:
-        """Give paths that are planned for all at once."""
+        """Plan for all who have a region to explore, or no lanes left, until that is done."""
+        begun = self.flies_all_lanes or state.tree is not None
+        return explore_passes(self, state) if begun and not state.exploration_finished else state
 
     def next_order(self, state: State, vehicle: VehicleState) -> State:
         """A path along the lanes; in an exploration paths are planned for all at once."""
@@ -155,13 +154,6 @@ class Sweep(Paths):
             number: replace(other, vertex=root, candidate=None, on_lane=False)
             for number, other in state.vehicles.items()
         })  # fmt: skip
-
-    def plan_paths(self, state: State) -> State:
-        """Plan for all who explore, once there is a region."""
-        tree = state.tree
-        if tree is None or tree.is_explored(tree.root):
-            return state
-        return explore_passes(self, state)
 
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """Others have lanes left, or it waits over its pad; in an exploration it is planned for."""

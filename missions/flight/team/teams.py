@@ -150,7 +150,11 @@ class Member(Team):
         if state.setting.heights.in_layer(state, vehicle) and not vehicle.is_over_pad:
             return False  # it maps
         others = [other for number, other in state.vehicles.items() if number != vehicle.vehicle]
-        if any(_is_due(state, other) or _reports(state, other) for other in others):
+        # what it has seen may be known from a third, long before it is heard itself over its pad
+        apart = (other for other in others if other.phase is Phase.APART)
+        if any(state.t_s < other.due_s + LATE_S for other in apart):
+            return True
+        if any(_reports(state, other) for other in others):
             return True
         return _part_to_come(state, vehicle, others)
 
@@ -175,12 +179,6 @@ class Listener(Member):
     def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
         """Return the whole fence: it flies nothing."""
         return Fences(whole, whole, None)
-
-
-def _is_due(state: State, other: VehicleState) -> bool:
-    """Whether a member out of contact should be back soon."""
-    # what it has seen may be known from a third, long before it is over its pad and heard itself
-    return other.phase is Phase.APART and state.t_s < other.due_s + LATE_S
 
 
 def _reports(state: State, other: VehicleState) -> bool:

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from missions.planning.sweep.paths import Flyer
     from missions.planning.sweep.tours import Tour, Tours, Waypoints
 
+    Delayed = dict[int, tuple[Flyer, float]]
+    """Vehicles, and how long after the tours begin they will map, s."""
+
 EVERY_S: Final = 4.0
 """Shortest time between two decisions on which vehicle is to see what, s."""
 KEEP_S: Final = 8.0
@@ -63,13 +66,12 @@ def shared_out(state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
     Returns:
         What is decided now, and waypoints for the team; none where the last plan goes on.
     """
-    known, team, memory, decision = work
+    known, team, memory, _ = work
     waypoints: Waypoints = ()
     numbers = frozenset(team)
     if state.t_s >= memory.laid_s + EVERY_S or not numbers <= memory.team:
-        begin_s = round(state.t_s + 1.0, 3)
-        everyone = _at_once(team) | _at_path_end(state, numbers, begin_s)
-        tours = _tours(state.setting, known, everyone, begin_s, decision, memory.tours)
+        everyone = _at_once(team) | _at_path_end(state, numbers)
+        tours = _tours(state, work, everyone, memory.tours)
         laid = {} if tours is None else dict(zip(everyone, tours.waypoints, strict=True))
         others: frozenset[Cell] = frozenset()
         if tours is not None:
@@ -82,11 +84,14 @@ def shared_out(state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
     return memory, waypoints
 
 
-def _at_path_end(
-    state: State, team: frozenset[int], begin_s: float
-) -> dict[int, tuple[Flyer, float]]:
-    """The vehicles that fly lanes, and how much later than `begin_s` they will map, seconds."""
-    found = {}
+def _begin_s(state: State) -> float:
+    """When the tours begin that are laid now, s."""
+    return round(state.t_s + 1.0, 3)
+
+
+def _at_path_end(state: State, team: frozenset[int]) -> Delayed:
+    """The vehicles that fly lanes, and how long after the tours begin they will map, s."""
+    found, begin_s = {}, _begin_s(state)
     for number, vehicle in sorted(state.vehicles.items()):
         returns = vehicle.return_reason is not None
         if number in team or not vehicle.lanes or returns or vehicle.path is None:
@@ -97,32 +102,26 @@ def _at_path_end(
     return found
 
 
-def _at_once(team: Mapping[int, Flyer]) -> dict[int, tuple[Flyer, float]]:
+def _at_once(team: Mapping[int, Flyer]) -> Delayed:
     """The vehicles that can begin to map now."""
     return {number: (flyer, 0.0) for number, flyer in team.items()}
 
 
 def _tours(
-    setting: Setting,
-    known: Known,
-    everyone: Mapping[int, tuple[Flyer, float]],
-    begin_s: float,
-    decision: int,
-    before: Mapping[int, Tour],
-    **how: float,
+    state: State, work: OpenWork, everyone: Delayed, before: Mapping[int, Tour], **how: float
 ) -> Tours | None:
-    """Lay a tour for each vehicle, which begins so much later than `begin_s`, seconds.
+    """Lay a tour for each vehicle.
 
     `before` are the tours that were laid last, `how` are options of `tours_once`. None where there
     is too little to be seen.
     """
     from missions.planning.sweep.memo import tours_once  # noqa: PLC0415 - numba takes a second to load
 
-    votes = setting.mission.votes
+    votes, last = state.setting.mission.votes, tuple(before.get(n, ()) for n in everyone)
     flyers, delays_s = zip(*everyone.values(), strict=True)
     return tours_once(
-        setting.plans, known, flyers, delays_s, votes.frames, votes.positive, begin_s, decision,
-        tuple(before.get(number, ()) for number in everyone), **how,  # type: ignore[arg-type]
+        state.setting.plans, work.known, flyers, delays_s, votes.frames, votes.positive,
+        _begin_s(state), work.decision, last, **how,  # type: ignore[arg-type]
     )  # fmt: skip
 
 
@@ -136,17 +135,14 @@ def share_parts(mine: int, state: State, work: OpenWork) -> State:
     ours = last is not None and last.by == mine and flyers.keys() <= before.keys()
     if ours and last is not None and state.t_s < last.made_s + EVERY_S:
         return state
-    begin_s = round(state.t_s + 1.0, 3)
-    everyone = _at_once(flyers) | _later(state, frozenset(flyers), begin_s)
+    everyone = _at_once(flyers) | _later(state, frozenset(flyers))
     held = {n: part for n, part in before.items() if n not in everyone and _maps(state, n)}
     chart = work.known.chart
     open_ = chart.closed.copy()
     if held:
         chart.closed[_of(chart, before, state, frozenset(held))] = 1
     cuts = {number: _tour(places) for number, places in before.items()}
-    tours = _tours(
-        state.setting, work.known, everyone, begin_s, work.decision, cuts, least=1, keep_s=KEEP_S
-    )
+    tours = _tours(state, work, everyone, cuts, least=1, keep_s=KEEP_S)
     chart.closed[:] = open_
     if tours is None:
         return state
@@ -273,16 +269,15 @@ def _nearest(mapping: Parts, grid: tuple[int, int, int, int, float], high: float
     return who
 
 
-def _later(state: State, team: frozenset[int], begin_s: float) -> dict[int, tuple[Flyer, float]]:
-    """The vehicles that will map once their lanes are flown: where, and when from now, seconds."""
-    setting = state.setting
-    found = {}
+def _later(state: State, team: frozenset[int]) -> Delayed:
+    """The vehicles that will map once their lanes are flown: where, and how much later, s."""
+    setting, found = state.setting, {}
     for number, vehicle in sorted(state.vehicles.items()):
         if number in team or not vehicle.works:
             continue
         left_s, place = _lanes_left(setting, vehicle)
         low = replace(in_map_layer(setting, vehicle), order=None)
-        flyer = flyer_of(setting, low, None, None, begin_s)
+        flyer = flyer_of(setting, low, None, None, _begin_s(state))
         found[number] = replace(flyer, place=place), left_s
     return found
 
