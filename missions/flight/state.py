@@ -219,8 +219,9 @@ class OneHeight:
         return state.belief.open_tallies.as_dict().__contains__
 
     def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
-        """The altitude that a vehicle works in."""
-        return setting.mission.altitude_m(vehicle.vehicle - 1)
+        """The altitude that a vehicle works in; with lanes to fly that of the search."""
+        high_m = setting.mission.search_altitude_m(vehicle.vehicle - 1) if vehicle.lanes else None
+        return setting.mission.altitude_m(vehicle.vehicle - 1) if high_m is None else high_m
 
     def in_layer(self, state: State, vehicle: VehicleState) -> bool:
         """Return whether a vehicle is where it works, or will be in time."""

@@ -36,12 +36,6 @@ class TwoHeights(OneHeight):
         low, high = (b.open_tallies.as_dict() for b in (state.belief, state.overview))
         return lambda cell: cell in high or cell in low
 
-    def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
-        """With lanes to fly that of the search."""
-        mission, index = setting.mission, vehicle.vehicle - 1
-        high_m = mission.search_altitude_m(index)
-        return high_m if high_m is not None and vehicle.lanes else mission.altitude_m(index)
-
     def in_layer(self, state: State, vehicle: VehicleState) -> bool:
         """The rest of a climb or descent may be flown on the way."""
         layer_m = self.layer_m(state.setting, vehicle)
