@@ -7,7 +7,8 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.state import Setting
+from missions.events import FrameSeen
+from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.planning.search.lanes import Lane, along_m, offset_m, unseen
@@ -22,27 +23,22 @@ PASSED_M = 2.0 * LANE_CUTS_M[0]
 """Distance at which a path passes the end of a lane, m: it cuts the corner."""
 
 
-def lane_seen(
-    setting: Setting,
-    vehicle: VehicleState,
-    vantage: Cell,
-    t_s: float,
-    judged: Callable[[Cell], bool],
-) -> VehicleState:
-    """Count a frame over `vantage` for the lane of a vehicle, if all rows are judged there.
+def lane_seen(state: State, vehicle: VehicleState, event: FrameSeen, vantage: Cell) -> VehicleState:
+    """Count a frame over `vantage` for the lane of a vehicle, if all rows are judged from there.
 
-    A camera that leans in the wind, or is off the lane, shows what lies beside it. `judged` says of
-    which cells that holds from this vantage.
+    A camera that leans in the wind, or is off the lane, shows what lies beside it.
     """
+    setting, shown = state.setting, {vote.cell for vote in event.votes}
     if not vehicle.on_lane or not vehicle.lanes:
         return vehicle
-    lane, place = vehicle.lanes[0], setting.where(vantage, t_s)
+    lane, place = vehicle.lanes[0], setting.where(vantage, event.t_s)
     if offset_m(lane, place) > BESIDE_CELLS * setting.grid.cell_m:
         return vehicle
-    strip = setting.strip(lane, t_s)
+    strip = setting.strip(lane, event.t_s)
     column = vantage.east if strip.eastward else vantage.north
-    if not all(judged(strip.cell(column, row)) for row in strip.rows):
-        return vehicle
+    for cell in (strip.cell(column, row) for row in strip.rows):
+        if cell not in shown and state.belief.tally(cell, vantage).total == 0:
+            return vehicle
     return replace(vehicle, lane_seen_m=(*vehicle.lane_seen_m, round(along_m(lane, place), 2)))
 
 

@@ -38,11 +38,7 @@ def frame_seen(state: State, event: FrameSeen) -> State:
             return state.setting.strategy.seen_in_passing(state, event, votes)
         return replace(state, tree=grown(state.tree, state.belief, votes))
     if state.tree is None:
-        shown, belief, vantage = {vote.cell for vote in event.votes}, state.belief, event.vantage
-        vehicle = lane_seen(
-            state.setting, vehicle, vantage, event.t_s,
-            lambda cell: cell in shown or belief.tally(cell, vantage).total > 0,
-        )  # fmt: skip
+        vehicle = lane_seen(state, vehicle, event, event.vantage)
     state = state.with_vehicle(vehicle)
     if isinstance(vehicle.order, Look) and vehicle.order.cell == event.vantage:
         if state.belief.fully_voted(event.vantage):
