@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 from missions.events import FrameSeen, LookEnded
@@ -10,9 +9,9 @@ from missions.flight.lane_progress import lane_passed, lane_seen
 from missions.flight.state import State
 from missions.flight.strategy.searching import drifts_out, give_up
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
-from missions.mapping.belief import Belief, FrameId
+from missions.mapping.belief import FrameId
 from missions.mapping.overview import with_plain
-from missions.mapping.tree import Tree
+from missions.mapping.tree import Tree, grown
 from missions.orders import FlyTo, Look
 from missions.units import Cell
 
@@ -77,23 +76,6 @@ def on_a_lane(state: State, event: FrameSeen) -> State:
     shown, judged = [vote.cell for vote in event.votes], state.setting.heights.searched(state)
     vehicle = state.vehicles[event.vehicle]
     return state.with_vehicle(lane_passed(state.setting, vehicle, event.t_s, shown, judged))
-
-
-def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
-    """Return the tree in which vertices count as visited whose neighbours are all decided."""
-    verdicts, region = belief.verdicts, belief.roi.as_dict()
-    (_, *steps) = cross = Cell(0, 0).cross()
-    asked = [Cell(e + east, n + north) for e, n in fresh for east, north in cross]
-    while asked:
-        e, n = cell = asked.pop()
-        near = [Cell(e + east, n + north) for east, north in steps]
-        undecided = any(verdicts.get(each) is None for each in near)
-        if undecided or cell not in tree or tree.has_looked(cell):
-            continue
-        roi = [each for each in near if each in region]
-        asked.extend(each for each in roi if each not in tree)
-        tree = tree.looked(cell, roi)
-    return tree
 
 
 def _hint(state: State, event: FrameSeen) -> Cell | None:

@@ -12,7 +12,7 @@ import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Final, NamedTuple
 
@@ -160,6 +160,16 @@ class Trajectory:
         """Return `steps` + 1 places at equal intervals from `begin_s` to `end_s`."""
         step_s = (end_s - begin_s) / steps
         return [self.place_at(begin_s + k * step_s) for k in range(steps + 1)]
+
+    def in_frame(self, drift_m_s: tuple[float, float], at_s: float) -> Trajectory:
+        """Return this path of the fixed frame in one that drifts, its velocity unchanged."""
+        if self.drift_m_s == drift_m_s or drift_m_s == (0.0, 0.0):
+            return self
+        east_m, north_m = drift_m_s[0] * at_s, drift_m_s[1] * at_s
+        moved = tuple(
+            replace(p, east_m=p.east_m - east_m, north_m=p.north_m - north_m) for p in self.pieces
+        )
+        return replace(self, pieces=moved, drift_m_s=drift_m_s)
 
     def _piece(self, t_s: float) -> Piece:
         return self.pieces[max(bisect_right(self.pieces, t_s, key=_BEGIN_S) - 1, 0)]

@@ -19,6 +19,7 @@ from collections.abc import Callable, Collection, Container, Iterable, Iterator,
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from missions.mapping.belief import Belief
 from missions.mapping.persistent import PersistentMap
 from missions.units import Cell
 
@@ -240,3 +241,20 @@ def patches(cells: Collection[Cell]) -> tuple[frozenset[Cell], ...]:
             asked.extend(near)
         found.append(frozenset(patch))
     return tuple(sorted(found, key=lambda patch: (-len(patch), min(patch))))
+
+
+def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
+    """Return the tree in which vertices count as visited whose neighbours are all decided."""
+    verdicts, region = belief.verdicts, belief.roi.as_dict()
+    (_, *steps) = cross = Cell(0, 0).cross()
+    asked = [Cell(e + east, n + north) for e, n in fresh for east, north in cross]
+    while asked:
+        e, n = cell = asked.pop()
+        near = [Cell(e + east, n + north) for east, north in steps]
+        undecided = any(verdicts.get(each) is None for each in near)
+        if undecided or cell not in tree or tree.has_looked(cell):
+            continue
+        roi = [each for each in near if each in region]
+        asked.extend(each for each in roi if each not in tree)
+        tree = tree.looked(cell, roi)
+    return tree

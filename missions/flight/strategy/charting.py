@@ -50,7 +50,7 @@ def flyer_of(
     if mine:  # the fence may allow less of it than was planned
         path = planned
     if path is not None and not mine:  # of the search: planned in the fixed frame
-        path = in_frame(path, (grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
+        path = path.in_frame((grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
     flown = kinematics(setting, vehicle)
     if path is not None:  # what is too fast for the wind by now comes down where the path is slower
         moves = path.at(begin_s)
@@ -86,20 +86,6 @@ def _is_planned(path: Trajectory, planned: Trajectory | None, t_s: float) -> boo
     if planned is None or planned is path:
         return planned is path
     return path.begin_s == planned.begin_s and path.at(t_s) == planned.at(t_s)
-
-
-def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> Trajectory:
-    """Return a path of the fixed frame in that of the region, its velocity unchanged."""
-    if path.drift_m_s == drift_m_s or drift_m_s == (0.0, 0.0):
-        return path
-    east_m, north_m = drift_m_s[0] * at_s, drift_m_s[1] * at_s
-    return replace(
-        path,
-        pieces=tuple(
-            replace(p, east_m=p.east_m - east_m, north_m=p.north_m - north_m) for p in path.pieces
-        ),
-        drift_m_s=drift_m_s,
-    )
 
 
 def in_map_layer(setting: Setting, vehicle: VehicleState) -> VehicleState:

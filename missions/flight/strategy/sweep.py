@@ -12,7 +12,7 @@ from typing import Final
 from missions.events import FrameSeen
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import come_inside, keep_clear
-from missions.flight.sightings import grown, on_a_lane
+from missions.flight.sightings import on_a_lane
 from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.fallback import whole_bound_s
 from missions.flight.strategy.lane_passes import end_searched, search_passes
@@ -23,7 +23,7 @@ from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
 from missions.mapping.belief import Verdicts
-from missions.mapping.tree import Tree
+from missions.mapping.tree import Tree, grown
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import along_east
 from missions.planning.search.search_order import Pace

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.path_orders import NOTICE_S, fly_route, give_path
-from missions.flight.sightings import grown
 from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s, over_pad
 from missions.flight.strategy.direct_flight import fetch, value_of
@@ -24,6 +23,7 @@ from missions.flight.strategy.work import OpenWork, TourMemory, Work
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
+from missions.mapping.tree import grown
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
 from missions.units import Cell

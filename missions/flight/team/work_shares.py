@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
@@ -31,7 +30,7 @@ from missions.flight.strategy.work import OpenWork, TourMemory
 from missions.flight.vehicle_state import Allotment, Phase, VehicleState
 from missions.geo.trajectory import Trajectory
 from missions.planning.search.lanes import Lane
-from missions.planning.sweep.chart import Chart, Ints, Known
+from missions.planning.sweep.chart import Chart, Known, nearest_place
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
@@ -56,7 +55,6 @@ AHEAD_S: Final = 5.0
 """How far ahead the direction of a path is taken, s."""
 
 Bits = NDArray[np.bool_]
-Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
 
 
 # --- a service that commands all vehicles -------------------------------------------------------
@@ -242,31 +240,8 @@ def _of(
     mapping = tuple((n, places) for n, places in sorted(parts.items()) if _maps(state, n))
     half_east_m, half_north_m = state.setting.seen_whole_m(state.setting.mission.altitude_m(0))
     high = max(half_north_m, 0.1) / max(half_east_m, 0.1)
-    nearest = _nearest(mapping, chart.grid, high)
+    nearest = nearest_place(mapping, chart.grid, high)
     return np.isin(nearest, sorted(whose))
-
-
-@lru_cache(maxsize=16)
-def _nearest(mapping: Parts, grid: tuple[int, int, int, int, float], high: float) -> Ints:
-    """The vehicle with the nearest place, by cell of a window of the grid; 0 for none.
-
-    Distances are measured in pictures, which are `high` times as high as they are wide.
-    """
-    west, south, columns, rows, cell_m = grid
-    who = np.zeros(columns * rows, np.int64)
-    least = np.full((rows, columns), np.inf)
-    east = (np.arange(columns) + west) * cell_m
-    north = (np.arange(rows) + south) * cell_m
-    whose = who.reshape(rows, columns)
-    for number, places in mapping:
-        for place in places:
-            away = np.maximum(
-                np.abs(east - place.east_m)[None, :], np.abs(north - place.north_m)[:, None] / high
-            )
-            nearer = away < least
-            least[nearer] = away[nearer]
-            whose[nearer] = number
-    return who
 
 
 def _later(state: State, team: frozenset[int]) -> Delayed:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.units import Cell
+from missions.units import Cell, GridPoint
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.uint8]
+Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
+"""Of each vehicle the places from which it is to see what is left."""
 
 PAD_CELLS = 8
 """Around what is known: as far as anything is worth a look, and a way round it."""
@@ -103,3 +106,26 @@ class Known:
     survey those of the box that no lane shows which is still to be flown."""
     patches: bool = False
     """Whether every patch of the region is explored, too, wherever it began."""
+
+
+@lru_cache(maxsize=16)
+def nearest_place(mapping: Parts, grid: tuple[int, int, int, int, float], high: float) -> Ints:
+    """Return the vehicle with the nearest place, by cell of a window of the grid; 0 for none.
+
+    Distances are measured in pictures, which are `high` times as high as they are wide.
+    """
+    west, south, columns, rows, cell_m = grid
+    who = np.zeros(columns * rows, np.int64)
+    least = np.full((rows, columns), np.inf)
+    east = (np.arange(columns) + west) * cell_m
+    north = (np.arange(rows) + south) * cell_m
+    whose = who.reshape(rows, columns)
+    for number, places in mapping:
+        for place in places:
+            away = np.maximum(
+                np.abs(east - place.east_m)[None, :], np.abs(north - place.north_m)[:, None] / high
+            )
+            nearer = away < least
+            least[nearer] = away[nearer]
+            whose[nearer] = number
+    return who
