@@ -106,6 +106,16 @@ class Layout:
         """Return where the centre of a cell is at a time, in the fixed frame."""
         return self.grid.to_fixed(self.grid.centre_of(cell), t_s)
 
+    @cached_property
+    def whole_lanes(self) -> frozenset[Lane]:
+        """The lanes as laid, in either direction."""
+        return frozenset(each for lane in self.lanes for each in (lane, (lane[1], lane[0])))
+
+    @property
+    def aimed_lanes(self) -> frozenset[Lane]:
+        """The whole lanes where a prior has chosen their directions; else none."""
+        return self.whole_lanes if self.likely else frozenset()
+
     def lane_time_s(self, t_s: float) -> float:
         """Return the time at which lanes lie as laid, in the frame of the cells."""
         return 0.0 if self.lanes_drift else t_s

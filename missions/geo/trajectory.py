@@ -161,6 +161,12 @@ class Trajectory:
         step_s = (end_s - begin_s) / steps
         return [self.place_at(begin_s + k * step_s) for k in range(steps + 1)]
 
+    def resting(self, rest_s: float) -> Trajectory:
+        """Return this path of the fixed frame with a rest at its end."""
+        end = self.at(self.end_s).place
+        rest = Piece(self.end_s, rest_s, end.east_m, end.north_m, 0.0, 0.0, 0.0, 0.0)
+        return replace(self, end_s=self.end_s + rest_s, pieces=(*self.pieces, rest))
+
     def in_frame(self, drift_m_s: tuple[float, float], at_s: float) -> Trajectory:
         """Return this path of the fixed frame in one that drifts, its velocity unchanged."""
         if self.drift_m_s == drift_m_s or drift_m_s == (0.0, 0.0):
@@ -233,6 +239,13 @@ def rounded_path(
     if not pieces:
         pieces.append(Piece(begin_s, 0.0, *points[-1], 0.0, 0.0, 0.0, 0.0))
     return Trajectory(begin_s, t_s, tuple(pieces), drift_m_s)
+
+
+def least_s(length_m: float, speed_m_s: float, accel_m_s2: float) -> float:
+    """Return the least time of a way from rest to rest, seconds."""
+    if length_m < speed_m_s**2 / accel_m_s2:
+        return 2.0 * math.sqrt(length_m / accel_m_s2)
+    return length_m / speed_m_s + speed_m_s / accel_m_s2
 
 
 def corner_pause_s(speed_m_s: float, cut_m: float) -> float:

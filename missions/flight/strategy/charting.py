@@ -19,7 +19,7 @@ from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import DRAG_1_S, G_M_S2
 from missions.planning.search.strip import Strip
-from missions.planning.sweep.chart import Chart, Flags, Known
+from missions.planning.sweep.chart import Chart, Known, dilated
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
@@ -231,7 +231,7 @@ def _fence(
         flown = kinematics(setting, in_map_layer(setting, vehicle))
         reach_e = math.floor(flown.half_east_m / cell_m)
         reach_n = math.floor(flown.half_north_m / cell_m)
-        seen |= _dilated(np.asarray(allowed), reach_e, reach_n)
+        seen |= dilated(np.asarray(allowed), reach_e, reach_n)
     chart.closed = (1 - seen).astype(np.uint8).ravel()
 
 
@@ -242,16 +242,3 @@ def _over_ground(setting: Setting, chart: Chart, t_s: float) -> tuple[Metres, Me
     north = (np.arange(chart.rows) + chart.south) * chart.cell_m + grid.drift_north_m_s * t_s
     x, y = np.meshgrid(east, north)
     return x, y
-
-
-def _dilated(flags: Flags, columns: int, rows: int) -> Flags:
-    """Each flag spread over so many columns and rows to either side."""
-    out = flags.copy()
-    for k in range(1, columns + 1):
-        out[:, k:] |= flags[:, :-k]
-        out[:, :-k] |= flags[:, k:]
-    flags = out.copy()
-    for k in range(1, rows + 1):
-        out[k:, :] |= flags[:-k, :]
-        out[:-k, :] |= flags[k:, :]
-    return out

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from missions.flight.path_orders import NOTICE_S, along_route
@@ -17,7 +16,7 @@ from missions.flight.strategy.charting import kinematics
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import allowed
-from missions.geo.trajectory import Piece, Trajectory
+from missions.geo.trajectory import Trajectory
 from missions.planning.sweep.chart import Known
 from missions.units import Cell, GridPoint
 
@@ -40,7 +39,7 @@ def fetch(
     state: State, team: Mapping[int, VehicleState], known: Known, tried: Collection[Cell]
 ) -> Fetch | None:
     """Return the shortest way of a team to a needed cell, not by way of places that were tried."""
-    needed = _needed(state.setting, known)
+    needed, mission = _needed(state.setting, known), state.setting.mission
     found: list[tuple[float, int, Cell, tuple[GridPoint, ...]]] = []
     for number, vehicle in sorted(team.items()):
         places = _vantages(state, vehicle, known, needed, tried)
@@ -52,7 +51,8 @@ def fetch(
                 length_m = route_length_m(vehicle.position, route)
                 found = sorted([*found, (length_m, number, cell, route)])
     for _, number, cell, route in found:
-        path = _path(state, team[number], route)
+        path = along_route(state.setting, team[number], route, state.t_s + NOTICE_S)
+        path = path.resting((mission.votes.frames + 1) * mission.camera.interval_s)
         if allowed(state.setting.fence, path):
             return Fetch(number, cell, path)
     return None
@@ -102,13 +102,3 @@ def _vantages(
             place = grid.to_fixed(grid.centre_of(cell), by_s)
             places.append((vehicle.position.distance_to(place), cell, place))
     return sorted(places)
-
-
-def _path(state: State, vehicle: VehicleState, route: tuple[GridPoint, ...]) -> Trajectory:
-    """Along a route, and a rest at its end for the frames of a cell."""
-    path = along_route(state.setting, vehicle, route, state.t_s + NOTICE_S)
-    mission = state.setting.mission
-    rest_s = (mission.votes.frames + 1) * mission.camera.interval_s
-    end = path.at(path.end_s).place
-    rest = Piece(path.end_s, rest_s, end.east_m, end.north_m, 0.0, 0.0, 0.0, 0.0)
-    return replace(path, end_s=path.end_s + rest_s, pieces=(*path.pieces, rest))

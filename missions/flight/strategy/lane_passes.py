@@ -18,7 +18,7 @@ from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import beside_rows_m
-from missions.planning.search.lanes import Lane, unseen
+from missions.planning.search.lanes import Lane, turned, unseen
 from missions.units import GridPoint
 
 WORTH_S: Final = 8.0
@@ -29,7 +29,7 @@ def search_passes(state: State, vehicle: VehicleState) -> State:
     """Give an idle vehicle a path along its lanes, as many as its battery is good for."""
     setting = state.setting
     at = setting.to_lanes(vehicle.position, state.t_s)
-    lanes = turned(setting, at, still_open(state, vehicle.lanes))
+    lanes = turned(at, still_open(state, vehicle.lanes), keep=setting.aimed_lanes)
     if lanes != vehicle.lanes:
         vehicle = replace(vehicle, lanes=lanes, on_lane=False, lane_seen_m=())
     if not lanes:
@@ -123,40 +123,14 @@ def still_open(state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
         found.extend(
             part
             for part in parts
-            if _is_whole(setting, part) or part[0].distance_to(part[1]) >= least_m
+            if part in setting.whole_lanes or part[0].distance_to(part[1]) >= least_m
         )
     return tuple(found)
-
-
-def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
-    """Return lanes in such directions that the ways between them are shortest, from a place on.
-
-    With a prior whole lanes keep the direction that it has chosen.
-    """
-    ways: list[tuple[float, tuple[Lane, ...]]] = [(0.0, ())]
-    for lane in lanes:
-        back = (lane[1], lane[0])
-        ways = [
-            min(
-                (
-                    (way_m + (done[-1][1] if done else at).distance_to(each[0]), (*done, each))
-                    for way_m, done in ways
-                ),
-                key=lambda way: way[0],
-            )
-            for each in ((lane,) if setting.likely and _is_whole(setting, lane) else (lane, back))
-        ]
-    return min(ways, key=lambda way: way[0])[1]
 
 
 def cells_drift_out(setting: Setting) -> bool:
     """Return whether cells drift out of lanes that lie still."""
     return setting.grid.drift_speed_m_s > 0.0 and not setting.lanes_drift
-
-
-def _is_whole(setting: Setting, lane: Lane) -> bool:
-    """Whether it is a lane of the mission, of which nothing was flown yet."""
-    return lane in setting.lanes or (lane[1], lane[0]) in setting.lanes
 
 
 def end_searched(state: State) -> State:

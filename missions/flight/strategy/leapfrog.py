@@ -11,7 +11,6 @@ under our control, the other comes home as well.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
@@ -21,14 +20,14 @@ from missions.flight.path_orders import NOTICE_S, give_path, through
 from missions.flight.return_home import send_home
 from missions.flight.state import Setting, Shares, State
 from missions.flight.strategy.every_patch import Survey
-from missions.flight.strategy.lane_passes import flown_along, turned
+from missions.flight.strategy.lane_passes import flown_along
 from missions.flight.strategy.sweep_passes import give_up_rest
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import is_outside
-from missions.geo.trajectory import ACCELERATION_M_S2
+from missions.geo.trajectory import ACCELERATION_M_S2, least_s
 from missions.mission.fleet_checks import tracker_view
 from missions.planning.leapfrog_geometry import LEAST_M, Role, Step, steps_along
-from missions.planning.search.lanes import Lane, unseen
+from missions.planning.search.lanes import Lane, turned, unseen
 from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import Cell, GridPoint
 
@@ -155,7 +154,7 @@ def lanes_left(state: State) -> tuple[Lane, ...]:
 def _way(state: State, mapper: VehicleState, lanes: Iterable[Lane]) -> list[GridPoint]:
     """From where the mapper is along lanes, inside of the fence; what has no way is left out."""
     places, fence = [mapper.position], state.setting.fence
-    for lane in turned(state.setting, mapper.position, tuple(lanes)):
+    for lane in turned(mapper.position, lanes, keep=state.setting.aimed_lanes):
         start, end = flown_along(state, mapper, lane)
         there, along = fence.route(places[-1], start), fence.route(start, end)
         if there is not None and along is not None:
@@ -174,14 +173,7 @@ def steps_left_s(state: State) -> float:
         way.extend(setting.fence.route(way[-1], mapper.pad) or ())
         steps = steps_along(setting.fence, tracker_view(setting.mission), way)
     speed_m_s = setting.path_speed_m_s(setting.mission.altitude_m(0), 0.0)
-    ramp_m = speed_m_s**2 / ACCELERATION_M_S2
-
-    def flight_s(length_m: float) -> float:
-        if length_m >= ramp_m:
-            return length_m / speed_m_s + speed_m_s / ACCELERATION_M_S2
-        return 2.0 * math.sqrt(length_m / ACCELERATION_M_S2)
-
-    return sum(flight_s(step.length_m) + BESIDES_S for step in steps)
+    return sum(least_s(s.length_m, speed_m_s, ACCELERATION_M_S2) + BESIDES_S for s in steps)
 
 
 class Leapfrog(Survey):

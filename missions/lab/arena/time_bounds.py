@@ -47,19 +47,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import StrategyError
-from missions.geo.trajectory import Trajectory
+from missions.geo.trajectory import Trajectory, least_s
 from missions.lab.arena.nonstop import Flown, Ground, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.kernels import swath as kernels
 from missions.planning.sweep.paths import Kinematics, Tuning, path_of
 from missions.units import Cell, GridPoint
-
-
-def least_s(length_m: float, speed_m_s: float, accel_m_s2: float) -> float:
-    """The least time of a way from rest to rest, seconds."""
-    if length_m < speed_m_s**2 / accel_m_s2:
-        return 2.0 * math.sqrt(length_m / accel_m_s2)
-    return length_m / speed_m_s + speed_m_s / accel_m_s2
 
 
 def lower_bound_s(

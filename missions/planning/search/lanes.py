@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Sequence
 from typing import Final
 
 from shapely import line_merge
@@ -174,6 +174,26 @@ def unseen(lane: Lane, seen_m: Collection[float], cell_m: float) -> tuple[Lane, 
             gaps.append((reached_m, min(place_m - cell_m, length_m)))
         reached_m = max(reached_m, place_m + cell_m)
     return tuple((point_on(lane, a), point_on(lane, b)) for a, b in gaps)
+
+
+def turned(at: GridPoint, lanes: Iterable[Lane], keep: Container[Lane]) -> tuple[Lane, ...]:
+    """Return lanes in such directions that the ways between them are shortest, from a place on.
+
+    Lanes in `keep` keep their direction.
+    """
+    ways: list[tuple[float, tuple[Lane, ...]]] = [(0.0, ())]
+    for lane in lanes:
+        ways = [
+            min(
+                (
+                    (way_m + (done[-1][1] if done else at).distance_to(each[0]), (*done, each))
+                    for way_m, done in ways
+                ),
+                key=lambda way: way[0],
+            )
+            for each in ((lane,) if lane in keep else (lane, (lane[1], lane[0])))
+        ]
+    return min(ways, key=lambda way: way[0])[1]
 
 
 def search_length_m(block: Sequence[Lane], start: GridPoint) -> float:

@@ -129,3 +129,16 @@ def nearest_place(mapping: Parts, grid: tuple[int, int, int, int, float], high: 
             least[nearer] = away[nearer]
             whose[nearer] = number
     return who
+
+
+def dilated(flags: Flags, columns: int, rows: int) -> Flags:
+    """Return flags, each spread over so many columns and rows to either side."""
+    out = flags.copy()
+    for k in range(1, columns + 1):
+        out[:, k:] |= flags[:, :-k]
+        out[:, :-k] |= flags[:, k:]
+    flags = out.copy()
+    for k in range(1, rows + 1):
+        out[k:, :] |= flags[:-k, :]
+        out[:-k, :] |= flags[k:, :]
+    return out

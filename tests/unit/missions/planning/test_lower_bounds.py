@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from missions.geo.trajectory import least_s
 from missions.lab.arena.arena_run import Certificate, certify, run
 from missions.lab.arena.roi import grown
-from missions.lab.arena.time_bounds import least_s, lower_bound_s
+from missions.lab.arena.time_bounds import lower_bound_s
 from missions.mapping.tree import Tree
 from missions.planning.lower_bounds import (
     LowerBounds,

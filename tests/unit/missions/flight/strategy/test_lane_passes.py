@@ -10,11 +10,12 @@ import pytest
 from missions.events import FrameSeen, Vote
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
-from missions.flight.strategy.lane_passes import flown_along, search_passes, still_open, turned
+from missions.flight.strategy.lane_passes import flown_along, search_passes, still_open
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.geo.path_in_fence import allowed
 from missions.mission.fleet_checks import with_own_air
 from missions.orders import FlyPath, FlyTo
+from missions.planning.search.lanes import turned
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import square
 from tests.unit.missions.flight.test_step import Service, over
@@ -78,7 +79,7 @@ def test_a_short_rest_is_left_to_the_planner_in_a_survey_and_flown_in_a_search()
 def test_lanes_are_begun_at_the_nearer_end() -> None:
     setting = service("swath").setting
     lanes = tuple((end, start) for start, end in setting.lanes)
-    assert turned(setting, setting.lanes[0][0], lanes) == setting.lanes
+    assert turned(setting.lanes[0][0], lanes, keep=setting.aimed_lanes) == setting.lanes
 
 
 def test_who_waits_in_a_survey_flies_the_lanes_of_who_dropped_out() -> None:
