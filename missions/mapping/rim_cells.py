@@ -38,7 +38,7 @@ def rim_verdicts(events: Iterable[Event], belief: Belief, share: float) -> dict[
     undecided = {cell for cell in around if belief.verdict(cell) is None}
     shown: dict[Cell, dict[tuple[int, float], int]] = {}
     for event in events:
-        if isinstance(event, FrameSeen) and event.vantage is None and not event.overview:
+        if isinstance(event, FrameSeen) and is_in_passing(event):
             for vote in event.votes:
                 if vote.cell in asked or vote.cell in undecided:
                     frames = shown.setdefault(vote.cell, {})
@@ -56,3 +56,8 @@ def rim_verdicts(events: Iterable[Event], belief: Belief, share: float) -> dict[
         if len(shown[cell]) >= belief.frames and open_.isdisjoint(beside):
             verdicts |= {cell: True} | dict.fromkeys(ground.intersection(beside), False)
     return verdicts
+
+
+def is_in_passing(event: FrameSeen) -> bool:
+    """Return whether a frame was taken without a stop, and not from the height of a search."""
+    return event.vantage is None and not event.overview

@@ -23,6 +23,7 @@ from uavmap.fleet.sealing import meaning_of
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.recovery import good_events
+from uavmap.output.facts.figures import figures
 from uavmap.output.results import flown_flight, write_results
 
 MERGED: Final = "merged"
@@ -82,7 +83,7 @@ def merged_results(
         journal.append_all(events)
         if truth is not None:
             journal.put_meta("truth", dict(truth))
-    flown, _ = flown_flight(out, plan, plan.known_setting(), events, truth)
+    flown, _ = flown_flight(out, plan, figures(plan.known_setting(), events), truth)
     try:
         return write_results(flown, say)
     except OSError as error:

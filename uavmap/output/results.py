@@ -45,17 +45,18 @@ from uavmap.output.formats import kml_encoder as kml
 def flown_flight(
     folder: Path,
     plan: FlightPlan,
-    setting: Setting,
-    events: Sequence[Event],
+    known: tuple[State, Figures],
     simulated: Mapping[str, Any] | None = None,
 ) -> tuple[Flown, State]:
-    """Fold the journal of a flight; return what its results show, and its last state.
+    """Return what the results of a flight show, and its last state.
 
-    `simulated` is what the simulator watched. The map has cells at the rim that no vote elected.
+    `known` is what `figures` returns, `simulated` what the simulator watched. The map has cells at
+    the rim that no vote elected.
     """
-    state, found = figures(setting, events)
+    state, found = known
+    setting = state.setting
     if not setting.team.shares_facts:  # facts are votes, without the shares of cells
-        rim = rim_verdicts(events, state.belief, rim_share(setting.mission))
+        rim = rim_verdicts(found.passing, state.belief, rim_share(setting.mission))
         state = replace(state, belief=state.belief.with_verdicts(rim))
     truth = None
     if plan.simulated and setting.mission.sim.roi:
@@ -69,8 +70,8 @@ def flown_flight(
         values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
     values |= dict(simulated or {})
     values |= ending(values, no_verdict(state, found.fit, real=not plan.simulated))
-    log = FlightLog.of(events)
-    return dated(Flown(folder, plan, setting, data, values, log, Calendar.of_flight(plan))), state
+    calendar = Calendar.of_flight(plan)
+    return dated(Flown(folder, plan, setting, data, values, found.log, calendar)), state
 
 
 def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
@@ -311,7 +312,7 @@ def flown_of(folder: Path) -> Flown:
     setting = plan.known_setting()
     if "replay" in meta:
         return _replayed(folder, plan, setting, events, Calendar.of_replay(meta.get(TAKEN)))
-    return flown_flight(folder, plan, setting, events, meta.get("truth"))[0]
+    return flown_flight(folder, plan, figures(setting, events), meta.get("truth"))[0]
 
 
 def _replayed(

@@ -25,6 +25,7 @@ from uavmap.output.drawing.map_scene import map_scene, map_view
 from uavmap.output.drawing.mosaic_file import Ground
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
+from uavmap.output.facts.figures import figures
 from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.output.results import flown_flight
 from uavmap.photos.ground.fine_map import FineMap, beneath
@@ -93,8 +94,8 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     journal = JournalReader(folder / JOURNAL)
     plan = FlightPlan.read(journal)
     setting = plan.setting(lambda _: None)
-    events, simulated = list(journal.events()), journal.meta.get("truth")
-    flown, state = flown_flight(folder, plan, setting, events, simulated)
+    known = figures(setting, journal.events())
+    flown, state = flown_flight(folder, plan, known, journal.meta.get("truth"))
     gathered = gather(FlightFrames(folder))
     _LOG.info(
         f"drawing the boundary from {len(gathered.pictures)} kept pictures; all other results are "

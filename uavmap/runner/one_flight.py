@@ -39,6 +39,7 @@ from uavmap.journal.mission_time import (
     taken_up_at,
 )
 from uavmap.journal.telemetry_log import TlogWriter
+from uavmap.output.facts.figures import Figures, FlightRecord, figures
 from uavmap.output.results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Connection
 from uavmap.runner.aircraft_side import in_this_process
@@ -104,6 +105,7 @@ class Flight:
         self._events_before = len(journal)
         self._resumed = self._events_before > 0 and not again
         self._service: Service | None = None
+        self._record = FlightRecord(self.setting)
         self.clock = MissionClock(state.t_s)
 
     @property
@@ -147,7 +149,10 @@ class Flight:
         return run(flight if caller is None else caller.until_done(flight), clock)
 
     def _write_results(self, truth: Truth | None) -> dict[str, Any]:
-        return written_results(self._plan, self.setting, self.folder, self._journal, truth)
+        known = None
+        if self._record.events == len(self._journal):  # else it was resumed, or goes on after
+            known = self._record.figures()
+        return written_results(self._plan, self.setting, self.folder, self._journal, truth, known)
 
     # --- links ------------------------------------------------------------------------------
     async def _fly_simulated(self) -> Truth:
@@ -216,6 +221,7 @@ class Flight:
             member.remember(self._journal.events())
 
         def observe(event: Event, state: State) -> None:
+            self._record.note(event, state)
             if marks is not None:
                 marks.note(self.clock.now_s())
             for onlooker in company.onlookers:
@@ -365,13 +371,19 @@ def _simulated(world: Simulation, index: int, log: TlogWriter) -> Link:
 
 
 def written_results(
-    plan: FlightPlan, setting: Setting, folder: Path, journal: Journal, truth: Truth | None = None
+    plan: FlightPlan,
+    setting: Setting,
+    folder: Path,
+    journal: Journal,
+    truth: Truth | None = None,
+    known: tuple[State, Figures] | None = None,
 ) -> dict[str, Any]:
-    """Write the results; what the simulator watched is kept for when they are written anew."""
+    """Write the results, from the journal unless its figures are `known`; what the simulator
+    watched is kept for when they are written anew."""
     if truth is not None:
         journal.put_meta("truth", truth.figures())
-    events = list(journal.events())
-    flown, _ = flown_flight(folder, plan, setting, events, journal.meta.get("truth"))
+    known = known or figures(setting, journal.events())
+    flown, _ = flown_flight(folder, plan, known, journal.meta.get("truth"))
     try:
         return write_results(flown, _LOG.info)
     except OSError as error:

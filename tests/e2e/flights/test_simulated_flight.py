@@ -1,6 +1,7 @@
 """`uavmap fly --sim` as a user runs it, its results read by programs other than ours."""
 
 import json
+import shutil
 import tomllib
 from itertools import pairwise
 from pathlib import Path
@@ -162,6 +163,19 @@ class TestDeterminism:
         assert again.summary == {**flight.summary, "out": str(folder)}
         assert rig.bodies(folder) == rig.bodies(flight.folder)
         for name in RESULTS - {"journal.jsonl"}:
+            assert (folder / name).read_bytes() == (flight.folder / name).read_bytes(), name
+
+    @pytest.mark.parametrize("fixture", ["speck", "speck_passed"])
+    def test_results_anew_from_the_journal_are_the_same_to_the_byte(
+        self, fixture, request, tmp_path
+    ):
+        flight = request.getfixturevalue(fixture)
+        anew = ("map.geojson", "map.kml", "map.gpkg", "map.png", "summary.json", "report.html")
+        folder = shutil.copytree(
+            flight.folder, tmp_path / "anew", ignore=shutil.ignore_patterns(*anew)
+        )
+        assert rig.uavmap("resume", folder).code == 0
+        for name in anew:
             assert (folder / name).read_bytes() == (flight.folder / name).read_bytes(), name
 
     @pytest.mark.parametrize(("fixture", "more"), [("speck", ()), ("speck_passed", SWATH)])

@@ -1,8 +1,8 @@
-"""The figures of a mission, folded from its journal alone."""
+"""The figures of a mission, from its events alone: as they come, or from its journal."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,11 +13,12 @@ from missions.flight.strategy.charting import kinematics
 from missions.flight.team.members import concluded, facts_of, with_map
 from missions.mapping.belief import FrameId
 from missions.mapping.frame_sums import FrameSums
+from missions.mapping.rim_cells import is_in_passing
 from missions.mapping.tree import patches
 from missions.planning.lower_bounds import one_way_lower_bound, passing_bound_s
 from missions.units import GridPoint
 from uavmap.output.facts.detector_fit import DetectorFit
-from uavmap.output.facts.flight_log import Counter
+from uavmap.output.facts.flight_log import Counter, FlightLog
 from uavmap.output.facts.patch_certificates import certificates
 from uavmap.output.facts.patch_drift import Shares
 from vision.projection import SEEN_SHARE
@@ -51,6 +52,9 @@ class Figures:
     sums: FrameSums = field(default_factory=FrameSums, compare=False, repr=False)
     """What its frames saw of each cell: unsure, and of which class."""
     fit: DetectorFit = field(default_factory=DetectorFit, compare=False, repr=False)
+    passing: Sequence[FrameSeen] = field(default=(), compare=False, repr=False)
+    """The frames that were taken in passing, by which the rim is judged."""
+    log: FlightLog = field(default_factory=FlightLog, compare=False, repr=False)
 
     @property
     def ratio(self) -> float | None:
@@ -64,28 +68,56 @@ class Figures:
         return None if bound_s is None else self.exploration_s <= bound_s
 
 
+class FlightRecord:
+    """What the results of a flight take from its events, noted one by one."""
+
+    def __init__(self, setting: Setting) -> None:
+        self._state = setting.initial_state()
+        self._counter = Counter(self._state.vehicles)
+        self._shares, self._sums, self._fit = Shares(), FrameSums(), DetectorFit()
+        self._passing: list[FrameSeen] = []
+        self._log = FlightLog()
+        # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
+        in_fleet = setting.team.shares_facts and not setting.strategy.stops
+        self._facts = facts_of(setting) if in_fleet else None
+        self.events = 0
+        """Number of events noted."""
+
+    def note(self, event: Event, state: State) -> None:
+        """Note an event; `state` is that after it."""
+        self._counter.before(event, self._state)
+        self._counter.after(event)
+        self._log.note(event)
+        if isinstance(event, FrameSeen):
+            self._shares.note(event)
+            self._sums.note(event)
+            self._fit.note(event)
+            if is_in_passing(event):
+                self._passing.append(event)
+        if self._facts is not None:
+            self._facts.take(event)
+        self._state = state
+        self.events += 1
+
+    def figures(self) -> tuple[State, Figures]:
+        """Return the last state and the figures."""
+        state = self._state
+        if self._facts is not None:
+            state = concluded(with_map(state, self._facts))
+        found = figures_of(state, self._counter)
+        return state, replace(
+            found, shares=self._shares, sums=self._sums, fit=self._fit,
+            passing=self._passing, log=self._log,
+        )  # fmt: skip
+
+
 def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """Fold a journal; return the final state and the figures."""
-    state = setting.initial_state()
-    counter, shares = Counter(state.vehicles), Shares()
-    sums, fit = FrameSums(), DetectorFit()
-    # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
-    in_fleet = setting.team.shares_facts and not setting.strategy.stops
-    facts = facts_of(setting) if in_fleet else None
+    record, state = FlightRecord(setting), setting.initial_state()
     for event in events:
-        counter.before(event, state)
         state, _ = step(state, event)
-        counter.after(event)
-        if isinstance(event, FrameSeen):
-            shares.note(event)
-            sums.note(event)
-            fit.note(event)
-        if facts is not None:
-            facts.take(event)
-    if facts is not None:
-        state = concluded(with_map(state, facts))
-    found = figures_of(state, counter)
-    return state, replace(found, shares=shares, sums=sums, fit=fit)
+        record.note(event, state)
+    return record.figures()
 
 
 def figures_of(state: State, counter: Counter) -> Figures:

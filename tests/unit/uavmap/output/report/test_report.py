@@ -23,6 +23,7 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.output import documents
 from uavmap.output.documents import REPORT, write_documents
+from uavmap.output.facts.figures import figures
 from uavmap.output.facts.score import true_roi
 from uavmap.output.report.page import encode
 from uavmap.output.results import flown_flight, flown_of, write_results
@@ -180,7 +181,7 @@ def test_the_report_made_anew_is_that_of_the_flight(tmp_path):
     folder = folder_of(tmp_path, truth=truth)
     setting = STOPS.setting()
     told = []
-    flown, _ = flown_flight(folder, PLAN, setting, EVENTS, truth)
+    flown, _ = flown_flight(folder, PLAN, figures(setting, EVENTS), truth)
     values = write_results(flown, told.append)
     assert not told
     report, package = (folder / REPORT).read_bytes(), (folder / "map.gpkg").read_bytes()
@@ -199,7 +200,7 @@ def test_the_report_made_anew_is_that_of_the_flight(tmp_path):
 def test_a_full_disk_costs_the_page_and_never_the_map(tmp_path, monkeypatch):
     folder = folder_of(tmp_path)
     told = []
-    flown, _ = flown_flight(folder, PLAN, STOPS.setting(), EVENTS)
+    flown, _ = flown_flight(folder, PLAN, figures(STOPS.setting(), EVENTS))
 
     def full(path, data):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
