@@ -146,11 +146,13 @@ def _stop_at(count: int) -> None:
     from uavmap.journal.event_log import Journal  # noqa: PLC0415 - loaded by now
 
     write = Journal._write
+    # one that comes before it is waited for is not lost, as it is on a process that stops itself
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCONT})
 
     def stopping(journal: Journal, kind: str, texts: Iterable[str]) -> None:
         before = len(journal)
         write(journal, kind, texts)
         if before < count <= len(journal):
-            os.kill(os.getpid(), signal.SIGSTOP)
+            signal.sigwait({signal.SIGCONT})
 
     Journal._write = stopping  # type: ignore[method-assign]
