@@ -21,43 +21,75 @@ import cv2
 import numpy as np
 
 from missions.flight.setting_of import setting_of
+from missions.flight.state import Setting
 from missions.units import GridPoint
 from tests.benchmarks.frame import asked, flown, head, row, spread
 from tests.support.plans import named_text, plan_of
 from tests.support.true_ground import seams_m, shifts_m, true_ground
 from tests.unit.vision.scene import nadir_pose
-from uavmap.aircraft.imaging.classifier import PictureJudge
+from uavmap.aircraft.imaging.classifier import PictureJudge, Taken
+from uavmap.base.image_files import decoded
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.mavlink.session import Session
 from uavmap.output.drawing.mosaic_file import Ground
 from uavmap.output.results import flown_of
 from uavmap.runner.operator.flight_mosaic import FlightMosaic
+from uavmap.runner.vehicles import judge_of
 from vision.mosaic import Mosaic
 
 PICTURES = 200
 STEP_M = 4.0
 HEIGHT_M = 12.0
+SIZE_PX = 1000, 750
 
 
-def rate() -> None:
-    """Lay pictures of 1000 x 750 in lanes, all of them new ground, on one core."""
-    cv2.setNumThreads(1)
-    setting = setting_of(plan_of("runway", named_text("runway").text).mission)
+def pictures(setting: Setting) -> Iterator[KeptFrame]:
+    """Pictures in lanes, all of them of new ground."""
+    for number in range(PICTURES):
+        lane, along = divmod(number, 40)
+        place = GridPoint(STEP_M * along, 10.0 * lane)
+        pose, _ = nadir_pose(setting.grid, place, HEIGHT_M, 0.0)
+        yield KeptFrame("", 1, float(number), pose, 80.0)
+
+
+def jpeg_of() -> bytes:
     noise = np.random.default_rng(1).integers(0, 255, (188, 250, 3)).astype(np.uint8)
-    jpeg = cv2.imencode(".jpg", cv2.resize(noise, (1000, 750)))[1].tobytes()
-    for kind, picture in (("JPEG", jpeg), ("pixels", cv2.resize(noise, (1000, 750)))):
+    return cv2.imencode(".jpg", cv2.resize(noise, SIZE_PX))[1].tobytes()
+
+
+def rate(setting: Setting, jpeg: bytes) -> None:
+    """Lay pictures on one core, as fast as it goes."""
+    cv2.setNumThreads(1)
+    for kind, picture in (("JPEG", jpeg), ("pixels", decoded(jpeg, ""))):
         with tempfile.TemporaryDirectory() as folder:
             mosaic = FlightMosaic(Path(folder), setting, waits=True)
             begin_s = time.process_time()
-            for number in range(PICTURES):
-                lane, along = divmod(number, 40)
-                place = GridPoint(STEP_M * along, 10.0 * lane)
-                pose, _ = nadir_pose(setting.grid, place, HEIGHT_M, 0.0)
-                mosaic.keep(KeptFrame("", 1, float(number), pose, 80.0), picture)
+            for kept in pictures(setting):
+                mosaic.keep(kept, picture)
             mosaic.end()
             spent_s = time.process_time() - begin_s
         print(f"{kind}: {PICTURES / spent_s:.0f} pictures a second of one core")
     cv2.setNumThreads(-1)
+
+
+def delay(setting: Setting, jpeg: bytes) -> None:
+    """Judge 20 pictures a second, with the mosaic beside it and without, in turn."""
+    print(head("20 pictures a second", "processor, of one core", "picture to verdict, ms"))
+    for _ in range(3):
+        for name in ("with", "without"):
+            with tempfile.TemporaryDirectory() as folder:
+                mosaic = FlightMosaic(Path(folder), setting, waits=False)
+                judge = judge_of(setting, [mosaic] if name == "with" else [])
+                begin_s, spent_s, found = time.monotonic(), time.process_time(), []
+                for number, kept in enumerate(pictures(setting)):
+                    time.sleep(max(0.0, begin_s + number / 20.0 - time.monotonic()))
+                    at_s = time.perf_counter()
+                    taken = Taken(1, kept.t_s, kept.pose, None, True, "picture", jpeg)
+                    judge.verdict(taken)
+                    found.append(1e3 * (time.perf_counter() - at_s))
+                share = (time.process_time() - spent_s) / (time.monotonic() - begin_s)
+                mosaic.end()
+            print(row(name, f"{share:.1%}", spread(found)), flush=True)
 
 
 def seams(seeds: list[int]) -> None:
@@ -120,6 +152,10 @@ def cost(seeds: list[int]) -> None:
 
 if __name__ == "__main__":
     options = asked(__doc__, seeds=(1, 2, 3))
-    rate()
+    text = named_text("runway").text.replace("width_px = 640", f"width_px = {SIZE_PX[0]}")
+    text = text.replace("height_px = 480", f"height_px = {SIZE_PX[1]}")
+    parts = setting_of(plan_of("runway", text).mission), jpeg_of()
+    rate(*parts)
+    delay(*parts)
     cost(options.seeds)
     seams(options.seeds)
