@@ -20,9 +20,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tests.benchmarks.frame import asked
 from tests.support import sites
+from uavmap.photos.tune.examples import read_picture
 from uavmap.photos.tune.selection import Counts, by_cell
 from uavmap.ui.cli import main as uavmap
 from vision.detectors.learned_model import LearnedDetector
@@ -48,28 +50,29 @@ CELL_PX = sites.PHOTO_PX[0] / sites.PHOTO_M
 """Side of a cell of the map, 1 m, in a photograph."""
 
 
-def calibration_error(eyes: Path, shots: Sequence[sites.Shot]) -> float:
-    """Return the expected calibration error over cells of photographs."""
+def cell_means(pictures: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Return the means of the cells of all pictures."""
+    return np.concatenate([by_cell(values, CELL_PX).ravel() for values in pictures])
+
+
+def calibration_error(eyes: Path, photos: Path, shots: Sequence[sites.Shot]) -> float:
+    """Return the expected calibration error over cells of photographs, as their files show them."""
     detector = LearnedDetector((eyes / "model.json").read_bytes())
-    marks, truth = (
-        np.concatenate([by_cell(values, CELL_PX).ravel() for values in one])
-        for one in zip(
-            *((detector.judged(s.image).marks, s.region.astype(np.float32)) for s in shots),
-            strict=True,
-        )
-    )
+    wide = sites.PHOTO_PX[0]
+    pictures = [read_picture(photos / f"{shot.name}.jpg", wide) for shot in shots]
+    marks = cell_means([np.asarray(detector.judged(picture).marks) for picture in pictures])
+    truth = cell_means([shot.region.astype(np.float32) for shot in shots])
     tenth = np.minimum((marks * 10).astype(int), 9)
     off = np.bincount(tenth, marks - truth, minlength=10)
     return float(np.abs(off).sum() / len(marks))
 
 
-def figures(out: Path, eyes: Path, place: sites.Site, shots: Sequence[sites.Shot]) -> str:
+def figures(out: Path, eyes: Path, place: sites.Site, error: float) -> str:
     """Return a map against the truth, and how well what judged it is calibrated."""
     region, unsure, truth = sites.judged_cells(out, place)
     rows = [Counts.of(region, truth, known) for known in (unsure | True, ~unsure)]
     wrong = float((region != truth)[~unsure].mean())
     bound = json.loads((eyes / "model.json").read_text("utf-8"))["wrong_at_most"]
-    error = calibration_error(eyes, shots)
     row = "      ".join(f"{c.iou:.2f}  {c.precision:.2f}  {c.recall:.2f}" for c in rows)
     return f"     {row}   {1 - unsure.mean():.2f} {wrong:.3f} {bound:.3f} {error:.3f}"
 
@@ -87,7 +90,8 @@ def drill(name: str, seed: int, folder: Path) -> None:
         mapped = ("--refine", "off", "--no-ortho", "--out", str(out))
         run("replay", str(photos), "--detector", str(eyes), *mapped)
         others = [shot for shot in shots if not (masks / f"{shot.name}.png").exists()]
-        print(f"{name:6} {seed:4} {painted:13} {figures(out, eyes, place, others)}", flush=True)
+        error = calibration_error(eyes, photos, others)
+        print(f"{name:6} {seed:4} {painted:13} {figures(out, eyes, place, error)}", flush=True)
         lines = (out / "next.txt").read_text("utf-8").splitlines()[:ASKED]
         names = {Path(line.split("\t")[0]).stem for line in lines}
         sites.paint([shot for shot in shots if shot.name in names], masks)

@@ -22,7 +22,7 @@ from vision.detectors.familiarity import (
 from vision.detectors.interface import UNFAMILIAR, UNSURE
 from vision.detectors.pixel_features import FEATURES
 
-_PARTS: Final = 4
+_PARTS: Final = 8
 """Gaussians of each kind of ground."""
 _SMOOTH: Final = 0.02
 """Added to each variance of the standardised features: few pictures vary too little."""
