@@ -22,8 +22,10 @@ from vision.detectors.familiarity import (
 from vision.detectors.interface import UNFAMILIAR, UNSURE
 from vision.detectors.pixel_features import FEATURES
 
-_PARTS: Final = 8
-"""Gaussians of each kind of ground."""
+_PARTS: Final = (4, 8)
+"""Gaussians of each kind of ground, least and most."""
+_PARTS_A_PICTURE: Final = 2
+"""More of them for each picture after the third, which is painted for its new ground."""
 _SMOOTH: Final = 0.02
 """Added to each variance of the standardised features: few pictures vary too little."""
 _A_PICTURE: Final = 6000
@@ -52,11 +54,12 @@ def familiar_ground(pictures: Sequence[Picture], scale: Scale, seed: int) -> Fam
     rng = np.random.default_rng([seed, 3])
     samples = [_samples(picture, rng) for picture in pictures]
     scaled = (scale[0][_ROWS].astype(np.float32), scale[1][_ROWS].astype(np.float32))
+    parts = int(np.clip(_PARTS[0] + _PARTS_A_PICTURE * (len(pictures) - 3), *_PARTS))
 
     def compared(chosen: Sequence[int], number: int) -> Comparison:
         some = [samples[i][number] for i in chosen if len(samples[i][number]) >= _FEW]
         some = some or [samples[i][number] for i in chosen]
-        gaussians = _mixture((np.concatenate(some) - scaled[0]) / scaled[1], rng, seed)
+        gaussians = _mixture((np.concatenate(some) - scaled[0]) / scaled[1], parts, rng, seed)
         return Comparison(Kind(gaussians=gaussians, densities=_FLAT), *scaled)
 
     quantiles: tuple[list[Array], list[Array]] = ([], [])
@@ -151,14 +154,16 @@ def _samples(picture: Picture, rng: np.random.Generator) -> tuple[Array, Array]:
     return region, surround
 
 
-def _mixture(values: Array, rng: np.random.Generator, seed: int) -> tuple[Gaussian, ...]:
+def _mixture(
+    values: Array, parts: int, rng: np.random.Generator, seed: int
+) -> tuple[Gaussian, ...]:
     from sklearn.mixture import GaussianMixture  # noqa: PLC0415 - an extra
     from threadpoolctl import threadpool_limits  # noqa: PLC0415
 
     if len(values) > _MOST:
         values = values[np.sort(rng.choice(len(values), _MOST, replace=False))]
     learner = GaussianMixture(
-        min(_PARTS, max(1, len(values) // _FEW)),
+        min(parts, max(1, len(values) // _FEW)),
         reg_covar=_SMOOTH, max_iter=100, tol=0.02, random_state=seed % 2**32,
     )  # fmt: skip
     with threadpool_limits(1):  # sums in one order: the same seed gives the same bytes

@@ -21,7 +21,7 @@ def middles() -> np.ndarray:
 
 
 def painted(number: int) -> tuple[Described, ...]:
-    """Return a picture with a strip of each kind of ground."""
+    """Return the picture of a number, with a strip of each kind of ground."""
     rng = np.random.default_rng(number)
     columns = 300
     values = np.repeat(middles(), columns, axis=0)
@@ -37,7 +37,7 @@ def painted(number: int) -> tuple[Described, ...]:
 
 
 def test_each_kind_of_surround_is_familiar_and_what_lies_between_two_is_not() -> None:
-    ground = familiar_ground([painted(number) for number in range(3)], SCALE, seed=0)
+    ground = familiar_ground([painted(number) for number in range(5)], SCALE, seed=0)
     rows = [FEATURES.index(name) for name in NAMES]
     kinds = middles()[:KINDS, rows].T.astype(np.float32)
     between = np.asarray((kinds[:, :-1] + kinds[:, 1:]) / 2, np.float32)
