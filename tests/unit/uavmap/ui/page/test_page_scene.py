@@ -13,7 +13,8 @@ from missions.errors import OutputError
 from missions.flight.setting_of import setting_of
 from missions.units import GridPoint, LatLon
 from uavmap.load.mission_source import load
-from uavmap.ui.page.page_scene import of_mosaic, of_tiles
+from uavmap.output.drawing.mosaic_file import raster_of
+from uavmap.ui.page.page_scene import of_mosaic, of_tiles, scene_of
 
 MISSION = str(Path(__file__).parents[4] / "data" / "speck.toml")
 ZOOM = 18
@@ -97,3 +98,12 @@ def test_without_a_mosaic_there_is_none(setting, tmp_path):
     assert of_mosaic(tmp_path / "ortho.tif", setting) is None
     (tmp_path / "ortho.tif").write_bytes(b"no GeoTIFF")
     assert of_mosaic(tmp_path / "ortho.tif", setting) is None
+
+
+def test_scene_has_the_place_of_the_mosaic_around_the_fence(setting):
+    place = scene_of(setting, None, raster_of(setting))["mosaic"]
+    for corner in setting.mission.fence.polygon:
+        point = setting.grid.fixed(LatLon(*corner))
+        assert 0.0 < point.east_m - place["west"] < place["width_m"]
+        assert 0.0 < place["north"] - point.north_m < place["height_m"]
+    assert scene_of(setting)["mosaic"] is None
