@@ -37,7 +37,7 @@ from uavmap.output.facts.boundary_file import BoundaryMap
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import TAKEN, Calendar, taken_meta
 from uavmap.output.results import Decided, Replayed, Votes, flown_replay, weighed, write_replay
-from uavmap.photos.ground.fine_map import FineMap, beneath
+from uavmap.photos.ground.fine_map import FineMap, beneath, write_ground
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
@@ -118,6 +118,7 @@ class Looked:
         if scene is not None:
             grid = self.setting.grid
             ground = beneath(scene, self.spool, grid, self.threads, mapped.end_s)
+            write_ground(folder, scene, self.spool, self.setting, self.threads)
         said: list[str] = []
         summary = write_replay(made, boundary, ground, said.append)
         for line in said:

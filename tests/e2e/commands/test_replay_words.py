@@ -165,6 +165,7 @@ def test_replay_without_a_mission_speaks_of_pictures_and_says_why_this_detector(
     assert not re.search(r"<name>(explored|Vehicle)", kml)
     assert "Pictures: " in page
     assert "data:image/jpeg;base64," in page
+    assert "data:image/webp;base64," in page  # the mosaic, beneath the cells
     with Image.open(out / "judged.jpg") as judged:
         pixels = np.asarray(judged.convert("RGB")).astype(int)
     red = (pixels[..., 0] > 150) & (pixels[..., 1] < 90) & (pixels[..., 2] < 90)

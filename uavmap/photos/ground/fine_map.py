@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from statistics import median
 from typing import Final, NamedTuple
 
@@ -23,6 +24,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission.schema import positions
+from uavmap.output.drawing.mosaic_file import raster_of, write_mosaic
 from uavmap.output.drawing.scene import View
 from uavmap.output.facts.boundary_file import Boundary, BoundaryMap, Line
 from uavmap.photos.ground.judging import Judge, class_mask
@@ -276,6 +278,19 @@ def beneath(
         return mosaic(raster, raster.whole, tiles, threads)
 
     return laid
+
+
+def write_ground(
+    folder: Path, scene: Scene, spool: Spool, setting: Setting, threads: Threads
+) -> None:
+    """Write mosaic.webp as a flight does; not of a region that drifts over the ground."""
+    raster = raster_of(setting)
+    if raster is None:
+        return
+    tiles = (Tile(entry, _small(entry, spool)) for entry in scene.shown)
+    image = mosaic(raster, raster.whole, tiles, threads)
+    if image is not None:
+        write_mosaic(folder, image, raster, setting.grid)
 
 
 def _small(entry: Shown, spool: Spool) -> Callable[[], NDArray[np.uint8] | None]:
