@@ -67,7 +67,8 @@ def give_up_lane(state: State, vehicle: VehicleState) -> State:
     """Note that no way leads to the first lane of a vehicle, which waits."""
     lost = (*state.unreachable_lanes, vehicle.lanes[0])
     state = replace(state, unreachable_lanes=lost)
-    return state.holding(replace(vehicle, lanes=vehicle.lanes[1:]))
+    left = replace(vehicle, lanes=vehicle.lanes[1:], on_lane=False, lane_seen_m=())
+    return state.holding(left)
 
 
 def _way_along(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], list[bool]]:

@@ -7,10 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from missions.events import FrameSeen, Vote
+from missions.events import Arrived, FrameSeen, Vote
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
-from missions.flight.strategy.lane_passes import flown_along, search_passes, still_open
+from missions.flight.step import step
+from missions.flight.strategy.lane_passes import (
+    flown_along,
+    give_up_lane,
+    search_passes,
+    still_open,
+)
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.geo.path_in_fence import allowed
 from missions.mission.fleet_checks import with_own_air
@@ -115,6 +121,20 @@ def test_who_flies_lanes_that_others_have_seen_meanwhile_brakes() -> None:
         rim = [Cell(e, n) for e in range(-6, 26) for n in range(2, 18)]
         seen(made, made.now_s + 0.05, rim, vehicle=2)
     assert made.path(1).end_s < path.end_s - 20.0
+
+
+def test_give_up_lane_the_last_one_leaves_no_lane_to_end() -> None:
+    made = service("swath")
+    lane, here = made.setting.lanes[0], GridPoint(0.0, 0.0)
+    vehicle = replace(
+        first(made.state), phase=Phase.AIRBORNE, landed=False, lanes=(lane,), on_lane=True,
+        lane_seen_m=(3.0,),
+    )  # fmt: skip
+    state = give_up_lane(made.state, vehicle)
+    assert state.unreachable_lanes == (lane,)
+    assert (first(state).lanes, first(state).on_lane, first(state).lane_seen_m) == ((), False, ())
+    after, _ = step(state, Arrived(1, 30.0, here))
+    assert first(after).position == here
 
 
 @pytest.mark.parametrize("t_s", [20.0, 90.0, 300.0])
