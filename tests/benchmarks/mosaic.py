@@ -24,8 +24,8 @@ from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting
 from missions.units import GridPoint
 from tests.benchmarks.frame import asked, flown, head, row, spread
+from tests.support.ground.true_ground import seams_m, shifts_m, true_ground
 from tests.support.plans import named_text, plan_of
-from tests.support.true_ground import seams_m, shifts_m, true_ground
 from tests.unit.vision.scene import nadir_pose
 from uavmap.aircraft.imaging.classifier import PictureJudge, Taken
 from uavmap.base.image_files import decoded

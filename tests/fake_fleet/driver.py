@@ -50,7 +50,7 @@ from missions.orders import (
     TakeOff,
 )
 from missions.units import Cell, GridPoint
-from tests.support.footprints import whole_cells
+from tests.support.ground.footprints import whole_cells
 
 from .aircraft import LIFTED_M, STOP_M, Aircraft, Vector
 

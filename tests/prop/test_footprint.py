@@ -15,7 +15,7 @@ from missions.geo.footprint import Footprint, Optics
 from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
-from tests.support.footprints import whole_cells
+from tests.support.ground.footprints import whole_cells
 from tests.unit.vision.scene import camera_axes, nadir_pose, paint
 from vision.camera import Camera
 from vision.detectors import make_detector

@@ -2,10 +2,10 @@
 
     python -m tests.benchmarks.photos.classes [--seeds 1 2 3]    a minute a seed
 
-Of the rendered site `slick` (`tests.support.sites`) four photographs are painted by class. `uavmap
-tune` learns, `uavmap replay` maps. By class: IoU of the cells, the true area beside the bounds of
-the map, the litres. The last lines have the time to judge a photograph of 1000 x 750 px, and that
-to decode one of several sizes for it.
+Of the rendered site `slick` (`tests.support.ground.sites`) four photographs are painted by class.
+`uavmap tune` learns, `uavmap replay` maps. By class: IoU of the cells, the true area beside the
+bounds of the map, the litres. The last lines have the time to judge a photograph of 1000 x 750 px,
+and that to decode one of several sizes for it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from missions.mission.sections import DetectorSection
 from tests.benchmarks.frame import asked, cpu_ms
 from tests.benchmarks.photos.unsure import run
-from tests.support import sites
+from tests.support.ground import sites
 from uavmap.load.detector_source import detector_of_section, resolved_section
 from uavmap.photos.sources.photo_file import decoded
 from vision.detectors import Detector

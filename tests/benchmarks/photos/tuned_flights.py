@@ -27,7 +27,7 @@ from sitl.camera.pinhole import Shot
 from sitl.camera.render import render
 from tests.benchmarks.frame import asked
 from tests.benchmarks.photos.unsure import ASKED, run
-from tests.support import sites
+from tests.support.ground import sites
 from uavmap.load.mission_source import load
 from uavmap.photos.tune.selection import Counts
 from uavmap.runner.simulation import make_vehicles

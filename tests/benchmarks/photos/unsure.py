@@ -2,9 +2,9 @@
 
     python -m tests.benchmarks.photos.unsure [--seeds 1 2 3]    a minute a site and seed
 
-Of each rendered site (`tests.support.sites`) three photographs of the western half are painted,
-`uavmap tune` learns, and `uavmap replay` maps, once; then the two pictures are painted that the map
-asks for, and it is mapped again. Cells of the map are held against the truth: all of them, where
+Of each rendered site (`tests.support.ground.sites`) three photographs of the western half are
+painted, `uavmap tune` learns, and `uavmap replay` maps, once; then the two pictures are painted
+that the map asks for, and it is mapped again. Cells of the map are held against the truth: all of them, where
 an unsure one counts as not region, and the sure ones. `ece` is the expected calibration error of
 the photographs that were not painted: by tenths of a cell's mean probability, its mean distance
 from the share of truth.
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.benchmarks.frame import asked
-from tests.support import sites
+from tests.support.ground import sites
 from uavmap.photos.tune.examples import read_picture
 from uavmap.photos.tune.selection import Counts, by_cell
 from uavmap.ui.cli import main as uavmap

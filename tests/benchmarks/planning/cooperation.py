@@ -28,7 +28,7 @@ from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern
 from tests.benchmarks.frame import asked, head, row
-from tests.support.polygons import random_space, random_start
+from tests.support.ground.polygons import random_space, random_start
 from uavmap.lab.studies.two_robots import Covering, covered
 
 POINTS = 120

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomlkit
 
-from tests.support import sites
+from tests.support.ground import sites
 from uavmap.ui.cli import main
 
 LEAST_IOU = 0.8

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support import sites
+from tests.support.ground import sites
 from uavmap.photos.tune.paint_page import Easel, served
 from uavmap.photos.tune.selection import Counts
 from uavmap.photos.tune.study import Study

@@ -18,7 +18,7 @@ from shapely.geometry import LineString, Polygon, shape
 from shapely.ops import unary_union
 
 from tests.e2e import rig
-from tests.support.true_ground import shifts_m, true_ground
+from tests.support.ground.true_ground import shifts_m, true_ground
 from uavmap.output.drawing.mosaic_file import MOSAIC, PLACE, Ground
 from uavmap.output.results import flown_of
 

@@ -21,7 +21,7 @@ from sitl.vehicle import SimVehicle
 from sitl.world.world import Patch, World, WorldSpec
 from tests.benchmarks.frame import truth_shown
 from tests.e2e.rig import ROI_STATES
-from tests.support.hills import checked, over, slope, text_over
+from tests.support.ground.hills import checked, over, slope, text_over
 from tests.support.small_missions import START, mission_text, square, with_small_pictures
 from uavmap.base.image_files import decoded
 from uavmap.runner.simulation import relief_of

@@ -16,7 +16,7 @@ from missions.orders import Hold, TakeOff
 from missions.planning.stepwise import EXPLORERS
 from tests.fake_fleet import Fleet, fleet
 from tests.support.folding import fold
-from tests.support.hills import hills, over
+from tests.support.ground.hills import hills, over
 from tests.support.small_missions import Scenario, random_scenario, reachable
 
 SEEDS = range(9)

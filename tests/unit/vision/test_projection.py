@@ -14,7 +14,7 @@ from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
-from tests.support.hills import SIDE_M, STEP_M, slope
+from tests.support.ground.hills import SIDE_M, STEP_M, slope
 from tests.unit.vision.scene import nadir_pose, paint, square
 from vision.camera import Camera, project
 from vision.detectors import make_detector

@@ -12,7 +12,7 @@ from missions.geo.terrain import FOLLOW_M, Terrain, decoded, encoded, relief_of
 from missions.mission.energy import CLIMB_SPEED_M_S
 from missions.mission.sections import terrain_in
 from missions.units import GridPoint
-from tests.support.hills import SIDE_M, STEP_M, hills, lattice, slope
+from tests.support.ground.hills import SIDE_M, STEP_M, hills, lattice, slope
 
 
 def terrain_of(heights):

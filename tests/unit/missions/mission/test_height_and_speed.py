@@ -18,7 +18,7 @@ from missions.mission.checks import check, parse_mission
 from missions.mission.height_and_speed import altitude_reason, speed_limits
 from missions.mission.schema import Mission, VehicleSection, parse_fields
 from missions.units import GridPoint
-from tests.support.footprints import whole_cells
+from tests.support.ground.footprints import whole_cells
 from tests.support.small_missions import mission, square
 from tests.unit.missions.mission.test_mission_checks import fault, text
 from uavmap.runner.preflight.plan_figures import estimate

@@ -15,7 +15,7 @@ from missions.mission.schema import parse_fields
 from missions.mission.views import path_speed_m_s, seen_whole_m
 from missions.orders import ReturnToLaunch
 from missions.units import GridPoint
-from tests.support.hills import checked, hills, over, slope, text_over
+from tests.support.ground.hills import checked, hills, over, slope, text_over
 from tests.support.small_missions import mission_text, square
 
 BOX = square(-4, 10, 24, 16)

@@ -12,7 +12,7 @@ from missions.geo.trajectory import rounded_path
 from missions.orders import FlyPath, FlyTo, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import fly, small_mission
-from tests.support.hills import over, slope
+from tests.support.ground.hills import over, slope
 from tests.support.running import by
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4
 from uavmap.runner.preflight.autopilot_fence import VehicleFence

@@ -16,7 +16,7 @@ import pytest
 import uavmap
 from missions.errors import MissionFileError, NotFlownError
 from missions.mission.sections import DetectorSection, PriorPlace
-from tests.support.hills import over, slope
+from tests.support.ground.hills import over, slope
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan

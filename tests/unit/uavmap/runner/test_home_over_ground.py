@@ -11,7 +11,7 @@ from missions.mission.schema import Mission
 from missions.orders import FlyTo, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import fly
-from tests.support.hills import over, slope
+from tests.support.ground.hills import over, slope
 from tests.support.running import by
 from tests.support.small_missions import mission, square
 

@@ -13,7 +13,7 @@ from missions.lab.cooperation.stripes import stripes_of
 from missions.lab.cooperation.tracking import Filter, Leg, Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern, reckoned
 from tests.benchmarks.planning.cooperation import faults, in_stripes, in_triangles, unwatched
-from tests.support.polygons import random_space
+from tests.support.ground.polygons import random_space
 
 HALL = Space([(0, 0), (40, 0), (40, 20), (0, 20)])
 

@@ -6,7 +6,7 @@ import pytest
 from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint
-from tests.support.footprints import whole_cells
+from tests.support.ground.footprints import whole_cells
 from tests.support.small_missions import CELL_M, START, mission, square
 from tests.unit.vision.scene import nadir_pose
 from uavmap.aircraft.imaging.classifier import Classifier
