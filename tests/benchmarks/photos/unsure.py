@@ -5,9 +5,9 @@
 Of each rendered site (`tests.support.ground.sites`) three photographs of the western half are
 painted, `uavmap tune` learns, and `uavmap replay` maps, once; then the two pictures are painted
 that the map asks for, and it is mapped again. Cells of the map are held against the truth: all of
-them, where an unsure one counts as not region, and the sure ones. `ece` is the expected calibration error of
-the photographs that were not painted: by tenths of a cell's mean probability, its mean distance
-from the share of truth.
+them, where an unsure one counts as not region, and the sure ones. `ece` is the expected
+calibration error of the photographs that were not painted: by tenths of a cell's mean probability,
+its mean distance from the share of truth.
 """
 
 from __future__ import annotations
