@@ -24,7 +24,7 @@ from uavmap.photos.tune.training import (
     fit_trees,
     training_set,
 )
-from vision.detectors.interface import sigmoid
+from vision.detectors.interface import UNFAMILIAR, sigmoid
 from vision.detectors.learned_model import Logistic, Scorer, Trees
 from vision.detectors.pixel_features import FEATURES, GROUPS
 
@@ -195,6 +195,7 @@ def fitted(
 def choose(
     pictures: Sequence[Picture],
     scale: Scale,
+    familiarity: Sequence[tuple[Array, Array]],
     cell: float,
     seed: int,
     say: Callable[[str], None],
@@ -203,8 +204,11 @@ def choose(
 ) -> Choice:
     """Choose kind, features, calibration and thresholds.
 
+    Places that a detector would call unsure count as no region, as on a map.
+
     Args:
         pictures: At least two; each part that is learned from has both kinds.
+        familiarity: Of each picture's places, if they are taken for region, and for surround.
         scale: Mean and standard deviation of all features.
         cell: Side of a cell in places.
         seed: Of the samples and the trees.
@@ -215,10 +219,10 @@ def choose(
         logits = _judged(pictures, features, scale, seed, kinds)
         for kind in kinds:
             found = _calibrated(pictures, logits[kind], kind, features, cell)
-            iou = _iou(pictures, found.shares, found.threshold)
+            iou = total(_mapped(pictures, familiarity, found)).iou
             tried[f"{kind}, {features}"] = round(iou, 4)
             say(f"{kind} on {features}: IoU {iou:.3f}")
-            if best is None or _clearly_better(pictures, found, best):
+            if best is None or _clearly_better(pictures, familiarity, found, best):
                 best = found
     assert best is not None
     return replace(best, tried=tried)
@@ -336,19 +340,28 @@ def _suiting(
     return round(float(at[scores >= scores.max() - _PLATEAU][0]), 2)
 
 
-def _iou(pictures: Sequence[Picture], shares: Sequence[Array], least: float) -> float:
-    pairs = zip(pictures, shares, strict=True)
-    return total([_counts(picture[0], share, least) for picture, share in pairs]).iou
+def _mapped(
+    pictures: Sequence[Picture], familiarity: Sequence[tuple[Array, Array]], choice: Choice
+) -> list[Counts]:
+    """Return the counts of each picture's places; region that is unfamiliar counts as none."""
+    least = choice.threshold
+    return [
+        _counts(picture[0], np.where(taken >= UNFAMILIAR, share, np.float32(0.0)), least)
+        for picture, share, (taken, _) in zip(pictures, choice.shares, familiarity, strict=True)
+    ]
 
 
-def _clearly_better(pictures: Sequence[Picture], one: Choice, other: Choice) -> bool:
+def _clearly_better(
+    pictures: Sequence[Picture],
+    familiarity: Sequence[tuple[Array, Array]],
+    one: Choice,
+    other: Choice,
+) -> bool:
     """Whether the gain over the pictures is larger than what their differences explain."""
-    gains = np.array(
-        [
-            _counts(p[0], a, one.threshold).iou - _counts(p[0], b, other.threshold).iou
-            for p, a, b in zip(pictures, one.shares, other.shares, strict=True)
-        ]
+    pairs = zip(
+        _mapped(pictures, familiarity, one), _mapped(pictures, familiarity, other), strict=True
     )
+    gains = np.array([a.iou - b.iou for a, b in pairs])
     error = float(gains.std(ddof=1)) / math.sqrt(len(gains))
     return float(gains.mean()) > max(_BETTER, _ERRORS * error)
 

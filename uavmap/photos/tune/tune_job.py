@@ -178,9 +178,11 @@ def learned(
         pictures.append(tuple(map(described, [example, *variants(example, rng)])))
     scale = _scale(pictures, others)
     cell = wishes.cell_px / STRIDE
-    choice = choose(pictures, scale, cell, wishes.seed, say, wishes.kinds, wishes.sets)
-    names = SETS[choice.features]
     ground = familiar_ground(pictures, scale, wishes.seed)
+    choice = choose(
+        pictures, scale, ground.left_out, cell, wishes.seed, say, wishes.kinds, wishes.sets
+    )
+    names = SETS[choice.features]
     sure = sure_cells(pictures, choice, ground, cell)
     model = Model(
         features=names,
