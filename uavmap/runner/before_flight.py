@@ -17,7 +17,7 @@ from uavmap.base.clock import ScaledClock, run
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner.flight_links import Link
-from uavmap.runner.preflight.autopilot_setup import HEARD_S, AutopilotSetup, Kept
+from uavmap.runner.preflight.autopilot_setup import AutopilotSetup, Kept
 from uavmap.runner.preflight.examination import Examination, connect, spoken_with
 from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, of_vehicle, warn
 from uavmap.runner.preflight.vehicle_check import pad_heights
@@ -199,7 +199,5 @@ async def _one(number: int, link: Link, setting: Layout, folder: Path) -> None:
     except LinkError as error:
         _LOG.info(f"vehicle {number}: {error}")
         return
-    view = link.session.view
-    await link.session.until(lambda: view.on_ground, max(HEARD_S, 2.0 * link.session.ack_wait_s))
     if await setup.restore():
         _LOG.info(f"vehicle {number}: has its own settings")

@@ -307,7 +307,7 @@ class AutopilotSetup:
             aircraft = await self._aircraft()
             before = self._kept.of(aircraft)
             if before is not None:
-                if reason := self._not_now():
+                if reason := await self._not_now():
                     self._say_left(reason)
                     return False
                 async with asyncio.timeout(RESTORE_S):
@@ -335,13 +335,15 @@ class AutopilotSetup:
     def _tell(self, text: str) -> None:
         _LOG.info(f"vehicle {self._number}: {text}")
 
-    def _not_now(self) -> str:
-        silent_s = asyncio.get_running_loop().time() - self._view.heard_s
-        if silent_s > max(HEARD_S, 2.0 * self._session.ack_wait_s):
+    async def _not_now(self) -> str:
+        view, patience_s = self._view, max(HEARD_S, 2.0 * self._session.ack_wait_s)
+        if asyncio.get_running_loop().time() - view.heard_s > patience_s:
             return "it is silent"
-        if self._view.armed:
+        if view.armed:
             return "its motors are armed"
-        return "" if self._view.on_ground else "it has not reported that it is on the ground"
+        # it may have disarmed a moment ago, after a crash
+        await self._session.until(lambda: view.on_ground, patience_s)
+        return "" if view.on_ground else "it has not reported that it is on the ground"
 
     def _say_left(self, reason: str) -> None:
         self._tell(

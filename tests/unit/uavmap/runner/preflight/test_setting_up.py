@@ -197,12 +197,23 @@ async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(field, /, tmp_p
 async def test_restore_motors_off_and_no_landing_reported_leaves_the_settings(field, /, tmp_path):
     setup = field.setup(1, tmp_path)
     assert could_fly(await setup.apply())
-    view = field.links[0].session.view
-    assert not view.armed
-    view.landed_state = mav.MAV_LANDED_STATE_IN_AIR
+    session = field.links[0].session
+    assert not session.view.armed
+    stream = mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
+    await session.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, stream, -1)
+    session.view.landed_state = mav.MAV_LANDED_STATE_IN_AIR
     assert not await setup.restore()
     assert "stays set (it has not reported that it is on the ground)" in field.told[-1]
     assert field.count(0, FENCE) == 4
+
+
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_restore_waits_for_the_landing_to_be_reported(field, /, tmp_path):
+    setup = field.setup(1, tmp_path)
+    assert could_fly(await setup.apply())
+    field.links[0].session.view.landed_state = mav.MAV_LANDED_STATE_IN_AIR  # as of a second ago
+    assert await setup.restore()
+    assert not (tmp_path / FILE).exists()
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
