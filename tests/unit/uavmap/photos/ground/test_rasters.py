@@ -223,7 +223,7 @@ def test_ctrl_c_in_the_mosaic_leaves_all_else(
     assert "interrupted: ortho.tif is not written; all other results" in err
     there = [path.name for path in (tmp_path / "map").iterdir()]
     others = {"journal.jsonl", "map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv"}
-    others |= {"map.gpkg", "report.html", "judged.jpg"}
+    others |= {"map.gpkg", "report.html", "judged.jpg", "mosaic.webp", "mosaic.webp.aux.xml"}
     assert set(there) == {*others, BOUNDARY_FILE, rasters.PROBABILITY}
 
 
