@@ -165,7 +165,8 @@ def taken_away(
         phase=phase,
         order=StandDown(),
         returns_by_itself=returns,
-        note=note,
+        was_down=_lies_somewhere(vehicle) and vehicle.landed,
+        note=f"{vehicle.note}; {note}" if vehicle.phase is Phase.DOWN else note,
     )
 
 
@@ -173,6 +174,8 @@ def released(event: Released, vehicle: VehicleState, setting: Setting) -> Vehicl
     """It was given back; one that lies where it fell still lies there."""
     if vehicle.phase is Phase.DOWN:
         return vehicle
+    if vehicle.was_down and event.height_m <= LIFTED_M:
+        return vehicle.stood_down(Phase.DOWN, vehicle.note)
     airborne = event.height_m > LIFTED_M or not vehicle.landed
     return replace(
         vehicle,
@@ -181,6 +184,7 @@ def released(event: Released, vehicle: VehicleState, setting: Setting) -> Vehicl
         height_m=event.height_m,
         landed=not airborne,
         landed_away_m=0.0,
+        was_down=False,
         order=None,
         braking_until_s=event.t_s + BRAKING_S if airborne else None,
         fruitless_sorties=0,

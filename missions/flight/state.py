@@ -372,5 +372,5 @@ class State:
             and not self.skipped
             and not self.unsearched
             and all(v.landed for v in self.ours or everybody)
-            and not any(v.phase in (Phase.DOWN, Phase.LOST) for v in everybody)
+            and not any(v.was_down or v.phase in (Phase.DOWN, Phase.LOST) for v in everybody)
         )

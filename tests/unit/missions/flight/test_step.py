@@ -463,6 +463,22 @@ def test_one_that_lies_there_is_fetched_and_not_flown(service: Service, how: str
     assert service.post(found(201.0, wh=left_wh)) == ((1, AwaitBattery()),), "its crew says when"
 
 
+def test_crashed_vehicle_whose_mode_changes_stays_down_until_it_is_mended(
+    service: Service,
+) -> None:
+    service.exploring()
+    service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"), Overridden(1, 22.0, "TAKEOFF"))
+    vehicle = service.state.vehicles[1]
+    assert vehicle.phase is Phase.YIELDED
+    assert vehicle.away
+    assert vehicle.note == "it is down: it fell, 0 m from home; yielded to TAKEOFF"
+    finished = replace(service.state, surveyed=True, exhausted=True)
+    assert not finished.completed
+    service.post(Released(1, 60.0, HOME, 0.2))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert not isinstance(service.order(1), TakeOff)
+
+
 def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
