@@ -159,14 +159,18 @@ def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> Ve
 def taken_away(
     vehicle: VehicleState, setting: Setting, phase: Phase, note: str, *, returns: bool
 ) -> VehicleState:
-    """A pilot, a failsafe or its guardian flies it; `returns`: its autopilot flies it home."""
+    """A pilot, a failsafe or its guardian flies it; `returns`: its autopilot flies it home.
+
+    A mode that changes where it lies mends nothing.
+    """
+    was_down = vehicle.was_down or vehicle.phase is Phase.DOWN
     return replace(
         set_free(vehicle, setting.grid.cell_m),
         phase=phase,
         order=StandDown(),
         returns_by_itself=returns,
-        was_down=_lies_somewhere(vehicle) and vehicle.landed,
-        note=f"{vehicle.note}; {note}" if vehicle.phase is Phase.DOWN else note,
+        was_down=was_down,
+        note=f"it is down, and {note}" if was_down else note,
     )
 
 
@@ -174,7 +178,7 @@ def released(event: Released, vehicle: VehicleState, setting: Setting) -> Vehicl
     """It was given back; one that lies where it fell still lies there."""
     if vehicle.phase is Phase.DOWN:
         return vehicle
-    if vehicle.was_down and event.height_m <= LIFTED_M:
+    if vehicle.was_down:
         return vehicle.stood_down(Phase.DOWN, vehicle.note)
     airborne = event.height_m > LIFTED_M or not vehicle.landed
     return replace(
@@ -184,7 +188,6 @@ def released(event: Released, vehicle: VehicleState, setting: Setting) -> Vehicl
         height_m=event.height_m,
         landed=not airborne,
         landed_away_m=0.0,
-        was_down=False,
         order=None,
         braking_until_s=event.t_s + BRAKING_S if airborne else None,
         fruitless_sorties=0,

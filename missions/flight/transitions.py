@@ -141,7 +141,7 @@ _changed.register(called_home)
 
 @_changed.register
 def _(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    up = replace(vehicle, landed=False, landed_away_m=0.0)
+    up = replace(vehicle, landed=False, landed_away_m=0.0, was_down=False)
     if vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
         # a take-off that was given up without an acknowledgement: it cannot stay up there
         up = replace(up, phase=Phase.AIRBORNE, order=None, return_reason=ReturnReason.FAULT)

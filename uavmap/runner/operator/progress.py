@@ -241,6 +241,8 @@ def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: St
         text = f"vehicle {event.vehicle} is in {event.mode} on the ground, not under our control"
     if state.over:
         return f"{text}; nobody else flies: the flight ends"
+    if vehicle.was_down:
+        return f"{text}: it is down"
     then = "takes off at once" if vehicle.cleared else "waits for its crew"
     return f"{text}: it stays there; once it is put into {_OURS}, it {then}"
 

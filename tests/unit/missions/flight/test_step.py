@@ -471,12 +471,30 @@ def test_crashed_vehicle_whose_mode_changes_stays_down_until_it_is_mended(
     vehicle = service.state.vehicles[1]
     assert vehicle.phase is Phase.YIELDED
     assert vehicle.away
-    assert vehicle.note == "it is down: it fell, 0 m from home; yielded to TAKEOFF"
+    assert vehicle.note == "it is down, and yielded to TAKEOFF"
     finished = replace(service.state, surveyed=True, exhausted=True)
     assert not finished.completed
     service.post(Released(1, 60.0, HOME, 0.2))
     assert service.state.vehicles[1].phase is Phase.DOWN
     assert not isinstance(service.order(1), TakeOff)
+
+
+def test_crashed_vehicle_that_its_pilot_flies_again_is_not_down(service: Service) -> None:
+    service.exploring()
+    service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"), Overridden(1, 22.0, "STABILIZE"))
+    service.post(LiftedOff(1, 60.0), Landed(1, 90.0, 40.0, HOME))
+    vehicle = service.state.vehicles[1]
+    assert not vehicle.was_down
+    assert not vehicle.away
+
+
+def test_vehicle_that_its_pilot_landed_elsewhere_changes_mode_and_is_given_back(
+    service: Service,
+) -> None:
+    service.exploring()
+    service.post(Overridden(1, 20.0, "LAND"), Landed(1, 30.0, 50.0, GridPoint(30.0, 0.0)))
+    service.post(Overridden(1, 40.0, "LOITER"), Released(1, 60.0, GridPoint(30.0, 0.0), 0.2))
+    assert service.state.vehicles[1].phase is Phase.GROUNDED
 
 
 def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
