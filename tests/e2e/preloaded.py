@@ -127,10 +127,11 @@ def _run(
         os.dup2(end.fileno(), number)
         end.close()
     # as an interpreter that begins with these streams would have made them
-    sys.stdout = sys.__stdout__ = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
-    sys.stderr = sys.__stderr__ = open(  # noqa: SIM115
+    sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    sys.stderr = open(  # noqa: SIM115
         2, "w", encoding="utf-8", errors="backslashreplace", buffering=1, closefd=False
     )
+    vars(sys).update(__stdout__=sys.stdout, __stderr__=sys.stderr)
     os.chdir(cwd)
     os.environ.clear()
     os.environ.update(environment)
@@ -155,4 +156,4 @@ def _stop_at(count: int) -> None:
         if before < count <= len(journal):
             signal.sigwait({signal.SIGCONT})
 
-    Journal._write = stopping  # type: ignore[method-assign]
+    setattr(Journal, "_write", stopping)  # noqa: B010 - a method that mypy lets nobody assign
