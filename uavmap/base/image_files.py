@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
@@ -43,8 +42,8 @@ def decoded(picture: bytes | Image, name: str, size_px: tuple[int, int] | None =
         )
     with opened(io.BytesIO(picture), name) as file:
         _check_size(file.size, name, size_px)
-        rgb = np.asarray(file if file.mode == "RGB" else file.convert("RGB"))
-    return cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
+        data = (file if file.mode == "RGB" else file.convert("RGB")).tobytes("raw", "BGR")
+        return np.frombuffer(data, np.uint8).reshape(file.height, file.width, 3)
 
 
 def _check_size(size: tuple[int, int], name: str, wanted: tuple[int, int] | None) -> None:

@@ -15,7 +15,7 @@ from typing import Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, WebPImagePlugin  # noqa: F401 - without it Pillow loads all its formats
 
 from missions.errors import ImageError
 from missions.flight.state import Setting
