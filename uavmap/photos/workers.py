@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError, StudyError, UavmapError
 from uavmap.base.extras import dask_client
+from uavmap.base.opencv_threads import ONE_THREAD_EACH
 from uavmap.base.version import __version__
 from uavmap.photos.sources.photo_file import FileContent, decoded
 from uavmap.photos.sources.picture_record import Picture
@@ -61,7 +61,7 @@ class Threads:
             yield from map(work, items)
             return
         waiting: deque[Future[Answer]] = deque()
-        with ThreadPoolExecutor(workers) as pool, _ONE_THREAD_EACH:
+        with ThreadPoolExecutor(workers) as pool, ONE_THREAD_EACH:
             try:
                 for item in items:
                     waiting.append(pool.submit(work, item))
@@ -86,34 +86,6 @@ def worker_count() -> int:
 def threads_of(crew: Crew) -> Threads:
     """Return the threads for work of a crew that has to be done here."""
     return crew if isinstance(crew, Threads) else Threads()
-
-
-@dataclass(slots=True)
-class _OneThreadEach:
-    """Takes OpenCV's own threads away, which would stand in the way of ours.
-
-    Several may work at the same time: the last one gives OpenCV its threads back.
-    """
-
-    at_work: int = 0
-    before: int = 0
-    lock: threading.Lock = field(default_factory=threading.Lock)
-
-    def __enter__(self) -> None:
-        with self.lock:
-            if not self.at_work:
-                self.before = cv2.getNumThreads()
-                cv2.setNumThreads(1)
-            self.at_work += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self.lock:
-            self.at_work -= 1
-            if not self.at_work:
-                cv2.setNumThreads(self.before)
-
-
-_ONE_THREAD_EACH: Final = _OneThreadEach()
 
 
 # --- a cluster -----------------------------------------------------------------------------------

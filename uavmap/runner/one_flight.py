@@ -23,6 +23,7 @@ from uavmap.aircraft.process.messages import Before, Begin
 from uavmap.aircraft.process.port import Port
 from uavmap.base import messages
 from uavmap.base.clock import Clock, MissionClock, ScaledClock, VirtualClock, run
+from uavmap.base.opencv_threads import ONE_THREAD_EACH
 from uavmap.fleet.fleet_radio import joined_fleet, talking
 from uavmap.fleet.member import Member
 from uavmap.fleet.peer import AGREE_S
@@ -159,7 +160,8 @@ class Flight:
         from uavmap.runner.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
 
         world = Simulation(self.setting, self._plan.seed, start_s=self._state.t_s)
-        with self._log() as log:
+        # pictures are small: to share each out among threads costs more than it saves
+        with ONE_THREAD_EACH, self._log() as log:
             links = [_simulated(world, index, log) for index in range(len(world.names()))]
             async with asyncio.TaskGroup() as tasks:
                 turning = tasks.create_task(world.run())

@@ -29,6 +29,8 @@ NO_VERDICT: Final = 5
 INTERRUPTED: Final = 130
 NOBODY_READS: Final = 141
 """The code of a program that a closed pipe has ended."""
+_COLLECT_EVERY: Final = 10_000
+"""Objects between two garbage collections: a flight creates many that live, and few cycles."""
 COMMANDS: Final = {
     "new": "make a mission from an area drawn elsewhere",
     "fly": "fly a mission, simulated or real",
@@ -108,6 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; return the exit code."""
     options = _parsed(sys.argv[1:] if arguments is None else arguments)
     gc.freeze()  # what is loaded stays: the collector need not search it again and again
+    gc.set_threshold(_COLLECT_EVERY)
     gc.enable()
     if options is None:
         return USER_ERROR
