@@ -1,0 +1,69 @@
+"""Processor time of a simulated flight by its parts; prints a table.
+
+    python -m tests.benchmarks.flight_cpu                    runway, about 20 s
+    python -m tests.benchmarks.flight_cpu --mission burn
+
+The flight's side of a frame is what its process does in flight beside the simulator: it decodes and
+judges the picture, decides, keeps the journal, exchanges messages, and lays the mosaic in a thread.
+A flight before it compiles the kernels and warms up. The command costs its imports beside, and
+drawing ortho.tif: `time uavmap fly runway --sim` has its user and system time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+from unittest import mock
+
+from sitl.mavlink import camera_component
+from sitl.vehicle import SimVehicle
+from tests.benchmarks.frame import asked, flown, head, row, summary_of
+from uavmap.runner import one_flight
+
+PARTS = {
+    "whole flight": (one_flight.Flight, "run", time.process_time),
+    "in flight": (one_flight.Flight, "_flown", time.process_time),
+    "rendering": (camera_component, "render", time.thread_time),
+    "simulated vehicles": (SimVehicle, "step", time.thread_time),
+    "results": (one_flight, "written_results", time.process_time),
+}
+"""Names of functions, and the clocks that count them: of all threads, or of the one that calls."""
+
+
+@contextmanager
+def timed(spent: dict[str, float], part: str) -> Iterator[None]:
+    """Add the processor time of a part to `spent` meanwhile, seconds."""
+    owner, name, clock = PARTS[part]
+    work: Callable[..., Any] = getattr(owner, name)
+
+    def counted(*given: Any, **named: Any) -> Any:
+        begin_s = clock()
+        try:
+            return work(*given, **named)
+        finally:
+            spent[part] = spent.get(part, 0.0) + clock() - begin_s
+
+    with mock.patch.object(owner, name, counted):
+        yield
+
+
+def main() -> None:
+    options = asked(__doc__, mission="runway")
+    summary_of(options.mission)
+    spent: dict[str, float] = {}
+    with ExitStack() as parts:
+        for part in PARTS:
+            parts.enter_context(timed(spent, part))
+        with flown(options.mission) as (summary, _):
+            frames = summary["frames_judged"]
+    simulator_s = spent["rendering"] + spent["simulated vehicles"]
+    spent["the flight's side"] = spent["in flight"] - simulator_s
+    print(head("part", "CPU, s", f"ms for each of {frames} frames"))
+    for part, cpu_s in spent.items():
+        print(row(part, f"{cpu_s:.2f}", f"{1e3 * cpu_s / frames:.1f}"))
+
+
+if __name__ == "__main__":
+    main()
