@@ -4,15 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Final
+from typing import Annotated, Final, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from missions.units import Cell
 
 MOST_NUMBER: Final = 254
 """Largest number of a class; 0 is not region, and 255 undecided."""
 
 ClassNumber = Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBER)]
 _Micrometres = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+
+
+class ClassShare(NamedTuple):
+    """How much of a cell is of a class, by its number; 0 to 1."""
+
+    cell: Cell
+    number: int
+    share: float
 
 
 class RegionClass(BaseModel):

@@ -14,6 +14,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 from pydantic import Field, TypeAdapter
 from pydantic_core import PydanticSerializationError
 
+from missions.classes import ClassShare
 from missions.errors import EventError
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
 from missions.units import Cell, GridPoint
@@ -24,14 +25,6 @@ class Vote(NamedTuple):
 
     cell: Cell
     positive: bool
-    share: float
-
-
-class ClassShare(NamedTuple):
-    """How much of a cell one frame takes for a class, by its number; 0 to 1."""
-
-    cell: Cell
-    number: int
     share: float
 
 

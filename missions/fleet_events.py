@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from missions.classes import ClassShare
 from missions.units import Cell, GridPoint
 
 
@@ -66,6 +67,9 @@ class Fact(NamedTuple):
     seen: bool = False
     """Whether nothing is decided: all frames took these cells for no region, too few of them for a
     decision, and the vehicle has passed."""
+    classes: tuple[ClassShare, ...] = ()
+    """Mean shares of the explored classes in these cells over the vehicle's frames: whole tenths
+    above 0, by number and cell."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.events import ClassShare, FrameSeen
+from missions.classes import ClassShare
+from missions.events import FrameSeen
+from missions.fleet_events import Shared
 from missions.mapping.evidence import Cells, CellSums
 from missions.units import Cell
 
@@ -34,8 +36,17 @@ class FrameSums:
         self._counts = CellSums(2)
         self._classes: dict[int, CellSums] = {}
 
-    def note(self, event: FrameSeen) -> None:
-        """Count a frame; one from the height of a search only suspects."""
+    def note(self, event: FrameSeen | Shared) -> None:
+        """Count a frame; one from the height of a search only suspects.
+
+        A fact of another member with classes counts as one frame, which knows its cells.
+        """
+        if isinstance(event, Shared):
+            for fact in event.frames:
+                if fact.classes:
+                    cells = np.array([cell for cell, _ in fact.votes], np.int32)
+                    self.add(cells, np.zeros(len(cells), np.bool_), fact.classes)
+            return
         if event.overview or not event.votes:
             return
         doubtful = frozenset(event.unsure or ())

@@ -36,8 +36,11 @@ class Facts:
     """The facts in a journal of a fleet, as they come: of vehicles whose frames it holds, and of
     those that it has heard."""
 
-    def __init__(self, none_seen: Belief, box: Container[Cell]) -> None:
+    def __init__(
+        self, none_seen: Belief, box: Container[Cell], explored: tuple[int, ...] = ()
+    ) -> None:
         self._none = none_seen
+        self._explored = explored
         self._box = box
         self._own: dict[int, OwnCells] = {}
         self._decided: dict[bool, dict[Cell, Decision]] = {False: {}, True: {}}
@@ -50,7 +53,8 @@ class Facts:
         if isinstance(event, Shared):
             facts = list(event.frames)
         else:
-            own = self._own.setdefault(event.vehicle, OwnCells(self._none, self._none))
+            none = OwnCells(self._none, self._none, self._explored)
+            own = self._own.setdefault(event.vehicle, none)
             facts = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
         for fact in facts:
             self._take(event.vehicle, fact)

@@ -13,16 +13,22 @@ fact, too, or another would fly there to see it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+import numpy as np
+
+from missions.classes import ClassShare
 from missions.events import FrameSeen, Vote
 from missions.fleet_events import Fact
 from missions.mapping.belief import Belief, FrameId
+from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell
 
 PASSED_S: Final = 4.0
 """What no frame has shown for so long the vehicle has passed."""
+_TENTHS: Final = 10
 
 
 @dataclass(slots=True)
@@ -34,11 +40,14 @@ class OwnCells:
     >>> [own.take(FrameSeen(1, t / 5, None, seen)) for t in range(5)]
     [[], [], [], [], []]
     >>> own.passed(1.2)
-    [Fact(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False, seen=False)]
+    [Fact(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False, seen=False, classes=())]
     """
 
     low: Belief
     high: Belief
+    explored: tuple[int, ...] = ()
+    """Numbers of the classes that are explored; none where the detector knows the region only."""
+    _sums: FrameSums = field(default_factory=FrameSums)
     _second: int = 0
     _decided: dict[bool, dict[Cell, bool]] = field(default_factory=dict)
     """In the second that is not over: by whether from a search's height."""
@@ -56,6 +65,8 @@ class OwnCells:
         if event.vantage is not None:
             raise ValueError("a frame from a vantage is no fact of a fleet")
         facts = self.passed(event.t_s)
+        if self.explored:
+            self._sums.note(event)
         overview = bool(event.overview)
         before = self.high if overview else self.low
         said = {vote.cell: vote.positive for vote in event.votes}
@@ -85,8 +96,9 @@ class OwnCells:
         at_s, self._second = self._second, second
         decided, self._decided = self._decided, {}
         facts = [
-            Fact(float(at_s), tuple(sorted(cells.items())), overview)
+            Fact(float(at_s), tuple(sorted(cells.items())), overview, classes=classes)
             for overview, cells in sorted(decided.items())
+            for classes in [() if overview else self._classes(sorted(cells))]
         ]
         gone = sorted(cell for cell, last_s in self._shown.items() if last_s < second - PASSED_S)
         if gone:
@@ -95,6 +107,16 @@ class OwnCells:
             for cell in gone:
                 del self._shown[cell]
         return facts
+
+    def _classes(self, cells: Sequence[Cell]) -> tuple[ClassShare, ...]:
+        """The mean shares of the explored classes so far, in tenths."""
+        shares = self._sums.shares(np.array(cells, np.int32), self.explored)
+        return tuple(
+            ClassShare(cell, number, tenths / _TENTHS)
+            for number, column in zip(self.explored, shares.T, strict=True)
+            for cell, tenths in zip(cells, np.rint(_TENTHS * column).tolist(), strict=True)
+            if tenths > 0.0
+        )
 
 
 def as_frames(vehicle: int, fact: Fact, frames: int, positive: int) -> list[FrameSeen]:

@@ -1,8 +1,8 @@
 """What members of a fleet send to each other, as bytes: who is where, who knows what, and facts.
 
 A message is one datagram. A fact is the rectangle in which its cells lie, which of them they are,
-and what is decided of each; a batch of facts is deflated. Times are whole milliseconds of mission
-time, places half metres, and those of who maps what 4 m.
+what is decided of each, and their shares of classes, in tenths. A batch of facts is deflated. Times
+are whole milliseconds of mission time, places half metres, and those of who maps what 4 m.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Final, Literal, NamedTuple, get_args
 
+from missions.classes import MOST_NUMBER, ClassShare
 from missions.fleet_events import Fact, Part
 from missions.units import Cell, GridPoint, PadHeight
 from uavmap.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
@@ -24,6 +26,9 @@ PART_M: Final = 4.0
 """Resolution of observation points: a step of up to 250 m is one byte."""
 MOST_BYTES: Final = 1 << 20
 _MOST: Final = 10_000
+_CLASSES: Final = 3
+"""Kind of a fact with classes; 0 to 2: decided, by a search, seen in passing."""
+_TENTHS: Final = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +177,8 @@ def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
         west, south = min(c.east for c in cells), min(c.north for c in cells)
         columns = max(c.east for c in cells) - west + 1
         rows = max(c.north for c in cells) - south + 1
-        out.count(4 * columns + 2 * fact.seen + fact.overview)
+        kind = _CLASSES if fact.classes else 2 * fact.seen + fact.overview
+        out.count(4 * columns + kind)
         out.count(rows)
         out.signed(west - anchor.east)
         out.signed(south - anchor.north)
@@ -181,6 +187,8 @@ def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
         out.flags([cell in says for cell in inside])
         if not fact.seen:
             out.flags([says[cell] for cell in inside if cell in says])
+        if fact.classes:
+            _put_classes(out, fact)
         t_ms, anchor = now_ms, Cell(west, south)
     return out.data
 
@@ -204,11 +212,36 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
         ]
         if t_ms < 0 or not cells:
             raise BytesError("a fact of nothing")
-        seen = bool(kind & 2)
+        seen, overview = kind == 2, kind == 1
         says = [False] * len(cells) if seen else inp.flags(len(cells))
         votes = tuple(sorted(zip(cells, says, strict=True)))
-        facts.append(Fact(t_ms / 1000, votes, bool(kind & 1), seen))
+        classes = _classes(inp, sorted(cells)) if kind == _CLASSES else ()
+        facts.append(Fact(t_ms / 1000, votes, overview, seen, classes))
     return tuple(facts)
+
+
+def _put_classes(out: Writer, fact: Fact) -> None:
+    """Write of each class its number, the cells with a share of it, and the shares; then 0."""
+    cells = sorted(cell for cell, _ in fact.votes)
+    for number, some in groupby(fact.classes, key=lambda one: one.number):
+        tenths = {one.cell: round(_TENTHS * one.share) for one in some}
+        out.count(number)
+        out.flags([cell in tenths for cell in cells])
+        for cell in sorted(tenths):
+            out.count(tenths[cell])
+    out.count(0)
+
+
+def _classes(inp: Reader, cells: Sequence[Cell]) -> tuple[ClassShare, ...]:
+    found: list[ClassShare] = []
+    while number := inp.count():
+        there = [cell for cell, is_of in zip(cells, inp.flags(len(cells)), strict=True) if is_of]
+        found += [ClassShare(cell, number, inp.count() / _TENTHS) for cell in there]
+        if number > MOST_NUMBER or not there or any(one.share > 1.0 for one in found):
+            raise BytesError("no class has such shares")
+    if not found:
+        raise BytesError("classes of nothing")
+    return tuple(found)
 
 
 def _put_presence(out: Writer, presence: Presence) -> None:

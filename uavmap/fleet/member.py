@@ -92,7 +92,7 @@ class Member:
         self._log = messages.bound("uavmap.fleet")
         self._number = seal.member
         none = Belief(setting.mission.votes.frames, setting.mission.votes.positive)
-        self._own = OwnCells(none, none)
+        self._own = OwnCells(none, none, setting.mission.detector.explored)
         """Not of the state, whose map counts what others have decided as votes, too."""
         self.knowledge = Knowledge()
         self.peers: dict[int, Peer] = {}

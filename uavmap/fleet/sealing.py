@@ -173,4 +173,6 @@ def meaning_of(mission: Mission) -> bytes:
     told = mission.model_dump(mode="json", include=set(_MEANING), warnings=False)
     told["pads"] = [vehicle.home for vehicle in mission.vehicles]
     told["pad heights"] = home_heights_m(mission)
+    if (classes := mission.detector.classes) is not None:  # facts have shares of them
+        told["classes"] = [classes.names, classes.explored]
     return blake2s(json.dumps(told, sort_keys=True).encode()).digest()

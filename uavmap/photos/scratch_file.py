@@ -13,8 +13,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.classes import ClassShare
 from missions.errors import OutputError
-from missions.events import ClassShare
 from missions.units import Cell
 from vision.registration.views import Features
 

@@ -176,8 +176,8 @@ def _share_lanes(state: State, event: Heard) -> State:
 
 def facts_of(setting: Setting) -> Facts:
     """Return an empty collection of facts, for the events of a journal."""
-    votes = setting.mission.votes
-    return Facts(Belief(votes.frames, votes.positive), setting.in_box)
+    votes, explored = setting.mission.votes, setting.mission.detector.explored
+    return Facts(Belief(votes.frames, votes.positive), setting.in_box, explored)
 
 
 def with_map(state: State, facts: Facts) -> State:

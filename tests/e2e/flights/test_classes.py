@@ -59,3 +59,28 @@ def test_slick_flown_areas_and_litres_of_each_appearance_hold_the_true_ones(
     report = (folder / "report.html").read_text()
     assert all(f"<td>{name}</td>" in report for name in names)
     assert "litres or more" in report
+
+
+def test_slick_flown_by_a_fleet_has_in_each_map_the_classes_of_all(tmp_path: Path) -> None:
+    """Of two services each maps a part, and hears of the other's."""
+    out = tmp_path / "fleet"
+    done = uavmap(
+        "fly", "slick", "--sim", "--vehicles", 2, "--comms", "free", "--json", "--out", out
+    )
+    assert done.code == 0, done.err
+    whole = flown_of(out)
+    for area, truth in zip(whole.data.class_areas, truths(out), strict=True):
+        overlap = area.outline.intersection(truth).area / area.outline.union(truth).area
+        assert overlap > LEAST_IOU, (area.name, overlap)
+    minutes = (done.summary["makespan_s"] + 20.0) / 60.0
+    for number, sent in done.summary["bytes_on_air"].items():
+        assert sent < 5_000 * minutes
+        of_all, own = whole.data, flown_of(out / f"vehicle-{number}").data
+        assert own.roi_cells == of_all.roi_cells
+        classes = [dict(zip(map(tuple, data.cells.cells.tolist()), data.cells.classes.tolist(),
+                            strict=True)) for data in (own, of_all)]  # fmt: skip
+        alike = [classes[0][cell] == classes[1][cell] for cell in own.roi_cells]
+        assert sum(alike) > 0.9 * len(alike)
+        for mine, theirs in zip(own.class_areas, of_all.class_areas, strict=True):
+            assert abs(mine.low_m2 - theirs.low_m2) < 0.15 * theirs.area_m2, mine.name
+            assert abs(mine.high_m2 - theirs.high_m2) < 0.15 * theirs.area_m2, mine.name

@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions import events
+from missions.classes import ClassShare
 from missions.errors import EventError, UavmapError
 from missions.events import (
     Airborne,
-    ClassShare,
     Event,
     FrameLost,
     FrameSeen,

@@ -10,8 +10,9 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.classes import ClassShare
 from missions.errors import ImageError
-from missions.events import ClassShare, FrameLost, FrameSeen, Vote
+from missions.events import FrameLost, FrameSeen, Vote
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.mission.schema import Mission

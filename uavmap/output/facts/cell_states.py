@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+import numpy as np
+
 from missions.events import Event, FrameSeen, Weighed
+from missions.fleet_events import Shared
 from missions.flight.state import Setting, State
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
@@ -21,6 +24,7 @@ class CellStates:
 
     def __init__(self, setting: Setting, *, recorded: bool, weighed: bool = False) -> None:
         self._share = setting.mission.detector.share
+        self._explored = setting.mission.detector.explored
         self._recorded = recorded
         self._evidence = Evidence() if weighed else None
         self._frame: FrameSeen | None = None
@@ -32,6 +36,9 @@ class CellStates:
             self._frame = event
             self.sums.note(event)
             return [] if self._evidence is not None else [vote.cell for vote in event.votes]
+        if isinstance(event, Shared):
+            self.sums.note(event)
+            return [cell for fact in event.frames if not fact.seen for cell, _ in fact.votes]
         if isinstance(event, Weighed) and self._evidence is not None and self._frame is not None:
             self._evidence.add(self._frame.votes, event.weights)
             return [vote.cell for vote in self._frame.votes]
@@ -40,6 +47,13 @@ class CellStates:
     def weighed_cells(self) -> Collection[Cell]:
         """Return all cells that are weighed: each belief depends on the whole set."""
         return [] if self._evidence is None else self._evidence.cells()
+
+    def classes_of(self, cells: Sequence[Cell]) -> dict[Cell, int]:
+        """Return the class of each of some cells, by its number; 0: of none."""
+        if not self._explored or not cells:
+            return {}
+        found = self.sums.classes(np.array(cells, np.int32), self._explored)
+        return dict(zip(cells, found.tolist(), strict=True))
 
     def state_of(self, cell: Cell, state: State) -> CellState:
         """Return the state of a cell; `state` is that of the mission."""

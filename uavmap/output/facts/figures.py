@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from missions.events import Event, FrameSeen
+from missions.fleet_events import Shared
 from missions.flight.state import Setting, State
 from missions.flight.step import step
 from missions.flight.strategy.charting import kinematics
@@ -50,7 +51,7 @@ class Figures:
     shares: Shares = field(default_factory=Shares, compare=False, repr=False)
     """The votes of the journal's frames, by which the drift of patches is measured."""
     sums: FrameSums = field(default_factory=FrameSums, compare=False, repr=False)
-    """What its frames saw of each cell: unsure, and of which class."""
+    """What its frames, and those of other members, saw of each cell: unsure, and which class."""
     fit: DetectorFit = field(default_factory=DetectorFit, compare=False, repr=False)
     passing: Sequence[FrameSeen] = field(default=(), compare=False, repr=False)
     """The frames that were taken in passing, by which the rim is judged."""
@@ -88,9 +89,10 @@ class FlightRecord:
         self._counter.before(event, self._state)
         self._counter.after(event)
         self._log.note(event)
+        if isinstance(event, FrameSeen | Shared):
+            self._sums.note(event)
         if isinstance(event, FrameSeen):
             self._shares.note(event)
-            self._sums.note(event)
             self._fit.note(event)
             if is_in_passing(event):
                 self._passing.append(event)

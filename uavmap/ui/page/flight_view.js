@@ -135,6 +135,10 @@ export default {
       const rows = [["mission time", clock(f.t_s)], ["phase", f.phase]];
       if (f.known) rows.push(["map", f.known]);
       rows.push(["region", f.roi + " cells decided"]);
+      this.scene.classes.forEach((name, i) => {
+        const area_m2 = (f.class_areas_m2 || [])[i];
+        if (area_m2) rows.push(["of it " + name, Math.round(area_m2) + " m²"]);
+      });
       if (f.frames)
         rows.push(["pictures judged", f.frames[0] + (f.frames[1] ? ", " + f.frames[1] + " lost" : "")]);
       const c = f.certificate;

@@ -188,7 +188,7 @@ def _tiles(
 
 
 STATES: Final[tuple[State, ...]] = tuple(palette.STATES)
-"""The states of a cell; a board has their index."""
+"""The states of a cell; a board has their index. Classes of the region follow them."""
 
 
 def scene_of(
@@ -215,6 +215,15 @@ def scene_of(
     rings = (mission.search.box, mission.fence.polygon, *mission.fence.holes)
     box, fence, *holes = (ring(positions(one)) if drawn else [] for one in rings)
     names = palette.RECORDED_NAMES if recorded else palette.STATE_NAMES
+    detector = mission.detector
+    classes = (
+        []
+        if detector.classes is None
+        else [
+            [detector.classes.names[number], palette.css(palette.class_colour(number))]
+            for number in detector.explored
+        ]
+    )
     return {
         "mission": mission.name,
         "strategy": "recorded pictures" if recorded else mission.strategy,
@@ -228,7 +237,11 @@ def scene_of(
         "box": box,
         "fence": fence,
         "holes": holes,
-        "states": [[names[state], palette.css(palette.STATES[state])] for state in STATES],
+        "states": [
+            *([names[state], palette.css(palette.STATES[state])] for state in STATES),
+            *classes,
+        ],
+        "classes": [name for name, _ in classes],
         "lines": {
             key: {"name": name, "colour": palette.css(style.colour), "dash": style.dash_px}
             for key, (name, style) in palette.LINES.items()

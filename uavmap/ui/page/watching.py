@@ -16,6 +16,7 @@ from typing import Any, Final
 from shapely.geometry import LineString, Point
 
 from missions import events as ev
+from missions.fleet_events import Shared
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.geo.trajectory import Piece, Trajectory
@@ -27,6 +28,7 @@ from uavmap.output.facts.cell_states import CellStates
 from uavmap.output.facts.detector_fit import DetectorFit, no_verdict
 from uavmap.output.facts.figures import figures_of, finding
 from uavmap.output.facts.flight_log import LIFT_OFF_M, Counter
+from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.runner.operator.progress import cells_known, doing, phase, remarkable
 from uavmap.runner.operator.time_left import time_left
 from uavmap.ui.page.board import Board
@@ -79,6 +81,12 @@ class Watcher:
         self._counter = Counter(state.vehicles)
         self._ahead = Ahead(state.setting)
         self._marked: dict[Cell, None] = {}
+        explored = state.setting.mission.detector.explored
+        self._class_codes = {number: len(STATES) + k for k, number in enumerate(explored)}
+        self._classes: dict[Cell, int] = {}
+        """The class of each cell that frames of its own, or of other members, show."""
+        self._counts = dict.fromkeys(self._class_codes.values(), 0)
+        """How many cells on the board are of each class, by its code."""
         self._waiting: deque[Cell] = deque()
         """Cells of the tree that are still to be visited."""
         self._tree: Tree | None = None
@@ -105,6 +113,8 @@ class Watcher:
             self._lost += 1
         elif isinstance(event, ev.Tracked | ev.Connected):
             self._track(event)
+        elif isinstance(event, Shared):
+            self._mark(judged)
         self._tell(event, state)
 
     def _mark(self, voted: Iterable[Cell]) -> None:
@@ -149,6 +159,8 @@ class Watcher:
     def refresh(self, *, whole: bool = False) -> bool:
         """Update the board; return whether anything changed. `whole`: visit every cell."""
         tree = self.state.tree
+        cells = self._cells.weighed_cells() if whole else ()
+        self._classes.update(self._cells.classes_of([*self._marked, *cells]))
         for cell in self._marked:
             at: Cell | None = cell
             while at is not None and self._show(at):  # what is found below changes those above
@@ -159,7 +171,7 @@ class Watcher:
             self._waiting.extend(tree.vertices)
         if whole and tree is not None:
             self._tree, self._waiting = tree, deque(tree.vertices)
-        if whole and (cells := self._cells.weighed_cells()):
+        if cells:
             self._waiting = deque(cells)
         for _ in range(len(self._waiting) if whole else min(MOST_CELLS, len(self._waiting))):
             self._show(self._waiting.popleft())
@@ -177,10 +189,19 @@ class Watcher:
 
     def _show(self, cell: Cell) -> bool:
         """Put a cell on the board; return whether its state changed."""
-        place, code = (cell.east, cell.north), _CODES[self._cells.state_of(cell, self.state)]
-        changed = self.board.cell(place) != code
+        place, code = (cell.east, cell.north), self._code(cell)
+        before = self.board.cell(place)
         self.board.set_cell(place, code)
-        return changed
+        for one, change in ((before, -1), (code, 1)):
+            if one in self._counts:
+                self._counts[one] += change
+        return before != code
+
+    def _code(self, cell: Cell) -> int:
+        """Return the code of a cell: in the region that of its class, if any; else its state's."""
+        state = self._cells.state_of(cell, self.state)
+        found = self._class_codes.get(self._classes.get(cell, 0), _CODES[state])
+        return _CODES[state] if state in NOT_ROI else found
 
     def _record(self, vehicle: VehicleState) -> dict[str, Any]:
         energy = self.setting.energy
@@ -212,6 +233,10 @@ class Watcher:
             words = f"over, {'no verdict' if self._why_none(state, self._fit) else done}"
         board.set_field("phase", words)
         board.set_field("roi", len(state.belief.roi))
+        if self._counts:
+            cell_m2 = self.setting.grid.cell_m**2
+            areas_m2 = [round(count * cell_m2, 1) for count in self._counts.values()]
+            board.set_field("class_areas_m2", areas_m2)
         if state.tree is not None and state.belief.open_ballots:  # the same count in words
             board.set_field("known", cells_known(state))
         board.set_field("frames", [self._judged, self._lost])

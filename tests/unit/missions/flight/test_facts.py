@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.events import Event, FrameSeen, Vote
+from missions.classes import ClassShare
+from missions.events import Event, FrameSeen, Vote, from_json, to_json
 from missions.fleet_events import Fact, Shared
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting
@@ -65,6 +66,24 @@ def test_facts_are_what_the_frames_of_one_vehicle_decide(
         assert len(told) == len(dict(told))  # each cell once
         for cell in belief.open_ballots:
             assert dict(told).get(cell) == belief.verdict(cell)
+
+
+def test_facts_have_mean_shares_of_explored_classes_in_tenths_and_older_journals_none() -> None:
+    here, beside = Cell(0, 0), Cell(1, 0)
+    shares = [(0.84, 0.0), (0.62, 0.1), (0.7, 0.0)]
+    own, told = OwnCells(Belief(5, 3), Belief(5, 3), (2, 4)), list[Fact]()
+    for k, (two, three) in enumerate(shares):
+        found = (ClassShare(here, 2, two), ClassShare(here, 3, 0.2), ClassShare(beside, 4, three))
+        votes = (Vote(here, True, two), Vote(beside, False, three))
+        told += own.take(FrameSeen(1, k / 4, None, votes, classes=found))
+    told += own.passed(2.0)
+    decided = ((here, True), (beside, False))
+    assert told == [Fact(0.0, decided, classes=(ClassShare(here, 2, 0.7),))]
+    event = Shared(1, 3.0, 0, (told[0], told[0]._replace(classes=())))
+    assert from_json(to_json(event)) == event
+    before = to_json(event).replace(",[]]", "]")  # without the field
+    assert before != to_json(event)
+    assert from_json(before) == event
 
 
 @CHECKED

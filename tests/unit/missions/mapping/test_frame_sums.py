@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.events import ClassShare, FrameSeen, Vote, from_json, to_json
+from missions.classes import ClassShare
+from missions.events import FrameSeen, Vote, from_json, to_json
+from missions.fleet_events import Fact, Shared
 from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell
 
@@ -93,3 +95,16 @@ def test_classes_survive_the_journal_and_a_frame_without_writes_none() -> None:
     told = FrameSeen(1, 2.0, None, (Vote(cell, True, 0.5),), classes=(ClassShare(cell, 4, 0.5),))
     assert from_json(to_json(told)) == told
     assert "classes" not in to_json(frame({cell: False}))
+
+
+def test_fact_of_another_member_counts_as_one_frame_that_knows_its_cells() -> None:
+    here, beside = Cell(0, 0), Cell(1, 0)
+    own = FrameSeen(1, 2.0, None, (Vote(here, True, 1.0),), classes=(ClassShare(here, 1, 0.6),))
+    fact = Fact(3.0, ((here, True), (beside, False)), classes=(ClassShare(here, 3, 0.8),))
+    sums = FrameSums()
+    for event in (own, Shared(2, 4.0, 0, (fact, Fact(3.0, ((beside, False),))))):
+        sums.note(event)
+    cells = np.array([here, beside])
+    assert sums.shares(cells, (1, 3)) == pytest.approx(np.array([[0.3, 0.4], [0.0, 0.0]]))
+    assert sums.classes(cells, (1, 3)).tolist() == [3, 0]
+    assert not len(sums.cells())

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from missions.classes import ClassShare
 from missions.fleet_events import Fact, Part
 from missions.units import Cell, GridPoint, PadHeight
 from uavmap.fleet.bits import BytesError, Reader, Writer, inflated
@@ -40,13 +41,26 @@ decided = st.builds(
     ),
     st.booleans(),
     seen=st.just(value=False),
+    classes=st.just(()),
 )
 shown = st.builds(
     lambda ms, seen: Fact(ms / 1000, tuple((cell, False) for cell in sorted(seen)), seen=True),
     numbers,
     st.sets(cells, min_size=1, max_size=8),
 )
-facts = decided | shown
+
+
+@st.composite
+def of_classes(draw: st.DrawFn) -> Fact:
+    fact = draw(decided)._replace(overview=False)
+    tenths = st.integers(1, 10).map(lambda k: k / 10)
+    places = st.tuples(st.integers(1, 254), st.sampled_from([cell for cell, _ in fact.votes]))
+    shares = draw(st.dictionaries(places, tenths, min_size=1, max_size=6))
+    found = [ClassShare(cell, number, shares[number, cell]) for number, cell in sorted(shares)]
+    return fact._replace(classes=tuple(found))
+
+
+facts = decided | shown | of_classes()
 presences = st.builds(
     Presence,
     st.sampled_from(DOES),

@@ -161,6 +161,11 @@ def test_what_facts_mean_is_in_the_key_and_what_they_do_not_is_not():
     others = [flown(drift_m_s=0.1), flown(frames=7), flown(altitude_m=13.0)]
     assert len({fleet_key(secret, each) for each in (one, *others)}) == 4
     assert fleet_key(bytes(32), one) != fleet_key(secret, one) != secret
+    slick = load("slick")
+    unclassed = slick.detector.model_copy(update={"classes": None})
+    assert fleet_key(secret, slick) != fleet_key(
+        secret, slick.model_copy(update={"detector": unclassed})
+    )
     fleet_key(secret, load("bay"))  # whose search is as high as it may: no warning
 
 

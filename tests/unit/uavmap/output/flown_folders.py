@@ -6,7 +6,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from missions.events import FrameLost, OrderFailed, Told, from_json
+from missions.classes import ClassShare
+from missions.events import FrameLost, FrameSeen, OrderFailed, Told, from_json
 from missions.units import LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
 from tests.support.journals import begun
@@ -23,6 +24,40 @@ EVENTS = [from_json(line) for line in STOPS.lines()]
 """Two sorties with a fresh battery between them, in a simulator."""
 EVIL = '<script>alert("1")</script><img src=x onerror=alert(2)> & \'"'
 SWAPPED_S = 91.0
+
+
+CLASSES = """
+[detector]
+name = "color"
+
+[detector.color.samples]
+"wet & <dry>" = [[9, 9, 9]]
+rest = [[99, 9, 9]]
+
+[detector.classes]
+"wet & <dry>" = {number = 4, thickness_um = [1.0, 2.0]}
+rest = {number = 2}
+"""
+CLASS_NAMES = ("rest", "wet & <dry>")
+
+
+def seen_by_class(event):
+    """An event whose frame sees cells of even columns as one class, and the others as two."""
+    if not isinstance(event, FrameSeen):
+        return event
+    found = []
+    for vote in event.votes:
+        parts = ((4, 1.0),) if vote.cell.east % 2 == 0 else ((2, 0.7), (4, 0.3))
+        found += [
+            ClassShare(vote.cell, number, round(part * vote.share, 3))
+            for number, part in parts
+            if vote.share
+        ]
+    return replace(event, classes=tuple(found) or None)
+
+
+CLASS_PLAN = replace(PLAN, mission=mission_of_text(f"{SOURCE.text}\n{CLASSES}", "classes.toml"))
+CLASS_EVENTS = [seen_by_class(event) for event in EVENTS]
 
 
 def folder_of(tmp, events=EVENTS, plan=PLAN, **meta):

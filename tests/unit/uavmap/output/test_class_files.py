@@ -6,57 +6,28 @@ import csv
 import io
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import fastkml
 import pyogrio
 import pytest
 
-from missions.events import ClassShare, Event, FrameSeen
-from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, SOURCE, folder_of
-from uavmap.load.mission_source import mission_of_text
+from tests.unit.uavmap.output.flown_folders import (
+    CLASS_EVENTS,
+    CLASS_NAMES,
+    CLASS_PLAN,
+    folder_of,
+)
 from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.palette import class_colour
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.results import flown_of
 from uavmap.ui.cli import main
 
-CLASSES = """
-[detector]
-name = "color"
-
-[detector.color.samples]
-"wet & <dry>" = [[9, 9, 9]]
-rest = [[99, 9, 9]]
-
-[detector.classes]
-"wet & <dry>" = {number = 4, thickness_um = [1.0, 2.0]}
-rest = {number = 2}
-"""
-NAMES = ("rest", "wet & <dry>")
-
-
-def told(event: Event) -> Event:
-    """An event whose frame sees cells of even columns as one class, and the others as two."""
-    if not isinstance(event, FrameSeen):
-        return event
-    found = list[ClassShare]()
-    for vote in event.votes:
-        parts = ((4, 1.0),) if vote.cell.east % 2 == 0 else ((2, 0.7), (4, 0.3))
-        found += [
-            ClassShare(vote.cell, number, round(part * vote.share, 3))
-            for number, part in parts
-            if vote.share
-        ]
-    return replace(event, classes=tuple(found) or None)
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    text = f"{SOURCE.text}\n{CLASSES}"
-    plan = replace(PLAN, mission=mission_of_text(text, "classes.toml"))
-    return folder_of(tmp_path_factory.mktemp("classes"), list(map(told, EVENTS)), plan)
+    return folder_of(tmp_path_factory.mktemp("classes"), CLASS_EVENTS, CLASS_PLAN)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +47,7 @@ def export(folder: Path, tmp_path: Path) -> Callable[[str], Path]:
 
 def test_cells_of_the_region_are_of_the_class_that_frames_saw_most_of(flown: Flown) -> None:
     rest, wet = flown.data.class_areas
-    assert (rest.name, wet.name) == NAMES
+    assert (rest.name, wet.name) == CLASS_NAMES
     assert {cell.east % 2 for cell in rest.cells} == {1}
     assert {cell.east % 2 for cell in wet.cells} == {0}
     assert {*rest.cells, *wet.cells} == set(flown.data.roi_cells)
@@ -99,7 +70,7 @@ def test_legend_and_report_have_each_class(flown: Flown, folder: Path) -> None:
 
 def test_geojson_has_a_feature_for_each_class(export: Callable[[str], Path], flown: Flown) -> None:
     found = json.loads((export("geojson") / "classes.geojson").read_text("utf-8"))["features"]
-    assert [one["properties"]["name"] for one in found] == list(NAMES)
+    assert [one["properties"]["name"] for one in found] == list(CLASS_NAMES)
     areas = [one["properties"]["area_m2"] for one in found]
     assert areas == [one.area_m2 for one in flown.data.class_areas]
 
@@ -122,5 +93,5 @@ def test_kml_has_a_folder_of_classes(export: Callable[[str], Path], folder: Path
 
 def test_table_of_cells_has_their_class(export: Callable[[str], Path], flown: Flown) -> None:
     rows = list(csv.DictReader(io.StringIO((export("csv") / "cells.csv").read_text("utf-8"))))
-    counts = [sum(row["class"] == name for row in rows) for name in NAMES]
+    counts = [sum(row["class"] == name for row in rows) for name in CLASS_NAMES]
     assert counts == [len(one.cells) for one in flown.data.class_areas]

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from missions.classes import ClassShare
 from missions.errors import JournalError
 from missions.events import FrameSeen, LiftedOff, Tracked, Vote
 from missions.fleet_events import Fact, Shared
@@ -12,11 +13,12 @@ from missions.units import Cell, GridPoint
 from tests.support.journals import begun
 from tests.support.plans import plan_of
 from tests.support.small_missions import mission_text, square
-from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, folder_of
+from tests.unit.uavmap.output.flown_folders import CLASSES, EVENTS, PLAN, folder_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.output.facts.figures import figures
 from uavmap.output.merging import merged_results
+from uavmap.output.results import flown_of
 from uavmap.ui.cli import main
 
 BOX, FENCE = square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0)
@@ -97,6 +99,26 @@ def test_flights_of_a_strategy_that_looks_make_one_map(tmp_path, capsys):
 def test_of_a_lost_vehicle_counts_what_others_have_heard(pair, tmp_path):
     assert merged_results(pair[:1], tmp_path / "a", print)["cells_roi"] == 2
     assert merged_results(pair[1:], tmp_path / "b", print)["cells_roi"] == 1
+
+
+def test_map_has_the_classes_of_what_others_have_seen(tmp_path):
+    of_classes = plan(TEXT + CLASSES)
+    heard = told(2)
+    (fact,) = heard.frames
+    classes = (ClassShare(CELLS[2], 2, 0.3), ClassShare(CELLS[2], 4, 0.6))
+    heard = replace(heard, frames=(fact._replace(classes=classes),))
+    seen = [
+        replace(event, classes=(ClassShare(CELLS[1], 2, 0.9),)) if event.kind == "frame_seen"
+        else event
+        for event in votes(1)
+    ]  # fmt: skip
+    folder = written(tmp_path / "one", of_classes, [*seen, heard])
+    merged_results([folder], tmp_path / "all", print)
+    for flown in (flown_of(folder), flown_of(tmp_path / "all")):
+        rest, wet = flown.data.class_areas
+        assert (rest.cells, wet.cells) == ((CELLS[1],), (CELLS[2],))
+        assert rest.high_m2 == pytest.approx(1.3 * 16.0)
+        assert wet.low_m2 == pytest.approx(0.3 * 16.0)  # half of what was seen: it is all rim
 
 
 def test_the_good_beginning_of_a_damaged_journal_counts(pair, tmp_path):

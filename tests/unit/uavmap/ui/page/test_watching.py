@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 from shapely.geometry import LineString, Point
 
+from missions.classes import ClassShare
 from missions.events import Tracked, from_json
+from missions.fleet_events import Fact, Shared
+from missions.flight.setting_of import setting_of
 from missions.flight.step import step
 from missions.flight.vehicle_state import Phase
 from missions.orders import FlyPath, FlyTo, Sweep
+from missions.units import Cell
 from tests.golden.recording import PASSES, SPILL, STOPS
+from tests.support.small_missions import mission_text, square
+from tests.unit.uavmap.output.flown_folders import CLASS_EVENTS, CLASS_NAMES, CLASS_PLAN, CLASSES
+from uavmap.load.mission_source import mission_of_text
+from uavmap.output.drawing import palette
 from uavmap.output.facts.figures import figures
 from uavmap.output.results import map_data
 from uavmap.ui.page import watching
@@ -46,6 +54,46 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch):
     assert vehicle["sorties"] == found.sorties
     assert vehicle["landed"]
     assert any("has taken off" in text for *_, text in copy.since(0)["log"])
+
+
+def test_board_of_classes_has_the_cells_the_legend_and_the_areas_of_its_map():
+    setting = CLASS_PLAN.known_setting()
+    state, copy = setting.initial_state(), Board()
+    watcher = Watcher(state, now_s=lambda: 0.0)
+    for event in CLASS_EVENTS:
+        state, _ = step(state, event)
+        watcher.take_in(event, state)
+        if watcher.refresh():
+            copy.apply(json.loads(json.dumps(watcher.board.since(copy.version))))
+    watcher.refresh(whole=True)
+    copy.apply(watcher.board.since(copy.version))
+    found = map_data(*figures(setting, CLASS_EVENTS), None).class_areas
+    scene = scene_of(setting)
+    legend = [name for name, _ in scene["states"]]
+    for one in found:
+        shown = {Cell(*cell) for cell, code in copy.cells.items() if legend[code] == one.name}
+        assert shown == set(one.cells)
+        assert [one.name, palette.css(palette.class_colour(one.number))] in scene["states"]
+    assert scene["classes"] == [one.name for one in found] == list(CLASS_NAMES)
+    assert copy.field("class_areas_m2") == [one.area_m2 for one in found]
+    assert "explored" not in {legend[code] for code in copy.cells.values()}
+
+
+def test_board_of_a_member_has_the_cells_of_another_by_class():
+    text = mission_text(
+        square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0), vehicles=2,
+        homes=[(0.0, 0.0), (16.0, 0.0)], strategy="swath",
+    )  # fmt: skip
+    setting = setting_of(mission_of_text(text + CLASSES, "test"), 1)
+    there, beside = Cell(2, 4), Cell(3, 4)
+    classes = (ClassShare(there, 2, 0.3), ClassShare(there, 4, 0.6), ClassShare(beside, 2, 0.2))
+    event = Shared(2, 30.0, 0, (Fact(20.0, ((there, True), (beside, False)), classes=classes),))
+    watcher = Watcher(setting.initial_state(), now_s=lambda: 0.0)
+    watcher.take_in(event, step(setting.initial_state(), event)[0])
+    watcher.refresh()
+    names = [name for name, _ in scene_of(setting)["states"]]
+    shown = {cell: names[code] for cell, code in watcher.board.cells.items()}
+    assert shown == {there: "wet & <dry>", beside: "not region"}
 
 
 def test_the_figures_of_a_flight_without_stopping_agree_at_any_time():
