@@ -289,9 +289,10 @@ class Belief:
     def with_verdicts(self, verdicts: Mapping[Cell, bool]) -> Belief:
         """Return this belief with verdicts that hold whatever ballots say: of a finished map."""
         region = [cell for cell, is_region in verdicts.items() if is_region]
-        return replace(
-            self, roi=self.roi.added(region), _verdicts=self._verdicts.updated(dict(verdicts))
-        )
+        roi = self.roi.added(region)
+        if none := {cell for cell, is_region in verdicts.items() if not is_region and cell in roi}:
+            roi = roi.without(none)
+        return replace(self, roi=roi, _verdicts=self._verdicts.updated(dict(verdicts)))
 
     def _ballot(self, cell: Cell, vantage: Vantage) -> Ballot:
         at_vantage = self._ballots.get(vantage)

@@ -7,6 +7,11 @@ outlines, is observed from below. If each vote is wrong with probability e, inde
 others, three of five are with 10 e^3 at most: a patch or a hole of a single cell is taken for plain
 ground so often, which is the chance of any verdict. Amid nine cells that are alike in truth, all
 nine have to be wrong at once.
+
+An error of the heading moves them alike: one of 5 degrees moves an outline 60 m away by 5 m, so
+that it lies in plain ground. From the height of the map the same error moves it by 1 m. So when a
+flight is over, the frames from below that show a plain cell decide on it in place of those from
+on high (`from_below`).
 """
 
 from __future__ import annotations
@@ -14,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Collection, Container, Mapping
 
 from missions.mapping.belief import Belief, FrameId
+from missions.mapping.persistent import PersistentMap
 from missions.units import Cell
 
 
@@ -37,6 +43,36 @@ def with_plain(
             for frame, vote in ballots[cell]:
                 found.setdefault(frame, {})[cell] = vote
     return belief.with_frames(None, dict(sorted(found.items()))) if found else belief
+
+
+def from_below(belief: Belief, overview: Belief) -> dict[Cell, bool]:
+    """Return the verdicts of frames from below on plain cells, where they differ from `belief`.
+
+    A cell is added to the region only if the four cells beside it are decided: it is as explored
+    as without.
+
+    Args:
+        belief: What all votes have decided, with those on plain cells.
+        overview: What frames from the height of a search have decided.
+    """
+    high = overview.looks.get(None, PersistentMap()).as_dict()
+    ballots = belief.open_ballots.items()
+    plain = {cell for cell, votes in ballots if any(frame in high for frame, _ in votes)}
+    below = Belief(belief.frames, belief.positive)
+    if plain:
+        low = {
+            frame: {cell: says for cell, says in seen.items() if cell in plain}
+            for frame, seen in belief.looks[None].items()
+            if frame not in high
+        }
+        below = below.with_frames(None, low)
+    found: dict[Cell, bool] = {}
+    for cell, verdict in sorted(below.verdicts.items()):
+        if verdict is None or verdict is belief.verdict(cell):
+            continue
+        if not verdict or not belief.undecided(cell.neighbours()):
+            found[cell] = verdict
+    return found
 
 
 def _is_plain(verdicts: Mapping[Cell, bool | None], box: Container[Cell], cell: Cell) -> bool:

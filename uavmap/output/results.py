@@ -17,6 +17,7 @@ from missions.events import Event, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.state import Setting, State
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
+from missions.mapping.overview import from_below
 from missions.mapping.rim_cells import rim_verdicts
 from missions.mission.schema import positions
 from missions.mission.views import rim_share
@@ -51,13 +52,14 @@ def flown_flight(
     """Return what the results of a flight show, and its last state.
 
     `known` is what `figures` returns, `simulated` what the simulator watched. The map has cells at
-    the rim that no vote elected.
+    the rim that no vote elected, and goes by frames from below where those from on high differ.
     """
     state, found = known
     setting = state.setting
     if not setting.team.shares_facts:  # facts are votes, without the shares of cells
-        rim = rim_verdicts(found.passing, state.belief, rim_share(setting.mission))
-        state = replace(state, belief=state.belief.with_verdicts(rim))
+        belief = state.belief.with_verdicts(from_below(state.belief, state.overview))
+        rim = rim_verdicts(found.passing, belief, rim_share(setting.mission))
+        state = replace(state, belief=belief.with_verdicts(rim))
     truth = None
     if plan.simulated and setting.mission.sim.roi:
         truth = true_roi(setting.mission, setting.grid)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,7 +13,7 @@ from missions.flight.step import assign
 from missions.flight.strategy.every_patch import ALL
 from missions.flight.vehicle_state import Phase
 from missions.mapping.belief import Belief, FrameId
-from missions.mapping.overview import with_plain
+from missions.mapping.overview import from_below, with_plain
 from missions.orders import TakeOff
 from missions.units import Cell
 from uavmap.load.mission_source import load
@@ -41,6 +42,37 @@ def test_what_lies_along_an_outline_is_left_to_be_looked_at_from_below() -> None
         cell for cell in BOX if cell.east >= 4
     }
     assert not seen(2, region).open_ballots
+
+
+def seen_from_below(belief: Belief, frames: int, region: frozenset[Cell]) -> Belief:
+    """What is decided after so many frames from below of the whole box."""
+    votes = {cell: cell in region for cell in sorted(BOX)}
+    return belief.with_frames(None, {FrameId(1, 10.0 + t): votes for t in range(frames)})
+
+
+def west_of(east: int) -> frozenset[Cell]:
+    return frozenset(cell for cell in BOX if cell.east < east)
+
+
+@pytest.mark.parametrize(("high", "column", "says"), [(5, 3, False), (1, 2, True)])
+def test_plain_cells_go_by_frames_from_below_where_these_decide_otherwise(
+    high: int, column: int, says: bool
+) -> None:
+    plain = seen(3, west_of(high))  # by an outline that lies two cells beside the true one
+    belief = seen_from_below(plain, 5, west_of(3))
+    # at the rim of the box a neighbour is undecided
+    wrong = {Cell(column, north): says for north in (1, 2, 3)}
+    assert all(belief.verdict(cell) is not says for cell in wrong)
+    found = from_below(belief, plain)
+    assert found == wrong
+    corrected = belief.with_verdicts(found)
+    assert all(corrected.verdict(cell) is says for cell in wrong)
+    assert all((cell in corrected.roi) is says for cell in wrong)
+
+
+def test_plain_cells_stay_so_while_frames_from_below_have_not_decided() -> None:
+    plain = seen(3, west_of(5))
+    assert from_below(seen_from_below(plain, 2, west_of(3)), plain) == {}
 
 
 @settings(max_examples=40)
