@@ -23,6 +23,8 @@ _CAMERA: Final = _OTHER | {Sender.CAMERA}
 PREARM_BIT: Final = 0x10000000
 LANDED_STATE_S: Final = 5.0
 """Maximum age of a landed state; after it armed and height decide, s."""
+HOME_MOVES_M: Final = 3.0
+"""Height above home below which a PX4 that stands is taken to stand at home's height, m."""
 CLOCKS_APART_S: Final = 2.0
 """An attitude whose time differs by more from that of the position is by another clock, s."""
 CAMERA_SILENT_S: Final = 10.0
@@ -122,7 +124,7 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
     if now_s - view.landed_state_s > LANDED_STATE_S:
         view.landed_state = mav.MAV_LANDED_STATE_UNDEFINED
     if not (view.home_is_kept and view.position is not None):
-        view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
+        view.home_amsl_m = _home_amsl_m(view, message)
     view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
     view.follow_leap(view.told, message.time_boot_ms / 1000.0, now_s)
     view.position = view.corrected(view.told)
@@ -132,6 +134,19 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     boot_s = message.time_boot_ms / 1000.0
     view.whereabouts.take(Fix(boot_s, view.told, view.height_m, view.velocity_ned_m_s))
+
+
+def _home_amsl_m(view: VehicleView, message: Message) -> float:
+    """Return the height of home above the sea, m.
+
+    A PX4 takes off above where it stands. The home that it reports moves by up to 1.5 m from one
+    message to the next for minutes after a take-off, on the ground too; its own height does not.
+    """
+    above_home_m = message.relative_alt / 1000.0
+    stands = view.landed_state == mav.MAV_LANDED_STATE_ON_GROUND
+    if view.kind.amsl and stands and abs(above_home_m) < HOME_MOVES_M:
+        above_home_m = 0.0
+    return float(message.alt / 1000.0 - above_home_m)
 
 
 def _attitude(view: VehicleView, message: Message, now_s: float, component: int) -> None:

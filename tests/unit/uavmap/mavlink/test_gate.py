@@ -188,6 +188,21 @@ def test_home_height_of_px4_in_air_is_known_in_any_order(order):
     assert (vehicle.view.home_amsl_m, vehicle.view.height_m) == (536.0, 12.0)
 
 
+def test_home_height_of_px4_that_stands_is_the_height_at_which_it_stands():
+    """On the ground between two flights a PX4 1.17 moved its home by 1.4 m from one message to the
+    next, its own height by 0.1 m; then it flew 1.5 m lower than it was asked to.
+    """
+    vehicle = Vehicle(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4))
+    vehicle.hear(mav.MAVLink_extended_sys_state_message(0, mav.MAV_LANDED_STATE_ON_GROUND), 1.0)
+    for second, above_home_m in enumerate((0.8, -0.6, 1.4), start=1):
+        vehicle.hear(position(t_s=second, up_m=above_home_m, amsl_m=536.1), float(second))
+        assert vehicle.view.home_amsl_m == pytest.approx(536.1)
+        assert vehicle.view.height_m == pytest.approx(0.0)
+    # on a slope below its home it does not stand at home's height
+    vehicle.hear(position(t_s=4.0, up_m=-9.0, amsl_m=527.1), 4.0)
+    assert vehicle.view.home_amsl_m == pytest.approx(536.1)
+
+
 # --- the battery -----------------------------------------------------------------------------
 @pytest.mark.parametrize(
     "told",
