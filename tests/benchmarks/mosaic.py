@@ -35,7 +35,7 @@ from uavmap.output.drawing.mosaic_file import Ground
 from uavmap.output.results import flown_of
 from uavmap.runner.operator.flight_mosaic import FlightMosaic
 from uavmap.runner.vehicles import judge_of
-from vision.mosaic import Mosaic
+from vision.growing_mosaic import GrowingMosaic
 
 PICTURES = 200
 STEP_M = 4.0
@@ -96,9 +96,12 @@ def seams(seeds: list[int]) -> None:
     print(head("flight", "seed", "seams, m", "below 0.5 m", "off the true ground, m"))
     for strategy in ("swath", "survey"):
         for seed in seeds:
-            for name, how in (("", Mosaic.aligned), (", as the poses say", lambda _, o, *__: o)):
+            for name, how in (
+                ("", GrowingMosaic.aligned),
+                (", as the poses say", lambda _, o, *__: o),
+            ):
                 with (
-                    mock.patch.object(Mosaic, "aligned", how),
+                    mock.patch.object(GrowingMosaic, "aligned", how),
                     flown("runway", strategy=strategy, seed=seed) as (_, folder),
                 ):
                     setting = flown_of(folder).setting

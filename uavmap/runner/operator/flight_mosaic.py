@@ -22,7 +22,8 @@ from uavmap.journal.kept_frames import ROOM_MIB, KeptFrame
 from uavmap.output.drawing.mosaic_file import MOSAIC, Ground, raster_of, write_mosaic
 from uavmap.runner.operator.company import Onlooker
 from vision.camera import Camera
-from vision.mosaic import Mosaic, Part, laid, shrunk
+from vision.growing_mosaic import GrowingMosaic
+from vision.mosaic import Part, laid, shrunk
 from vision.raster import Overlay, Raster, framed
 
 NEAR: Final = 0.2
@@ -50,7 +51,7 @@ class FlightMosaic(Onlooker):
         self._folder, self._setting, self._waits = folder, setting, waits
         self._log = messages.bound("uavmap.flight")
         self._raster = raster_of(setting)
-        self._mosaic: Mosaic | None = None
+        self._mosaic: GrowingMosaic | None = None
         self._room = threading.BoundedSemaphore(WAITING)
         self._worker = ThreadPoolExecutor(1, "mosaic")
         self._last: dict[int, tuple[GridPoint, float]] = {}
@@ -108,8 +109,11 @@ class FlightMosaic(Onlooker):
             there = ground.image[..., 3] > 0
             weight = np.where(there, np.float32(_BEFORE), np.float32(0.0))
             colours = np.ascontiguousarray(ground.image[..., 2::-1])
-            self._mosaic = Mosaic(raster.whole)
+            self._mosaic = self._new(raster)
             self._mosaic.add(Part(raster.whole, colours, weight))
+
+    def _new(self, raster: Raster) -> GrowingMosaic:
+        return GrowingMosaic(raster.whole, len(self._setting.mission.vehicles))
 
     def _lay(self, raster: Raster, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         setting, height_m = self._setting, frame.pose.height_m
@@ -120,7 +124,7 @@ class FlightMosaic(Onlooker):
         if bounds is None:
             return
         small = framed(shrunk(image, raster.pitch_m / camera.gsd_m(height_m)))
-        self._mosaic = self._mosaic or Mosaic(raster.whole)
+        self._mosaic = self._mosaic or self._new(raster)
         times = setting.mission.altitude_m(0) / height_m
         window = raster.around(*bounds)
         if not window.is_empty:

@@ -1,0 +1,165 @@
+"""A mosaic that grows in flight: each picture is fitted to what lies there, and then laid.
+
+A picture shows ground of two kinds: that of the pictures just before it, which have its own slow
+error, and that of earlier passes beside it. Both count alike, although it shows much less of the
+latter. So the pictures of a lane move to the lane beside it, a little each.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.mosaic import Colours, Mosaic, Part, laid
+from vision.raster import Floats, Overlay, Raster, Window
+
+SEAM_M: Final = 0.1
+"""Difference to the mosaic, m, that a picture keeps: its pose has something to say, too."""
+PASS: Final = 8
+"""Number of pictures of a vehicle after which one is of an earlier pass."""
+SQUARE: Final = 0.25
+"""Side of a square that is matched, in heights: lanes overlap by a third."""
+LEAST_PX: Final = 16
+LEAST_RESPONSE: Final = 0.3
+"""Of a phase correlation; below it may be chance."""
+LEAST_MATCHES: Final = 3
+"""Number of squares that have to agree."""
+TOLERANCE: Final = 0.06
+"""Maximum disagreement of a square with the others, in heights."""
+STIFF_M: Final = 5.0
+"""Distance, m, from which on a difference turns a picture rather than it moves it."""
+MOST_SHIFT: Final = 0.15
+"""Maximum error of a pose on the ground, in heights."""
+MOST_TURN: Final = 0.1
+"""Maximum error of heading, rad, and of height, as a share."""
+
+Grays = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+Matches = NDArray[np.complex128]
+"""Middles of squares, and by how much a picture is off there: columns + rows times i, (n, 2)."""
+
+
+class GrowingMosaic(Mosaic):
+    """A mosaic into which `vehicles` lay their pictures by turns."""
+
+    def __init__(self, window: Window, vehicles: int = 1) -> None:
+        super().__init__(window)
+        self._before = np.zeros(window.shape, np.float32), np.zeros(window.shape, np.float32)
+        """Sums of gray and of weights over the pictures of earlier passes."""
+        self._recent = deque[list[Part]]()
+        self._count = PASS * vehicles
+
+    def add(self, part: Part) -> None:
+        """Add a part of the picture that was aligned last; before the first, of an earlier pass."""
+        super().add(part)
+        if self._recent:
+            self._recent[-1].append(part)
+        else:
+            self._pass(part)
+
+    def _pass(self, part: Part) -> None:
+        at = part.window.within(self.window)
+        gray = cv2.cvtColor(part.colours, cv2.COLOR_BGR2GRAY)
+        shades = cv2.multiply(gray, part.weight, dtype=cv2.CV_32F)
+        for summed, more in zip(self._before, (shades, part.weight), strict=True):
+            cv2.add(summed[at], more, dst=summed[at])
+
+    def aligned(
+        self, overlay: Overlay, raster: Raster, window: Window, picture: Callable[[], Colours]
+    ) -> Overlay:
+        """Return a picture moved, turned and scaled so that it continues what is laid.
+
+        Squares of it are matched by phase correlation. It keeps `SEAM_M` of the difference: so the
+        mosaic lies where all poses say, and errors do not add up. A picture of which few squares
+        match, or that would be moved farther than a pose can be wrong, stays where it is.
+        """
+        self._recent.append([])
+        while len(self._recent) > self._count:
+            for part in self._recent.popleft():
+                self._pass(part)
+        height_px = overlay.height_m / raster.pitch_m
+        kinds = self._matches(overlay, raster, window, picture, height_px)
+        matches = np.concatenate(kinds)
+        if len(matches) <= LEAST_MATCHES:
+            return overlay
+        weight = np.concatenate([np.full(len(some), 1.0 / max(len(some), 1)) for some in kinds])
+        weight /= weight.sum()
+        middle, shift = weight @ matches
+        places, shifts = (matches - (middle, shift)).T
+        spread = weight @ np.abs(places) ** 2 + (STIFF_M / raster.pitch_m) ** 2
+        turn = (weight * places.conj()) @ shifts / spread
+        most_m = raster.pitch_m * float(np.abs(turn * places + shift).max())
+        if most_m > MOST_SHIFT * overlay.height_m or abs(turn) > MOST_TURN:
+            return overlay
+        moved = max(0.0, 1.0 - SEAM_M / max(most_m, SEAM_M))
+        corner = np.array([raster.west_m, raster.north_m])
+        middle += complex(window.left, window.top)
+
+        def pixels(ground: Floats) -> Floats:
+            at = ((ground - corner) @ (1.0, -1.0j)) / raster.pitch_m
+            there = (at + moved * (turn * (at - middle) + shift)) * raster.pitch_m
+            return overlay.pixels(np.stack([there.real, -there.imag], axis=-1) + corner)
+
+        return replace(overlay, pixels=pixels)
+
+    def _matches(
+        self,
+        overlay: Overlay,
+        raster: Raster,
+        window: Window,
+        picture: Callable[[], Colours],
+        height_px: float,
+    ) -> tuple[Matches, Matches]:
+        """Return what agrees of the squares on ground of earlier passes, and on other ground."""
+        shown, new = np.zeros(window.shape, np.bool_), np.zeros(window.shape, np.float32)
+        for part in laid(overlay, raster, window, picture):
+            at = part.window.within(window)
+            new[at] = cv2.cvtColor(part.colours, cv2.COLOR_BGR2GRAY)
+            shown[at] = part.weight > 0.0
+        at = window.within(self.window)
+        gray, weight = (summed[at] for summed in self._before)
+        total = self._total[at]
+        early, there = weight > 0.0, total > 0.0
+        before = _mean(gray, weight, early)
+        now = _mean(cv2.cvtColor(self._colours[at], cv2.COLOR_BGR2GRAY), total, there)
+        side, most_px = max(LEAST_PX, round(SQUARE * height_px)), TOLERANCE * height_px
+        return (
+            _agreeing(before, new, early & shown, side, most_px),
+            _agreeing(now, new, there & ~early & shown, side, most_px),
+        )
+
+
+def _mean(sums: NDArray[Any], weight: Grays, there: Mask) -> Grays:
+    return np.asarray(sums / np.where(there, weight, np.float32(1.0)), np.float32)
+
+
+def _agreeing(old: Grays, new: Grays, both: Mask, side: int, most_px: float) -> Matches:
+    """Return the squares that differ from their median by less than so many pixels; none if few."""
+    found = np.array(list(_squares(old, new, both, side)), np.complex128).reshape(-1, 2)
+    if not len(found):
+        return found
+    shifts = found[:, 1]
+    median = complex(np.median(shifts.real), np.median(shifts.imag))
+    good = np.abs(shifts - median) < most_px
+    enough = np.count_nonzero(good) >= max(LEAST_MATCHES, len(found) / 2)
+    return found[good] if enough else found[:0]
+
+
+def _squares(old: Grays, new: Grays, both: Mask, side: int) -> Iterator[tuple[complex, complex]]:
+    """Yield middles of squares and by how much `new` is off there: columns + rows times i."""
+    hann = cv2.createHanningWindow((side, side), cv2.CV_32F)
+    rows, columns = both.shape
+    for top in range(0, rows - side + 1, side // 2):
+        for left in range(0, columns - side + 1, side // 2):
+            at = slice(top, top + side), slice(left, left + side)
+            if both[at].all():
+                before, now = (gray[at] - gray[at].mean() for gray in (old, new))
+                (right, down), response = cv2.phaseCorrelate(before, now, hann)
+                if response > LEAST_RESPONSE:
+                    yield complex(left, top) + side / 2 * (1 + 1j), complex(right, down)
