@@ -26,6 +26,8 @@ HEARD_S = 1.0
 """Time that a vehicle flies on along its path before it receives that it has to come home, s."""
 REST_S = 2.0
 """Time until a vehicle is seen to be at rest, and has turned round, s."""
+HOMEWARD_M = 10.0
+"""Distance to its pad within which a path ends that leads home, m."""
 BESIDE_M = 20.0
 """Distance within which a vehicle stands beside its pad, m. The energy to fly so far is kept while
 it waits for a blocked pad."""
@@ -34,12 +36,12 @@ it waits for a blocked pad."""
 def turn_back(state: State, vehicle: VehicleState) -> State:
     """Interrupt whatever a vehicle does once it has to come home."""
     called = state.recalled or vehicle.called_home
-    if called or state.exploration_finished:
-        reason = ReturnReason.RECALLED if called else ReturnReason.DONE
+    done = ReturnReason.RECALLED if called else ReturnReason.DONE
+    if called or (state.exploration_finished and not _flies_home(vehicle)):
         if isinstance(vehicle.order, TakeOff):  # it ends where it began, motors on or not
-            up = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=reason)
+            up = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=done)
             return state.with_vehicle(replace(up, over_home=True, order=Land()))
-        return send_home(state, vehicle, reason) if vehicle.works else state
+        return send_home(state, vehicle, done) if vehicle.works else state
     if not vehicle.works:
         return state
     note = ""
@@ -50,8 +52,15 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
     if note:
         return send_home(state, replace(vehicle, note=note), ReturnReason.FAULT)
     if not _can_still_turn(state.setting, vehicle, state.t_s):
-        return send_home(state, vehicle, ReturnReason.BATTERY)
+        reason = done if state.exploration_finished else ReturnReason.BATTERY
+        return send_home(state, vehicle, reason)
     return state
+
+
+def _flies_home(vehicle: VehicleState) -> bool:
+    """Whether the path of a vehicle leads home: to stop it first would only take time."""
+    path = vehicle.path
+    return path is not None and path.place_at(path.end_s).distance_to(vehicle.pad) <= HOMEWARD_M
 
 
 def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:

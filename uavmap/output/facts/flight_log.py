@@ -376,6 +376,7 @@ def _on_task(count: Count, vehicle: VehicleState, state: State, elapsed_s: float
         state.tree is None
         or vehicle.phase is not Phase.AIRBORNE
         or vehicle.return_reason is not None
+        or state.exploration_finished
     ):
         count.on_tree = False
         return

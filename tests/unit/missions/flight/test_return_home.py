@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.events import Arrived
-from missions.flight.return_home import fly_home
+from missions.flight.return_home import fly_home, turn_back
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
-from missions.orders import FlyTo, Hold, Land
+from missions.geo.trajectory import rounded_path
+from missions.orders import FlyPath, FlyTo, Hold, Land
 from missions.units import GridPoint
 from uavmap.load.mission_source import load
 
@@ -50,3 +51,24 @@ def test_who_has_to_wait_for_another_that_comes_home_comes_nearer_meanwhile() ->
     arrived = apply(alone, Arrived(5, 160.0, behind.pad)).vehicles[5]
     assert arrived.over_home
     assert isinstance(fly_home(alone, arrived).vehicles[5].order, Land)
+
+
+def test_vehicle_on_a_path_home_flies_on_when_all_is_explored() -> None:
+    setting = setting_of(load("bay"))
+    state = replace(setting.initial_state(), exhausted=True)
+    far = GridPoint(300.0, 400.0)
+    vehicle = replace(out(state, setting, 4, far), return_reason=None)
+    for end, flies_on in ((vehicle.pad, True), (GridPoint(100.0, 100.0), False)):
+        path = rounded_path([far, end], 0.0, speed_m_s=10.0)
+        flying = replace(vehicle, order=FlyPath(path, 40.0, None, 0.6))
+        after = turn_back(state.with_vehicle(flying), flying).vehicles[4]
+        assert (after.order is flying.order) == flies_on
+        assert (after.return_reason is ReturnReason.DONE) != flies_on
+    # it does not once the operator calls it home, nor without the energy for its rest
+    path = rounded_path([far, vehicle.pad], 0.0, speed_m_s=10.0)
+    flying = replace(vehicle, order=FlyPath(path, 40.0, None, 0.6))
+    called = turn_back(state, replace(flying, called_home=True)).vehicles[4]
+    assert called.return_reason is ReturnReason.RECALLED
+    low = turn_back(state, replace(flying, remaining_wh=1.0)).vehicles[4]
+    assert low.return_reason is ReturnReason.DONE
+    assert low.order is None
