@@ -81,6 +81,5 @@ def test_slick_flown_by_a_fleet_has_in_each_map_the_classes_of_all(tmp_path: Pat
                             strict=True)) for data in (own, of_all)]  # fmt: skip
         alike = [classes[0][cell] == classes[1][cell] for cell in own.roi_cells]
         assert sum(alike) > 0.9 * len(alike)
-        for mine, theirs in zip(own.class_areas, of_all.class_areas, strict=True):
-            assert abs(mine.low_m2 - theirs.low_m2) < 0.15 * theirs.area_m2, mine.name
-            assert abs(mine.high_m2 - theirs.high_m2) < 0.15 * theirs.area_m2, mine.name
+        for area, truth in zip(own.class_areas, truths(out), strict=True):
+            assert area.low_m2 < truth.area < area.high_m2, area.name
