@@ -11,10 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-import shapely
-from shapely.geometry import Point
-from shapely.ops import nearest_points
-
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
@@ -101,10 +97,7 @@ def come_inside(state: State, vehicle: VehicleState) -> State | None:
     fence = state.setting.fence
     if not is_outside(fence, vehicle.position):
         return None
-    deep = fence.shrunk(DEPTH_M)
-    inside = fence.inner if shapely.is_empty(deep) else deep
-    near = nearest_points(inside, Point(vehicle.position))[0]
-    route = fence.route(vehicle.position, GridPoint(float(near.x), float(near.y)))
+    route = fence.route(vehicle.position, fence.nearest(vehicle.position, DEPTH_M))
     if route is None:
         return None
     return Airspace(state).reserve_or_wait(vehicle, vehicle.leg(route))

@@ -45,16 +45,22 @@ def column_radius_m(separation_m: float) -> float:
 def columns_over(pads: Sequence[GridPoint], separation_m: float) -> list[list[GridPoint]]:
     """A ring around each pad (not closed), no nearer to it anywhere than `column_radius_m`."""
     reach_m = column_radius_m(separation_m) / math.cos(math.pi / _CORNERS)
-    turns = [k * math.tau / _CORNERS for k in range(_CORNERS)]
+    return [ring(pad, reach_m, _CORNERS) for pad in pads]
+
+
+def ring(centre: GridPoint, radius_m: float, places: int) -> list[GridPoint]:
+    """Return places all around a centre, from north on, to the centimetre.
+
+    >>> ring(GridPoint(1.0, 0.0), 2.0, places=4)[1]
+    GridPoint(east_m=3.0, north_m=0.0)
+    """
+    turns = (k * math.tau / places for k in range(places))
     return [
-        [
-            GridPoint(
-                round(pad.east_m + reach_m * math.sin(turn), 2),
-                round(pad.north_m + reach_m * math.cos(turn), 2),
-            )
-            for turn in turns
-        ]
-        for pad in pads
+        GridPoint(
+            round(centre.east_m + radius_m * math.sin(turn), 2),
+            round(centre.north_m + radius_m * math.cos(turn), 2),
+        )
+        for turn in turns
     ]
 
 

@@ -98,9 +98,11 @@ class Fence:
         way = self.route(start, self.nearest(end))
         return None if way is None else (*way, end)
 
-    def nearest(self, point: GridPoint) -> GridPoint:
-        """The place inside the margin that is nearest to a point."""
-        near = nearest_points(self.inner, Point(point))[0]
+    def nearest(self, point: GridPoint, inside_m: float = 0.0) -> GridPoint:
+        """The place inside the margin that is nearest to a point, `inside_m` from the rim if there
+        is any so deep."""
+        deep = self.shrunk(inside_m) if inside_m else self.inner
+        near = nearest_points(self.inner if deep.is_empty else deep, Point(point))[0]
         return GridPoint(float(near.x), float(near.y))
 
     def _shortest(self, start: GridPoint, end: GridPoint) -> Way | None:

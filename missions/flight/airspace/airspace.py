@@ -13,10 +13,10 @@ others for a column of air, and has it once all have promised to keep out of it.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Final
 
 from missions.flight.airspace.needs import (
@@ -29,6 +29,7 @@ from missions.flight.airspace.needs import (
 from missions.flight.lane_progress import lane_left
 from missions.flight.state import State
 from missions.flight.vehicle_state import OFF_LAYER_M, OVER_PAD_M, Column, Phase, VehicleState
+from missions.geo.columns import ring
 from missions.geo.fence import route_length_m
 from missions.geo.volumes import Volume
 from missions.mission.energy import CLIMB_SPEED_M_S
@@ -158,12 +159,7 @@ class Airspace:
 
     def _ring(self, centre: GridPoint, times: Iterable[float]) -> Iterator[GridPoint]:
         """Eight places around a centre, from north on, at so many times the distance kept."""
-        for each, eighth in itertools.product(times, range(8)):
-            distance_m, turn_rad = each * self._distance_m, eighth * math.tau / 8
-            yield GridPoint(
-                round(centre.east_m + distance_m * math.sin(turn_rad), 2),
-                round(centre.north_m + distance_m * math.cos(turn_rad), 2),
-            )
+        return chain.from_iterable(ring(centre, each * self._distance_m, 8) for each in times)
 
     def _detours(self, vehicle: VehicleState, order: FlyTo) -> list[FlyTo]:
         """Ways home round the columns of others, the shortest first: a landing takes half a minute,
