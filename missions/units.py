@@ -63,6 +63,14 @@ class GridPoint(NamedTuple):
         """Straight distance in metres."""
         return math.hypot(self.east_m - other.east_m, self.north_m - other.north_m)
 
+    def towards(self, other: GridPoint, distance_m: float) -> GridPoint:
+        """The point so far from here on the line to another."""
+        share = distance_m / max(self.distance_to(other), 1e-9)
+        return GridPoint(
+            self.east_m + share * (other.east_m - self.east_m),
+            self.north_m + share * (other.north_m - self.north_m),
+        )
+
 
 class Quaternion(NamedTuple):
     """A rotation (w, x, y, z), unit length, from body or camera axes to NED."""

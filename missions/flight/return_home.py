@@ -10,10 +10,8 @@ from missions.flight.lane_progress import set_free
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import OFF_LAYER_M, Phase, ReturnReason, VehicleState
 from missions.geo.braking import braked
-from missions.geo.fence import route_length_m
-from missions.mission.energy import EnergyModel
+from missions.geo.fence import beginning_of, route_length_m
 from missions.orders import Hold, Land, Order, TakeOff
-from missions.planning.search.lanes import point_on
 from missions.units import GridPoint
 
 NEARER_SHARES = (0.75, 0.5, 0.25)
@@ -80,7 +78,7 @@ def has_energy_for(
     setting: Setting, vehicle: VehicleState, target: GridPoint, hover_s: float
 ) -> bool:
     """Whether a vehicle can fly to a point, hover there, come home, land, and keep its reserve."""
-    energy, fence = energy_of(setting, vehicle), setting.fence
+    energy, fence = setting.energy.in_wind(vehicle.wind_m_s), setting.fence
     there = () if target == vehicle.position else fence.route(vehicle.position, target) or (target,)
     out_m = route_length_m(vehicle.position, there)
     highest_m = max(vehicle.cruise_height_m, vehicle.height_m)
@@ -97,13 +95,6 @@ def has_energy_for(
     if climb_m > OFF_LAYER_M:
         need_wh += energy.hover_wh(climb_m / energy.climb_m_s + 5.0, vehicle.drawn_w)
     return vehicle.remaining_wh >= need_wh
-
-
-def energy_of(setting: Setting, vehicle: VehicleState) -> EnergyModel:
-    """Return the energy model in the given or the measured wind, whichever is stronger."""
-    if vehicle.wind_m_s <= setting.energy.wind_m_s:
-        return setting.energy
-    return replace(setting.energy, wind_m_s=vehicle.wind_m_s)
 
 
 def way_home(setting: Setting, start: GridPoint, pad: GridPoint) -> tuple[GridPoint, ...]:
@@ -147,25 +138,11 @@ def _come_nearer(state: State, waiting: State, vehicle: VehicleState) -> State:
     for share in NEARER_SHARES:
         if share * length_m < NEARER_M:
             break
-        order = vehicle.leg(_first_of(vehicle.position, route, share * length_m))
+        order = vehicle.leg(beginning_of(vehicle.position, route, share * length_m))
         nearer = Airspace(state).reserve(vehicle, order)
         if nearer is not None:
             return nearer
     return waiting
-
-
-def _first_of(
-    start: GridPoint, route: tuple[GridPoint, ...], length_m: float
-) -> tuple[GridPoint, ...]:
-    """The beginning of a route."""
-    part: list[GridPoint] = []
-    for place in route:
-        leg_m = start.distance_to(place)
-        if leg_m >= length_m:
-            return (*part, point_on((start, place), length_m))
-        part.append(place)
-        start, length_m = place, length_m - leg_m
-    return tuple(part)
 
 
 def _stalls(state: State, vehicle: VehicleState) -> bool:
@@ -183,7 +160,7 @@ def _stalls(state: State, vehicle: VehicleState) -> bool:
 
 def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
     """Whether there is energy to wait, to fly beside the pad, and to land with the reserve."""
-    energy = energy_of(setting, vehicle)
+    energy = setting.energy.in_wind(vehicle.wind_m_s)
     need_wh = energy.home_wh(BESIDE_M, vehicle.height_m, vehicle.drawn_w)
     need_wh += energy.hover_wh(REACTION_S, vehicle.drawn_w)
     return vehicle.remaining_wh >= need_wh

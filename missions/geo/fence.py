@@ -168,6 +168,22 @@ def route_length_m(start: GridPoint, route: Sequence[GridPoint]) -> float:
     return sum(a.distance_to(b) for a, b in itertools.pairwise((start, *route)))
 
 
+def beginning_of(start: GridPoint, route: Way, length_m: float) -> Way:
+    """Return the first `length_m` of the way from `start` through the points of a route.
+
+    >>> beginning_of(GridPoint(0, 0), (GridPoint(10, 0), GridPoint(10, 10)), 15.0)
+    (GridPoint(east_m=10, north_m=0), GridPoint(east_m=10.0, north_m=5.0))
+    """
+    part: list[GridPoint] = []
+    for place in route:
+        leg_m = start.distance_to(place)
+        if leg_m >= length_m:
+            return (*part, start.towards(place, length_m))
+        part.append(place)
+        start, length_m = place, length_m - leg_m
+    return tuple(part)
+
+
 def corners_home(fence: Fence, position: GridPoint, home: GridPoint) -> tuple[GridPoint, ...]:
     """Where to turn until home lies straight ahead: an autopilot that returns knows no fence.
 

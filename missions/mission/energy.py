@@ -3,7 +3,7 @@ against the worst wind known, the landing, and the reserve."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 LANDING_SPEED_M_S = 0.5
 """ArduCopter's final descent rate, m/s, taken for the whole descent where no other is given."""
@@ -44,6 +44,12 @@ class EnergyModel:
     climb_m_s: float = CLIMB_SPEED_M_S
     descent_m_s: float = LANDING_SPEED_M_S
     """Above `FINAL_M`; below it is `LANDING_SPEED_M_S`."""
+
+    def in_wind(self, measured_m_s: float) -> EnergyModel:
+        """Return the model in the given or a measured wind, whichever is stronger."""
+        if measured_m_s <= self.wind_m_s:
+            return self
+        return replace(self, wind_m_s=measured_m_s)
 
     @property
     def reserve_wh(self) -> float:

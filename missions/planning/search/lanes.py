@@ -147,12 +147,7 @@ def along_m(lane: Lane, place: GridPoint) -> float:
 
 def point_on(lane: Lane, distance_m: float) -> GridPoint:
     """The point of a lane so far from its start."""
-    start, end = lane
-    share = distance_m / max(start.distance_to(end), 1e-9)
-    return GridPoint(
-        start.east_m + share * (end.east_m - start.east_m),
-        start.north_m + share * (end.north_m - start.north_m),
-    )
+    return lane[0].towards(lane[1], distance_m)
 
 
 def offset_m(lane: Lane, place: GridPoint) -> float:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from missions.events import Arrived, Event
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S
-from missions.flight.return_home import HEARD_S, energy_of, way_home
+from missions.flight.return_home import HEARD_S, way_home
 from missions.flight.setting_of import setting_of
 from missions.flight.vehicle_state import Phase
 from missions.geo.braking import Course, braked
@@ -119,7 +119,8 @@ class Watched(Fleet):
             return
         place = braked(path, max(path.begin_s, now_s + HEARD_S), ACCELERATION_M_S2)
         at = place.at(place.end_s).place
-        energy, way = energy_of(setting, vehicle), way_home(setting, at, vehicle.pad)
+        energy = setting.energy.in_wind(vehicle.wind_m_s)
+        way = way_home(setting, at, vehicle.pad)
         need_wh = energy.home_wh(route_length_m(at, way), vehicle.height_m, vehicle.drawn_w)
         if vehicle.remaining_wh < need_wh:
             self._note(number, f"{vehicle.remaining_wh:.2f} Wh left, of {need_wh:.2f}")

@@ -18,7 +18,7 @@ from missions.events import (
     Overridden,
     Tracked,
 )
-from missions.flight.return_home import energy_of, has_energy_for
+from missions.flight.return_home import has_energy_for
 from missions.flight.vehicle_state import Phase, ReturnReason
 from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, TakeOff
 from missions.units import Cell, GridPoint
@@ -193,7 +193,7 @@ def test_the_worse_of_measured_and_given_wind_counts() -> None:
     for wind_m_s, counted_m_s in ((1.0, 3.0), (9.0, 9.0)):
         made.now_s += 1.0
         made.post(Tracked(1, made.now_s, here, 12.0, 60.0, wind_m_s=wind_m_s))
-        assert energy_of(made.setting, made.state.vehicles[1]).wind_m_s == counted_m_s
+        assert made.setting.energy.in_wind(made.state.vehicles[1].wind_m_s).wind_m_s == counted_m_s
 
 
 def test_consumption_of_wavering_estimate_is_what_is_drawn() -> None:
