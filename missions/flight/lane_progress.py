@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from dataclasses import replace
-from typing import Final
 
 from missions.events import FrameSeen
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
-from missions.planning.search.lanes import Lane, along_m, offset_m, unseen
+from missions.planning.search.lanes import along_m, number_among, offset_m, unseen
 from missions.units import Cell, GridPoint
 
 BESIDE_CELLS = 1.5
@@ -125,21 +124,7 @@ def lane_flown(vehicle: VehicleState, cell_m: float) -> VehicleState:
     )
 
 
-ON_LANE_M: Final = 0.5
-"""Greatest distance of a place on a lane from it, m."""
-
-
-def lane_number(setting: Setting, lane: Lane) -> int | None:
-    """Return which lane of the mission a lane is, or is a part of, from 0; None for none."""
-    for number, whole in enumerate(setting.lanes):
-        length_m, ends_m = whole[0].distance_to(whole[1]), [along_m(whole, end) for end in lane]
-        beside = any(offset_m(whole, end) > ON_LANE_M for end in lane)
-        if not beside and all(0.0 <= end_m <= length_m for end_m in ends_m):
-            return number
-    return None
-
-
 def lanes_held(setting: Setting, vehicle: VehicleState) -> tuple[int, ...]:
     """Return the numbers of the lanes that a vehicle has left, in the order of flight."""
-    numbers = (lane_number(setting, lane) for lane in vehicle.lanes)
+    numbers = (number_among(setting.lanes, lane) for lane in vehicle.lanes)
     return tuple(dict.fromkeys(number for number in numbers if number is not None))

@@ -65,7 +65,7 @@ def through(
     speed = setting.path_speed_m_s(vehicle.cruise_height_m, vehicle.wind_m_s)
     drift_m_s, here, grid = (0.0, 0.0), vehicle.position, setting.grid
     if drifts:
-        drift_m_s = grid.drift_east_m_s, grid.drift_north_m_s
+        drift_m_s = grid.drift_m_s
         here = grid.to_moving(here, begin_s)
     for cut_m in (*cuts_m, CORNER_CUT_M):
         cuts = [CORNER_CUT_M, *(CORNER_CUT_M if corner else cut_m for corner in corners)]

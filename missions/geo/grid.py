@@ -64,6 +64,11 @@ class Grid:
         )
 
     @property
+    def drift_m_s(self) -> tuple[float, float]:
+        """Velocity of the ROI over ground, east and north."""
+        return self.drift_east_m_s, self.drift_north_m_s
+
+    @property
     def drift_speed_m_s(self) -> float:
         """Speed of the ROI over ground."""
         return math.hypot(self.drift_east_m_s, self.drift_north_m_s)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import LineString
 
 from missions.flight.state import Setting, State
@@ -18,7 +17,6 @@ from missions.flight.vehicle_state import VehicleState
 from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import DRAG_1_S, G_M_S2
-from missions.planning.search.strip import Strip
 from missions.planning.sweep.chart import Chart, Known, dilated
 from missions.units import Cell, GridPoint
 
@@ -50,7 +48,7 @@ def flyer_of(
     if mine:  # the fence may allow less of it than was planned
         path = planned
     if path is not None and not mine:  # of the search: planned in the fixed frame
-        path = path.in_frame((grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
+        path = path.in_frame(grid.drift_m_s, begin_s)
     flown = kinematics(setting, vehicle)
     if path is not None:  # what is too fast for the wind by now comes down where the path is slower
         moves = path.at(begin_s)
@@ -130,9 +128,6 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
     )
 
 
-Metres = NDArray[np.float64]
-
-
 def chart_of(
     state: State,
     root: Cell | None,
@@ -165,19 +160,8 @@ def chart_of(
     wanted[chart.indices(list(setting.strategy.asked_for(state)))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     for lane in sorted(lanes):
-        _close(chart, setting.strip(lane, state.t_s))
+        chart.close(setting.strip(lane, state.t_s))
     return Known(chart, -1, wanted, patches=setting.strategy.patches)
-
-
-def _close(chart: Chart, strip: Strip) -> None:
-    """Close the cells of a strip, as far as they are in the chart."""
-    columns, rows = strip.columns, strip.rows
-    east, north = (columns, rows) if strip.eastward else (rows, columns)
-    closed = chart.closed.reshape(chart.rows, chart.columns)
-    closed[
-        max(north.start - chart.south, 0) : max(north.stop - chart.south, 0),
-        max(east.start - chart.west, 0) : max(east.stop - chart.west, 0),
-    ] = 1
 
 
 def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) -> list[Cell]:
@@ -212,9 +196,10 @@ def _fence(
     cell_m = chart.cell_m
     whole = setting.fence if setting.whole_fence is None else setting.whole_fence
     inner = whole.shrunk(cell_m / 2.0)
-    allowed = shapely.contains_xy(inner, *_over_ground(setting, chart, begin_s)).astype(np.uint8)
+    middles = chart.middles_m(setting.grid.drift_m_s, begin_s)
+    allowed = shapely.contains_xy(inner, *middles).astype(np.uint8)
     if setting.whole_fence is not None:
-        x, y = _over_ground(setting, chart, home_s)
+        x, y = chart.middles_m(setting.grid.drift_m_s, home_s)
         column = shapely.contains_xy(inner, x, y)
         column &= ~shapely.contains_xy(setting.fence.inner, x, y)
         allowed[column] = 0
@@ -233,12 +218,3 @@ def _fence(
         reach_n = math.floor(flown.half_north_m / cell_m)
         seen |= dilated(np.asarray(allowed), reach_e, reach_n)
     chart.closed = (1 - seen).astype(np.uint8).ravel()
-
-
-def _over_ground(setting: Setting, chart: Chart, t_s: float) -> tuple[Metres, Metres]:
-    """Where the middle of each cell of a chart lies at a time, east and north."""
-    grid = setting.grid
-    east = (np.arange(chart.columns) + chart.west) * chart.cell_m + grid.drift_east_m_s * t_s
-    north = (np.arange(chart.rows) + chart.south) * chart.cell_m + grid.drift_north_m_s * t_s
-    x, y = np.meshgrid(east, north)
-    return x, y

@@ -250,15 +250,13 @@ def _fly(
     state: State, team: Mapping[int, VehicleState], plan: Plan, memory: PassMemory
 ) -> tuple[State, PassMemory, bool]:
     """Give the paths that are new and may be flown; and whether a vehicle waits for clear air."""
-    grid = state.setting.grid
-    drift = (grid.drift_east_m_s, grid.drift_north_m_s)
     routes, paths = dict(memory.routes), dict(memory.paths)
     longest_s, blocked = memory.longest_s, False
     for number, path, route in zip(team, plan.paths, plan.routes, strict=True):
         vehicle = state.vehicles[number]
         if path is None or (vehicle.idle and _nowhere(path)) or number not in state.our_numbers:
             continue  # others report what they fly; theirs is planned for the sake of ours
-        flown = replace(path, drift_m_s=drift)
+        flown = replace(path, drift_m_s=state.setting.grid.drift_m_s)
         before = vehicle.order
         state = give_path(state, vehicle, flown, partly=True)
         given = state.vehicles[number].order

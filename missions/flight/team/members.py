@@ -15,7 +15,6 @@ from dataclasses import replace
 from typing import Final
 
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
-from missions.flight.lane_progress import lane_number
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import still_open
@@ -26,6 +25,7 @@ from missions.mapping.belief import Belief
 from missions.mapping.joined_map import Facts
 from missions.mapping.own_cells import as_frames
 from missions.orders import FlyPath
+from missions.planning.search.lanes import number_among
 
 LEAST_STEP_M: Final = 1.0
 """Places of a path that lie nearer to each other are one."""
@@ -145,11 +145,13 @@ def _share_lanes(state: State, event: Heard) -> State:
     """
     setting = state.setting
     if event.does not in FLY_LANES:
-        taken = {lane_number(setting, lane) for ours in state.ours for lane in ours.lanes}
+        taken = {number_among(setting.lanes, lane) for ours in state.ours for lane in ours.lanes}
         left = tuple(number for number in event.lanes if number not in taken)
         event = replace(event, lanes=left)
     theirs = {number: place for place, number in enumerate(event.lanes)}
-    known = {lane_number(setting, lane): lane for lane in state.vehicles[event.vehicle].lanes}
+    known = {
+        number_among(setting.lanes, lane): lane for lane in state.vehicles[event.vehicle].lanes
+    }
     held = tuple(
         known.get(number, setting.lanes[number])
         for number in event.lanes
@@ -160,7 +162,7 @@ def _share_lanes(state: State, event: Heard) -> State:
     for ours in state.ours:
         kept, stands = [], ours.landed or ours.return_reason is not None
         for place, lane in enumerate(ours.lanes):
-            their_place = theirs.get(-1 if (n := lane_number(setting, lane)) is None else n)
+            their_place = theirs.get(-1 if (n := number_among(setting.lanes, lane)) is None else n)
             mine = (-1 if ours.on_lane and place == 0 else place, stands, ours.vehicle)
             if their_place is None or mine < (their_place, they_stand, event.vehicle):
                 kept.append(lane)

@@ -150,6 +150,25 @@ def point_on(lane: Lane, distance_m: float) -> GridPoint:
     return lane[0].towards(lane[1], distance_m)
 
 
+ON_LANE_M: Final = 0.5
+"""Greatest distance of a place on a lane from it, m."""
+
+
+def number_among(lanes: Sequence[Lane], lane: Lane) -> int | None:
+    """Return which of some lanes a lane is, or is a part of, from 0; None for none.
+
+    >>> lanes = [(GridPoint(0, y), GridPoint(9, y)) for y in (0, 4)]
+    >>> number_among(lanes, (GridPoint(6, 4), GridPoint(2, 4)))
+    1
+    """
+    for number, whole in enumerate(lanes):
+        length_m, ends_m = whole[0].distance_to(whole[1]), [along_m(whole, end) for end in lane]
+        beside = any(offset_m(whole, end) > ON_LANE_M for end in lane)
+        if not beside and all(0.0 <= end_m <= length_m for end_m in ends_m):
+            return number
+    return None
+
+
 def offset_m(lane: Lane, place: GridPoint) -> float:
     """How far a place lies beside a lane."""
     return point_on(lane, along_m(lane, place)).distance_to(place)

@@ -10,10 +10,12 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.planning.search.strip import Strip
 from missions.units import Cell, GridPoint
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.uint8]
+Metres = NDArray[np.float64]
 Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
 """Of each vehicle the places from which it is to see what is left."""
 
@@ -87,6 +89,23 @@ class Chart:
     def cell(self, index: int) -> Cell:
         """The inverse of `index`."""
         return Cell(index % self.columns + self.west, index // self.columns + self.south)
+
+    def close(self, strip: Strip) -> None:
+        """Close the cells of a strip, as far as they are in the window."""
+        columns, rows = strip.columns, strip.rows
+        east, north = (columns, rows) if strip.eastward else (rows, columns)
+        self.closed.reshape(self.rows, self.columns)[
+            max(north.start - self.south, 0) : max(north.stop - self.south, 0),
+            max(east.start - self.west, 0) : max(east.stop - self.west, 0),
+        ] = 1
+
+    def middles_m(self, drift_m_s: tuple[float, float], t_s: float) -> tuple[Metres, Metres]:
+        """Return where the middle of each cell of a region that drifts lies at a time: east and
+        north, by row and column."""
+        east = (np.arange(self.columns) + self.west) * self.cell_m + drift_m_s[0] * t_s
+        north = (np.arange(self.rows) + self.south) * self.cell_m + drift_m_s[1] * t_s
+        x, y = np.meshgrid(east, north)
+        return x, y
 
     @property
     def grid(self) -> tuple[int, int, int, int, float]:
