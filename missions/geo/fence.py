@@ -102,7 +102,7 @@ class Fence:
         """The place inside the margin that is nearest to a point, `inside_m` from the rim if there
         is any so deep."""
         deep = self.shrunk(inside_m) if inside_m else self.inner
-        near = nearest_points(self.inner if deep.is_empty else deep, Point(point))[0]
+        near = nearest_points(self.inner if shapely.is_empty(deep) else deep, Point(point))[0]
         return GridPoint(float(near.x), float(near.y))
 
     def _shortest(self, start: GridPoint, end: GridPoint) -> Way | None:
