@@ -171,6 +171,10 @@ class BatterySwapped(OfVehicle):
     kind: Literal["battery_swapped"] = "battery_swapped"
 
 
+UNTOLD: Final = "a failsafe; the autopilot has not said which"
+"""The cause of an `Overridden` whose vehicle says that a failsafe flies, and no more yet."""
+
+
 @dataclass(frozen=True, slots=True)
 class Overridden(OfVehicle):
     """The mode changed without us: a pilot or a failsafe flies the vehicle now."""

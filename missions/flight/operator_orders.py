@@ -7,15 +7,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.events import CellSkipped, Told, VehicleRecalled
+from missions.events import UNTOLD, CellSkipped, Told, VehicleRecalled
 from missions.flight.lane_progress import lane_left
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath, FlyTo, Look, Sweep
 from missions.units import Cell
 
-UNTOLD = "a failsafe; the autopilot has not said which"
-"""The cause of an `Overridden` whose vehicle says that a failsafe flies, and no more yet."""
 CALLED_HOME = "called home by the operator"
 
 

@@ -13,26 +13,39 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 from missions.events import FrameSeen
-from missions.flight.layout import Fences, Layout
 from missions.flight.strategy.work import Area, Lanes, OpenWork, Work
 from missions.flight.vehicle_state import Allotment, Column, Phase, VehicleState
 from missions.geo.fence import Fence
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.mapping.belief import Belief, Verdicts
 from missions.mapping.tree import Tree
+from missions.mission.layout import Layout
 from missions.mission.schema import Mission
 from missions.orders import Hold
 from missions.planning.search.lanes import Lane, share_out
 from missions.planning.search.search_order import Pace, soonest
 from missions.planning.stepwise import Explorer, Memory
 from missions.planning.sweep.chart import Known
+from missions.planning.sweep.plan_memo import PlanMemo
 from missions.planning.sweep.strategies import About
 from missions.units import Cell, GridPoint
 
 Shares = tuple[tuple[Lane, ...], ...]
 """The lanes of each vehicle, in the order of flight."""
+
+
+class Fences(NamedTuple):
+    """Where vehicles may fly."""
+
+    ours: Fence
+    """Fence of the vehicles that are commanded."""
+    everyones: Fence
+    """Fence of each vehicle of a fleet."""
+    whole: Fence | None
+    """Of a member: the fence without the columns over others' pads, which are holes of `ours`."""
 
 
 class Strategy(ABC):
@@ -254,6 +267,8 @@ class Setting(Layout):
     """How vehicles find the region and map it."""
     heights: OneHeight
     """The heights at which vehicles search and map."""
+    plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
+    """What was planned before in this flight."""
 
     @cached_property
     def shares(self) -> Shares:

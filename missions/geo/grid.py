@@ -15,6 +15,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from shapely.geometry import Point, Polygon
+
 from missions.geo.geodesy import Utm, UtmZone
 from missions.units import Cell, GridPoint, LatLon
 
@@ -123,6 +125,14 @@ class Grid:
     def centre(self, cell: Cell, t_s: float) -> LatLon:
         """Where the centre of a cell is at time `t_s`."""
         return self.position(self.to_fixed(self.centre_of(cell), t_s))
+
+    def cells_in(self, area: Polygon) -> list[Cell]:
+        """The cells whose centre an area of the moving frame covers, by column."""
+        west, south, east, north = area.bounds
+        columns = range(math.ceil(west / self.cell_m), math.floor(east / self.cell_m) + 1)
+        rows = range(math.ceil(south / self.cell_m), math.floor(north / self.cell_m) + 1)
+        cells = (Cell(i, j) for i in columns for j in rows)
+        return [cell for cell in cells if area.covers(Point(self.centre_of(cell)))]
 
     def corners_of(self, cell: Cell) -> tuple[GridPoint, GridPoint, GridPoint, GridPoint]:
         """South-west, south-east, north-east, north-west corner in the moving frame."""

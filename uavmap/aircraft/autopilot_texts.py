@@ -11,8 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from missions.events import Told
-from missions.flight.operator_orders import UNTOLD
+from missions.events import UNTOLD, Told
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.status_texts import CAUSELESS, DUE, Text
 

@@ -6,10 +6,10 @@ import itertools
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.layout import Layout
 from missions.geo.braking import Course
 from missions.guardian import Task
 from missions.mission.energy import CLIMB_SPEED_M_S
+from missions.mission.layout import Layout
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, Sweep, TakeOff
 from missions.units import GridPoint
 from uavmap.aircraft.reporter import Reporter

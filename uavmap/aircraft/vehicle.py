@@ -19,8 +19,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError, leaves
 from missions.events import GivenUp, LinkLost, OrderFailed
-from missions.flight.layout import Layout
 from missions.guardian import Limits
+from missions.mission.layout import Layout
 from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.planning.leapfrog_geometry import Role
 from missions.units import LatLon

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from missions.errors import leaves
-from missions.flight.layout import Layout
+from missions.mission.layout import Layout
 from uavmap.aircraft.guardian.last_watch import (
     NOT_HOME,
     Guardians,

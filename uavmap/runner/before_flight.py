@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import LinkError, NotFlownError, OutputError, PreflightError
-from missions.flight.layout import Layout
+from missions.mission.layout import Layout
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.aircraft.process.messages import Asked

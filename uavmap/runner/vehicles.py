@@ -9,10 +9,10 @@ from functools import partial
 from typing import Final
 
 from missions.errors import LinkError, MissionFileError
-from missions.flight.layout import Layout
 from missions.flight.strategies import chosen
 from missions.flight.strategy.leapfrog import MAPPER, TRACKER
 from missions.flight.strategy.leapfrog import Leapfrog as LeapfrogStrategy
+from missions.mission.layout import Layout
 from missions.planning.leapfrog_geometry import Role
 from uavmap.aircraft.cameras.pose import Poses
 from uavmap.aircraft.cameras.source import LocalSource

@@ -20,9 +20,8 @@ from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.lane_progress import lanes_held
-from missions.flight.layout import Fences
 from missions.flight.path_orders import fly_route
-from missions.flight.state import Setting, State, Team
+from missions.flight.state import Fences, Setting, State, Team
 from missions.flight.strategy.charting import gate_of
 from missions.flight.strategy.lane_passes import cells_drift_out, still_open
 from missions.flight.strategy.work import OpenWork, Work

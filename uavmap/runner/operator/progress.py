@@ -18,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from missions.events import (
+    UNTOLD,
     BatterySwapped,
     CellSkipped,
     Connected,
@@ -33,7 +34,6 @@ from missions.events import (
     Released,
     Told,
 )
-from missions.flight.operator_orders import UNTOLD
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff

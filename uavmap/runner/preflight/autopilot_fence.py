@@ -16,9 +16,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from missions.flight.layout import Layout
 from missions.guardian.thresholds import OUTSIDE_S
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.mission.layout import Layout
 from missions.mission.places import drawn
 from missions.units import GridPoint, LatLon
 from uavmap.mavlink.autopilots import PX4, Autopilot

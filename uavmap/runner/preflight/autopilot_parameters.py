@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from missions.flight.layout import Layout
+from missions.mission.layout import Layout
 from uavmap.mavlink.autopilots import PX4, Autopilot
 from uavmap.mavlink.parameters import Parameter
 from uavmap.mavlink.session import GROUND_SYSTEM_ID

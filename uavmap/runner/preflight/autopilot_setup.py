@@ -18,7 +18,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError, OutputError
-from missions.flight.layout import Layout
+from missions.mission.layout import Layout
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.mavlink.autopilots import PX4

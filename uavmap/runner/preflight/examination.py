@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, ImageError, LinkError
-from missions.flight.layout import Layout
+from missions.mission.layout import Layout
 from missions.mission.schema import CameraSection
 from uavmap.aircraft.cameras.source import Announcement, FrameSource
 from uavmap.aircraft.cameras.spec import CameraSpec

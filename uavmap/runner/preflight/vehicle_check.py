@@ -10,8 +10,8 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point
 
-from missions.flight.layout import Layout
 from missions.mission.flyable import look_s
+from missions.mission.layout import Layout
 from missions.mission.places import drawn, home_heights_m
 from missions.mission.views import energy_model
 from missions.units import PadHeight

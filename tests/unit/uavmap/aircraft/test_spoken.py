@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.events import Overridden, Told
-from missions.flight.operator_orders import UNTOLD
+from missions.events import UNTOLD, Overridden, Told
 from tests.support.flights import fly
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by, on_virtual_time

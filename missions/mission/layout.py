@@ -4,37 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, cached_property, partial
-from typing import NamedTuple
-
-from shapely.geometry import Point, Polygon
 
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.mission.energy import EnergyModel
 from missions.mission.flyable import look_s
-from missions.mission.places import home_heights_m, homes
-from missions.mission.schema import Mission, positions
+from missions.mission.places import drawn, home_heights_m, homes
+from missions.mission.schema import Mission
 from missions.mission.views import path_speed_m_s, seen_whole_m, wind_toward
 from missions.planning.search.lanes import LANE_CELLS, Lane
 from missions.planning.search.prior import LikelyLane
 from missions.planning.search.strip import Strip
 from missions.planning.stepwise.interface import Metric
-from missions.planning.sweep.plan_memo import PlanMemo
 from missions.units import Cell, GridPoint
-
-
-class Fences(NamedTuple):
-    """Where vehicles may fly."""
-
-    ours: Fence
-    """Fence of the vehicles that are commanded."""
-    everyones: Fence
-    """Fence of each vehicle of a fleet."""
-    whole: Fence | None
-    """Of a member: the fence without the columns over others' pads, which are holes of `ours`."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +45,6 @@ class Layout:
     """What layers are above; None: flat ground at the level of the start."""
     whole_fence: Fence | None = None
     """Of a member: the fence without the columns over others' pads, which are holes of `fence`."""
-    plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
-    """What was planned before in this flight."""
 
     @cached_property
     def path_speed_m_s(self) -> Callable[[float, float], float]:
@@ -135,14 +118,7 @@ class Layout:
     @cached_property
     def box_cells(self) -> tuple[Cell, ...]:
         """The cells whose centre lies in the search box, at mission time 0."""
-        box = Polygon([self.grid.fixed(p) for p in positions(self.mission.search.box)])
-        cell_m = self.grid.cell_m
-        west, south, east, north = box.bounds
-        columns = range(math.ceil(west / cell_m), math.floor(east / cell_m) + 1)
-        rows = range(math.ceil(south / cell_m), math.floor(north / cell_m) + 1)
-        return tuple(
-            Cell(i, j) for i in columns for j in rows if box.covers(Point(i * cell_m, j * cell_m))
-        )
+        return tuple(self.grid.cells_in(drawn(self.mission.search.box, self.grid)))
 
     @cached_property
     def in_box(self) -> frozenset[Cell]:
