@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.events import Connected, GivenUp, LinkLost, Overridden, Released
+from missions.events import Connected, LinkLost, Overridden, Released
 from missions.flight.lane_progress import lane_left, set_free
 from missions.flight.return_home import BESIDE_M
 from missions.flight.state import Setting, State
@@ -142,11 +142,6 @@ def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> Vehic
         was_down=_lies_somewhere(vehicle),
         note="link lost",
     )
-
-
-def given_up(event: GivenUp, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """It has been silent for too long."""
-    return vehicle.stood_down(Phase.LOST, event.reason)
 
 
 def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleState:

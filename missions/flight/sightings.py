@@ -98,7 +98,7 @@ def look_ended(state: State, event: LookEnded) -> State:
     if state.belief.frames_taken(cell) == 0:
         silent = replace(vehicle, order=None, return_reason=ReturnReason.FAULT)
         return state.with_vehicle(replace(silent, note="the camera is silent"))
-    return _looked_in_part(state, vehicle, cell)
+    return _looked(replace(state, undecided=state.undecided | {cell}), vehicle, cell)
 
 
 def follow_no_farther(state: State, vehicle: VehicleState) -> State:
@@ -113,15 +113,10 @@ def follow_no_farther(state: State, vehicle: VehicleState) -> State:
         return state
     if isinstance(order, FlyTo):  # at rest it is decided anew where to go
         return state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))
-    if state.belief.frames_taken(order.cell) == 0:
-        return give_up(state, vehicle, order.cell)
-    return _looked_in_part(state, vehicle, order.cell)
-
-
-def _looked_in_part(state: State, vehicle: VehicleState, cell: Cell) -> State:
-    """End a look before the cell and its neighbours have their votes."""
-    state = replace(state, undecided=state.undecided | {cell})
-    return _looked(state, vehicle, cell)
+    cell = order.cell
+    if state.belief.frames_taken(cell) == 0:
+        return give_up(state, vehicle, cell)
+    return _looked(replace(state, undecided=state.undecided | {cell}), vehicle, cell)
 
 
 def _looked(state: State, vehicle: VehicleState, cell: Cell) -> State:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import singledispatch
 from typing import Any, Final
 
 from missions import events as ev
@@ -94,53 +93,7 @@ MOST_EMPTY_PASSES = 2
 """Lanes in a row without a judged frame after which a vehicle comes home."""
 
 
-_OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
-    ev.Recalled: lambda state, event: replace(state, recalled=True, paused=False),
-    ev.Paused: lambda state, event: paused(state),
-    ev.Continued: lambda state, event: replace(state, paused=False),
-    ev.Resumed: lambda state, event: connections.resume(state),
-    ev.FrameSeen: lambda state, event: skipped_for_good(frame_seen(state, event)),
-    ev.LookEnded: lambda state, event: skipped_for_good(look_ended(state, event)),
-    ev.CellSkipped: skip,
-    Heard: heard,
-    Shared: shared,
-    Apart: apart,
-    Allotted: allotted,
-    Asked: asked,
-    Leased: leased,
-}
-"""Rules for events that change more than one vehicle, or more than vehicles."""
-
-
-def apply(state: State, event: ev.Event) -> State:
-    """Return the state after an event, before any vehicle is given a new order."""
-    state = replace(state, t_s=max(state.t_s, event.t_s))
-    if (rule := _OF_ALL.get(type(event))) is not None:
-        return rule(state, event)
-    assert isinstance(event, OfVehicle)
-    changed = _changed(event, state.vehicles[event.vehicle], state.setting)
-    state = state.with_vehicle(changed)
-    return follow_no_farther(state, changed) if isinstance(event, ev.Tracked) else state
-
-
-@singledispatch
-def _changed(event: ev.Event, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """The vehicle after an event that concerns nothing else."""
-    raise TypeError(f"no rule for {type(event).__name__}")
-
-
-_changed.register(connections.connected)
-_changed.register(connections.link_lost)
-_changed.register(connections.given_up)
-_changed.register(connections.overridden)
-_changed.register(connections.released)
-_changed.register(landed)
-_changed.register(crashed)
-_changed.register(called_home)
-
-
-@_changed.register
-def _(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _lifted_off(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
     up = replace(vehicle, landed=False, landed_away_m=0.0, was_down=False)
     if vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
         # a take-off that was given up without an acknowledgement: it cannot stay up there
@@ -149,8 +102,7 @@ def _(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleSt
     return up
 
 
-@_changed.register
-def _(event: ev.Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _airborne(event: ev.Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
     home = vehicle.home if event.home is None else event.home
     if vehicle.phase is not Phase.GROUNDED:  # it is not under our control by now
         return replace(vehicle, landed=False, cleared=False, home=home)
@@ -166,8 +118,7 @@ def _(event: ev.Airborne, vehicle: VehicleState, setting: Setting) -> VehicleSta
     )
 
 
-@_changed.register
-def _(event: ev.Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _tracked(event: ev.Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     elapsed_s = event.t_s - vehicle.tracked_s
     if vehicle.braking_until_s is not None:
         slow = vehicle.position.distance_to(event.position) < REST_M_S * elapsed_s
@@ -199,8 +150,7 @@ def _(event: ev.Tracked, vehicle: VehicleState, setting: Setting) -> VehicleStat
     )
 
 
-@_changed.register
-def _(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _arrived(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.AIRBORNE:  # it is not under our control by now
         return replace(vehicle, position=event.position)
     on_path = vehicle.path is not None
@@ -234,8 +184,7 @@ def _(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> VehicleStat
     return replace(flown, return_reason=ReturnReason.FAULT, note=note)
 
 
-@_changed.register
-def _(event: ev.FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _frame_lost(event: ev.FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
     lost = replace(vehicle, frames_lost=vehicle.frames_lost + 1, note=event.reason)
     # a look's frames are as many, and seconds apart; on a path several are lost in a second, or
     # one in several
@@ -259,20 +208,15 @@ def _comes_home(vehicle: VehicleState, t_s: float, setting: Setting, note: str) 
     return replace(left, return_reason=ReturnReason.FAULT, note=note)
 
 
-@_changed.register
-def _(event: ev.Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _guarded(event: ev.Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
     does = "landing" if event.action == "land" else "returning"
     note = f"{does} by its guardian: {event.reason}"
     return taken_away(vehicle, setting, Phase.GUARDED, note, returns=event.action == "rtl")
 
 
-@_changed.register
-def _(event: ev.Navigated, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    return vehicle  # places are corrected by it already
-
-
-@_changed.register
-def _(event: ev.BatterySwapped, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _battery_swapped(
+    event: ev.BatterySwapped, vehicle: VehicleState, setting: Setting
+) -> VehicleState:
     if vehicle.phase is not Phase.GROUNDED:  # no reason to take off
         return replace(vehicle, remaining_wh=event.remaining_wh, drawn_w=0.0)
     return replace(
@@ -286,8 +230,7 @@ def _(event: ev.BatterySwapped, vehicle: VehicleState, setting: Setting) -> Vehi
     )
 
 
-@_changed.register
-def _(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def _order_failed(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleState:
     note = f"{event.order}: {event.reason}"
     if vehicle.phase is Phase.GROUNDED and not vehicle.landed:  # a take-off that failed half-way
         vehicle = replace(vehicle, phase=Phase.AIRBORNE)
@@ -310,3 +253,53 @@ def _(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting) -> Vehicle
     if not vehicle.landed:  # somebody else is responsible for it already
         return replace(vehicle, note=note)
     return vehicle.stood_down(Phase.FAILED, note)
+
+
+_OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
+    ev.Recalled: lambda state, event: replace(state, recalled=True, paused=False),
+    ev.Paused: lambda state, event: paused(state),
+    ev.Continued: lambda state, event: replace(state, paused=False),
+    ev.Resumed: lambda state, event: connections.resume(state),
+    ev.FrameSeen: lambda state, event: skipped_for_good(frame_seen(state, event)),
+    ev.LookEnded: lambda state, event: skipped_for_good(look_ended(state, event)),
+    ev.CellSkipped: skip,
+    Heard: heard,
+    Shared: shared,
+    Apart: apart,
+    Allotted: allotted,
+    Asked: asked,
+    Leased: leased,
+}
+"""Rules for events that change more than one vehicle, or more than vehicles."""
+
+_OF_ONE: Final[Mapping[type, Callable[[Any, VehicleState, Setting], VehicleState]]] = {
+    ev.Connected: connections.connected,
+    ev.LinkLost: connections.link_lost,
+    ev.GivenUp: lambda event, vehicle, setting: vehicle.stood_down(Phase.LOST, event.reason),
+    ev.Overridden: connections.overridden,
+    ev.Released: connections.released,
+    ev.Landed: landed,
+    ev.Crashed: crashed,
+    ev.VehicleRecalled: called_home,
+    ev.LiftedOff: _lifted_off,
+    ev.Airborne: _airborne,
+    ev.Tracked: _tracked,
+    ev.Arrived: _arrived,
+    ev.FrameLost: _frame_lost,
+    ev.Guarded: _guarded,
+    ev.Navigated: lambda event, vehicle, setting: vehicle,  # places are corrected by it already
+    ev.BatterySwapped: _battery_swapped,
+    ev.OrderFailed: _order_failed,
+}
+"""Rules for events that concern one vehicle and nothing else."""
+
+
+def apply(state: State, event: ev.Event) -> State:
+    """Return the state after an event, before any vehicle is given a new order."""
+    state = replace(state, t_s=max(state.t_s, event.t_s))
+    if (rule := _OF_ALL.get(type(event))) is not None:
+        return rule(state, event)
+    assert isinstance(event, OfVehicle)
+    changed = _OF_ONE[type(event)](event, state.vehicles[event.vehicle], state.setting)
+    state = state.with_vehicle(changed)
+    return follow_no_farther(state, changed) if isinstance(event, ev.Tracked) else state

@@ -18,7 +18,7 @@ from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import beside_rows_m
-from missions.planning.search.lanes import Lane, turned, unseen
+from missions.planning.search.lanes import Lane, turned
 from missions.units import GridPoint
 
 WORTH_S: Final = 8.0
@@ -113,17 +113,15 @@ def still_open(state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
     Parts shorter than the strategy's `least_lane_cells` are left to the planner of paths.
     """
     setting = state.setting
-    grid, judged = setting.grid, setting.heights.searched(state)
     if cells_drift_out(setting):
         return lanes
-    least_m = setting.strategy.least_lane_cells * grid.cell_m
+    judged = setting.heights.searched(state)
+    least_m = setting.strategy.least_lane_cells * setting.grid.cell_m
     found: list[Lane] = []
     for lane in lanes:
-        seen_m = setting.strip(lane, state.t_s).judged_m(judged)
-        parts = unseen(lane, seen_m, grid.cell_m) if seen_m else (lane,)
         found.extend(
             part
-            for part in parts
+            for part in setting.strip(lane, state.t_s).parts_left(lane, judged)
             if part in setting.whole_lanes or part[0].distance_to(part[1]) >= least_m
         )
     return tuple(found)

@@ -27,7 +27,7 @@ from missions.geo.path_in_fence import is_outside
 from missions.geo.trajectory import ACCELERATION_M_S2, least_s
 from missions.mission.fleet_checks import tracker_view
 from missions.planning.leapfrog_geometry import LEAST_M, Role, Step, steps_along
-from missions.planning.search.lanes import Lane, turned, unseen
+from missions.planning.search.lanes import Lane, turned
 from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import Cell, GridPoint
 
@@ -139,16 +139,13 @@ def _move(state: State, memory: LeapfrogMemory) -> State:
 def lanes_left(state: State) -> tuple[Lane, ...]:
     """The stretches of lanes with a column in which a cell of the box is not decided."""
     setting = state.setting
-    grid, box, belief = setting.grid, setting.in_box, state.belief
+    box, belief = setting.in_box, state.belief
 
     def done(cell: Cell) -> bool:
         return cell not in box or belief.verdict(cell) is not None
 
-    found: list[Lane] = []
-    for lane in setting.lanes:
-        seen_m = setting.strip(lane, state.t_s).judged_m(done)
-        found.extend(unseen(lane, seen_m, grid.cell_m) if seen_m else (lane,))
-    return tuple(found)
+    strips = ((lane, setting.strip(lane, state.t_s)) for lane in setting.lanes)
+    return tuple(part for lane, strip in strips for part in strip.parts_left(lane, done))
 
 
 def _way(state: State, mapper: VehicleState, lanes: Iterable[Lane]) -> list[GridPoint]:
@@ -228,13 +225,10 @@ class Leapfrog(Survey):
             })  # fmt: skip
         if state.t_s < memory.rests_until_s:
             return replace(state, memory=memory)
-        if memory.index >= len(memory.steps):
-            if memory.homeward:
-                return give_up_rest(replace(state, memory=memory))
-            memory = _next_round(state, memory)
-            memory = _passed(memory, state)
-            if memory.index >= len(memory.steps):  # it is over its pad already
-                return give_up_rest(replace(state, memory=memory))
+        if memory.index >= len(memory.steps) and not memory.homeward:
+            memory = _passed(_next_round(state, memory), state)
+        if memory.index >= len(memory.steps):  # it is over its pad
+            return give_up_rest(replace(state, memory=memory))
         return _move(state, memory)
 
 

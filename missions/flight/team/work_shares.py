@@ -22,11 +22,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import flyer_of, in_map_layer, kinematics
-from missions.flight.strategy.work import OpenWork, TourMemory
+from missions.flight.strategy.work import Bits, OpenWork, TourMemory
 from missions.flight.vehicle_state import Allotment, Phase, VehicleState
 from missions.geo.trajectory import Trajectory
 from missions.planning.search.lanes import Lane
@@ -53,8 +52,6 @@ SPARE_S: Final = 30.0
 """... and what it is left besides, s."""
 AHEAD_S: Final = 5.0
 """How far ahead the direction of a path is taken, s."""
-
-Bits = NDArray[np.bool_]
 
 
 # --- a service that commands all vehicles -------------------------------------------------------

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from missions.geo.grid import Grid
-from missions.planning.search.lanes import Lane
+from missions.planning.search.lanes import Lane, unseen
 from missions.units import Cell
 
 ON_ROW_M: Final = 0.01
@@ -85,6 +85,11 @@ class Strip:
             for column in columns
             if whole[column - 1] and whole[column] and whole[column + 1]
         ]
+
+    def parts_left(self, lane: Lane, judged: Callable[[Cell], bool]) -> tuple[Lane, ...]:
+        """The parts of its lane with a column that is not judged in all rows."""
+        seen_m = self.judged_m(judged)
+        return unseen(lane, seen_m, self.cell_m) if seen_m else (lane,)
 
     def is_known(self, known: Callable[[Cell], bool]) -> bool:
         """Whether that is so of all its cells; the end is asked for first."""
