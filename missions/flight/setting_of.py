@@ -9,10 +9,8 @@ from missions.flight.strategy.work import Area
 from missions.flight.team.teams import Alone, Listener, Member
 from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
-from missions.mission.places import homes, prior_of
+from missions.mission.places import homes
 from missions.mission.schema import Mission, positions
-from missions.mission.views import energy_model
-from missions.planning.search.prior import likely_lanes
 
 
 def setting_of(mission: Mission, member: int | None = None) -> Setting:
@@ -30,19 +28,15 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
     box = [grid.fixed(place) for place in positions(mission.search.box)]
     strategy = chosen(mission)
     lanes, east_ahead, rows = strategy.lay(Area(mission, grid, box, fences.everyones, pads))
-    prior = prior_of(mission, grid) if lanes else ()
     return Setting(
         mission,
         grid,
         fences.ours,
-        energy_model(mission),
         lanes,
         member,
         east_ahead,
         rows,
         strategy.lanes_drift,
-        likely_lanes(lanes, box, prior, mission.grid.cell_m, rows) if prior else (),
-        mission.ground,
         fences.whole,
         team=team,
         strategy=strategy,

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from missions.mission.schema import Mission
+
 LANDING_SPEED_M_S = 0.5
 """ArduCopter's final descent rate, m/s, taken for the whole descent where no other is given."""
 FINAL_M = 10.0
@@ -110,3 +112,18 @@ class EnergyModel:
         """
         final_m = min(height_m, FINAL_M)
         return final_m / LANDING_SPEED_M_S + (height_m - final_m) / self.descent_m_s
+
+
+def energy_model(mission: Mission) -> EnergyModel:
+    """The model of a mission's battery and wind."""
+    return EnergyModel(
+        mission.battery.hover_power_w,
+        mission.battery.capacity_wh,
+        mission.battery.reserve,
+        mission.flight.speed_m_s,
+        mission.wind.speed_m_s,
+        accel_m_s2=mission.flight.accel_m_s2,
+        max_airspeed_m_s=mission.flight.max_airspeed_m_s,
+        climb_m_s=mission.flight.climb_m_s or CLIMB_SPEED_M_S,
+        descent_m_s=mission.flight.descent_m_s or LANDING_SPEED_M_S,
+    )

@@ -14,7 +14,7 @@ from shapely.ops import nearest_points, unary_union
 
 from missions.geo.fence import Fence, route_length_m
 from missions.geo.grid import Grid
-from missions.mission.energy import CLIMB_SPEED_M_S, LEAST_HEADWAY_M_S
+from missions.mission.energy import CLIMB_SPEED_M_S, LEAST_HEADWAY_M_S, energy_model
 from missions.mission.height_and_speed import (
     altitude_reason,
     footprint_over,
@@ -27,7 +27,7 @@ from missions.mission.height_and_speed import (
 from missions.mission.places import drawn, far_homes, homes
 from missions.mission.schema import Mission, positions
 from missions.mission.sections import AUTO
-from missions.mission.views import G_M_S2, energy_model
+from missions.mission.views import G_M_S2
 from missions.planning.search.lanes import LANE_CELLS, Lane, lanes
 from missions.units import GridPoint
 

@@ -10,13 +10,13 @@ from functools import cache, cached_property, partial
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
-from missions.mission.energy import EnergyModel
+from missions.mission.energy import EnergyModel, energy_model
 from missions.mission.flyable import look_s
-from missions.mission.places import drawn, home_heights_m, homes
-from missions.mission.schema import Mission
+from missions.mission.places import drawn, home_heights_m, homes, prior_of
+from missions.mission.schema import Mission, positions
 from missions.mission.views import path_speed_m_s, seen_whole_m, wind_toward
 from missions.planning.search.lanes import LANE_CELLS, Lane
-from missions.planning.search.prior import LikelyLane
+from missions.planning.search.prior import LikelyLane, likely_lanes
 from missions.planning.search.strip import Strip
 from missions.planning.stepwise.interface import Metric
 from missions.units import Cell, GridPoint
@@ -29,7 +29,6 @@ class Layout:
     mission: Mission
     grid: Grid
     fence: Fence
-    energy: EnergyModel
     lanes: tuple[Lane, ...]
     member: int | None = None
     """The one vehicle that is commanded, 0 for none of a fleet; None: all are."""
@@ -39,12 +38,27 @@ class Layout:
     """How many rows of cells a lane decides."""
     lanes_drift: bool = False
     """Whether lanes drift with the cells; else they lie still over ground."""
-    likely: tuple[LikelyLane, ...] = ()
-    """The lanes with what the prior says of them; empty without a prior."""
-    ground: Terrain | None = None
-    """What layers are above; None: flat ground at the level of the start."""
     whole_fence: Fence | None = None
     """Of a member: the fence without the columns over others' pads, which are holes of `fence`."""
+
+    @cached_property
+    def energy(self) -> EnergyModel:
+        """The model of battery and wind."""
+        return energy_model(self.mission)
+
+    @property
+    def ground(self) -> Terrain | None:
+        """What layers are above; None: flat ground at the level of the start."""
+        return self.mission.ground
+
+    @cached_property
+    def likely(self) -> tuple[LikelyLane, ...]:
+        """The lanes with what the prior says of them; empty without a prior."""
+        prior = prior_of(self.mission, self.grid) if self.lanes else ()
+        if not prior:
+            return ()
+        box = [self.grid.fixed(place) for place in positions(self.mission.search.box)]
+        return likely_lanes(self.lanes, box, prior, self.grid.cell_m, self.lane_rows)
 
     @cached_property
     def path_speed_m_s(self) -> Callable[[float, float], float]:

@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 from missions.geo.grid import Grid
-from missions.mission.energy import CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
 from missions.mission.height_and_speed import footprint_over, headway_m_s, speed_limits
 from missions.mission.schema import Mission
 
@@ -107,18 +106,3 @@ def beside_rows_m(mission: Mission, grid: Grid, height_m: float, *, east_ahead: 
     low_m, high_m = reaches_m(mission, grid, height_m, east_ahead=east_ahead)
     most_m = max(low_m, high_m, 0.0)
     return min(max((low_m - high_m) / 2.0, -most_m), most_m)
-
-
-def energy_model(mission: Mission) -> EnergyModel:
-    """The model of a mission's battery and wind."""
-    return EnergyModel(
-        mission.battery.hover_power_w,
-        mission.battery.capacity_wh,
-        mission.battery.reserve,
-        mission.flight.speed_m_s,
-        mission.wind.speed_m_s,
-        accel_m_s2=mission.flight.accel_m_s2,
-        max_airspeed_m_s=mission.flight.max_airspeed_m_s,
-        climb_m_s=mission.flight.climb_m_s or CLIMB_SPEED_M_S,
-        descent_m_s=mission.flight.descent_m_s or LANDING_SPEED_M_S,
-    )

@@ -10,10 +10,10 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point
 
+from missions.mission.energy import energy_model
 from missions.mission.flyable import look_s
 from missions.mission.layout import Layout
 from missions.mission.places import drawn, home_heights_m
-from missions.mission.views import energy_model
 from missions.units import PadHeight
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, EKF_CONSTANT, VehicleView

@@ -16,8 +16,8 @@ from missions.mission.energy import (
     LANDING_SPEED_M_S,
     LEAST_HEADWAY_M_S,
     EnergyModel,
+    energy_model,
 )
-from missions.mission.views import energy_model
 from tests.support.small_missions import mission, square
 
 FAST = settings(max_examples=200, deadline=None)

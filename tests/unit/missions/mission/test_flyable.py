@@ -16,9 +16,8 @@ from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.checks import parse_mission
-from missions.mission.energy import AIRSPEED_LIMIT_M_S
+from missions.mission.energy import AIRSPEED_LIMIT_M_S, energy_model
 from missions.mission.schema import Flight, Mission
-from missions.mission.views import energy_model
 from missions.units import Cell
 from tests.support.small_missions import at_heights, square
 from tests.support.small_missions import mission as metres
