@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 import shapely
@@ -18,11 +18,8 @@ from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import DRAG_1_S, G_M_S2
 from missions.planning.sweep.chart import Chart, Known, dilated
+from missions.planning.sweep.paths import Flyer, Kinematics, Route
 from missions.units import Cell, GridPoint
-
-if TYPE_CHECKING:
-    from missions.planning.sweep.paths import Flyer, Kinematics, Route
-
 
 LONGEST_S: Final = 300.0
 """A path is not planned for later: a region that drifts would be out of the fence by then."""
@@ -39,8 +36,6 @@ def flyer_of(
 
     `planned` is the path that was planned for it last, and `route` what that was made of.
     """
-    from missions.planning.sweep.paths import Flyer  # noqa: PLC0415 - numba takes a second to load
-
     grid, path = setting.grid, vehicle.path
     # at the end of a path it is where that ends, until it is seen to have arrived
     place = vehicle.position if path is None else path.place_at(begin_s)
@@ -108,8 +103,6 @@ def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
 
 def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
     """Return what a vehicle can fly and see in its layer, along the grid's axes."""
-    from missions.planning.sweep.paths import Kinematics  # noqa: PLC0415 - numba takes a second to load
-
     mission, grid = setting.mission, setting.grid
     height_m = vehicle.cruise_height_m
     half_east_m, half_north_m = setting.seen_whole_m(height_m)

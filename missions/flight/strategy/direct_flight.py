@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from missions.flight.path_orders import NOTICE_S, along_route
 from missions.flight.state import Setting, State
@@ -18,10 +18,9 @@ from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
 from missions.planning.sweep.chart import Known
+from missions.planning.sweep.memo import valued
+from missions.planning.sweep.paths import Tuning, Valued
 from missions.units import Cell, GridPoint
-
-if TYPE_CHECKING:
-    from missions.planning.sweep.paths import Valued
 
 MOST_ROUTES: Final = 12
 """So many places, the nearest first, are tried for a way inside the fence."""
@@ -60,8 +59,6 @@ def fetch(
 
 def _needed(setting: Setting, known: Known) -> list[Cell]:
     """The cells that have to be decided, and are not."""
-    from missions.planning.sweep.paths import Tuning  # noqa: PLC0415 - numba takes a second
-
     worth, need, candidates, _ = value_of(setting, known)
     least_s = 0.5 * Tuning().penalty_s
     return [known.chart.cell(int(i)) for i in candidates if worth[i] * need[i] > least_s]
@@ -69,12 +66,8 @@ def _needed(setting: Setting, known: Known) -> list[Cell]:
 
 def value_of(setting: Setting, known: Known) -> Valued:
     """What a frame of each cell is worth, and how many cells have to be decided still."""
-    from missions.planning.sweep.memo import valued  # noqa: PLC0415 - numba takes a second
-    from missions.planning.sweep.paths import Tuning  # noqa: PLC0415, as above
-    from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415, as above
-
     votes = setting.mission.votes
-    return valued(Planner(Tuning()), known, votes.frames, votes.positive)
+    return valued(known, votes.frames, votes.positive)
 
 
 def _vantages(

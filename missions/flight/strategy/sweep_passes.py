@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.flight.path_orders import NOTICE_S, fly_route, give_path
 from missions.flight.state import Setting, State, Strategy
@@ -26,12 +26,9 @@ from missions.geo.trajectory import Trajectory
 from missions.mapping.tree import grown
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
+from missions.planning.sweep.memo import plan_once
+from missions.planning.sweep.paths import Flyer, Plan, Route, Tuning, Waypoints
 from missions.units import Cell
-
-if TYPE_CHECKING:
-    from missions.planning.sweep.paths import Flyer, Route
-    from missions.planning.sweep.sweep_planner import Plan
-    from missions.planning.sweep.tours import Waypoints
 
 REPLAN_S: Final = 0.4
 """Shortest time between two plans, s."""
@@ -235,9 +232,6 @@ def _plan(
     tours: Waypoints,
     times: float,
 ) -> Plan:
-    from missions.planning.sweep.memo import plan_once  # noqa: PLC0415 - numba takes a second to load
-    from missions.planning.sweep.paths import Tuning  # noqa: PLC0415, as above
-
     votes = setting.mission.votes
     penalty_s = Tuning().penalty_s * times * PRIORITY**memory.priority
     return plan_once(

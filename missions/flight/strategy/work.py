@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,9 @@ from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane, lanes
+from missions.planning.sweep.chart import Known
+from missions.planning.sweep.paths import Flyer, Tour, Waypoints
 from missions.units import Cell, GridPoint
-
-if TYPE_CHECKING:
-    from missions.planning.sweep.chart import Known
-    from missions.planning.sweep.paths import Flyer
-    from missions.planning.sweep.tours import Tour, Waypoints
 
 Bits = NDArray[np.bool_]
 

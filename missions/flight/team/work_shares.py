@@ -19,7 +19,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -30,14 +30,12 @@ from missions.flight.vehicle_state import Allotment, Phase, VehicleState
 from missions.geo.trajectory import Trajectory
 from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Chart, Known, nearest_place
+from missions.planning.sweep.memo import tours_once
+from missions.planning.sweep.paths import CUT_M, Flyer, Tour, Tours, Waypoints
 from missions.units import Cell, GridPoint
 
-if TYPE_CHECKING:
-    from missions.planning.sweep.paths import Flyer
-    from missions.planning.sweep.tours import Tour, Tours, Waypoints
-
-    Delayed = dict[int, tuple[Flyer, float]]
-    """Vehicles, and how long after the tours begin they will map, s."""
+Delayed = dict[int, tuple[Flyer, float]]
+"""Vehicles, and how long after the tours begin they will map, s."""
 
 EVERY_S: Final = 4.0
 """Shortest time between two decisions on which vehicle is to see what, s."""
@@ -110,8 +108,6 @@ def _tours(
     `before` are the tours that were laid last, `how` are options of `tours_once`. None where there
     is too little to be seen.
     """
-    from missions.planning.sweep.memo import tours_once  # noqa: PLC0415 - numba takes a second to load
-
     votes, last = state.setting.mission.votes, tuple(before.get(n, ()) for n in everyone)
     flyers, delays_s = zip(*everyone.values(), strict=True)
     return tours_once(
@@ -172,8 +168,6 @@ def own_part(
 
 def _tour(places: Sequence[GridPoint]) -> Tour:
     """Observation points as the planner of tours has them."""
-    from missions.planning.sweep.tours import CUT_M  # noqa: PLC0415 - numba takes a second to load
-
     return tuple((place.east_m, place.north_m, CUT_M) for place in places)
 
 

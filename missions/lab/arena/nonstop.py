@@ -20,8 +20,8 @@ from missions.geo.trajectory import Trajectory
 from missions.lab.arena.roi import Roi
 from missions.planning.kernels import worth as kernels
 from missions.planning.sweep.chart import PAD_CELLS, Chart
-from missions.planning.sweep.paths import Flyer, Kinematics, Route, Tuning
-from missions.planning.sweep.sweep_planner import Plan, Planner
+from missions.planning.sweep.paths import Flyer, Kinematics, Plan, Route, Tuning
+from missions.planning.sweep.sweep_planner import Planner
 from missions.units import Cell, GridPoint
 
 FRUITLESS_PLANS: Final = 30

@@ -51,7 +51,8 @@ from missions.geo.trajectory import Trajectory, least_s
 from missions.lab.arena.nonstop import Flown, Ground, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.kernels import swath as kernels
-from missions.planning.sweep.paths import Kinematics, Tuning, path_of
+from missions.planning.sweep.kernel_paths import path_of, row_of
+from missions.planning.sweep.paths import Kinematics, Tuning
 from missions.units import Cell, GridPoint
 
 
@@ -123,7 +124,7 @@ class _Search:
 
     def __post_init__(self) -> None:
         ground, count = self.ground, self.robots
-        row = ground.kinematics.row(Tuning(), next_frame_s=0.0)
+        row = row_of(ground.kinematics, Tuning(), next_frame_s=0.0)
         row[kernels.FULL_RATE_S] = np.inf
         starts = np.zeros((count, kernels.LEADS, 4))
         starts[:, :, :2] = ground.home

@@ -2,6 +2,8 @@
 
 A plan is a pure function of its arguments, and costs some ten milliseconds; the fold of a flight
 needs hundreds, and several parts of the service fold the same journal. The memory is the flight's.
+
+The planner loads its kernels, which takes a second with numba: it is imported by the first plan.
 """
 
 from __future__ import annotations
@@ -11,20 +13,30 @@ from collections.abc import Sequence
 from dataclasses import astuple
 from typing import Final
 
-from missions.planning.kernels.jit import COMPILED
 from missions.planning.sweep.chart import Chart, Known
-from missions.planning.sweep.paths import Flyer, Kinematics, Tuning, Valued
+from missions.planning.sweep.paths import (
+    KEEP_S,
+    LEAST_WORK,
+    Flyer,
+    Kinematics,
+    Plan,
+    Tours,
+    Tuning,
+    Valued,
+    Waypoints,
+)
 from missions.planning.sweep.plan_memo import PlanMemo
-from missions.planning.sweep.sweep_planner import Plan, Planner
-from missions.planning.sweep.tours import KEEP_S, LEAST_WORK, Tours, Waypoints, lay_tours
 from missions.units import Cell, GridPoint
 
 UNCOMPILED_MOVES: Final = 20
 """Plain Python is a hundred times slower: plans are worse, and as safe."""
 
 
-def valued(planner: Planner, known: Known, frames: int, majority: int) -> Valued:
+def valued(known: Known, frames: int, majority: int, tuning: Tuning | None = None) -> Valued:
     """What a frame of each cell is worth: `frames` votes of a cell count, `majority` elect it."""
+    from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415 - see above
+
+    planner = Planner(Tuning() if tuning is None else tuning)
     if known.wanted is None or known.patches:
         return planner.worth(known.chart, known.root, frames, majority, known.wanted)
     return planner.worth_of_all(known.chart, known.wanted, frames, majority)
@@ -47,12 +59,14 @@ def plan_once(
     """
 
     def plan() -> Plan:
+        from missions.planning.kernels.jit import COMPILED  # noqa: PLC0415 - see above
+        from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415 - see above
+
         few = UNCOMPILED_MOVES
         moves = tuning if COMPILED else Tuning(tuning.penalty_s, moves=few, tour_moves=few)
-        planner = Planner(moves)
-        worth = valued(planner, known, frames, majority)
+        worth = valued(known, frames, majority, moves)
         next_s = [max(flyer.kinematics.frame_s, flyer.blind_s) for flyer in team]
-        return planner.plan(known.chart, team, worth, begin_s, decision, next_s, tours)
+        return Planner(moves).plan(known.chart, team, worth, begin_s, decision, next_s, tours)
 
     asked = (astuple(tuning), frames, majority, begin_s, decision, tours)
     return memo.answer(_key("plan", known, team, *asked), plan)
@@ -74,7 +88,9 @@ def tours_once(
     """Tours of a team past all that is to be seen; None where that is less than `least` cells."""
 
     def tours() -> Tours | None:
-        worth = valued(Planner(Tuning()), known, frames, majority)
+        from missions.planning.sweep.tours import lay_tours  # noqa: PLC0415 - see above
+
+        worth = valued(known, frames, majority)
         return lay_tours(
             known.chart, team, delays_s, worth, begin_s, decision, before, least, keep_s
         )
@@ -103,6 +119,9 @@ def warm_up() -> None:
     That loads every kernel; the first time on a machine it compiles them, which takes some ten
     seconds on a fast one. Without numba it takes a fraction of a second.
     """
+    from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415 - see above
+    from missions.planning.sweep.tours import lay_tours  # noqa: PLC0415 - see above
+
     planner = Planner(Tuning(moves=20))
     root = Cell(0, 0)
     chart = Chart.around([root], cell_m=4.0)

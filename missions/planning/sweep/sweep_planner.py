@@ -20,22 +20,18 @@ from typing import Final
 
 import numpy as np
 
-from missions.geo.trajectory import Trajectory
 from missions.planning.kernels import swath as kernels
 from missions.planning.kernels import worth as worths
 from missions.planning.sweep.chart import Chart, Flags
-from missions.planning.sweep.paths import (
-    Floats,
-    Flyer,
-    Route,
-    Tuning,
-    Valued,
+from missions.planning.sweep.kernel_paths import (
     ahead,
     geometry,
     path_of,
+    row_of,
     segments_of,
     within,
 )
+from missions.planning.sweep.paths import Floats, Flyer, Plan, Route, Tuning, Valued
 from missions.units import GridPoint
 
 _TIMES: Final = 1.2
@@ -66,17 +62,6 @@ def worth_the_way(tuning: Tuning, chart: Chart, team: Sequence[Flyer], valued: V
 
 
 _MOST_LEAD: Final = 24  # pieces of a lead-in
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """What comes of it: paths that begin now, or None where the one under way is flown on."""
-
-    paths: tuple[Trajectory | None, ...]
-    routes: tuple[Route, ...]
-    work: int
-    """Cells that are needed and not decided."""
-    cost_s: float
 
 
 @dataclass(slots=True)
@@ -161,7 +146,7 @@ class Planner:
         tuning = self.tuning
         valued = worth_the_way(tuning, chart, team, valued)
         rows = np.stack(
-            [f.kinematics.row(tuning, s) for f, s in zip(team, next_frame_s, strict=True)]
+            [row_of(f.kinematics, tuning, s) for f, s in zip(team, next_frame_s, strict=True)]
         )
         search = _Search.of(rows, chart, valued)
         for k, flyer in enumerate(team):

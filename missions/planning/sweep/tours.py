@@ -10,40 +10,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from missions.planning.kernels import tour_kernels as kernels
 from missions.planning.sweep.chart import Chart
-from missions.planning.sweep.paths import Floats, Flyer, Ints, Valued
+from missions.planning.sweep.paths import (
+    CUT_M,
+    KEEP_S,
+    LEAST_WORK,
+    Floats,
+    Flyer,
+    Ints,
+    Tours,
+    Valued,
+    Waypoints,
+)
 
-LEAST_WORK: Final = 24
-"""Cells; less is left to annealing alone."""
 MOST_PLACES: Final = 600
 MOVES: Final = 30_000
 HOT_S: Final = 2.0
 COLD_S: Final = 0.05
 LAST_SHARE: Final = 0.8
-KEEP_S: Final = 2.0
-CUT_M: Final = 5.0
-"""By how much a corner of a tour is cut at first; pictures from on high forgive it."""
 _SLOW_M_S: Final = 0.5
-
-Tour = tuple[tuple[float, float, float], ...]
-Waypoints = tuple[Tour, ...]
-"""Of each vehicle, the end not among them: (east, north, how far its corner may be cut)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tours:
-    """What to begin a plan with."""
-
-    waypoints: Waypoints
-    mine: Ints
-    """By cell of the chart: which vehicle is to see it; -1 where none has to."""
-    cost_s: float
 
 
 def lay_tours(

@@ -18,8 +18,8 @@ from missions.lab.arena.roi import Roi, grown
 from missions.lab.arena.survey import surveyed
 from missions.lab.arena.time_bounds import reference
 from missions.planning.sweep.memo import warm_up
-from missions.planning.sweep.paths import Tuning, Valued
-from missions.planning.sweep.sweep_planner import Plan, Planner
+from missions.planning.sweep.paths import Plan, Tuning, Valued
+from missions.planning.sweep.sweep_planner import Planner
 from tests.benchmarks import frame
 from tests.benchmarks.frame import asked
 

@@ -19,15 +19,8 @@ from missions.planning.kernels import swath as kernels
 from missions.planning.kernels import worth as worths
 from missions.planning.kernels.jit import COMPILED
 from missions.planning.sweep.chart import Chart
-from missions.planning.sweep.paths import (
-    Flyer,
-    Kinematics,
-    Route,
-    Tuning,
-    path_of,
-    segments_of,
-    trajectory_of,
-)
+from missions.planning.sweep.kernel_paths import path_of, row_of, segments_of, trajectory_of
+from missions.planning.sweep.paths import Flyer, Kinematics, Route, Tuning
 from missions.planning.sweep.sweep_planner import Planner
 from missions.units import Cell, GridPoint
 
@@ -51,7 +44,7 @@ def laid(
     starts = np.zeros((1, kernels.LEADS, 4))
     n_leads = np.full((1, kernels.LEADS), -1, np.int64)
     n_leads[:, kernels.LEADS - 1] = 0
-    row = kinematics.row(Tuning(), kinematics.frame_s)
+    row = row_of(kinematics, Tuning(), kinematics.frame_s)
     team = kernels.Team(
         row[None], starts, np.zeros((1, kernels.LEADS, 1, kernels.PIECE)), n_leads, np.zeros(1)
     )
@@ -111,7 +104,7 @@ def test_the_frames_that_are_predicted_are_the_frames_that_are_seen(points, tilt
     path, _ = laid(points, kinematics)
     chart = Chart.around([Cell(-16, -16), Cell(16, 16)], 4.0)
     segments = segments_of(path)
-    row = kinematics.row(Tuning(), 0.2)
+    row = row_of(kinematics, Tuning(), 0.2)
     row[kernels.FULL_RATE_S] = np.inf
     cells, times = np.zeros(60_000, np.int32), np.zeros(60_000, np.float32)
     total_s = path.end_s - path.begin_s

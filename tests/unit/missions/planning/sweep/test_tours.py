@@ -8,9 +8,9 @@ import numpy as np
 
 from missions.planning.kernels import tour_kernels as kernels
 from missions.planning.sweep.chart import Chart
-from missions.planning.sweep.paths import Flyer, Kinematics, Tuning, Valued
+from missions.planning.sweep.paths import Flyer, Kinematics, Tours, Tuning, Valued, Waypoints
 from missions.planning.sweep.sweep_planner import Planner
-from missions.planning.sweep.tours import Tours, Waypoints, lay_tours
+from missions.planning.sweep.tours import lay_tours
 from missions.units import Cell, GridPoint
 
 FLOWN = Kinematics(10.0, 2.5, 0.5, 20.0, 15.0)
