@@ -98,6 +98,10 @@ class Fence:
         way = self.route(start, self.nearest(end))
         return None if way is None else (*way, end)
 
+    def inside(self, point: GridPoint) -> GridPoint:
+        """The point itself where a leg may end there, else the nearest place inside the margin."""
+        return point if self.allows(point) else self.nearest(point)
+
     def nearest(self, point: GridPoint, inside_m: float = 0.0) -> GridPoint:
         """The place inside the margin that is nearest to a point, `inside_m` from the rim if there
         is any so deep."""
@@ -158,7 +162,7 @@ def _allows(fence: Fence, point: GridPoint) -> bool:
 def _route(fence: Fence, start: GridPoint, end: GridPoint) -> Way | None:
     if not fence.allows(end):
         return None
-    entry = start if fence.allows(start) else fence.nearest(start)
+    entry = fence.inside(start)
     onward = fence._shortest(entry, end)
     return onward if onward is None or entry is start else (entry, *onward)
 

@@ -161,6 +161,12 @@ class Trajectory:
         step_s = (end_s - begin_s) / steps
         return [self.place_at(begin_s + k * step_s) for k in range(steps + 1)]
 
+    def goes_on(self, planned: Trajectory | None, t_s: float) -> bool:
+        """Whether this is what was planned, or still the same at a time: a fence may cut it."""
+        if planned is None or planned is self:
+            return planned is self
+        return self.begin_s == planned.begin_s and self.at(t_s) == planned.at(t_s)
+
     def resting(self, rest_s: float) -> Trajectory:
         """Return this path of the fixed frame with a rest at its end."""
         end = self.at(self.end_s).place

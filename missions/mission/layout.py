@@ -14,11 +14,12 @@ from missions.mission.energy import EnergyModel, energy_model
 from missions.mission.flyable import look_s
 from missions.mission.places import drawn, home_heights_m, homes, prior_of
 from missions.mission.schema import Mission, positions
-from missions.mission.views import path_speed_m_s, seen_whole_m, wind_toward
+from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m, wind_toward
 from missions.planning.search.lanes import LANE_CELLS, Lane
 from missions.planning.search.prior import LikelyLane, likely_lanes
 from missions.planning.search.strip import Strip
 from missions.planning.stepwise.interface import Metric
+from missions.planning.sweep.paths import Kinematics
 from missions.units import Cell, GridPoint
 
 
@@ -69,6 +70,24 @@ class Layout:
     def seen_whole_m(self) -> Callable[[float], tuple[float, float]]:
         """How far east and north of the middle of a picture cells are whole, by height, m."""
         return cache(partial(seen_whole_m, self.mission, east_ahead=self.east_ahead))
+
+    def kinematics(self, height_m: float, wind_m_s: float) -> Kinematics:
+        """Return what a vehicle can fly and see at a height in a measured wind, along the grid."""
+        mission, grid = self.mission, self.grid
+        half_east_m, half_north_m = self.seen_whole_m(height_m)
+        fixed = mission.camera.mounting == "fixed"
+        wind_east, wind_north = self.wind_m_s
+        return Kinematics(
+            speed_m_s=self.path_speed_m_s(height_m, wind_m_s),
+            accel_m_s2=self.energy.accel_m_s2,
+            frame_s=mission.camera.interval_s,
+            half_east_m=max(half_east_m, 0.1),
+            half_north_m=max(half_north_m, 0.1),
+            tilt_m_s2=height_m / G_M_S2 if fixed else 0.0,
+            drag_1_s=DRAG_1_S,
+            wind_east_m_s=wind_east - grid.drift_east_m_s,  # relative to the region
+            wind_north_m_s=wind_north - grid.drift_north_m_s,
+        )
 
     @cached_property
     def wind_m_s(self) -> tuple[float, float]:

@@ -16,9 +16,8 @@ from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
-from missions.mission.views import DRAG_1_S, G_M_S2
-from missions.planning.sweep.chart import Chart, Known, dilated
-from missions.planning.sweep.paths import Flyer, Kinematics, Route
+from missions.planning.sweep.chart import Chart, Known
+from missions.planning.sweep.paths import Flyer, Route
 from missions.units import Cell, GridPoint
 
 LONGEST_S: Final = 300.0
@@ -39,12 +38,12 @@ def flyer_of(
     grid, path = setting.grid, vehicle.path
     # at the end of a path it is where that ends, until it is seen to have arrived
     place = vehicle.position if path is None else path.place_at(begin_s)
-    mine = path is not None and _is_planned(path, planned, begin_s)
+    mine = path is not None and path.goes_on(planned, begin_s)
     if mine:  # the fence may allow less of it than was planned
         path = planned
     if path is not None and not mine:  # of the search: planned in the fixed frame
         path = path.in_frame(grid.drift_m_s, begin_s)
-    flown = kinematics(setting, vehicle)
+    flown = setting.kinematics(vehicle.cruise_height_m, vehicle.wind_m_s)
     if path is not None:  # what is too fast for the wind by now comes down where the path is slower
         moves = path.at(begin_s)
         now_m_s = math.hypot(
@@ -69,16 +68,9 @@ def flyer_of(
 def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: float) -> float:
     """Return when a vehicle will be over its pad, by the path that was planned for it last."""
     path = vehicle.path
-    if path is None or planned is None or not _is_planned(path, planned, begin_s):
+    if path is None or planned is None or not path.goes_on(planned, begin_s):
         return begin_s
     return min(max(begin_s, planned.end_s), begin_s + LONGEST_S)
-
-
-def _is_planned(path: Trajectory, planned: Trajectory | None, t_s: float) -> bool:
-    """Whether a path is what was planned, or still the same at a time: the fence may cut it."""
-    if planned is None or planned is path:
-        return planned is path
-    return path.begin_s == planned.begin_s and path.at(t_s) == planned.at(t_s)
 
 
 def in_map_layer(setting: Setting, vehicle: VehicleState) -> VehicleState:
@@ -86,39 +78,13 @@ def in_map_layer(setting: Setting, vehicle: VehicleState) -> VehicleState:
     return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
 
 
-def over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
-    """Return where a path ends: over the pad, or beside it where the fence allows."""
-    fence, pad = setting.fence, vehicle.pad
-    return pad if fence.allows(pad) else fence.nearest(pad)
-
-
 def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
     """Return where a path ends among pads of others: before its own, if no way leads past the
     columns over theirs. From there to the pad a vehicle flies straight."""
-    pad = over_pad(setting, vehicle)
+    pad = setting.fence.inside(vehicle.pad)
     if setting.whole_fence is None:
         return pad
     return gate_past_columns(setting.fence, setting.whole_fence, pad, setting.mission.grid.cell_m)
-
-
-def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
-    """Return what a vehicle can fly and see in its layer, along the grid's axes."""
-    mission, grid = setting.mission, setting.grid
-    height_m = vehicle.cruise_height_m
-    half_east_m, half_north_m = setting.seen_whole_m(height_m)
-    fixed = mission.camera.mounting == "fixed"
-    wind_east, wind_north = setting.wind_m_s
-    return Kinematics(
-        speed_m_s=setting.path_speed_m_s(height_m, vehicle.wind_m_s),
-        accel_m_s2=setting.energy.accel_m_s2,
-        frame_s=mission.camera.interval_s,
-        half_east_m=max(half_east_m, 0.1),
-        half_north_m=max(half_north_m, 0.1),
-        tilt_m_s2=height_m / G_M_S2 if fixed else 0.0,
-        drag_1_s=DRAG_1_S,
-        wind_east_m_s=wind_east - grid.drift_east_m_s,  # relative to the region
-        wind_north_m_s=wind_north - grid.drift_north_m_s,
-    )
 
 
 def chart_of(
@@ -198,16 +164,8 @@ def _fence(
         allowed[column] = 0
         ours = next((v for n, v in team.items() if setting.team.controls(n)), None)
         if ours is not None:  # the way to its own is free, wherever the middle of a cell lies
-            way = LineString([over_pad(setting, ours), gate_of(setting, ours)])
+            way = LineString([setting.fence.inside(ours.pad), gate_of(setting, ours)])
             allowed[shapely.dwithin(shapely.points(x, y), way, cell_m)] = 1
-    chart.allowed = allowed.ravel()
-    chart.fenced = not bool(allowed.all())
-    if not chart.fenced:
-        return
-    seen = np.zeros_like(allowed)
-    for vehicle in team.values():
-        flown = kinematics(setting, in_map_layer(setting, vehicle))
-        reach_e = math.floor(flown.half_east_m / cell_m)
-        reach_n = math.floor(flown.half_north_m / cell_m)
-        seen |= dilated(np.asarray(allowed), reach_e, reach_n)
-    chart.closed = (1 - seen).astype(np.uint8).ravel()
+    low = (in_map_layer(setting, vehicle) for vehicle in team.values())
+    flown = (setting.kinematics(vehicle.cruise_height_m, vehicle.wind_m_s) for vehicle in low)
+    chart.allow(allowed, (each.reach(cell_m) for each in flown))

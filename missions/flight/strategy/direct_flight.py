@@ -6,20 +6,18 @@ vehicles wait and cells are still needed, one flies to the nearest observation p
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
 from missions.flight.path_orders import NOTICE_S, along_route
 from missions.flight.state import Setting, State
-from missions.flight.strategy.charting import kinematics
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
 from missions.planning.sweep.chart import Known
 from missions.planning.sweep.memo import valued
-from missions.planning.sweep.paths import Tuning, Valued
+from missions.planning.sweep.paths import Tuning
 from missions.units import Cell, GridPoint
 
 MOST_ROUTES: Final = 12
@@ -59,15 +57,10 @@ def fetch(
 
 def _needed(setting: Setting, known: Known) -> list[Cell]:
     """The cells that have to be decided, and are not."""
-    worth, need, candidates, _ = value_of(setting, known)
+    votes = setting.mission.votes
+    worth, need, candidates, _ = valued(known, votes.frames, votes.positive)
     least_s = 0.5 * Tuning().penalty_s
     return [known.chart.cell(int(i)) for i in candidates if worth[i] * need[i] > least_s]
-
-
-def value_of(setting: Setting, known: Known) -> Valued:
-    """What a frame of each cell is worth, and how many cells have to be decided still."""
-    votes = setting.mission.votes
-    return valued(known, votes.frames, votes.positive)
 
 
 def _vantages(
@@ -78,9 +71,9 @@ def _vantages(
     tried: Collection[Cell],
 ) -> list[tuple[float, Cell, GridPoint]]:
     """From where a vehicle sees a needed cell: how far, the cell below, the place by then."""
-    flown, grid, chart = kinematics(state.setting, vehicle), state.setting.grid, known.chart
-    reach_e = math.floor(flown.half_east_m / grid.cell_m)
-    reach_n = math.floor(flown.half_north_m / grid.cell_m)
+    setting, grid, chart = state.setting, state.setting.grid, known.chart
+    flown = setting.kinematics(vehicle.cruise_height_m, vehicle.wind_m_s)
+    reach_e, reach_n = flown.reach(grid.cell_m)
     cells = {
         Cell(cell.east + i, cell.north + j)
         for cell in needed

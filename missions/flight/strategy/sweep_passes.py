@@ -16,8 +16,8 @@ from typing import Final
 
 from missions.flight.path_orders import NOTICE_S, fly_route, give_path
 from missions.flight.state import Setting, State, Strategy
-from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s, over_pad
-from missions.flight.strategy.direct_flight import fetch, value_of
+from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s
+from missions.flight.strategy.direct_flight import fetch
 from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.work import OpenWork, TourMemory, Work
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
@@ -26,7 +26,7 @@ from missions.geo.trajectory import Trajectory
 from missions.mapping.tree import grown
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
-from missions.planning.sweep.memo import plan_once
+from missions.planning.sweep.memo import plan_once, valued
 from missions.planning.sweep.paths import Flyer, Plan, Route, Tuning, Waypoints
 from missions.units import Cell
 
@@ -129,7 +129,9 @@ def explore_passes(strategy: Strategy, state: State) -> State:
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
-        if value_of(setting, known)[3] > 0:  # others see to it: nothing stalls yet
+        votes = setting.mission.votes
+        # if others see to it, nothing stalls yet
+        if valued(known, votes.frames, votes.positive)[3] > 0:
             state = replace(state, memory=replace(memory, waiting=waiting, stalled_s=0.0))
             return _homeward(state, waiting)
     if plan.work == 0:
@@ -153,7 +155,7 @@ def _homeward(state: State, waiting: frozenset[int]) -> State:
     """Have vehicles that wait while others map fly towards their pads."""
     for number in sorted(waiting):
         vehicle = state.vehicles[number]
-        route = state.setting.fence.route(vehicle.position, over_pad(state.setting, vehicle))
+        route = state.setting.fence.route(vehicle.position, state.setting.fence.inside(vehicle.pad))
         if route and vehicle.position.distance_to(route[-1]) > NEAR_PAD_M:
             state = fly_route(state, vehicle, route)
     return state

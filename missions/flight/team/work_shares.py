@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 
 from missions.flight.state import Setting, State
-from missions.flight.strategy.charting import flyer_of, in_map_layer, kinematics
+from missions.flight.strategy.charting import flyer_of, in_map_layer
 from missions.flight.strategy.work import Bits, OpenWork, TourMemory
 from missions.flight.vehicle_state import Allotment, Phase, VehicleState
 from missions.geo.trajectory import Trajectory
@@ -182,7 +182,7 @@ def mark_unreported(mine: int, state: State, known: Known) -> bool:
         return False
     chart, any_ = known.chart, False
     low = in_map_layer(state.setting, state.vehicles[mine])
-    seen = kinematics(state.setting, low)
+    seen = state.setting.kinematics(low.cruise_height_m, low.wind_m_s)
     reach_e, reach_n = seen.half_east_m / chart.cell_m, seen.half_north_m / chart.cell_m
     for place in found.parts.get(mine, ()):
         x, y = place.east_m / chart.cell_m, place.north_m / chart.cell_m

@@ -90,6 +90,18 @@ class Chart:
         """The inverse of `index`."""
         return Cell(index % self.columns + self.west, index // self.columns + self.south)
 
+    def allow(self, allowed: Flags, reaches: Iterable[tuple[int, int]]) -> None:
+        """Forbid all but what is allowed, by row and column, and close what is not seen from there:
+        `reaches` are how many columns and rows to either side each vehicle sees."""
+        self.allowed = allowed.ravel()
+        self.fenced = not bool(allowed.all())
+        if not self.fenced:
+            return
+        seen = np.zeros_like(allowed)
+        for columns, rows in reaches:
+            seen |= dilated(np.asarray(allowed), columns, rows)
+        self.closed = (1 - seen).astype(np.uint8).ravel()
+
     def close(self, strip: Strip) -> None:
         """Close the cells of a strip, as far as they are in the window."""
         columns, rows = strip.columns, strip.rows

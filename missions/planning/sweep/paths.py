@@ -6,6 +6,7 @@ No kernel is loaded here, which takes a second: that is done by the first plan
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -81,6 +82,10 @@ class Kinematics:
     """Thrust that a speed through the air takes."""
     wind_east_m_s: float = 0.0
     wind_north_m_s: float = 0.0
+
+    def reach(self, cell_m: float) -> tuple[int, int]:
+        """How many whole columns and rows of cells a frame shows to either side of a cell."""
+        return math.floor(self.half_east_m / cell_m), math.floor(self.half_north_m / cell_m)
 
 
 @dataclass(frozen=True, slots=True)

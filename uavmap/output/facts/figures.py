@@ -10,7 +10,6 @@ from missions.events import Event, FrameSeen
 from missions.fleet_events import Shared
 from missions.flight.state import Setting, State
 from missions.flight.step import step
-from missions.flight.strategy.charting import kinematics
 from missions.flight.team.members import concluded, facts_of, with_map
 from missions.mapping.belief import FrameId
 from missions.mapping.frame_sums import FrameSums
@@ -178,8 +177,9 @@ def _passing_bound_s(state: State, found_s: float, breaks: int) -> float:
     """
     mission = state.setting.mission
     legs_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s if state.falls_back else 0.0
-    team = [kinematics(state.setting, vehicle) for vehicle in state.vehicles.values()]
-    top_m = max(vehicle.cruise_height_m for vehicle in state.vehicles.values())
+    vehicles, setting = state.vehicles.values(), state.setting
+    team = [setting.kinematics(v.cruise_height_m, v.wind_m_s) for v in vehicles]
+    top_m = max(v.cruise_height_m for v in vehicles)
     lean_m = 0.0
     for k in team:
         airspeed_m_s = max(k.speed_m_s, legs_m_s) + mission.wind.speed_m_s
