@@ -19,11 +19,7 @@ CALLED_HOME = "called home by the operator"
 
 def paused(state: State) -> State:
     """Have vehicles that work come to rest and hold; take-offs under way go on."""
-    vehicles = {
-        number: _stopped(state, vehicle) if vehicle.works else vehicle
-        for number, vehicle in state.vehicles.items()
-    }
-    return replace(state, paused=True, vehicles=vehicles)
+    return replace(state, paused=True).with_all(lambda v: _stopped(state, v) if v.works else v)
 
 
 def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting) -> VehicleState:
@@ -75,4 +71,4 @@ def _stopped(state: State, vehicle: VehicleState) -> VehicleState:
     if not isinstance(vehicle.order, FlyTo | FlyPath | Sweep | Look):
         return vehicle
     left = vehicle if vehicle.path is None else lane_left(vehicle, state.setting.grid.cell_m)
-    return replace(left.interrupted(state.t_s), at_target=vehicle.at_target)
+    return left.interrupted(state.t_s)

@@ -143,14 +143,11 @@ def _found(state: State, vehicle: VehicleState, looked_from: Cell, roi: list[Cel
     tree = Tree.rooted(root)
     if root == looked_from:
         tree = tree.looked(root, roi[1:])
+
+    def leaving(other: VehicleState) -> VehicleState:
+        there = other.vehicle == vehicle.vehicle and root == looked_from
+        left = other.interrupted(state.t_s) if other.works else other
+        return replace(left, vertex=root, candidate=None, on_lane=False, at_target=there)
+
     state = replace(state, tree=tree, found_s=state.t_s).with_vehicle(vehicle)
-    vehicles = {}
-    for number, other in state.vehicles.items():
-        vehicles[number] = replace(
-            other.interrupted(state.t_s) if other.works else other,
-            vertex=root,
-            candidate=None,
-            on_lane=False,
-            at_target=number == vehicle.vehicle and root == looked_from,
-        )
-    return replace(state, vehicles=vehicles)
+    return state.with_all(leaving)

@@ -343,6 +343,10 @@ class State:
         """Return this state with one vehicle changed."""
         return replace(self, vehicles={**self.vehicles, vehicle.vehicle: vehicle})
 
+    def with_all(self, change: Callable[[VehicleState], VehicleState]) -> State:
+        """Return this state with each vehicle changed."""
+        return replace(self, vehicles={n: change(v) for n, v in self.vehicles.items()})
+
     def holding(self, vehicle: VehicleState) -> State:
         """Return this state with a vehicle that hovers, in the air that this needs."""
         order = vehicle.order if isinstance(vehicle.order, Hold) else Hold()
@@ -356,10 +360,7 @@ class State:
     @property
     def over(self) -> bool:
         """Whether no vehicle will do anything more, and none is in the air."""
-        if not self.ours:  # of a fleet that is only listened to
-            done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
-            return all(v.phase in done for v in self.vehicles.values())
-        return all(v.ended for v in self.ours)
+        return all(v.ended for v in self.ours or self.vehicles.values())
 
     @property
     def unsearched(self) -> tuple[Lane, ...]:

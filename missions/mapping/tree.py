@@ -258,3 +258,19 @@ def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
         asked.extend(each for each in roi if each not in tree)
         tree = tree.looked(cell, roi)
     return tree
+
+
+def left_out(tree: Tree, belief: Belief) -> tuple[Tree, set[Cell]]:
+    """Return the tree with every vertex visited, and region beside one a vertex as well; and the
+    vertices from which nobody has looked."""
+    given_up: set[Cell] = set()
+    left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]
+    while left:
+        cell = left.pop()
+        if tree.has_looked(cell):
+            continue
+        given_up.add(cell)
+        roi = [near for near in cell.neighbours() if near in belief.roi]
+        left.extend(near for near in roi if near not in tree)
+        tree = tree.looked(cell, roi)
+    return grown(tree, belief, list(tree.vertices)), given_up

@@ -16,6 +16,7 @@ from dataclasses import replace
 from typing import Final
 
 from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import VehicleState
 from missions.planning.stepwise.rdfs import drift_factor, rdfs_bound_moves
 
 LEAST_PATIENCE_S: Final = 120.0
@@ -56,10 +57,10 @@ def whole_bound_s(setting: Setting, cells: int, depth: int) -> float:
 def fall_back(state: State) -> State:
     """Have all vehicles that explore leave their paths for the root."""
     root = None if state.tree is None else state.tree.root
-    vehicles = {}
-    for number, vehicle in state.vehicles.items():
-        leaves = vehicle.works and vehicle.path is not None
-        vehicles[number] = replace(
-            vehicle.interrupted(state.t_s) if leaves else vehicle, vertex=root, at_target=False
-        )
-    return replace(state, vehicles=vehicles, falls_back=True, memory=None, last_wait=None)
+
+    def leaving(vehicle: VehicleState) -> VehicleState:
+        if vehicle.works and vehicle.path is not None:
+            vehicle = vehicle.interrupted(state.t_s)
+        return replace(vehicle, vertex=root, at_target=False)
+
+    return replace(state, falls_back=True, memory=None, last_wait=None).with_all(leaving)

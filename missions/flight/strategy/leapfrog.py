@@ -220,9 +220,7 @@ class Leapfrog(Survey):
             return state
         before, memory = memory.index, _passed(memory, state)
         if memory.index > before:  # a sortie on which somebody got on was not in vain
-            state = replace(state, vehicles={
-                n: replace(v, fruitless_sorties=0) for n, v in state.vehicles.items()
-            })  # fmt: skip
+            state = state.with_all(lambda vehicle: replace(vehicle, fruitless_sorties=0))
         if state.t_s < memory.rests_until_s:
             return replace(state, memory=memory)
         if memory.index >= len(memory.steps) and not memory.homeward:

@@ -150,10 +150,9 @@ class Sweep(Paths):
         if root is None:
             return state
         tree = grown(Tree.rooted(root), state.belief, votes)
-        return replace(state, tree=tree, found_s=state.t_s, vehicles={
-            number: replace(other, vertex=root, candidate=None, on_lane=False)
-            for number, other in state.vehicles.items()
-        })  # fmt: skip
+        return replace(state, tree=tree, found_s=state.t_s).with_all(
+            lambda other: replace(other, vertex=root, candidate=None, on_lane=False)
+        )
 
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """Others have lanes left, or it waits over its pad; in an exploration it is planned for."""

@@ -23,7 +23,7 @@ from missions.flight.strategy.work import OpenWork, TourMemory, Work
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
-from missions.mapping.tree import grown
+from missions.mapping.tree import left_out
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
 from missions.planning.sweep.memo import plan_once, valued
@@ -124,8 +124,7 @@ def explore_passes(strategy: Strategy, state: State) -> State:
         flyers = {n: flyers[n] for n in team}
     times = 1.0 if others_part is None else ALONE_TIMES
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
-    left_out = plan.work == 0 and others_part is not None
-    if left_out and setting.team.mark_unreported(state, known):
+    if plan.work == 0 and others_part is not None and setting.team.mark_unreported(state, known):
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
@@ -279,15 +278,5 @@ def give_up_rest(state: State) -> State:
     if tree is None:
         open_ = state.setting.strategy.open_cells(state)
         return replace(state, exhausted=True, surveyed=True, undecided=open_)
-    given_up: set[Cell] = set()
-    left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]
-    while left:
-        cell = left.pop()
-        if tree.has_looked(cell):
-            continue
-        given_up.add(cell)
-        roi = [near for near in cell.neighbours() if near in state.belief.roi]
-        left.extend(near for near in roi if near not in tree)
-        tree = tree.looked(cell, roi)
-    tree = grown(tree, state.belief, list(tree.vertices))
+    tree, given_up = left_out(tree, state.belief)
     return replace(state, tree=tree, undecided=state.undecided | given_up)
