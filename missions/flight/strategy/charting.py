@@ -168,4 +168,4 @@ def _fence(
             allowed[shapely.dwithin(shapely.points(x, y), way, cell_m)] = 1
     low = (in_map_layer(setting, vehicle) for vehicle in team.values())
     flown = (setting.kinematics(vehicle.cruise_height_m, vehicle.wind_m_s) for vehicle in low)
-    chart.allow(allowed, (each.reach(cell_m) for each in flown))
+    chart.allow(allowed, [each.reach(cell_m) for each in flown])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import astuple
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from missions.planning.sweep.chart import Chart, Known
 from missions.planning.sweep.paths import (
@@ -28,18 +28,25 @@ from missions.planning.sweep.paths import (
 from missions.planning.sweep.plan_memo import PlanMemo
 from missions.units import Cell, GridPoint
 
+if TYPE_CHECKING:
+    from missions.planning.sweep.sweep_planner import Planner
+
 UNCOMPILED_MOVES: Final = 20
 """Plain Python is a hundred times slower: plans are worse, and as safe."""
 
 
-def valued(known: Known, frames: int, majority: int, tuning: Tuning | None = None) -> Valued:
+def valued(known: Known, frames: int, majority: int, planner: Planner | None = None) -> Valued:
     """What a frame of each cell is worth: `frames` votes of a cell count, `majority` elect it."""
-    from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415 - see above
-
-    planner = Planner(Tuning() if tuning is None else tuning)
+    planner = planner or _planner(Tuning())
     if known.wanted is None or known.patches:
         return planner.worth(known.chart, known.root, frames, majority, known.wanted)
     return planner.worth_of_all(known.chart, known.wanted, frames, majority)
+
+
+def _planner(tuning: Tuning) -> Planner:
+    from missions.planning.sweep import sweep_planner  # noqa: PLC0415 - see above
+
+    return sweep_planner.Planner(tuning)
 
 
 def plan_once(
@@ -60,13 +67,13 @@ def plan_once(
 
     def plan() -> Plan:
         from missions.planning.kernels.jit import COMPILED  # noqa: PLC0415 - see above
-        from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415 - see above
 
         few = UNCOMPILED_MOVES
         moves = tuning if COMPILED else Tuning(tuning.penalty_s, moves=few, tour_moves=few)
-        worth = valued(known, frames, majority, moves)
+        planner = _planner(moves)
+        worth = valued(known, frames, majority, planner)
         next_s = [max(flyer.kinematics.frame_s, flyer.blind_s) for flyer in team]
-        return Planner(moves).plan(known.chart, team, worth, begin_s, decision, next_s, tours)
+        return planner.plan(known.chart, team, worth, begin_s, decision, next_s, tours)
 
     asked = (astuple(tuning), frames, majority, begin_s, decision, tours)
     return memo.answer(_key("plan", known, team, *asked), plan)
@@ -119,10 +126,9 @@ def warm_up() -> None:
     That loads every kernel; the first time on a machine it compiles them, which takes some ten
     seconds on a fast one. Without numba it takes a fraction of a second.
     """
-    from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415 - see above
     from missions.planning.sweep.tours import lay_tours  # noqa: PLC0415 - see above
 
-    planner = Planner(Tuning(moves=20))
+    planner = _planner(Tuning(moves=20))
     root = Cell(0, 0)
     chart = Chart.around([root], cell_m=4.0)
     chart.yes[chart.index(root)] = 3
