@@ -81,17 +81,17 @@ def has_energy_for(
     energy, fence = setting.energy.in_wind(vehicle.wind_m_s), setting.fence
     there = () if target == vehicle.position else fence.route(vehicle.position, target) or (target,)
     out_m = route_length_m(vehicle.position, there)
-    highest_m = max(vehicle.cruise_height_m, vehicle.height_m)
+    layer_m = vehicle.cruise_height_m
     back = way_home(setting, target, vehicle.pad)
     home_m = route_length_m(target, back)
     need_wh = energy.hover_wh(hover_s, vehicle.drawn_w)
     if setting.ground is not None:
         way = (vehicle.position, *there, *back) if there else (target, *back)
         need_wh += energy.relief_wh(setting.ups_and_downs_m(way), vehicle.drawn_w)
-    need_wh += energy.home_wh(home_m, highest_m, vehicle.drawn_w)
+    need_wh += energy.home_wh(home_m, max(layer_m, vehicle.height_m), vehicle.drawn_w)
     if out_m > 0.0:
         need_wh += energy.leg_wh(out_m, vehicle.drawn_w)
-    climb_m = max(vehicle.cruise_height_m - vehicle.height_m, 0.0)
+    climb_m = max(layer_m - vehicle.height_m, 0.0)
     if climb_m > OFF_LAYER_M:
         need_wh += energy.hover_wh(climb_m / energy.climb_m_s + 5.0, vehicle.drawn_w)
     return vehicle.remaining_wh >= need_wh
@@ -181,9 +181,8 @@ def _land_beside(state: State, vehicle: VehicleState) -> State:
 def send_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
     """Interrupt what a vehicle does, and send it home for a reason."""
     fruitless = 0 if vehicle.on_lane and vehicle.lane_seen_m else vehicle.fruitless_sorties
-    left = set_free(
-        vehicle, state.setting.grid.cell_m
-    )  # the next sortie goes on with what is unseen
+    # the next sortie goes on with what is unseen
+    left = set_free(vehicle, state.setting.grid.cell_m)
     return state.with_vehicle(
         replace(
             left.interrupted(state.t_s),

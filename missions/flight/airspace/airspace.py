@@ -60,10 +60,7 @@ class Airspace:
     def is_clear(self, vehicle: VehicleState, order: Order) -> bool:
         """Return whether the air that an order needs is clear of what binds the vehicle."""
         others = self._reserved_by_others(vehicle, order)
-        if not others:
-            return True
-        needs = self._needed(vehicle, order)
-        return not any(self._meet(needs, other) for other in others)
+        return not others or not self._is_in(self._needed(vehicle, order), others)
 
     def reserve(self, vehicle: VehicleState, order: Order) -> State | None:
         """Return the state with an order carried out; None if its air is not clear."""

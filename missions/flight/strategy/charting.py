@@ -36,6 +36,7 @@ def flyer_of(
     `planned` is the path that was planned for it last, and `route` what that was made of.
     """
     grid, path = setting.grid, vehicle.path
+    home_s = over_home_s(path, planned, begin_s)
     # at the end of a path it is where that ends, until it is seen to have arrived
     place = vehicle.position if path is None else path.place_at(begin_s)
     mine = path is not None and path.goes_on(planned, begin_s)
@@ -54,7 +55,7 @@ def flyer_of(
     blind_s = 0.0  # while it comes down from the search it still takes pictures of the search
     if above_m is not None and descent_m_s is not None:
         blind_s = max(vehicle.height_m - above_m, 0.0) / descent_m_s
-    end = grid.to_moving(gate_of(setting, vehicle), over_home_s(vehicle, planned, begin_s))
+    end = grid.to_moving(gate_of(setting, vehicle), home_s)
     return Flyer(
         flown,
         grid.to_moving(place, begin_s),
@@ -65,9 +66,8 @@ def flyer_of(
     )
 
 
-def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: float) -> float:
-    """Return when a vehicle will be over its pad, by the path that was planned for it last."""
-    path = vehicle.path
+def over_home_s(path: Trajectory | None, planned: Trajectory | None, begin_s: float) -> float:
+    """Return when a vehicle on a path will be over its pad, by what was planned for it last."""
     if path is None or planned is None or not path.goes_on(planned, begin_s):
         return begin_s
     return min(max(begin_s, planned.end_s), begin_s + LONGEST_S)
@@ -128,11 +128,12 @@ def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) ->
     grid, cell_m = setting.grid, setting.mission.grid.cell_m
     cells = []
     for vehicle in team.values():
-        end_s = begin_s if vehicle.path is None else vehicle.path.end_s
+        path, pad = vehicle.path, vehicle.pad
+        end_s = begin_s if path is None else path.end_s
         places = [
             grid.to_moving(vehicle.position, begin_s),
-            grid.to_moving(vehicle.pad, begin_s),
-            grid.to_moving(vehicle.pad, min(max(end_s, begin_s), begin_s + LONGEST_S)),
+            grid.to_moving(pad, begin_s),
+            grid.to_moving(pad, min(max(end_s, begin_s), begin_s + LONGEST_S)),
         ]
         cells += [
             Cell(round(place.east_m / cell_m), round(place.north_m / cell_m)) for place in places
@@ -155,10 +156,10 @@ def _fence(
     cell_m = chart.cell_m
     whole = setting.fence if setting.whole_fence is None else setting.whole_fence
     inner = whole.shrunk(cell_m / 2.0)
-    middles = chart.middles_m(setting.grid.drift_m_s, begin_s)
+    middles = chart.middles_m(setting.grid, begin_s)
     allowed = shapely.contains_xy(inner, *middles).astype(np.uint8)
     if setting.whole_fence is not None:
-        x, y = chart.middles_m(setting.grid.drift_m_s, home_s)
+        x, y = chart.middles_m(setting.grid, home_s)
         column = shapely.contains_xy(inner, x, y)
         column &= ~shapely.contains_xy(setting.fence.inner, x, y)
         allowed[column] = 0

@@ -97,7 +97,7 @@ def explore_passes(strategy: Strategy, state: State) -> State:
         return state
     begin_s = round(state.t_s + NOTICE_S, 3)
     able = {n: v for n, v in state.vehicles.items() if _able(v)}
-    home_s = max(over_home_s(team[n], memory.paths.get(n), begin_s) for n in ours)
+    home_s = max(over_home_s(team[n].path, memory.paths.get(n), begin_s) for n in ours)
     known = chart_of(state, None if tree is None else tree.root, begin_s, able, home_s)
     memory = replace(memory, frames=frames, priority=0 if fresh else memory.priority)
     memory = _gone_on(memory, state, team)

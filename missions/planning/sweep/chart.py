@@ -10,6 +10,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.geo.grid import Grid
 from missions.planning.search.strip import Strip
 from missions.units import Cell, GridPoint
 
@@ -111,11 +112,11 @@ class Chart:
             max(east.start - self.west, 0) : max(east.stop - self.west, 0),
         ] = 1
 
-    def middles_m(self, drift_m_s: tuple[float, float], t_s: float) -> tuple[Metres, Metres]:
-        """Return where the middle of each cell of a region that drifts lies at a time: east and
-        north, by row and column."""
-        east = (np.arange(self.columns) + self.west) * self.cell_m + drift_m_s[0] * t_s
-        north = (np.arange(self.rows) + self.south) * self.cell_m + drift_m_s[1] * t_s
+    def middles_m(self, grid: Grid, t_s: float) -> tuple[Metres, Metres]:
+        """Return where the middle of each cell lies over ground at a time: east and north, by row
+        and column."""
+        east = (np.arange(self.columns) + self.west) * self.cell_m + grid.drift_east_m_s * t_s
+        north = (np.arange(self.rows) + self.south) * self.cell_m + grid.drift_north_m_s * t_s
         x, y = np.meshgrid(east, north)
         return x, y
 
