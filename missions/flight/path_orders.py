@@ -13,10 +13,10 @@ from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.state import Setting, State
-from missions.flight.vehicle_state import Phase, VehicleState
+from missions.flight.vehicle_state import OFF_LAYER_M, Phase, VehicleState
 from missions.geo.braking import braked
 from missions.geo.path_in_fence import allowed, as_far_as_allowed, is_outside
-from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
+from missions.geo.trajectory import LANE_CUTS_M, Trajectory, at_rest, rounded_path
 from missions.orders import FlyPath
 from missions.units import GridPoint
 
@@ -84,6 +84,14 @@ def along_route(
     """Return a path from rest along a way inside the fence."""
     corners = [True] * (len(route) - 1) + [False]
     return through(setting, vehicle, list(route), corners, begin_s)
+
+
+def descent(setting: Setting, vehicle: VehicleState, begin_s: float) -> Trajectory | None:
+    """Return a path on which a vehicle only descends to its layer; None where it is there."""
+    high_m = vehicle.level_m - vehicle.cruise_altitude_m
+    if high_m <= OFF_LAYER_M:
+        return None
+    return at_rest(vehicle.position, begin_s, high_m / setting.energy.descent_m_s)
 
 
 def fly_route(state: State, vehicle: VehicleState, route: Sequence[GridPoint]) -> State:

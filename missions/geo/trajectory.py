@@ -200,6 +200,12 @@ class _Stretch(NamedTuple):
     """Whether it is come to rest at its beginning: the path turns back there."""
 
 
+def at_rest(place: GridPoint, begin_s: float, duration_s: float) -> Trajectory:
+    """Return a path on which a vehicle stays where it is."""
+    here = Piece(begin_s, duration_s, place.east_m, place.north_m, 0.0, 0.0, 0.0, 0.0)
+    return Trajectory(begin_s, round(begin_s + duration_s, 3), (here,))
+
+
 def rounded_path(
     points: Sequence[GridPoint],
     begin_s: float,

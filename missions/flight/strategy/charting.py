@@ -12,11 +12,12 @@ import numpy as np
 import shapely
 from shapely.geometry import LineString
 
+from missions.flight.lane_progress import lane_left
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
-from missions.planning.sweep.chart import Chart, Known
+from missions.planning.sweep.chart import BEHIND, Chart, Known
 from missions.planning.sweep.paths import Flyer, Route
 from missions.units import Cell, GridPoint
 
@@ -97,7 +98,7 @@ def chart_of(
     """Return what is known around the region, as it lies at a time; without a `root` of the box.
 
     `home_s` is when our vehicle of a fleet will be over its pad. Lanes that are still to be flown
-    are closed.
+    are closed; what is behind their vehicles, as `BEHIND`.
     """
     setting = state.setting
     belief, cell_m = state.belief, setting.mission.grid.cell_m
@@ -119,6 +120,9 @@ def chart_of(
     wanted[chart.indices(list(setting.strategy.asked_for(state)))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     for lane in sorted(lanes):
+        chart.close(setting.strip(lane, state.t_s), BEHIND)
+    unflown = {part for v in state.vehicles.values() for part in lane_left(v, cell_m).lanes}
+    for lane in sorted(unflown):
         chart.close(setting.strip(lane, state.t_s))
     return Known(chart, -1, wanted, patches=setting.strategy.patches)
 

@@ -23,6 +23,9 @@ from missions.planning.search.lanes import Lane, along_east, longest_m, share_by
 from missions.planning.sweep.strategies import SURVEY, SWATH
 from missions.units import Cell, GridPoint
 
+READY_S: Final = 30.0
+"""Time before the first lanes are flown at which a vehicle without any takes off to map, s."""
+
 
 class Covering(Paths):
     """What is common to strategies whose vehicles fly all lanes, whatever they see on the way."""
@@ -116,7 +119,12 @@ class EveryPatch(Covering):
         if not state.setting.heights.maps_meanwhile(state, vehicle):
             return None
         belief = state.belief
-        return nearest(state, vehicle, belief.undecided(beside(belief.roi)))
+        found = nearest(state, vehicle, belief.undecided(beside(belief.roi)))
+        ends = (v.path for v in state.vehicles.values() if v.lanes and v.path is not None)
+        first = min(ends, key=lambda path: path.end_s, default=None)
+        if found is not None or first is None or first.end_s > state.t_s + READY_S:
+            return found
+        return first.place_at(first.end_s)
 
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """One that waits for members out of contact does so over its pad, where all are heard."""

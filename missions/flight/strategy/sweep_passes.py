@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from missions.flight.path_orders import NOTICE_S, fly_route, give_path
+from missions.flight.path_orders import NOTICE_S, descent, fly_route, give_path
 from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s
 from missions.flight.strategy.direct_flight import fetch
@@ -124,6 +124,9 @@ def explore_passes(strategy: Strategy, state: State) -> State:
         flyers = {n: flyers[n] for n in team}
     times = 1.0 if others_part is None else ALONE_TIMES
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
+    if plan.work == 0 and lanes_left and known.chart.open_behind():
+        # nothing else to do: it maps behind those that still fly lanes
+        plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None and setting.team.mark_unreported(state, known):
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
@@ -249,8 +252,12 @@ def _fly(
     longest_s, blocked = memory.longest_s, False
     for number, path, route in zip(team, plan.paths, plan.routes, strict=True):
         vehicle = state.vehicles[number]
-        if path is None or (vehicle.idle and _nowhere(path)) or number not in state.our_numbers:
+        if path is None or number not in state.our_numbers:
             continue  # others report what they fly; theirs is planned for the sake of ours
+        if _nowhere(path) and _nowhere(vehicle.path):
+            if vehicle.idle and (down := descent(state.setting, vehicle, path.begin_s)):
+                state = give_path(state, vehicle, down)
+            continue
         flown = replace(path, drift_m_s=state.setting.grid.drift_m_s)
         before = vehicle.order
         state = give_path(state, vehicle, flown, partly=True)

@@ -23,6 +23,9 @@ Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
 PAD_CELLS = 8
 """Around what is known: as far as anything is worth a look, and a way round it."""
 
+BEHIND = 2
+"""What a lane that is still to be flown has shown already is closed as, for others map it then."""
+
 
 def places(cells: Collection[Cell]) -> Ints:
     """Cells as an array of shape (number, 2): east, north.
@@ -47,7 +50,7 @@ class Chart:
     """Votes for ROI that count."""
     no: Ints
     closed: Flags
-    """1 where no frame is worth anything: out of reach, or given up."""
+    """Not 0 where no frame is worth anything: out of reach, given up, or shown by lanes."""
     allowed: Flags
     """0 where no vehicle may be."""
     fenced: bool
@@ -103,14 +106,20 @@ class Chart:
             seen |= dilated(np.asarray(allowed), columns, rows)
         self.closed = (1 - seen).astype(np.uint8).ravel()
 
-    def close(self, strip: Strip) -> None:
+    def close(self, strip: Strip, reason: int = 1) -> None:
         """Close the cells of a strip, as far as they are in the window."""
         columns, rows = strip.columns, strip.rows
         east, north = (columns, rows) if strip.eastward else (rows, columns)
         self.closed.reshape(self.rows, self.columns)[
             max(north.start - self.south, 0) : max(north.stop - self.south, 0),
             max(east.start - self.west, 0) : max(east.stop - self.west, 0),
-        ] = 1
+        ] = reason
+
+    def open_behind(self) -> bool:
+        """Open what is closed as `BEHIND`; return whether there is any."""
+        behind = self.closed == BEHIND
+        self.closed[behind] = 0
+        return bool(behind.any())
 
     def middles_m(self, grid: Grid, t_s: float) -> tuple[Metres, Metres]:
         """Return where the middle of each cell lies over ground at a time: east and north, by row

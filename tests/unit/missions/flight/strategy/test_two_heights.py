@@ -8,13 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from missions.flight.path_orders import descent
 from missions.flight.setting_of import setting_of
+from missions.flight.state import State
 from missions.flight.step import assign
-from missions.flight.strategy.every_patch import ALL
-from missions.flight.vehicle_state import Phase
+from missions.flight.strategy.charting import chart_of
+from missions.flight.strategy.every_patch import ALL, READY_S
+from missions.flight.vehicle_state import Phase, VehicleState
+from missions.geo.trajectory import rounded_path
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.overview import from_below, with_plain
-from missions.orders import TakeOff
+from missions.mission.fleet_checks import with_vehicles
+from missions.orders import FlyPath, TakeOff
 from missions.units import Cell
 from uavmap.load.mission_source import load
 
@@ -127,3 +132,68 @@ def test_cell_beside_what_is_region_from_on_high_is_asked_for_until_it_is_decide
     for k in range(3):
         seen = seen.with_frame(None, FrameId(2, 6.0 + k), {region: False})
     assert beside not in ALL.asked_for(replace(state, belief=seen))
+
+
+def searching() -> State:
+    """Three vehicles over `burn`: two fly a lane each, the third stands on its pad."""
+    setting = setting_of(with_vehicles(load("burn"), 3))
+    state = replace(setting.initial_state(), t_s=40.0)
+    for number, vehicle in state.vehicles.items():
+        state = state.with_vehicle(replace(
+            vehicle, phase=Phase.GROUNDED, home=setting.pad_of(number), remaining_wh=60.0,
+            position=setting.pad_of(number), tracked_s=40.0, order=None,
+        ))  # fmt: skip
+    for number, vehicle in state.vehicles.items():
+        if not vehicle.lanes:
+            continue
+        start, end = vehicle.lanes[0]
+        path = rounded_path([start, end], 38.0 + 10.0 * number, speed_m_s=6.0)
+        state = state.with_vehicle(replace(
+            vehicle, phase=Phase.AIRBORNE, landed=False, position=start, on_lane=True,
+            height_m=vehicle.cruise_height_m, order=FlyPath(path, 64.0, None, 0.2),
+        ))  # fmt: skip
+    return state
+
+
+def some(state: State, *, lanes: bool) -> VehicleState:
+    """The first vehicle with lanes, or without."""
+    return next(v for v in state.vehicles.values() if bool(v.lanes) is lanes)
+
+
+def test_vehicle_without_lanes_takes_off_before_the_first_lanes_are_flown() -> None:
+    state = searching()
+    ready = some(state, lanes=False)
+    paths = [vehicle.path for vehicle in state.vehicles.values()]
+    first = min((path for path in paths if path is not None), key=lambda path: path.end_s)
+    for before_s, target in ((READY_S + 1.0, None), (READY_S - 1.0, first.place_at(first.end_s))):
+        t_s = first.end_s - before_s
+        at = replace(state, t_s=t_s)
+        assert ALL.beside_lanes(at, replace(ready, tracked_s=t_s)) == target
+        after = assign(at.with_vehicle(replace(ready, tracked_s=t_s))).vehicles[ready.vehicle]
+        assert isinstance(after.order, TakeOff) == (target is not None)
+
+
+def test_vehicle_with_nothing_else_to_do_maps_behind_lanes_that_are_still_flown() -> None:
+    state = searching()
+    flying = some(state, lanes=True)
+    half_m = flying.lanes[0][0].distance_to(flying.lanes[0][1]) / 2.0
+    flown = replace(flying, lane_seen_m=tuple(4.0 * k for k in range(int(half_m / 4.0))))
+    state = state.with_vehicle(flown)
+    chart = chart_of(state, None, 41.0, state.vehicles).chart
+    start, end = (Cell(*(round(at / 4.0) for at in place)) for place in flying.lanes[0])
+    assert chart.closed[chart.index(start)]
+    assert chart.open_behind()
+    assert not chart.closed[chart.index(start)]
+    assert chart.closed[chart.index(end)]
+    assert not chart.open_behind()
+
+
+def test_vehicle_that_waits_above_its_layer_descends_on_the_spot() -> None:
+    state = searching()
+    setting, vehicle = state.setting, some(state, lanes=True)
+    waits = replace(vehicle, cruise_altitude_m=12.0, height_m=42.0, order=None)
+    path = descent(setting, waits, 50.0)
+    assert path is not None
+    assert path.end_s - path.begin_s == pytest.approx(30.0 / setting.energy.descent_m_s)
+    assert path.place_at(path.begin_s) == path.place_at(path.end_s) == waits.position
+    assert descent(setting, replace(waits, height_m=13.0), 50.0) is None
