@@ -25,16 +25,13 @@ from missions.mapping.tree import Tree
 from missions.mission.layout import Layout
 from missions.mission.schema import Mission
 from missions.orders import Hold
-from missions.planning.search.lanes import Lane, share_out
+from missions.planning.search.lanes import Blocks, Lane, share_out
 from missions.planning.search.search_order import Pace, soonest
 from missions.planning.stepwise import Explorer, Memory
 from missions.planning.sweep.chart import Known
 from missions.planning.sweep.plan_memo import PlanMemo
 from missions.planning.sweep.strategies import About
 from missions.units import Cell, GridPoint
-
-Shares = tuple[tuple[Lane, ...], ...]
-"""The lanes of each vehicle, in the order of flight."""
 
 
 class Fences(NamedTuple):
@@ -79,14 +76,14 @@ class Strategy(ABC):
     def lay(self, area: Area) -> Lanes:
         """Lay lanes over the box, inside of the fence."""
 
-    def shares(self, setting: Setting) -> Shares:
+    def shares(self, setting: Setting) -> Blocks:
         """Return the lanes of each vehicle; by a prior so that the region is seen soonest."""
         if setting.likely:
             blocks = soonest(setting.likely, setting.pads, self.pace(setting))
             return tuple(tuple(part.lane for part in block) for block in blocks)
         return share_out(setting.lanes, len(setting.pads))
 
-    def begins_with(self, setting: Setting) -> Shares:
+    def begins_with(self, setting: Setting) -> Blocks:
         """Return the lanes that each vehicle holds when the mission begins."""
         return setting.shares
 
@@ -271,7 +268,7 @@ class Setting(Layout):
     """What was planned before in this flight."""
 
     @cached_property
-    def shares(self) -> Shares:
+    def shares(self) -> Blocks:
         """The lanes of each vehicle before take-off."""
         return self.strategy.shares(self) if self.lanes else ((),) * len(self.pads)
 

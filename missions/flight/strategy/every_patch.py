@@ -13,13 +13,13 @@ from dataclasses import replace
 from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.state import Setting, Shares, State
+from missions.flight.state import Setting, State
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import give_up_rest, pass_memory
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.mission.views import rows_across
-from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
+from missions.planning.search.lanes import Blocks, Lane, along_east, longest_m, share_by_time
 from missions.planning.sweep.strategies import SURVEY, SWATH
 from missions.units import Cell, GridPoint
 
@@ -86,7 +86,7 @@ class EveryPatch(Covering):
             return laid[0]
         return min(laid, key=lambda one: longest_m(share_by_time(one.lanes, pads), pads))
 
-    def shares(self, setting: Setting) -> Shares:
+    def shares(self, setting: Setting) -> Blocks:
         """The lanes by pad; by the prior where there is one."""
         if setting.likely or len(setting.pads) == 1:
             return super().shares(setting)

@@ -18,7 +18,7 @@ from typing import Final
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S, give_path, through
 from missions.flight.return_home import send_home
-from missions.flight.state import Setting, Shares, State
+from missions.flight.state import Setting, State
 from missions.flight.strategy.every_patch import Survey
 from missions.flight.strategy.lane_passes import flown_along
 from missions.flight.strategy.sweep_passes import give_up_rest
@@ -27,7 +27,7 @@ from missions.geo.path_in_fence import is_outside
 from missions.geo.trajectory import ACCELERATION_M_S2, least_s
 from missions.mission.fleet_checks import tracker_view
 from missions.planning.leapfrog_geometry import LEAST_M, Role, Step, steps_along
-from missions.planning.search.lanes import Lane, turned
+from missions.planning.search.lanes import Blocks, Lane, turned
 from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import Cell, GridPoint
 
@@ -179,11 +179,11 @@ class Leapfrog(Survey):
     about = LEAPFROG
     lanes_drift = False
 
-    def shares(self, setting: Setting) -> Shares:
+    def shares(self, setting: Setting) -> Blocks:
         """All lanes are the mapper's."""
         return (setting.lanes, *((),) * (len(setting.pads) - 1))
 
-    def begins_with(self, setting: Setting) -> Shares:
+    def begins_with(self, setting: Setting) -> Blocks:
         """None: the two fly rounds along what is left of the lanes."""
         return ((),) * len(setting.pads)
 

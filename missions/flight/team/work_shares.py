@@ -27,8 +27,7 @@ from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import flyer_of, in_map_layer
 from missions.flight.strategy.work import Bits, OpenWork, TourMemory
 from missions.flight.vehicle_state import Allotment, Phase, VehicleState
-from missions.geo.trajectory import Trajectory
-from missions.planning.search.lanes import Lane
+from missions.planning.search.lanes import Lane, rest_ahead
 from missions.planning.sweep.chart import Chart, Known, nearest_place
 from missions.planning.sweep.memo import tours_once
 from missions.planning.sweep.paths import CUT_M, Flyer, Tour, Tours, Waypoints
@@ -256,7 +255,9 @@ def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoi
     at, way_m = setting.grid.to_moving(vehicle.position, now_s), 0.0
     for k, lane in enumerate(vehicle.lanes):
         if k == 0 and vehicle.path is not None:
-            ends: tuple[Lane, ...] = (_ahead(at, vehicle.path, lane),)
+            path, begin_s = vehicle.path, vehicle.path.begin_s
+            leads = path.place_at(begin_s), path.place_at(begin_s + AHEAD_S)
+            ends: tuple[Lane, ...] = (rest_ahead(lane, at, *leads),)
         else:
             ends = (lane, (lane[1], lane[0]))
         start, end = min(ends, key=lambda way: at.distance_to(way[0]))
@@ -264,13 +265,3 @@ def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoi
         at = end
     down_m = max(vehicle.level_m - setting.mission.altitude_m(vehicle.vehicle - 1), 0.0)
     return way_m / speed_m_s + down_m / setting.energy.climb_m_s, at
-
-
-def _ahead(at: GridPoint, path: Trajectory, lane: Lane) -> Lane:
-    """What is left of the lane that is flown, towards where the path leads."""
-    begin, ahead = path.place_at(path.begin_s), path.place_at(path.begin_s + AHEAD_S)
-    east_m, north_m = ahead.east_m - begin.east_m, ahead.north_m - begin.north_m
-    along = [
-        east_m * (end.east_m - at.east_m) + north_m * (end.north_m - at.north_m) for end in lane
-    ]
-    return (at, lane[0] if along[0] > along[1] else lane[1])

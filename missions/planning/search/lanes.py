@@ -27,6 +27,8 @@ from missions.units import GridPoint
 LANE_CELLS = 3
 
 Lane = tuple[GridPoint, GridPoint]
+Blocks = tuple[tuple[Lane, ...], ...]
+"""The lanes of each vehicle, in the order of flight."""
 
 
 def along_east(box: Sequence[GridPoint]) -> bool:
@@ -117,7 +119,7 @@ def _point(coordinates: Sequence[float]) -> GridPoint:
     return GridPoint(float(coordinates[0]), float(coordinates[1]))
 
 
-def share_out(all_lanes: Sequence[Lane], vehicles: int) -> tuple[tuple[Lane, ...], ...]:
+def share_out(all_lanes: Sequence[Lane], vehicles: int) -> Blocks:
     """A block of consecutive lanes for each vehicle, of nearly equal length."""
     total_m = sum(a.distance_to(b) for a, b in all_lanes)
     blocks: list[list[Lane]] = [[] for _ in range(vehicles)]
@@ -210,6 +212,20 @@ def turned(at: GridPoint, lanes: Iterable[Lane], keep: Container[Lane]) -> tuple
     return min(ways, key=lambda way: way[0])[1]
 
 
+def rest_ahead(lane: Lane, at: GridPoint, begin: GridPoint, ahead: GridPoint) -> Lane:
+    """Return what is left of a lane from a place on it, in the direction from `begin` to `ahead`.
+
+    >>> ends = GridPoint(0, 0), GridPoint(9, 0)
+    >>> rest_ahead(ends, GridPoint(4, 0), GridPoint(8, 1), GridPoint(7, 1))[1]
+    GridPoint(east_m=0, north_m=0)
+    """
+    east_m, north_m = ahead.east_m - begin.east_m, ahead.north_m - begin.north_m
+    along = [
+        east_m * (end.east_m - at.east_m) + north_m * (end.north_m - at.north_m) for end in lane
+    ]
+    return (at, lane[0] if along[0] > along[1] else lane[1])
+
+
 def search_length_m(block: Sequence[Lane], start: GridPoint) -> float:
     """How far a vehicle flies to search its block, from `start` and back to it."""
     stations = [start, *itertools.chain.from_iterable(block), start]
@@ -219,7 +235,6 @@ def search_length_m(block: Sequence[Lane], start: GridPoint) -> float:
 AS_SOON: Final = 1.02
 """So much later than the least possible the slowest one may be at home, if all fly less."""
 
-Blocks = tuple[tuple[Lane, ...], ...]
 _Way = Callable[[int, int, int], float]
 
 
