@@ -375,6 +375,13 @@ class State:
         return self.tree.is_explored(self.tree.root)
 
     @property
+    def unheard(self) -> tuple[int, ...]:
+        """Other members of the fleet of which it is not known that they have landed."""
+        silent = (Phase.APART, Phase.OFFLINE)
+        others = (n for n in self.vehicles if self.ours and n not in self.our_numbers)
+        return tuple(n for n in others if self.vehicles[n].phase in silent)
+
+    @property
     def completed(self) -> bool:
         """Whether the map has no gap, no vehicle is down or lost, and all of ours are at home."""
         everybody = self.vehicles.values()
@@ -386,4 +393,5 @@ class State:
             and not self.unsearched
             and all(v.landed for v in self.ours or everybody)
             and not any(v.was_down or v.phase in (Phase.DOWN, Phase.LOST) for v in everybody)
+            and not self.unheard
         )

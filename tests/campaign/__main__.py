@@ -8,6 +8,7 @@ of the region, with `--receivers` whose heights above the sea err by this standa
 and pads that differ by up to `--pads` metres; with `--teams` only seeds of two vehicles and more.
 `--world sitl` flies the bundled simulator: with `--pilots` one turns a mode switch at a random
 moment of every flight; `--quirk` KEY=VALUE ... are habits of all aircraft, as in [sim.quirks].
+`--world fleet` flies the simulator, too, with a service on each of four vehicles.
 `--strategy` is that of all flights; without it, it is drawn.
 """
 
@@ -22,7 +23,7 @@ from pathlib import Path
 
 from tests.benchmarks.frame import asked, in_turn
 
-from . import reducer, simulated
+from . import fleets, reducer, simulated
 from .outcome import EXPLAINED, Outcome, table
 
 
@@ -32,8 +33,8 @@ def main() -> int:
         pads=0.0, teams=False, pilots=False, quirk=("landed_state=true",), workers=1, verbose=False,
         failures=Path("campaign-failures.txt"),
     )  # fmt: skip
-    if options.world not in (known := ("reducer", "sitl")):
-        print(f"--world {options.world}: there is {' and '.join(known)}")
+    if options.world not in (known := ("reducer", "sitl", "fleet")):
+        print(f"--world {options.world}: there is {', '.join(known)}")
         return 2
     worlds: dict[str, Callable[[int], Outcome]] = {
         "reducer": partial(
@@ -47,6 +48,7 @@ def main() -> int:
             pilots=options.pilots,
             quirks=dict(text.split("=", 1) for text in options.quirk),
         ),
+        "fleet": fleets.fly,
     }
     fly = partial(worlds[options.world], strategy=options.strategy, verbose=options.verbose)
     begin_s, outcomes, failed = time.monotonic(), [], []

@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from tests.campaign import simulated
+from tests.campaign import fleets, simulated
 from tests.campaign.outcome import COLUMNS, FORBIDDEN, Outcome, table
 from tests.campaign.reducer import KINDS, fly, plan_of
 from tests.fake_fleet.troubles import PHASES
@@ -27,6 +27,13 @@ def test_nothing_forbidden_happens_in_an_unkind_world():
 def test_what_once_went_wrong_does_not_again(seed):
     """Two that a pilot left side by side waited for each other; a storm took one down a slope."""
     assert fly(seed).found == ()
+
+
+def test_member_of_a_fleet_is_not_complete_while_one_that_it_never_received_is_down():
+    outcome = fleets.fly(25)
+    assert outcome.found == ()
+    assert "crash" in outcome.counts
+    assert "inc" in outcome.counts
 
 
 def test_the_same_seed_flies_the_same_flight():

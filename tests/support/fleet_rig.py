@@ -7,7 +7,7 @@ from typing import Final
 from tests.support.small_missions import Points, mission_text, square
 
 BOX: Final = square(-6.0, 14.0, 56.0, 48.0)
-PADS: Final = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
+PADS: Final = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0), (48.0, 0.0)]
 TRUE: Final = [(10.0, 30.0), (44.0, 26.0), (46.0, 44.0), (30.0, 52.0), (12.0, 46.0)]
 FAR: Final = [(-4.0, 52.0), (2.0, 52.0), (2.0, 60.0), (-4.0, 60.0)]
 """Another patch, for a search that finds all."""

@@ -263,13 +263,15 @@ def _patches_found(state: State, frames: int, left_m: float) -> str:
 
 
 def aircraft_down(state: State) -> list[str]:
-    """List the aircraft to be recovered, each with its place."""
+    """List the aircraft to be recovered, each with its place, and those that may be."""
     lines = []
     for number, vehicle in sorted(state.vehicles.items()):
         if vehicle.away:
             place = state.setting.grid.position(vehicle.position)
             where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
             lines.append(f"vehicle {number} near {where}: {vehicle.note or vehicle.phase.value}")
+        elif number in state.unheard:
+            lines.append(f"vehicle {number}: out of contact at the end, and may be down")
     return lines
 
 
