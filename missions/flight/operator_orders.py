@@ -12,7 +12,6 @@ from missions.flight.lane_progress import lane_left
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath, FlyTo, Look, Sweep
-from missions.units import Cell
 
 CALLED_HOME = "called home by the operator"
 
@@ -27,15 +26,11 @@ def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting)
     return replace(vehicle, called_home=True, note=vehicle.note or CALLED_HOME)
 
 
-def to_skip(state: State, vehicle: VehicleState) -> Cell | None:
-    """Return the cell that a vehicle looks from, or is on its way to; None on a path."""
-    return state.setting.strategy.in_force(state).to_skip(state, vehicle)
-
-
 def skip(state: State, event: CellSkipped) -> State:
     """Leave a cell out: vehicles that were about to look from it go on with the next."""
     cell = event.cell
-    if to_skip(state, state.vehicles[event.vehicle]) != cell:
+    strategy = state.setting.strategy.in_force(state)
+    if strategy.to_skip(state, state.vehicles[event.vehicle]) != cell:
         return state
     for other in state.vehicles.values():
         if cell not in (other.candidate, other.vertex):

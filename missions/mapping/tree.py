@@ -243,6 +243,12 @@ def patches(cells: Collection[Cell]) -> tuple[frozenset[Cell], ...]:
     return tuple(sorted(found, key=lambda patch: (-len(patch), min(patch))))
 
 
+def beside(cells: Iterable[Cell]) -> set[Cell]:
+    """Return the neighbours of some cells."""
+    steps = Cell(0, 0).neighbours()
+    return {Cell(e + east, n + north) for e, n in cells for east, north in steps}
+
+
 def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
     """Return the tree in which vertices count as visited whose neighbours are all decided."""
     verdicts, region = belief.verdicts, belief.roi.as_dict()

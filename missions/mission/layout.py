@@ -19,6 +19,7 @@ from missions.planning.search.lanes import LANE_CELLS, Lane
 from missions.planning.search.prior import LikelyLane, likely_lanes
 from missions.planning.search.strip import Strip
 from missions.planning.stepwise.interface import Metric
+from missions.planning.stepwise.rdfs import drift_factor
 from missions.planning.sweep.paths import Kinematics
 from missions.units import Cell, GridPoint
 
@@ -180,6 +181,16 @@ class Layout:
             look=votes.frames * self.mission.camera.interval_s,
             ramp=self.energy.leg_s(0.0),
         )
+
+    def moves_s(self, moves: float) -> float:
+        """Return a bound in moves of an exploration with stops as a bound in seconds.
+
+        A move takes at most a leg between two cells. Tours are closed and each vertex is visited
+        once, so at most every second move ends with a look, and the root has one besides.
+        """
+        move_s = self.energy.leg_s(self.grid.cell_m) + self.look_s / 2.0
+        factor = drift_factor(self.mission.flight.speed_m_s, self.mission.drift.speed_m_s)
+        return moves * move_s * factor + self.look_s
 
     @property
     def look_s(self) -> float:

@@ -18,7 +18,6 @@ from typing import Final, Protocol
 
 from missions.errors import EventError
 from missions.events import CellSkipped, Continued, Event, Paused, Recalled, VehicleRecalled
-from missions.flight.operator_orders import to_skip
 from missions.flight.state import State
 from missions.flight.step import step
 from missions.flight.vehicle_state import Phase
@@ -192,7 +191,8 @@ class Service:
         False where there is none: in lanes, on paths without a stop, on the ground. Raises
         `KeyError` as `recall_vehicle`.
         """
-        cell = to_skip(self.state, self.state.vehicles[number])
+        strategy = self.state.setting.strategy.in_force(self.state)
+        cell = strategy.to_skip(self.state, self.state.vehicles[number])
         if not self.flying or cell is None:
             return False
         self.post(CellSkipped(number, self.state.t_s, cell))

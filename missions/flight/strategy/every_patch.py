@@ -8,7 +8,7 @@ far took for no region is no part of a patch unless one reaches it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Final
 
@@ -18,6 +18,7 @@ from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import give_up_rest, pass_memory
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import Phase, VehicleState
+from missions.mapping.tree import beside
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import Blocks, Lane, along_east, longest_m, share_by_time
 from missions.planning.sweep.strategies import SURVEY, SWATH
@@ -134,12 +135,6 @@ class EveryPatch(Covering):
         if waits and not vehicle.is_over_pad:
             return Airspace(state).over_own_pad(vehicle)
         return state.holding(vehicle)
-
-
-def beside(cells: Iterable[Cell]) -> set[Cell]:
-    """Return the neighbours of some cells."""
-    steps = Cell(0, 0).neighbours()
-    return {Cell(e + east, n + north) for e, n in cells for east, north in steps}
 
 
 def nearest(state: State, vehicle: VehicleState, cells: Collection[Cell]) -> GridPoint | None:

@@ -17,26 +17,14 @@ from typing import Final
 
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
-from missions.planning.stepwise.rdfs import drift_factor, rdfs_bound_moves
+from missions.planning.stepwise.rdfs import rdfs_bound_moves
 
 LEAST_PATIENCE_S: Final = 120.0
 
 
-def moves_s(setting: Setting, moves: float) -> float:
-    """Return a bound in moves as a bound in seconds.
-
-    A move takes at most a leg between two cells. Tours are closed and each vertex is visited once,
-    so at most every second move ends with a look, and the root has one besides.
-    """
-    mission = setting.mission
-    move_s = setting.energy.leg_s(mission.grid.cell_m) + setting.look_s / 2.0
-    factor = drift_factor(mission.flight.speed_m_s, mission.drift.speed_m_s)
-    return moves * move_s * factor + setting.look_s
-
-
 def bound_s(setting: Setting, cells: int, depth: int) -> float:
     """Return B: the most seconds in which `rdfs` explores a tree."""
-    return moves_s(setting, rdfs_bound_moves(cells, depth, len(setting.mission.vehicles)))
+    return setting.moves_s(rdfs_bound_moves(cells, depth, len(setting.mission.vehicles)))
 
 
 def patience_s(state: State) -> float:

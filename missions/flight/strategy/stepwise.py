@@ -11,7 +11,6 @@ from typing import Final
 
 from missions.flight.return_home import send_home
 from missions.flight.state import Setting, State, Strategy
-from missions.flight.strategy.fallback import moves_s
 from missions.flight.strategy.searching import mark_unreachable, search, visit
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
@@ -131,7 +130,7 @@ class Stepwise(Strategy):
         """What the explorer promises in moves, in seconds."""
         robots = len(setting.mission.vehicles)
         moves = promised_moves(self.explorer, tree, robots, setting.metric)
-        return None if moves is None else round(moves_s(setting, moves), 1)
+        return None if moves is None else round(setting.moves_s(moves), 1)
 
     def plan(self, state: State) -> State:
         """Ask the explorer for those who have looked from where they are."""

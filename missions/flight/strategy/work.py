@@ -6,18 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane, lanes
-from missions.planning.sweep.chart import Known
+from missions.planning.sweep.chart import Bits, Known
 from missions.planning.sweep.paths import Flyer, Tour, Waypoints
 from missions.units import Cell, GridPoint
-
-Bits = NDArray[np.bool_]
 
 
 class Area(NamedTuple):

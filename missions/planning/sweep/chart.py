@@ -16,6 +16,7 @@ from missions.units import Cell, GridPoint
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.uint8]
+Bits = NDArray[np.bool_]
 Metres = NDArray[np.float64]
 Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
 """Of each vehicle the places from which it is to see what is left."""
