@@ -7,9 +7,8 @@ from missions.flight.strategies import chosen
 from missions.flight.strategy.two_heights import TwoHeights
 from missions.flight.strategy.work import Area
 from missions.flight.team.teams import Alone, Listener, Member
-from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
-from missions.mission.places import homes
+from missions.mission.places import grid_of, homes
 from missions.mission.schema import Mission, positions
 
 
@@ -18,9 +17,7 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
 
     `member` is the one vehicle that is commanded, 0 for a station that only listens; None: all.
     """
-    grid = Grid.at(
-        mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
-    )
+    grid = grid_of(mission)
     commanded = Member(member) if member else Listener()
     team = Alone() if member is None else commanded
     pads = [grid.fixed(place) for place in homes(mission)]

@@ -14,7 +14,6 @@ from collections.abc import Collection, Iterator
 from typing import Any, Final
 
 from missions.errors import MissionFileError
-from missions.geo.grid import Grid
 from missions.mission import flyable, places
 from missions.mission.fleet_checks import tracker_view
 from missions.mission.height_and_speed import terrain_faults
@@ -69,7 +68,7 @@ def check(mission: Mission, source: str, *, detectors: Collection[str] = DETECTO
         *_moving_ground(mission),
     ]
     if not where:
-        grid = Grid.at(mission.home, mission.grid.cell_m)
+        grid = places.grid_of(mission)
         where = list(places.polygons(mission, grid)) or [
             *places.inside_fence(mission, grid),
             *places.homes_apart(mission, grid),

@@ -8,10 +8,9 @@ from typing import Final
 
 from missions.errors import MissionFileError
 from missions.geo.columns import PAD_M, column_radius_m
-from missions.geo.grid import Grid
 from missions.mission.flyable import lean_rad
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
-from missions.mission.places import homes
+from missions.mission.places import grid_of, homes
 from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sections import AUTO
 from missions.planning.leapfrog_geometry import TrackerView
@@ -51,7 +50,7 @@ def check_fleet(mission: Mission, source: str) -> None:
             f"{len(mission.vehicles)} that lie team.layer_m = {mission.team.layer_m:g} apart the "
             f"lowest is at {lowest_m:g} m, and {LEAST_HEIGHT_M:g} m are needed; fly fewer vehicles"
         )
-    grid = Grid.at(mission.home, mission.grid.cell_m)
+    grid = grid_of(mission)
     pads = [grid.fixed(place) for place in homes(mission)]
     least_m = _least_apart_m(mission)
     for (i, one), (j, other) in itertools.combinations(enumerate(pads, start=1), 2):
@@ -92,7 +91,7 @@ def with_own_air(mission: Mission) -> Mission:
 
 def with_pads_apart(mission: Mission) -> Mission:
     """The mission with vehicles without a home in a row, as far apart as a fleet needs."""
-    grid = Grid.at(mission.home, mission.grid.cell_m)
+    grid = grid_of(mission)
     gap_m = math.ceil(_least_apart_m(mission) + 1.0)
     placed = []
     for k, vehicle in enumerate(mission.vehicles):

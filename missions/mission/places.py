@@ -22,13 +22,22 @@ SMALLEST_GAP_M = 8.0
 """Least gap between vehicles in a row: room for a person to swap a battery."""
 
 
+def grid_of(mission: Mission) -> Grid:
+    """Return the grid of a mission, which drifts with its region.
+
+    Raises `GeodesyError` outside 80 S to 84 N.
+    """
+    drift = mission.drift
+    return Grid.at(mission.home, mission.grid.cell_m, drift.speed_m_s, drift.toward_deg)
+
+
 def homes(mission: Mission) -> tuple[LatLon, ...]:
     """Return the place of every vehicle, in the order of `mission.vehicles`.
 
     A vehicle without a `home` stands in a row from the start towards grid east, at the place of its
     number, `max(2 * separation_m, 8)` metres apart. Raises `GeodesyError` outside 80 S to 84 N.
     """
-    grid = Grid.at(mission.home, mission.grid.cell_m)
+    grid = grid_of(mission)
     gap_m = max(2 * mission.team.separation_m, SMALLEST_GAP_M)
     return tuple(
         LatLon(*vehicle.home)
@@ -42,7 +51,7 @@ def homes(mission: Mission) -> tuple[LatLon, ...]:
 def home_heights_m(mission: Mission) -> tuple[float, ...]:
     """Return the height of every vehicle's home above the start, m, by the mission or its elevation
     model. Receivers on level ground differ by metres."""
-    grid, surveyed = Grid.at(mission.home, mission.grid.cell_m), mission.surveyed
+    grid, surveyed = grid_of(mission), mission.surveyed
     return tuple(
         vehicle.home_height_m
         if vehicle.home_height_m is not None

@@ -106,13 +106,13 @@ class EveryPatch(Covering):
         ]
         asked = {cell for cell, (positive, _) in tallies.items() if positive}
         region = state.overview.roi.as_dict()
-        around = beside(cell for cell in region if verdicts.get(cell) is not False)
+        around = beside([cell for cell in region if verdicts.get(cell) is not False])
         return unseen + belief.undecided(asked | (around & tallies.keys()))
 
     def open_cells(self, state: State) -> frozenset[Cell]:
         """Those, and the cells beside a patch."""
         belief = state.belief
-        around = beside(cell for cell in belief.open_tallies if belief.provisional(cell))
+        around = beside([cell for cell in belief.open_tallies if belief.provisional(cell)])
         return frozenset(belief.undecided(around.union(self.asked_for(state))))
 
     def beside_lanes(self, state: State, vehicle: VehicleState) -> GridPoint | None:
