@@ -79,9 +79,9 @@ def test_the_errors_are_those_of_the_command(tmp_path):
 
 
 # --- aircraft at the end of a link ---------------------------------------------------------------
-def once_it_has_seen(folder: Path, act: Callable[[], None]) -> threading.Thread:
+def once_it_flies(folder: Path, act: Callable[[], None]) -> threading.Thread:
     def watch() -> None:
-        wait_for(folder, "frame_seen")
+        wait_for(folder, "lifted_off")
         act()
 
     thread = threading.Thread(target=watch)
@@ -105,7 +105,7 @@ def test_control_c_and_cancellation_bring_it_home(tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     with simulator("speck", speedup=SPEEDUP) as urls:
         before = signal.getsignal(signal.SIGINT)
-        watching = once_it_has_seen(first, interrupt)
+        watching = once_it_flies(first, interrupt)
         with pytest.raises(KeyboardInterrupt, match="results are in its folder"):
             uavmap.fly(mission("speck"), connect=urls, speedup=SPEEDUP, out=first)
         watching.join()
@@ -117,7 +117,7 @@ def test_control_c_and_cancellation_bring_it_home(tmp_path):
             flying = asyncio.ensure_future(
                 uavmap.fly_async(mission("speck"), connect=urls, speedup=SPEEDUP, out=second)
             )
-            await asyncio.to_thread(once_it_has_seen(second, lambda: None).join)
+            await asyncio.to_thread(once_it_flies(second, lambda: None).join)
             flying.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await flying
@@ -138,7 +138,7 @@ def test_a_second_control_c_leaves_it_to_its_autopilot(folder):
         uavmap.fly(mission("speck"), connect=urls, speedup=SPEEDUP, out=folder)
 
     with simulator("speck", speedup=SPEEDUP) as urls:
-        watching = once_it_has_seen(folder, twice)
+        watching = once_it_flies(folder, twice)
         with pytest.raises(uavmap.AircraftError, match="left to its autopilot in RTL"):
             asyncio.run(notebook())
         watching.join()
