@@ -378,7 +378,7 @@ class State:
     def unheard(self) -> tuple[int, ...]:
         """Other members of the fleet of which it is not known that they have landed."""
         silent = (Phase.APART, Phase.OFFLINE)
-        others = (n for n in self.vehicles if self.ours and n not in self.our_numbers)
+        others = (n for n in self.vehicles if n not in self.our_numbers)
         return tuple(n for n in others if self.vehicles[n].phase in silent)
 
     @property

@@ -23,9 +23,12 @@ def ended(other: Phase, member: int | None = 1) -> State:
     return replace(state, exhausted=True, surveyed=True)
 
 
+@pytest.mark.parametrize("member", [1, 0])
 @pytest.mark.parametrize("phase", [Phase.APART, Phase.OFFLINE])
-def test_member_is_not_complete_while_another_is_out_of_contact(phase: Phase) -> None:
-    state = ended(phase)
+def test_member_or_station_is_not_complete_while_another_is_out_of_contact(
+    phase: Phase, member: int
+) -> None:
+    state = ended(phase, member)
     assert state.unheard == (2,)
     assert not state.completed
     assert aircraft_down(state) == ["vehicle 2: out of contact at the end, and may be down"]
