@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.airspace.needs import RTL_HEIGHT_M
 from missions.flight.lane_progress import set_free
+from missions.flight.path_orders import brake
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import OFF_LAYER_M, Phase, ReturnReason, VehicleState
 from missions.geo.braking import braked
 from missions.geo.fence import beginning_of, route_length_m
-from missions.orders import Hold, Land, Order, TakeOff
+from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.orders import FlyPath, Hold, Land, Order, TakeOff
 from missions.units import GridPoint
 
 NEARER_SHARES = (0.75, 0.5, 0.25)
@@ -27,8 +30,7 @@ REST_S = 2.0
 HOMEWARD_M = 10.0
 """Distance to its pad within which a path ends that leads home, m."""
 BESIDE_M = 20.0
-"""Distance within which a vehicle stands beside its pad, m. The energy to fly so far is kept while
-it waits for a blocked pad."""
+"""Distance of a landing beside the pad, m: energy for it is kept while the pad is blocked."""
 
 
 def turn_back(state: State, vehicle: VehicleState) -> State:
@@ -39,26 +41,40 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
         if isinstance(vehicle.order, TakeOff):  # it ends where it began, motors on or not
             up = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=done)
             return state.with_vehicle(replace(up, over_home=True, order=Land()))
+        if isinstance(vehicle.order, FlyPath) and vehicle.works and not called:
+            return brake(state, vehicle, vehicle.order)  # where it stops is known
         return send_home(state, vehicle, done) if vehicle.works else state
     if not vehicle.works:
         return state
-    note = ""
-    if not state.setting.fence.contains(vehicle.position):
-        note = "it was outside of the geofence"
-    elif vehicle.wind_m_s > state.setting.energy.max_airspeed_m_s:
-        note = f"the wind of {vehicle.wind_m_s:.0f} m/s is more than it can hold"
-    if note:
+    wind_m_s, outside = vehicle.wind_m_s, not state.setting.fence.contains(vehicle.position)
+    if outside or wind_m_s > state.setting.energy.max_airspeed_m_s:
+        wind = f"the wind of {wind_m_s:.0f} m/s is more than it can hold"
+        note = "it was outside of the geofence" if outside else wind
         return send_home(state, replace(vehicle, note=note), ReturnReason.FAULT)
     if not _can_still_turn(state.setting, vehicle, state.t_s):
         reason = done if state.exploration_finished else ReturnReason.BATTERY
         return send_home(state, vehicle, reason)
-    return state
+    return _come_lower(state, vehicle) if state.exploration_finished else state
 
 
 def _flies_home(vehicle: VehicleState) -> bool:
     """Whether the path of a vehicle leads home: to stop it first would only take time."""
     path = vehicle.path
     return path is not None and path.place_at(path.end_s).distance_to(vehicle.pad) <= HOMEWARD_M
+
+
+def _come_lower(state: State, vehicle: VehicleState) -> State:
+    """Have a vehicle descend on its path home, to the lowest layer in which all of it is clear."""
+    mission, order = state.setting.mission, vehicle.order
+    descends = mission.flight.descent_m_s is not None and state.setting.team.climbs_on_path
+    for number in range(vehicle.vehicle - 1 if descends else 0):
+        layer_m = max(mission.altitude_m(number), vehicle.home_level_m + LEAST_HEIGHT_M)
+        if layer_m < vehicle.cruise_altitude_m and isinstance(order, FlyPath):
+            lower = replace(vehicle, cruise_altitude_m=layer_m)
+            down = replace(order, height_m=lower.cruise_height_m)
+            if (given := Airspace(state, ahead_s=math.inf).reserve(lower, down)) is not None:
+                return given
+    return state
 
 
 def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:
@@ -113,8 +129,7 @@ def fly_home(state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
     if vehicle.is_over_pad:
-        # perhaps half-way down already: no need to climb first
-        vehicle = replace(vehicle, over_home=True)
+        vehicle = replace(vehicle, over_home=True)  # perhaps half-way down: it need not climb
     after = Airspace(state).reserve_or_wait(vehicle, home_order(state.setting, vehicle))
     waits = isinstance(after.vehicles[vehicle.vehicle].order, Hold)
     if waits and vehicle.over_home and not _can_wait(state.setting, vehicle):

@@ -23,6 +23,8 @@ ACCELERATION_M_S2: Final = 2.0
 CUT_M: Final = 1.0
 LANE_CUTS_M: Final = (2.0, 0.5)
 """By how much corners between the lanes of a search are cut, as long as the fence allows it."""
+_AHEAD_STEP_S: Final = 0.5
+_REMEMBERED: Final = 256
 _TINY_M: Final = 1e-9
 _STRAIGHT_RAD: Final = 1e-6
 
@@ -198,6 +200,25 @@ class _Stretch(NamedTuple):
     most_m_s: float
     halts: bool = False
     """Whether it is come to rest at its beginning: the path turns back there."""
+
+
+_PLACES: Final[dict[tuple[int, float, float], tuple[Trajectory, tuple[GridPoint, ...]]]] = {}
+"""Where paths lead. A path is kept with its answer, so that no other can have its id."""
+
+
+def places_ahead(path: Trajectory, t_s: float, ahead_s: float) -> tuple[GridPoint, ...]:
+    """Return places, half a second apart, where a path leads in the next `ahead_s` seconds."""
+    question = (id(path), t_s, ahead_s)  # to hash or compare whole paths would take as long
+    known = _PLACES.get(question)
+    if known is not None and known[0] is path:
+        return known[1]
+    begin_s = max(t_s, path.begin_s)
+    end_s = max(begin_s, min(begin_s + ahead_s, path.end_s))
+    places = tuple(path.places(begin_s, end_s, max(1, round((end_s - begin_s) / _AHEAD_STEP_S))))
+    if len(_PLACES) >= _REMEMBERED:
+        _PLACES.clear()
+    _PLACES[question] = path, places
+    return places
 
 
 def at_rest(place: GridPoint, begin_s: float, duration_s: float) -> Trajectory:

@@ -20,6 +20,7 @@ from itertools import chain
 from typing import Final
 
 from missions.flight.airspace.needs import (
+    AHEAD_S,
     column_air,
     hover_air,
     needed_air,
@@ -55,6 +56,8 @@ class Airspace:
     """Which vehicle may be where, at an instant of a mission."""
 
     state: State
+    ahead_s: float = AHEAD_S
+    """Part of a path that is reserved, s."""
 
     # --- reservations ---------------------------------------------------------------------------
     def is_clear(self, vehicle: VehicleState, order: Order) -> bool:
@@ -185,7 +188,7 @@ class Airspace:
         return any(self._meet(one, other) for other in others)
 
     def _needed(self, vehicle: VehicleState, order: Order | None) -> Volume:
-        return needed_air(self.state, vehicle, order)
+        return needed_air(self.state, vehicle, order, self.ahead_s)
 
     def _uncontrolled(self, vehicle: VehicleState) -> list[Volume]:
         """The air in which the others may be that cannot be commanded."""

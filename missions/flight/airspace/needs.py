@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import OFF_LAYER_M, Column, Phase, VehicleState
-from missions.geo.trajectory import Trajectory
+from missions.geo.trajectory import places_ahead
 from missions.geo.volumes import Volume
 from missions.orders import FlyPath, FlyTo, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
 from missions.units import GridPoint
@@ -23,10 +23,6 @@ AHEAD_S = 8.0
 SILENT_AHEAD_S = 12.0
 """The same of a silent vehicle from its last report on, s: five until its link counts as lost, one
 until its stream ends, and what it takes to come to rest."""
-_AHEAD_STEP_S = 0.5
-_REMEMBERED = 256
-_PLACES: dict[tuple[int, float, float], tuple[Trajectory, tuple[GridPoint, ...]]] = {}
-"""Where paths lead. A path is kept with its answer, so that no other can have its id."""
 
 
 def hover_air(vehicle: VehicleState, place: GridPoint | None = None) -> Volume:
@@ -40,18 +36,23 @@ def column_air(column: Column) -> Volume:
     return Volume((column.place,), column.low_m, column.high_m)
 
 
-def needed_air(state: State, vehicle: VehicleState, order: Order | None) -> Volume:
-    """Return the air that an order needs now."""
+def needed_air(
+    state: State, vehicle: VehicleState, order: Order | None, ahead_s: float = AHEAD_S
+) -> Volume:
+    """Return the air that an order needs now; of a path in the next `ahead_s` seconds."""
     top_m = max(vehicle.cruise_altitude_m, vehicle.level_m)
     if isinstance(order, TakeOff):
         return Volume((vehicle.position,), vehicle.home_level_m, top_m)
     if isinstance(order, Land):
         return Volume((vehicle.pad,), vehicle.home_level_m, top_m)
     low_m = high_m = vehicle.cruise_altitude_m
-    if abs(vehicle.level_m - vehicle.cruise_altitude_m) > OFF_LAYER_M:
-        low_m, high_m = sorted((vehicle.level_m, vehicle.cruise_altitude_m))
+    level_m, own_m = vehicle.level_m, state.setting.mission.altitude_m(vehicle.vehicle - 1)
+    if abs(level_m - own_m) <= OFF_LAYER_M:  # it is in its layer still
+        level_m = own_m
+    if abs(level_m - low_m) > OFF_LAYER_M:
+        low_m, high_m = sorted((level_m, low_m))
     stray_m = 0.0 if vehicle.braking_until_s is None else stopping_m(state.setting)
-    return Volume((vehicle.position, *_places(state, order)), low_m, high_m, stray_m)
+    return Volume((vehicle.position, *_places(state, order, ahead_s)), low_m, high_m, stray_m)
 
 
 def uncontrolled_air(state: State, vehicle: VehicleState) -> list[Volume]:
@@ -72,7 +73,7 @@ def uncontrolled_air(state: State, vehicle: VehicleState) -> list[Volume]:
         leg = needed_air(state, vehicle, order)
         if isinstance(order, FlyPath):
             # its stream is sent on until its link is called lost, and then it brakes
-            along = _next_places(order, vehicle.tracked_s, SILENT_AHEAD_S)
+            along = places_ahead(order.trajectory, vehicle.tracked_s, SILENT_AHEAD_S)
             leg = replace(leg, path=(vehicle.position, *along), stray_m=stopping_m(state.setting))
         back = Volume(
             (*leg.path, vehicle.home), min(leg.low_m, vehicle.level_m), top_m, leg.stray_m
@@ -92,7 +93,7 @@ def stopping_m(setting: Setting) -> float:
     return speed + speed**2 / (2 * accel)
 
 
-def _places(state: State, order: Order | None) -> tuple[GridPoint, ...]:
+def _places(state: State, order: Order | None, ahead_s: float) -> tuple[GridPoint, ...]:
     """Where an order leads, in the fixed frame."""
     if isinstance(order, Sweep):
         return (order.end,)
@@ -102,23 +103,5 @@ def _places(state: State, order: Order | None) -> tuple[GridPoint, ...]:
     if isinstance(order, Look):
         return (state.setting.where(order.cell, state.t_s),)
     if isinstance(order, FlyPath):
-        return _next_places(order, state.t_s)
+        return places_ahead(order.trajectory, state.t_s, ahead_s)
     return ()
-
-
-def _next_places(order: FlyPath, t_s: float, ahead_s: float = AHEAD_S) -> tuple[GridPoint, ...]:
-    """Where a path leads in the next seconds, until it could have come to rest."""
-    path = order.trajectory
-    question = (id(path), t_s, ahead_s)  # to hash or compare whole paths would take as long
-    known = _PLACES.get(question)
-    if known is not None and known[0] is path:
-        return known[1]
-    begin_s = max(t_s, path.begin_s)
-    end_s = max(begin_s, min(begin_s + ahead_s, path.end_s))
-    steps = max(1, round((end_s - begin_s) / _AHEAD_STEP_S))
-    share_s = end_s - begin_s
-    places = tuple(path.place_at(begin_s + share_s * k / steps) for k in range(steps + 1))
-    if len(_PLACES) >= _REMEMBERED:
-        _PLACES.clear()
-    _PLACES[question] = path, places
-    return places

@@ -36,12 +36,16 @@ wild = st.sampled_from([math.nan, math.inf, -math.inf])
 points = st.builds(GridPoint, finite, finite)
 cells = st.builds(Cell, st.integers(-9999, 9999), st.integers(-9999, 9999))
 votes = st.builds(Vote, cells, st.booleans(), st.floats(0, 1))
+shares = st.lists(
+    st.builds(ClassShare, cells, st.integers(1, 254), st.floats(0, 1)), max_size=4
+).map(tuple)
 facts = st.builds(
     Fact,
     finite,
     st.lists(st.tuples(cells, st.booleans()), max_size=6).map(tuple),
     st.booleans(),
     st.booleans(),
+    shares,
 )
 texts = st.text(max_size=20).map(lambda s: s.encode("utf-8", "ignore").decode())
 
@@ -60,9 +64,7 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         tuple[GridPoint, ...]: st.lists(points, max_size=4).map(tuple),
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
         tuple[Cell, ...]: st.lists(cells, max_size=6).map(tuple),
-        tuple[ClassShare, ...]: st.lists(
-            st.builds(ClassShare, cells, st.integers(1, 254), st.floats(0, 1)), max_size=4
-        ).map(tuple),
+        tuple[ClassShare, ...]: shares,
         tuple[Fact, ...]: st.lists(facts, max_size=4).map(tuple),
         tuple[Part, ...]: st.lists(
             st.builds(Part, st.integers(1, 50), st.lists(points, max_size=4).map(tuple)), max_size=4

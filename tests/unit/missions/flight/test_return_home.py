@@ -11,6 +11,7 @@ from missions.flight.state import Setting, State
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.trajectory import rounded_path
+from missions.mission.fleet_checks import with_vehicles
 from missions.orders import FlyPath, FlyTo, Hold, Land
 from missions.units import GridPoint
 from uavmap.load.mission_source import load
@@ -62,8 +63,12 @@ def test_vehicle_on_a_path_home_flies_on_when_all_is_explored() -> None:
         path = rounded_path([far, end], 0.0, speed_m_s=10.0)
         flying = replace(vehicle, order=FlyPath(path, 40.0, None, 0.6))
         after = turn_back(state.with_vehicle(flying), flying).vehicles[4]
-        assert (after.order is flying.order) == flies_on
-        assert (after.return_reason is ReturnReason.DONE) != flies_on
+        # it comes to rest along its path: from there it flies home
+        assert after.path is not None
+        assert (after.path.end_s == path.end_s) == flies_on
+        assert after.return_reason is None
+    ended = replace(vehicle, order=None)
+    assert turn_back(state, ended).vehicles[4].return_reason is ReturnReason.DONE
     # it does not once the operator calls it home, nor without the energy for its rest
     path = rounded_path([far, vehicle.pad], 0.0, speed_m_s=10.0)
     flying = replace(vehicle, order=FlyPath(path, 40.0, None, 0.6))
@@ -72,3 +77,39 @@ def test_vehicle_on_a_path_home_flies_on_when_all_is_explored() -> None:
     low = turn_back(state, replace(flying, remaining_wh=1.0)).vehicles[4]
     assert low.return_reason is ReturnReason.DONE
     assert low.order is None
+
+
+def test_a_vehicle_descends_on_its_path_home_to_the_lowest_layer_that_is_clear() -> None:
+    setting = setting_of(with_vehicles(load("burn"), 3))
+    start = replace(setting.initial_state(), exhausted=True)
+
+    def coming(number: int, far: GridPoint) -> VehicleState:
+        layer_m = setting.mission.altitude_m(number - 1)
+        vehicle = out(start, setting, number, far)
+        path = rounded_path([far, vehicle.pad], 0.0, speed_m_s=6.0)
+        return replace(
+            vehicle, return_reason=None, height_m=layer_m, cruise_altitude_m=layer_m,
+            order=FlyPath(path, layer_m, None, 0.2),
+        )  # fmt: skip
+
+    def layer_of_third(*others: VehicleState) -> float:
+        third, state = coming(3, GridPoint(120.0, 150.0)), start
+        for vehicle in (*others, third):
+            state = state.with_vehicle(vehicle)
+        after = turn_back(state, third).vehicles[3]
+        assert isinstance(after.order, FlyPath)
+        assert after.order.trajectory is third.path
+        assert after.order.height_m == after.cruise_height_m
+        return after.cruise_altitude_m
+
+    assert layer_of_third() == 12.0
+    beside = coming(1, GridPoint(-20.0, 100.0))
+    assert layer_of_third(beside) == 12.0
+    # all the way counts, not the next seconds alone: in 15 s the first crosses its path
+    crossing = coming(1, GridPoint(150.0, 40.0))
+    assert layer_of_third(crossing) == 18.0
+    assert layer_of_third(crossing, coming(2, GridPoint(150.0, 40.0))) == 24.0
+    # a path that the exploration still needs stays in its layer
+    third = coming(3, GridPoint(120.0, 150.0))
+    busy = replace(start, exhausted=False).with_vehicle(third)
+    assert turn_back(busy, third).vehicles[3] == third
