@@ -618,7 +618,7 @@ class Driver:
         """Repeat the guardian's command until the vehicle executes it."""
         action, craft = self.guard.action, self.craft
         named = {"rtl": "ReturnToLaunch", "land": "Land"}
-        if action is None or self.overridden or not self.obeys or not craft.flying:
+        if action is None or self.overridden or not self.obeys or not craft.armed:
             return
         aim_m = quick_aim_m(self.height_m) if action == "land" and self.hurry else None
         if aim_m is not None:
