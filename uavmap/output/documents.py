@@ -24,6 +24,8 @@ class Format(NamedTuple):
     name: str
     module: str
     several: bool = False
+    beside: bool = False
+    """Whether it names files beside it, so that its place is the folder of the results."""
 
 
 FORMATS: Final[Mapping[str, Format]] = {
@@ -33,15 +35,20 @@ FORMATS: Final[Mapping[str, Format]] = {
     "kml": Format("flight.kml", "kml_encoder"),
     "gpx": Format("flight.gpx", "gpx_layers"),
     "csv": Format("csv", "csv_layers", several=True),
+    "kmz": Format("flight.kmz", "kmz_encoder"),
+    "stac": Format("stac-item.json", "stac_item", beside=True),
+    "wpml": Format("follow-up.kmz", "wpml_encoder"),
+    "geopdf": Format("map.pdf", "geopdf_encoder"),
 }
 GEOPACKAGE: Final = FORMATS["gpkg"].name
 
 
-def files_of(flown: Flown, kind: str) -> dict[str, bytes]:
-    """Encode the files of a format, by name."""
+def files_of(flown: Flown, kind: str, **choices: str) -> dict[str, bytes]:
+    """Encode the files of a format, by name; `choices` are the format's own. Raises `UavmapError`
+    where a format needs what is not there."""
     made = FORMATS[kind]
     encode = import_module(f"uavmap.output.formats.{made.module}").encode
-    data = encode(flown, layers(flown))
+    data = encode(flown, layers(flown), **choices)
     return data if isinstance(data, dict) else {made.name: data}
 
 

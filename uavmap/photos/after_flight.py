@@ -22,14 +22,14 @@ from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.kept_frames import FRAMES, POSES
 from uavmap.output.documents import write_documents
 from uavmap.output.drawing.map_scene import map_scene, map_view
-from uavmap.output.drawing.mosaic_file import Ground
+from uavmap.output.drawing.mosaic_file import ORTHO, Ground
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.figures import figures
 from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.output.results import flown_flight
 from uavmap.photos.ground.fine_map import FineMap, beneath
-from uavmap.photos.ground.rasters import COLOURS, ORTHO, Rasters, Wishes, there, write_cog
+from uavmap.photos.ground.rasters import COLOURS, Rasters, Wishes, there, write_cog
 from uavmap.photos.ground.surface import Footing, Scene
 from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.scratch_file import Spool

@@ -36,8 +36,9 @@ from uavmap.load.detector_source import (
     with_relative_model,
 )
 from uavmap.load.mission_source import load, mission_of_text
+from uavmap.output.drawing.mosaic_file import ORTHO
 from uavmap.output.facts.flown_mission import DERIVED
-from uavmap.photos.ground.rasters import ORTHO, Wishes
+from uavmap.photos.ground.rasters import Wishes
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.registration.calibration import calibration_of

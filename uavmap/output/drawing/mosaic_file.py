@@ -31,6 +31,9 @@ from vision.raster import Raster
 MOSAIC: Final = "mosaic.webp"
 PLACE: Final = f"{MOSAIC}.aux.xml"
 """Where the mosaic lies, as GDAL writes it."""
+ORTHO: Final = "ortho.tif"
+"""The mosaic as a Cloud Optimized GeoTIFF, with the extra `geo`."""
+PROBABILITY: Final = "probability.tif"
 SIDE_PX: Final = 1600
 """Maximum length of the longer side of a flight's mosaic, px."""
 FINEST_M: Final = 0.1
@@ -100,6 +103,14 @@ class Ground:
     image: Colours
 
     @classmethod
+    def at(cls, image: Colours, west: float, north: float, step: float, grid: Grid) -> Ground:
+        """Create the mosaic whose left upper corner and edge of a pixel are in metres of UTM."""
+        rows, columns = image.shape[:2]
+        west_m, north_m = west - grid.origin.east_m, north - grid.origin.north_m
+        scaled = (west_m / grid.scale, north_m / grid.scale, step / grid.scale)
+        return cls(Raster(*scaled, columns, rows), image)
+
+    @classmethod
     def read(cls, folder: Path, grid: Grid) -> Ground | None:
         """Read the mosaic of a folder; None where there is none that can be read."""
         try:
@@ -115,10 +126,7 @@ class Ground:
             return None
         if not (step > 0.0 and math.isfinite(west + step + north)):
             return None
-        rows, columns = image.shape[:2]
-        west_m, north_m = west - grid.origin.east_m, north - grid.origin.north_m
-        scaled = (west_m / grid.scale, north_m / grid.scale, step / grid.scale)
-        return cls(Raster(*scaled, columns, rows), image)
+        return cls.at(image, west, north, step, grid)
 
     def beneath(self, view: View) -> NDArray[np.uint8]:
         """Return the mosaic as a view shows it, for `uavmap.output.drawing.raster.cell_picture`."""
@@ -137,3 +145,36 @@ class Ground:
         found = np.asarray(cv2.warpAffine(image, matrix, size, flags=how), np.uint8)
         found[..., 3] = np.where(found[..., 3] >= _OPAQUE, 255, 0)
         return found
+
+
+def finest_ground(folder: Path, grid: Grid, side_px: int) -> Ground | None:
+    """Return ortho.tif of a folder, shrunk by a whole number to sides of at most `side_px`.
+
+    Without rasterio, or that file, it is mosaic.webp as it is; None where there is neither.
+    """
+    return _ortho(folder / ORTHO, grid, side_px) or Ground.read(folder, grid)
+
+
+def _ortho(path: Path, grid: Grid, side_px: int) -> Ground | None:
+    try:
+        import rasterio  # noqa: PLC0415 - an extra
+    except ImportError:
+        return None
+    if not path.is_file():
+        return None
+    try:
+        with rasterio.open(path) as file:
+            if file.crs is None or file.crs.to_epsg() != grid.zone.epsg or file.count < 3:
+                return None
+            times = math.ceil(max(file.width, file.height) / side_px)
+            columns, rows = file.width // times, file.height // times
+            if not (columns and rows):
+                return None
+            part = rasterio.windows.Window(0, 0, columns * times, rows * times)
+            bands = file.read((1, 2, 3), window=part, out_shape=(3, rows, columns))
+            there = file.dataset_mask(window=part, out_shape=(rows, columns))
+            step, _, west, _, _, north = tuple(file.transform)[:6]
+    except OSError:  # rasterio's own are such, too
+        return None
+    image = np.ascontiguousarray(np.concatenate([bands, there[None]]).transpose(1, 2, 0))
+    return Ground.at(image, west, north, step * times, grid)

@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -32,6 +32,14 @@ _SAME_M: Final = 0.01
 """Distance below which two points of a path are one, m."""
 _GROUND_SPEED: Final = 1
 """SPEED_TYPE of MAV_CMD_DO_CHANGE_SPEED: over ground."""
+
+
+class Pace(NamedTuple):
+    """Height above home, m; speed over ground, m/s; distance of two pictures of a lane, m."""
+
+    height_m: float
+    speed_m_s: float
+    every_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,30 +72,43 @@ def search_flight(
     `frame` is the MAV_FRAME of the heights: above home, or above the sea. Raises `GeodesyError`
     where no path inside the fence leads back to the home.
     """
-    mission, grid, fence = setting.mission, setting.grid, setting.fence
-    home = homes(mission)[vehicle]
+    mission = setting.mission
     height_m = mission.search_altitude_m(vehicle) or mission.altitude_m(vehicle)
+    speed_m_s, every_m = mission.flight.speed_m_s, mission.grid.cell_m
+    if not setting.strategy.stops:
+        speed_m_s = path_speed_m_s(mission, height_m)
+        every_m = speed_m_s * mission.camera.interval_s
+    pace = Pace(height_m, speed_m_s, every_m)
+    return flight_along(setting, vehicle, setting.shares[vehicle], pace, frame)
+
+
+def flight_along(
+    setting: Setting,
+    vehicle: int,
+    lanes: Sequence[Lane],
+    pace: Pace,
+    frame: int = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+) -> SearchFlight:
+    """Plan the flight of a vehicle (from 0) along lanes; otherwise as `search_flight`."""
+    mission, grid, fence = setting.mission, setting.grid, setting.fence
+    home, height_m = homes(mission)[vehicle], pace.height_m
     at_height_m = height_m + (mission.start.amsl_m if frame == mav.MAV_FRAME_GLOBAL else 0.0)
 
     def at(place: LatLon, command: int = mav.MAV_CMD_NAV_WAYPOINT) -> Item:
         return Item(command, place, 0.0, frame, round(at_height_m, 3), (0.0, 0.0, math.nan))
 
-    speed_m_s, every_m = mission.flight.speed_m_s, mission.grid.cell_m
-    if not setting.strategy.stops:
-        speed_m_s = path_speed_m_s(mission, height_m)
-        every_m = speed_m_s * mission.camera.interval_s
     items = [
         at(home, mav.MAV_CMD_NAV_TAKEOFF),
-        _order(mav.MAV_CMD_DO_CHANGE_SPEED, _GROUND_SPEED, round(speed_m_s, 2), -1.0),
+        _order(mav.MAV_CMD_DO_CHANGE_SPEED, _GROUND_SPEED, round(pace.speed_m_s, 2), -1.0),
     ]
     here, left_out = grid.fixed(home), list[Lane]()
-    for lane in setting.shares[vehicle]:
+    for lane in lanes:
         path = fence.route(here, lane[0])
         if path is None:
             left_out.append(lane)
             continue
         items += [at(grid.position(point)) for point in _new(here, path)]
-        items += [_pictures(every_m), at(grid.position(lane[1])), _pictures(0.0)]
+        items += [_pictures(pace.every_m), at(grid.position(lane[1])), _pictures(0.0)]
         here = lane[1]
     back = fence.route(here, grid.fixed(home))
     if back is None:  # a path from the pad has led here
@@ -98,7 +119,7 @@ def search_flight(
     items.append(_order(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH))
     rally = Item(mav.MAV_CMD_NAV_RALLY_POINT, home, height_m=height_m)
     return SearchFlight(
-        vehicle, home, speed_m_s, tuple(items), _fence(mission), (rally,), tuple(left_out)
+        vehicle, home, pace.speed_m_s, tuple(items), _fence(mission), (rally,), tuple(left_out)
     )
 
 

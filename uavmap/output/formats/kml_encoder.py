@@ -6,6 +6,7 @@ home. Colours are alpha, blue, green, red. A placemark's elements have the order
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -43,8 +44,8 @@ def write(data: MapData, path: Path) -> None:
     write_parts(path, (part.encode() for part in _map(data)))
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
-    """Encode a flight with its times: tracks as gx:Track, a folder per layer."""
+def encode(flown: Flown, layers: Sequence[Layer], ground: str = "") -> bytes:
+    """Encode a flight with its times: tracks as gx:Track, a folder per layer over `ground`."""
     known = {layer.name: layer for layer in layers}
     head = f"<description>{_text(flown.values.get('finding', ''))}</description>"
     vehicles = {number for number, _, _ in track_parts(flown)}
@@ -54,7 +55,8 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
         for name in _SHOWN
         if name in known
     )
-    parts = _document(flown.data, head, vehicles, _extended(described(flown)), folders)
+    above = itertools.chain([iter((ground,))], folders)
+    parts = _document(flown.data, head, vehicles, _extended(described(flown)), above)
     return "".join(parts).encode()
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from missions.errors import ImageError, OutputError, UavmapError
 from missions.geo.grid import Grid
 from uavmap.base.extras import install_command
-from uavmap.output.drawing.mosaic_file import utm_transform
+from uavmap.output.drawing.mosaic_file import ORTHO, PROBABILITY, utm_transform
 from uavmap.photos.ground.fine_map import FineMap, Tile, mosaic, upright
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.surface import Shown, aligned
@@ -150,8 +150,6 @@ def _read_again(path: Path) -> None:
 
 # --- what is wanted, block by block --------------------------------------------------------------
 _LOG: Final = logging.getLogger("uavmap.photos")
-ORTHO: Final = "ortho.tif"
-PROBABILITY: Final = "probability.tif"
 FINEST_M: Final = 0.05
 """Least default pixel of the mosaic, m; else that of the pictures."""
 MOST_PX: Final = 1_500_000_000

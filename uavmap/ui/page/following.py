@@ -16,9 +16,8 @@ from missions.flight.step import step
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import FRAMES, POSES, KeptFrame, read_kept
-from uavmap.output.drawing.mosaic_file import Ground, raster_of
+from uavmap.output.drawing.mosaic_file import ORTHO, Ground, raster_of
 from uavmap.output.facts.flown_mission import DERIVED
-from uavmap.photos.ground.rasters import ORTHO
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.live import send_scene
 from uavmap.ui.page.page_scene import marks_of, of_mosaic, of_tiles, scene_of

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import MissionFileError, OutputError, UavmapError
 from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
+from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
@@ -25,6 +26,7 @@ from uavmap.output.formats.ground_station_plan import (
     search_flight,
     waypoints_text,
 )
+from uavmap.output.formats.wpml_encoder import AIRCRAFT, USUAL, wpml_archive
 from uavmap.output.results import flown_of
 from uavmap.ui.cli.common import overwrite_nothing, vehicle_count
 
@@ -38,14 +40,20 @@ examples:
   uavmap export results/field-1 --to gpkg                 map.gpkg, with layers and styles, for QGIS
   uavmap export results/field-1 --to shp --out for-gis    Shapefiles, a layer each, in that folder
   uavmap export results/field-1 --to kml --out field.kml  tracks in time, for Google Earth
+  uavmap export results/field-1 --to kmz                  the same over the mosaic, in one file
+  uavmap export results/field-1 --to geopdf               map.pdf, a map with coordinates
+  uavmap export results/field-1 --to stac                 stac-item.json, for a catalogue of imagery
+  uavmap export field.toml --wpml field.kmz --drone M3T   the search lanes, for DJI Pilot 2
+  uavmap export results/field-1 --to wpml --drone M3E     a flight over the mapped region
 
 A plan has the fence, the vehicle's home as rally point, and a flight that takes off, flies its
-lines with pictures, comes back over its home and returns. An autopilot flies these lines and no
-more: nothing judges the pictures, and only their different heights keep vehicles apart.
+lines with pictures, comes back over its home and returns; a WPML file has no fence. An autopilot
+flies these lines and no more: nothing judges the pictures, and only their different heights keep
+vehicles apart.
 """
 DESCRIPTION: Final = (
-    "Write the search of a mission as a file for QGroundControl or Mission "
-    "Planner; or a map and its flight, also of one that was interrupted, as files for a GIS."
+    "Write the search of a mission as a file for QGroundControl, Mission Planner or DJI Pilot 2; "
+    "or a map and its flight, also of one that was interrupted, as files for a GIS."
 )
 
 
@@ -63,6 +71,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.waypoints",
         type=Path,
         help="QGC WPL 110 for Mission Planner: without fence and rally points",
+    )
+    add(
+        "--wpml",
+        metavar="FILE.kmz",
+        type=Path,
+        help="waypoints for DJI Pilot 2 and FlightHub 2: without fence and rally points",
+    )
+    add(
+        "--drone",
+        choices=list(AIRCRAFT),
+        default=USUAL,
+        help=f"the DJI aircraft that a WPML file is for: it names one (default {USUAL})",
     )
     add(
         "--firmware",
@@ -86,7 +106,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--to",
         choices=list(FORMATS),
         help="of results: region, cells, tracks, frames and fence as a GeoPackage (gpkg), "
-        "Shapefiles (shp), GeoJSON, KML with times, GPX or CSV",
+        "Shapefiles (shp), GeoJSON, KML with times, GPX or CSV; the same KML with the mosaic "
+        "(kmz); a STAC item (stac); a flight over the region (wpml); a map with coordinates as PDF "
+        "(geopdf)",
     )
     add(
         "--out",
@@ -99,24 +121,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Export."""
-    if options.to is not None or options.out is not None:
-        return export_map(options, Terminal().show)
-    if options.plan is None and options.waypoints is None:
+    terminal = Terminal()
+    with shown_on(terminal):
+        if options.to is not None or options.out is not None:
+            return export_map(options, terminal.show)
+        return export_search(options, terminal.show)
+
+
+# --- a mission for a ground station -----------------------------------------------------------
+def export_search(options: argparse.Namespace, say: Callable[[str], None]) -> int:
+    """Write the files. Raises `UavmapError`."""
+    files = [path for path in (options.plan, options.waypoints, options.wpml) if path is not None]
+    if not files:
         raise UavmapError(
-            "nothing to write; give --plan FILE.plan, --waypoints FILE.waypoints or --to FORMAT"
+            "nothing to write; give --plan FILE.plan, --waypoints FILE.waypoints, --wpml FILE.kmz "
+            "or --to FORMAT"
         )
-    if options.plan == options.waypoints:
-        raise UavmapError(f"--plan and --waypoints are both {options.plan}; give each its own file")
+    if len(set(files)) < len(files):
+        raise UavmapError(f"{files[-1]}: is given twice; give each its own file")
     if options.waypoints is not None and options.firmware is Firmware.PX4:
         raise UavmapError(
             "--waypoints: the file begins with a home, which a PX4 would fly to; use --plan"
         )
-    say = Terminal().show
+    if options.wpml is not None and options.above_sea:
+        raise UavmapError(
+            "--above-sea: the heights of a WPML file are above the take-off; leave it out with "
+            "--wpml"
+        )
     if Path(options.source).is_dir():
         raise UavmapError(
             f"{options.source}: is a folder, and a plan is of a mission; give its file. To fly the "
             "mapped region again, draw a mission around it: uavmap new "
-            f"{Path(options.source) / 'map.gpkg'} --area region"
+            f"{Path(options.source) / 'map.gpkg'} --area region; or, with a DJI aircraft: uavmap "
+            f"export {options.source} --to wpml"
         )
     mission = load(options.source)
     if mission.flight.height_above == "ground":
@@ -126,23 +163,26 @@ def run(options: argparse.Namespace) -> int:
         )
     frame, home_amsl_m = _frame(options, mission), mission.start.amsl_m
     flights = _flights(options, mission, frame, say)
-    texts: dict[Path, str] = {}
+    made: dict[Path, bytes] = {}
     for flight in flights:
         # of several vehicles a file each: field-1.plan, field-2.plan
         number = f"-{flight.vehicle + 1}" if len(flights) > 1 else ""
         if options.plan is not None:
-            texts[options.plan.with_stem(f"{options.plan.stem}{number}")] = plan_text(
+            made[options.plan.with_stem(f"{options.plan.stem}{number}")] = plan_text(
                 options.firmware, flight.home, flight.fence, flight.rally, flight.items,
                 home_amsl_m=home_amsl_m, speed_m_s=flight.speed_m_s, frame=frame,
-            )  # fmt: skip
+            ).encode()  # fmt: skip
         if options.waypoints is not None:
             text = waypoints_text(flight.home, home_amsl_m, flight.items)
-            texts[options.waypoints.with_stem(f"{options.waypoints.stem}{number}")] = text
-    for path in texts:  # all are written, or none
+            made[options.waypoints.with_stem(f"{options.waypoints.stem}{number}")] = text.encode()
+        if options.wpml is not None:
+            data = wpml_archive(flight, options.drone)
+            made[options.wpml.with_stem(f"{options.wpml.stem}{number}")] = data
+    for path in made:  # all are written, or none
         if path.exists():
             raise OutputError(f"{path}: is there already; choose another name, or move it away")
-    for path, text in texts.items():
-        save(path, text.encode())
+    for path, data in made.items():
+        save(path, data)
         say(f"wrote {path}")
     return 0
 
@@ -184,7 +224,7 @@ def _frame(options: argparse.Namespace, mission: Mission) -> int:
 
 
 # --- a map for a GIS --------------------------------------------------------------------------
-_OF_PLANS = ("plan", "waypoints", "vehicle", "above_sea")
+_OF_PLANS = ("plan", "waypoints", "wpml", "vehicle", "above_sea")
 
 
 def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
@@ -193,7 +233,9 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
     folder = Path(options.source)
     flown, made = flown_of(folder), FORMATS[options.to]
     report_incomplete(flown, say)
-    files = files_of(flown, options.to)
+    files = files_of(
+        flown, options.to, **({"drone": options.drone} if options.to == "wpml" else {})
+    )
     shown = options.out or folder / made.name
     target = shown if made.several else shown.parent
     if not made.several:
@@ -230,7 +272,13 @@ def _check(options: argparse.Namespace) -> None:
     if not folder.is_dir():
         raise UavmapError(
             f"{options.source}: --to is for a results folder with a {JOURNAL}, and this is none; "
-            "of a mission --plan and --waypoints can be written"
+            "of a mission --plan, --waypoints and --wpml can be written"
+        )
+    out, beside = options.out, FORMATS[options.to].beside
+    if beside and out is not None and out.parent.resolve() != folder.resolve():
+        raise UavmapError(
+            f"--out {out}: a STAC item names the files beside it; give a name in {folder}, and "
+            "copy that folder as a whole"
         )
 
 
