@@ -11,6 +11,7 @@ from uavmap.ui.page.page_pipe import Words
 class Feed:
     """Takes what it is told, as JSON has it; is busy now and then, or breaks at some message."""
 
+    title = "the live page"
     orders_file = -1
     dead = False
 

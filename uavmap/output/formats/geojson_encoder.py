@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from shapely.geometry import LineString, mapping
 from shapely.geometry.base import BaseGeometry
 
+from missions.units import LatLon
 from uavmap.base.atomic_write import write_parts
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import MapData, turned
+from uavmap.output.facts.map_model import CellCorners, MapData, turned
 from uavmap.output.formats.layers import (
     DECIMALS,
     Layer,
@@ -54,10 +55,10 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
 def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
     shapes = in_degrees(layer, flown.data)
     head = {"name": layer.name, **described(flown)}
-    box = _bbox(shapely.get_coordinates(shapes, include_z=layer.heights))
+    box = bbox(shapely.get_coordinates(shapes, include_z=layer.heights))
     written = zip(shapely.to_geojson(shapes), layer.records(), strict=True)
     features = (
-        _feature(number, geometry or "null", values)
+        feature(number, geometry or "null", values)
         for number, (geometry, values) in enumerate(written, start=1)
     )
     return collection(head, box, features)
@@ -88,7 +89,7 @@ def _map(data: MapData, utc: str | None) -> Iterator[str]:
         yield from _cells(data)
         for name, shape, values in marks:
             geometry = "null" if shape.is_empty else json.dumps(mapping(shape))
-            yield _feature(name, geometry, values)
+            yield feature(name, geometry, values)
 
     return collection(head, _map_bbox(data, [shape for _, shape, _ in marks]), features())
 
@@ -125,23 +126,16 @@ def _cells(data: MapData) -> Iterator[str]:
     of a class needs quoting.
     """
 
-    def place(lon_deg: float, lat_deg: float) -> str:
-        return f"[{round(lon_deg, DECIMALS)!r}, {round(lat_deg, DECIMALS)!r}]"
-
-    parts = zip(data.cells.parts(), data.corners.written(data.start, place), strict=True)
+    parts = zip(data.cells.parts(), written_parts(data.corners, data.start), strict=True)
     for table, rings in parts:
         columns = table.classes.tolist()
-        for (sw, se, ne, nw), row, column in zip(rings, table.values(), columns, strict=True):
-            (east, north), state, positive, votes, known = row
+        for ring, row, column in zip(rings, table.values(), columns, strict=True):
+            place, state, positive, votes, known = row
             belief = "" if known is None else f', "belief": {round(known, 3)!r}'
             if column >= 0:
                 belief += f', "class": {json.dumps(data.class_areas[column].name)}'
-            yield (
-                f'{{"type": "Feature", "id": "cell {east} {north}", "geometry": {{"type": '
-                f'"Polygon", "coordinates": [[{sw}, {se}, {ne}, {nw}, {sw}]]}}, '
-                f'"properties": {{"kind": "cell", "column": {east}, "row": {north}, '
-                f'"state": "{state}", "positive": {positive}, "votes": {votes}{belief}}}}}'
-            )
+            values = f'"state": "{state}", "positive": {positive}, "votes": {votes}{belief}'
+            yield cell_feature(place, ring, values)
 
 
 def _map_bbox(data: MapData, shapes: Sequence[BaseGeometry]) -> list[float]:
@@ -150,7 +144,7 @@ def _map_bbox(data: MapData, shapes: Sequence[BaseGeometry]) -> list[float]:
     if len(lons):
         corners = [[lons.min(), lats.min()], [lons.max(), lats.max()]]
         places.append(np.array(corners).round(DECIMALS))
-    box = _bbox(np.concatenate(places))
+    box = bbox(np.concatenate(places))
     heights = shapely.get_coordinates([s for s in shapes if s.has_z], include_z=True)[:, 2]
     if not len(heights):
         return box
@@ -169,7 +163,27 @@ def collection(head: dict[str, Any], box: list[float], features: Iterable[str]) 
     yield "\n]}\n"
 
 
-def _feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
+def written_parts(corners: CellCorners, start: LatLon) -> Iterator[list[list[str]]]:
+    """Yield the corners of each cell as positions of GeoJSON, many cells at a time."""
+
+    def place(lon_deg: float, lat_deg: float) -> str:
+        return f"[{round(lon_deg, DECIMALS)!r}, {round(lat_deg, DECIMALS)!r}]"
+
+    return corners.written(start, place)
+
+
+def cell_feature(place: Sequence[int], ring: Sequence[str], values: str) -> str:
+    """Encode a cell: column and row, its corners, its other properties as JSON without braces."""
+    (east, north), (sw, se, ne, nw) = place, ring
+    return (
+        f'{{"type": "Feature", "id": "cell {east} {north}", "geometry": {{"type": '
+        f'"Polygon", "coordinates": [[{sw}, {se}, {ne}, {nw}, {sw}]]}}, '
+        f'"properties": {{"kind": "cell", "column": {east}, "row": {north}, {values}}}}}'
+    )
+
+
+def feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
+    """Encode a feature from its id, its geometry as JSON, and its properties."""
     properties = json.dumps(values, allow_nan=False)
     return (
         f'{{"type": "Feature", "id": {json.dumps(identity)}, "geometry": {geometry}, '
@@ -177,6 +191,6 @@ def _feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
     )
 
 
-def _bbox(points: NDArray[np.float64]) -> list[float]:
+def bbox(points: NDArray[np.float64]) -> list[float]:
     """Return west, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
     return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else []

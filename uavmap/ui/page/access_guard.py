@@ -1,7 +1,8 @@
 """Access to the page: only for browsers that were opened with its token.
 
 The token comes once, in the URL; then it is a cookie that scripts cannot read. A page of another
-origin gets nothing, whatever cookie the browser has.
+origin gets nothing, whatever cookie the browser has. A GIS has no cookies: the map has a token of
+its own, which opens nothing else, for a GIS stores it in its projects.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from uavmap.ui.page.page_pipe import MAP_PATH
 
 REFUSED: Final = "Not allowed: open the URL that uavmap has printed, with its token.\n"
 _POLICY: Final = (
@@ -32,9 +35,9 @@ _HEADERS: Final = {
 class Guard:
     """Before an ASGI application."""
 
-    def __init__(self, app: ASGIApp, token: str, cookie: str) -> None:
+    def __init__(self, app: ASGIApp, token: str, cookie: str, map_token: str) -> None:
         self.app = app
-        self._token = token
+        self._token, self._map_token = token, map_token
         self._cookie = cookie
         """Its name: of each port another, for a browser sends them to every port of a host."""
 
@@ -46,12 +49,15 @@ class Guard:
         asked = HTTPConnection(scope)
         given, origin = asked.query_params.getlist("token"), asked.headers.get("origin")
         own = not origin or urlsplit(origin).netloc == asked.headers.get("host", "")
-        first = scope["type"] == "http" and scope["path"] == "/" and bool(given)
-        if first and self._right(given[-1]):
+        path = scope["path"] if scope["type"] == "http" and given else ""
+        if path == "/" and _same(given[-1], self._token):
             cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Lax"
             entered = Response(None, 303, {"location": "/", "set-cookie": cookie, **_HEADERS})
             await entered(scope, receive, send)
-        elif own and self._right(asked.cookies.get(self._cookie, "")):
+        elif own and (
+            _same(asked.cookies.get(self._cookie, ""), self._token)
+            or (path == MAP_PATH and _same(given[-1], self._map_token))
+        ):
             await self.app(scope, receive, _with_headers(send))
         elif scope["type"] == "websocket":
             await receive()
@@ -60,8 +66,9 @@ class Guard:
             refused = Response(REFUSED, 403, {"content-type": "text/plain", **_HEADERS})
             await refused(scope, receive, send)
 
-    def _right(self, token: str) -> bool:
-        return hmac.compare_digest(token.encode(), self._token.encode())
+
+def _same(given: str, token: str) -> bool:
+    return hmac.compare_digest(given.encode(), token.encode())
 
 
 def _with_headers(send: Send) -> Send:

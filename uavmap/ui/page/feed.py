@@ -1,4 +1,4 @@
-"""The process of a page, from the side of the flight, which never waits for it.
+"""A process that shows a flight, from the side of the flight, which never waits for it.
 
 While the queue of messages is full nothing more is put in; the next delta holds what was left out.
 """
@@ -17,13 +17,13 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Final
 
 from missions.errors import OutputError, UavmapError
 from uavmap.base.child_process import Child
 from uavmap.base.extras import install_command
-from uavmap.ui.page.page_pipe import Lines, Words, packed
+from uavmap.ui.page.page_pipe import MAP_PATH, Lines, Words, packed
 
 PORT: Final = 8470
 LOOPBACK: Final = "127.0.0.1"
@@ -70,7 +70,7 @@ def shown(host: str) -> str:
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
 START_S: Final = 60.0
-"""Time in which the page must be ready, real seconds; a small computer takes about 3."""
+"""Time in which a process must be ready, real seconds; a small computer takes about 3."""
 END_S: Final = 6.0
 """Time in which its process receives the last messages and ends, real seconds."""
 WAITING: Final = 8
@@ -78,32 +78,44 @@ WAITING: Final = 8
 
 
 class Feed:
-    """A page's process under way. A line is logged when it ends before its time."""
+    """A process under way. A line is logged when it ends before its time.
 
-    def __init__(self, config: Words, listening: socket.socket) -> None:
+    Args:
+        module: What it runs.
+        title: Its name in lines for the operator.
+        config: Its first message.
+        pass_fds: Open files that it inherits.
+    """
+
+    def __init__(
+        self, module: str, title: str, config: Words, pass_fds: Collection[int] = ()
+    ) -> None:
+        self.title = title
         self._messages: queue.Queue[bytes | None] = queue.Queue(WAITING)
         self._lines = Lines()
         self.dead = self._logged = False
-        self._child = Child("uavmap.ui.page.page_child", "page", (listening.fileno(),))
+        self._child = Child(module, title, pass_fds)
         os.set_blocking(self.orders_file, False)
-        self.put({"kind": "start", "socket": listening.fileno(), **config})
-        self._writer = threading.Thread(target=self._write, name="page", daemon=True)
+        self.put({"kind": "start", **config})
+        self._writer = threading.Thread(target=self._write, name=title, daemon=True)
         self._writer.start()
 
     def wait_ready(self) -> None:
-        """Wait until it can be opened. Raises `OutputError` where it does not begin."""
+        """Wait until it is ready. Raises `OutputError` where it does not begin."""
         due_s = time.monotonic() + START_S
         why = f"it was not ready within {START_S:g} s"
         while (left_s := due_s - time.monotonic()) > 0.0:
             select.select([self.orders_file], [], [], min(left_s, 0.5))
-            for words in self.orders():
-                if words.get("ready"):
-                    return
-                why = str(words.get("failed", why))
-            if (code := self._child.process.poll()) is not None:
-                why = self._child.last_words(END_S) or f"its process ended with {code}"
+            ended = self._child.process.poll()
+            lines = self.orders()
+            if any(words.get("ready") for words in lines):
+                return
+            failed = [str(words["failed"]) for words in lines if "failed" in words]
+            if failed or ended is not None:
+                said = failed or [self._child.last_words(END_S)]
+                why = said[0] or f"its process ended with {ended}"
                 break
-        raise OutputError(f"the live page does not begin: {why}")
+        raise OutputError(f"{self.title} does not begin: {why}")
 
     # --- there -----------------------------------------------------------------------------
     @property
@@ -138,7 +150,7 @@ class Feed:
         if not self._logged:
             self._logged = True
             why = self._child.last_words() or "its process has ended"
-            _LOG.info(f"the live page is gone ({why}); the flight goes on without it")
+            _LOG.info(f"{self.title} is gone ({why}); the flight goes on without it")
 
     # --- back ------------------------------------------------------------------------------
     @property
@@ -147,7 +159,7 @@ class Feed:
         return self._child.stdout.fileno()
 
     def orders(self) -> list[Words]:
-        """Return the orders since the last call; none from a page that is gone."""
+        """Return the orders since the last call; none from a process that is gone."""
         try:
             piece = os.read(self.orders_file, 1 << 16)
         except BlockingIOError:
@@ -159,8 +171,8 @@ class Feed:
         return self._lines.of(piece)
 
     # --- over ------------------------------------------------------------------------------
-    def close(self) -> None:
-        """End the page after its last messages, if it receives them in time."""
+    def close(self) -> list[Words]:
+        """End it after its last messages, if it receives them in time; return its last lines."""
         with contextlib.suppress(queue.Full):
             self._messages.put(None, timeout=0.0 if self.dead else END_S)
         self._writer.join(END_S)
@@ -170,8 +182,10 @@ class Feed:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+        last = self.orders()
         self.dead = True
         self._child.close(END_S)
+        return last
 
 
 # --- opened before a flight begins: what is wrong is reported while nothing flies ---------------
@@ -184,13 +198,16 @@ def opened(config: Words, port: int, option: str, host: str = LOOPBACK) -> Itera
     are none. `option` gives the `port`, 0 for any that is free.
     """
     need_nicegui()
-    token = secrets.token_urlsafe(16)
+    token, map_token = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
     with bound(host, port, option) as listening:  # the page's process has its own from then on
-        port = listening.getsockname()[1]
-        feed = Feed({**config, "token": token, "port": port}, listening)
+        port, number = listening.getsockname()[1], listening.fileno()
+        served = {"token": token, "map_token": map_token, "port": port, "socket": number}
+        feed = Feed("uavmap.ui.page.page_child", "the live page", {**config, **served}, (number,))
     try:
         feed.wait_ready()
-        _LOG.info(f"live page: http://{shown(host)}:{port}/?token={token}")
+        address = f"http://{shown(host)}:{port}"
+        _LOG.info(f"live page: {address}/?token={token}")
+        _LOG.info(f"map for a GIS: {address}{MAP_PATH}?token={map_token}")
         if host != LOOPBACK:
             _LOG.info(
                 "live page: whoever reaches this computer and has the token can give orders there"

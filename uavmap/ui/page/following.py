@@ -19,7 +19,7 @@ from uavmap.journal.kept_frames import FRAMES, POSES, KeptFrame, read_kept
 from uavmap.output.drawing.mosaic_file import ORTHO, Ground, raster_of
 from uavmap.output.facts.flown_mission import DERIVED
 from uavmap.ui.page.feed import Feed
-from uavmap.ui.page.live import send_scene
+from uavmap.ui.page.live_board import send_scene
 from uavmap.ui.page.page_scene import marks_of, of_mosaic, of_tiles, scene_of
 from uavmap.ui.page.watching import Watcher
 

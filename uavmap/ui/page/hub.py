@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from uavmap.output.drawing.judged import FILE as JUDGED
 from uavmap.output.drawing.mosaic_file import MOSAIC
 from uavmap.ui.page.board import Board, Delta
+from uavmap.ui.page.live_geojson import EMPTY, geojson
+from uavmap.ui.page.live_map import LiveMap
 from uavmap.ui.page.page_pipe import Words
 
 MOST_PICTURES: Final = 24
@@ -87,6 +89,9 @@ class Hub:
         self._pictures: dict[str, bytes] = {}
         self.news = asyncio.Event()
         """Set when something is new; then it is another event."""
+        self._encoded = -1, EMPTY
+        """A version of the board, and its map for a GIS."""
+        self._encoding = asyncio.Lock()
         self._present: set[object] = set()
         self.nobody = asyncio.Event()
         """Set while no browser waits for an update."""
@@ -131,6 +136,23 @@ class Hub:
             case "ended":
                 self.ended = str(words["text"])
         self.wake()
+
+    async def geojson(self, *, again: bool) -> bytes:
+        """Return the live map for a GIS; `again`: as it was given last, to who reads it in parts.
+
+        It is encoded once a version of the board.
+        """
+        async with self._encoding:
+            version, known = self._encoded
+            if (
+                self.scene is not None
+                and (version < 0 or not again)
+                and version != self.board.version
+            ):
+                version, live = self.board.version, LiveMap.of(self.scene, self.board.since(0))
+                known = await asyncio.to_thread(geojson, live, self.scene)
+                self._encoded = version, known
+            return known
 
     async def result(self, name: str) -> bytes:
         """Return one of `RESULTS` as it is now; empty where it is not there."""

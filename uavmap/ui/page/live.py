@@ -6,8 +6,8 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Iterator
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 from missions.events import Event, FrameSeen
 from missions.flight.state import Setting, State
 from uavmap.journal.kept_frames import KeptFrame
-from uavmap.output.drawing.mosaic_file import raster_of
-from uavmap.runner.operator.company import Onlooker
 from uavmap.runner.service import Service
 from uavmap.ui.page.feed import Feed
+from uavmap.ui.page.live_board import LiveBoard, Reader
 from uavmap.ui.page.page_pipe import Words
-from uavmap.ui.page.page_scene import Background, marks_of, scene_of
-from uavmap.ui.page.watching import Watcher
+from uavmap.ui.page.page_scene import Background, marks_of
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
 UPDATE_S: Final = 0.1
@@ -33,8 +31,13 @@ NOT_YET: Final = "orders are taken once the vehicles have answered"
 LANDED: Final = "the flight is over"
 
 
-class FlightPage(Onlooker):
-    """Shows a flight and its lines. A `simulated` one takes no orders; `now_s` is real time."""
+class FlightPage(LiveBoard):
+    """Shows a flight and its lines on a page, and to others that read the same board.
+
+    A `simulated` flight takes no orders; `now_s` is real time.
+    """
+
+    at_once = True
 
     def __init__(
         self,
@@ -42,87 +45,35 @@ class FlightPage(Onlooker):
         *,
         simulated: bool,
         background: Background | None = None,
+        others: Sequence[Reader] = (),
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
+        readers = (Reader(feed, UPDATE_S), *others)
+        super().__init__(readers, simulated=simulated, background=background, now_s=now_s)
         self._feed = feed
-        self._hands_off, self._real = (SIMULATED if simulated else NOT_YET), not simulated
-        self._now_s = now_s
-        self._background = background
-        self._watcher: Watcher | None = None
-        self._looked_back = False
-        """Whether the watcher has earlier events, and the flight has not begun."""
-        self._said: list[str] = []
-        """Lines from before there was a board."""
-        self._version = 0
-        """Of the board, as the page knows it."""
-        self._due_s = self._picture_due_s = float("-inf")
+        self._hands_off = SIMULATED if simulated else NOT_YET
+        self._picture_due_s = float("-inf")
         self._pictures: dict[int, tuple[KeptFrame, bytes | NDArray[np.uint8]]] = {}
         self._shown = 0
         """How many pictures."""
-        self._broken = False
-
-    def show(self, text: str) -> None:
-        """Add a line to the page's log."""
-        with self._harmless():
-            if self._watcher is None:
-                self._said.append(text)
-            else:
-                self._watcher.say(text)
-
-    def begin(self, setting: Setting, *, again: bool) -> None:
-        """The flight starts."""
-        with self._harmless():
-            before, self._looked_back = self._looked_back, False
-            if not before:
-                self._watch(setting)
-            self._show(whole=before)
 
     def update(self, event: Event, state: State, again: int) -> None:
         """An event was taken in."""
-        with self._harmless():
-            if self._watcher is None:
-                return
-            self._watcher.take_in(event, state)
-            now_s = self._now_s()
-            if isinstance(event, FrameSeen):
-                self._show_picture(event, now_s)
-            if now_s >= self._due_s:
-                self._due_s = now_s + UPDATE_S
-                self._show()
+        if isinstance(event, FrameSeen):
+            with self._harmless():
+                self._show_picture(event, self._now_s())
+        super().update(event, state, again)
 
     def end(self) -> None:
         """The flight is over."""
-        with self._harmless():
-            if self._watcher is not None:
-                self._watcher.board.set_field("hands_off", LANDED)
-                self._show(whole=True)
-
-    def close(self, text: str) -> None:
-        """Show why nothing more will come."""
-        with self._harmless():
-            self._show(whole=True)
-            self._feed.put({"kind": "ended", "text": text})
+        if self._watcher is not None:
+            self._watcher.board.set_field("hands_off", LANDED)
+        super().end()
 
     def _watch(self, setting: Setting) -> None:
-        self._watcher = Watcher(
-            setting.initial_state(), real=self._real, words=False, now_s=self._now_s
-        )
+        super()._watch(setting)
+        assert self._watcher is not None
         self._watcher.board.set_field("hands_off", self._hands_off)
-        scene = scene_of(setting, self._background, raster_of(setting))
-        send_scene(self._feed, scene, self._background)
-        for text in self._said:
-            self._watcher.say(text)
-
-    def look_back(self, event: Event, state: State) -> None:
-        """Note an event before the interruption of a resumed flight; shown at its beginning."""
-        if self._broken:
-            return
-        with self._harmless():
-            if not self._looked_back:
-                self._looked_back = True
-                self._watch(state.setting)
-            if self._watcher is not None:
-                self._watcher.take_in(event, state)
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """Keep a picture until its verdicts come."""
@@ -154,25 +105,6 @@ class FlightPage(Onlooker):
                 loop.remove_reader(file)
             self._set("hands_off", LANDED)
 
-    # --- out -------------------------------------------------------------------------------
-    def _set(self, name: str, value: Any) -> None:
-        with self._harmless():
-            if self._watcher is not None:
-                self._watcher.board.set_field(name, value)
-                self._show()
-
-    def _show(self, *, whole: bool = False) -> None:
-        """Send what is new; while the page is busy nothing, and more of it later."""
-        watcher, feed = self._watcher, self._feed
-        if watcher is None or not (whole or feed.idle):
-            if feed.dead:
-                feed.put({})  # which logs it
-            return
-        watcher.refresh(whole=whole)
-        delta = watcher.board.since(self._version)
-        if delta["v"] != self._version and feed.put({"kind": "delta", "delta": delta}):
-            self._version = delta["v"]
-
     def _show_picture(self, event: FrameSeen, now_s: float) -> None:
         frame, picture = self._pictures.pop(event.vehicle, (None, b""))
         if now_s < self._picture_due_s or not self._feed.idle or self._watcher is None:
@@ -188,28 +120,6 @@ class FlightPage(Onlooker):
         if self._feed.put(words, picture):
             marks = marks_of(setting, frame, event.votes)
             self._watcher.board.set_field("picture", {"id": words["id"], **marks})
-
-    @contextlib.contextmanager
-    def _harmless(self) -> Iterator[None]:
-        """End the page, and nothing else, at any failure in here."""
-        try:
-            yield
-        except Exception as failure:
-            if self._broken:
-                return
-            self._broken, self._watcher = True, None
-            self._pictures.clear()
-            _LOG.info(
-                f"the live page has failed ({type(failure).__name__}: {failure}); the flight goes "
-                "on without it"
-            )
-
-
-def send_scene(feed: Feed, scene: Words, background: Background | None) -> None:
-    """Send a page what does not change, the background of the map first."""
-    if background is not None and background.jpeg:
-        feed.put({"kind": "background"}, background.jpeg)
-    feed.put({"kind": "scene", "scene": scene})
 
 
 def carry_out(service: Service, order: Words) -> str:

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import os
 import socket
-import sys
+from collections.abc import Callable
 from typing import Final
 
 from uavmap.base.extras import install_command
 from uavmap.ui.page.hub import Hub
-from uavmap.ui.page.page_pipe import Words, read
+from uavmap.ui.page.page_pipe import Words, back, messages, read
 
 LAST_S: Final = 4.0
 """Maximum time for the last updates of browsers, real seconds."""
@@ -24,23 +23,14 @@ DIED: Final = "the flight's program has ended without a word; `uavmap resume` go
 
 def main() -> None:
     """Serve a page until the flight ends."""
-    out = os.dup(sys.stdout.fileno())
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # no print is an order
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_serve(out))
+        asyncio.run(_serve(back()))
     os._exit(0)  # nothing is left to write, and a flight waits: to tear all this down takes seconds
 
 
-async def _serve(out: int) -> None:
-    reader = asyncio.StreamReader(limit=1 << 20)
-    loop = asyncio.get_running_loop()
-    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+async def _serve(send: Callable[[Words], None]) -> None:
+    reader = await messages()
     config, _ = await read(reader)
-
-    def send(words: Words) -> None:
-        with contextlib.suppress(OSError):
-            os.write(out, json.dumps(words).encode() + b"\n")
-
     try:
         from uavmap.ui.page.server import serving  # noqa: PLC0415 - an extra, and it takes seconds
     except ImportError as error:

@@ -1,15 +1,19 @@
-"""Messages between a flight and the process of its page.
+"""Messages between a flight and a process that shows it, such as that of its page.
 
 A message is two big-endian lengths of 4 bytes, words as a JSON object, and bytes: a picture, mostly
-nothing. Orders come back as lines of JSON; they mean the same as the keys, and pass the same gate,
-guardians and rules.
+nothing. Lines of JSON come back: orders, which mean the same as the keys and pass the same gate,
+guardians and rules, or reports.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
+import os
 import struct
+import sys
+from collections.abc import Callable
 from typing import Any, Final
 
 Words = dict[str, Any]
@@ -18,6 +22,8 @@ MOST_WORDS_BYTES: Final = 1 << 26
 MOST_BYTES: Final = 1 << 28
 MOST_LINE_BYTES: Final = 1 << 12
 """A line back is no longer: an order, or why the page does not begin."""
+MAP_PATH: Final = "/map.geojson"
+"""Where the page's server has the live map for a GIS."""
 
 
 def packed(words: Words, data: bytes = b"") -> bytes:
@@ -39,6 +45,26 @@ async def read(reader: asyncio.StreamReader) -> tuple[Words, bytes]:
     if not isinstance(words, dict):
         raise ValueError("no message of a flight")
     return words, await reader.readexactly(data_bytes)
+
+
+def back() -> Callable[[Words], None]:
+    """Return what sends a line to the flight; from now on, prints go to the standard error."""
+    out = os.dup(sys.stdout.fileno())
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+
+    def send(words: Words) -> None:
+        with contextlib.suppress(OSError):
+            os.write(out, json.dumps(words).encode() + b"\n")
+
+    return send
+
+
+async def messages() -> asyncio.StreamReader:
+    """Return the reader of the flight's messages, which come by standard input."""
+    reader = asyncio.StreamReader(limit=1 << 20)
+    loop = asyncio.get_running_loop()
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    return reader
 
 
 class Lines:

@@ -204,8 +204,9 @@ def scene_of(
     `mosaic` is where the mosaic of the results lies, which may grow, in the fixed frame.
     `drawn`: its box and fence are not derived from pictures. Points are metres east and north in
     the fixed frame; cells are in the moving one, which drifts with `drift_m_s` from mission time 0.
+    `grid` has the arguments of `Grid.at`, the first as latitude and longitude.
     """
-    mission, grid = setting.mission, setting.grid
+    mission, grid, drift = setting.mission, setting.grid, setting.mission.drift
 
     def ring(places: Iterable[LatLon]) -> list[list[float]]:
         points = (grid.fixed(place) for place in places)
@@ -229,6 +230,13 @@ def scene_of(
         "strategy": "recorded pictures" if recorded else mission.strategy,
         "vehicles": 0 if recorded else len(mission.vehicles),
         "cell_m": grid.cell_m,
+        "grid": [
+            mission.home.lat_deg,
+            mission.home.lon_deg,
+            grid.cell_m,
+            drift.speed_m_s,
+            drift.toward_deg,
+        ],
         "drift_m_s": [round(grid.drift_east_m_s, 6), round(grid.drift_north_m_s, 6)],
         "home": home,
         "home_mark": []

@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import uvicorn
-from fastapi import FastAPI, Response
+from fastapi import FastAPI, Request, Response
 from nicegui import Client, background_tasks, ui
 
 from uavmap.ui.page.access_guard import Guard
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.hub import RESULTS, Hub
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.live_geojson import part_of
+from uavmap.ui.page.page_pipe import MAP_PATH, Words
 
 UPDATE_S: Final = 0.1
 """Minimum time between two updates of a browser, real seconds."""
@@ -80,6 +81,14 @@ def serving(hub: Hub, config: Words, send: Send) -> Server:
             data, 200 if data else 404, {"cache-control": "no-store"}, RESULTS.get(name)
         )
 
+    # GDAL asks for the length by HEAD, then for parts
+    @app.api_route(MAP_PATH, methods=["GET", "HEAD"])
+    async def live_map(request: Request) -> Response:
+        asked = request.headers.get("range", "")
+        status, headers, part = part_of(await hub.geojson(again=bool(asked)), asked)
+        headers |= {"cache-control": "no-store"}
+        return Response(part, status, headers, "application/geo+json")
+
     @ui.page("/")
     def page(client: Client) -> None:
         visitor = Visitor(hub, config, send, numbers)
@@ -95,7 +104,7 @@ def serving(hub: Hub, config: Words, send: Send) -> Server:
         message_history_length=0,
         show_welcome_message=False,
     )
-    guarded: Any = Guard(app, config["token"], f"uavmap-{config['port']}")
+    guarded: Any = Guard(app, config["token"], f"uavmap-{config['port']}", config["map_token"])
     return Server(
         uvicorn.Config(
             guarded, lifespan="on", log_config=None, access_log=False, server_header=False,

@@ -93,6 +93,7 @@ class Watcher:
         self._why_none = partial(no_verdict, real=real)
         self._judged = self._lost = 0
         self._last: dict[int, tuple[float, float]] = {}
+        self._homes_amsl_m: dict[int, float] = {}
         self._due_s = self._certificate_due_s = float("-inf")
 
     # --- events ----------------------------------------------------------------------------
@@ -113,6 +114,8 @@ class Watcher:
             self._lost += 1
         elif isinstance(event, ev.Tracked | ev.Connected):
             self._track(event)
+            if isinstance(event, ev.Connected) and event.home_amsl_m is not None:
+                self._homes_amsl_m[event.vehicle] = event.home_amsl_m
         elif isinstance(event, Shared):
             self._mark(judged)
         self._tell(event, state)
@@ -209,10 +212,13 @@ class Watcher:
         count = self._counter.vehicles[vehicle.vehicle]
         left_wh = vehicle.remaining_wh - energy.reserve_wh
         left_s = 3600.0 * left_wh / energy.power_w(vehicle.drawn_w)
+        home_amsl_m = self._homes_amsl_m.get(vehicle.vehicle)
         return {
+            "at_s": round(vehicle.tracked_s, 2),
             "e": round(place.east_m, 2),
             "n": round(place.north_m, 2),
             "up": round(vehicle.height_m, 1),
+            "amsl_m": None if home_amsl_m is None else round(home_amsl_m + vehicle.height_m, 1),
             "battery": round(100.0 * vehicle.remaining_wh / energy.capacity_wh, 1),
             "left_s": 0 if vehicle.landed else max(round(left_s), 0),
             "phase": vehicle.phase.value,

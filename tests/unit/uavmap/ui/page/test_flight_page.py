@@ -19,6 +19,7 @@ from uavmap.runner.flight import fly
 from uavmap.runner.operator.company import Company
 from uavmap.runner.service import Service
 from uavmap.ui.page.live import SIMULATED, FlightPage, carry_out
+from uavmap.ui.page.live_board import LiveBoard, Reader
 from uavmap.ui.page.page_pipe import Lines, packed
 from uavmap.ui.page.page_scene import STATES
 
@@ -121,6 +122,50 @@ def told_of(feed):
         page.update(event, state, 0)
     page.end()
     return page
+
+
+class Reporting(Feed):
+    title = "the TAK link"
+
+    def __init__(self):
+        super().__init__()
+        self.lines = [{"report": "TAK: linked"}, {"do": "return"}]
+
+    def orders(self):
+        lines, self.lines = self.lines, []
+        return lines
+
+
+def test_readers_beside_a_page_and_without_one_end_with_the_same_board(said):
+    page, beside, alone = Feed(), Reporting(), Reporting()
+    setting, clock = STOPS.setting(), ticking()
+    boards = (
+        FlightPage(page, simulated=True, now_s=clock, others=[Reader(beside, 0.5, reports=True)]),
+        LiveBoard([Reader(alone, 0.5, reports=True)], simulated=True, now_s=clock),
+    )
+    state = setting.initial_state()
+    for board in boards:
+        board.begin(setting, again=False)
+    for line in STOPS.lines():
+        state, _ = step(state, event := from_json(line))
+        for board in boards:
+            board.update(event, state, 0)
+    for board in boards:
+        board.end()
+        board.close("the flight is over")
+    assert said == ["TAK: linked"] * 2  # and what is no report is no order either
+    snapshots = [feed.board.since(0) for feed in (page, beside, alone)]
+    for part in ("cells", "vehicles", "tracks", "log"):
+        first, *others = (sorted(map(repr, _parts(s[part]))) for s in snapshots)
+        assert others == [first] * 2, part
+    assert len(alone.deltas) < len(page.deltas)
+    assert "picture" not in beside.kinds
+
+
+def _parts(part):
+    if isinstance(part, dict):
+        return part.items()
+    return zip(*[iter(part)] * 3, strict=True) if isinstance(part[0], int) else part
 
 
 @pytest.mark.parametrize("breaks_at", [0, 1, 2, 90])

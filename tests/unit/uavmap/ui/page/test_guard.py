@@ -32,7 +32,7 @@ def answered(kind, path="/", query=b"", *headers):
         "query_string": query,
         "headers": [(b"host", b"127.0.0.1:8470"), *headers],
     }
-    asyncio.run(Guard(app, TOKEN, "uavmap-8470")(scope, receive, send))
+    asyncio.run(Guard(app, TOKEN, "uavmap-8470", "map")(scope, receive, send))
     return passed, sent
 
 
@@ -64,3 +64,18 @@ def test_a_page_of_another_origin_is_refused_whatever_the_browser_sends(kind):
     for origin in (b"http://127.0.0.1:3000", b"https://example.org", b"null"):
         assert not answered(kind, "/x", b"", GOOD, (b"origin", origin))[0]
     assert answered(kind, "/x", b"", GOOD, (b"origin", b"http://127.0.0.1:8470"))[0] == [kind]
+
+
+def test_guard_map_token_opens_the_map_and_nothing_else():
+    assert answered("http", "/map.geojson", b"token=map")[0] == ["http"]
+    for path, query in (
+        ("/map.geojson", b"token=wrong"),
+        ("/map.geojson", b""),
+        ("/", b"token=map"),
+        ("/picture/1", b"token=map"),
+    ):
+        passed, sent = answered("http", path, query)
+        assert (passed, sent[0]["status"]) == ([], 403), (path, query)
+    assert not answered("websocket", "/map.geojson", b"token=map")[0]
+    elsewhere = (b"origin", b"https://example.org")
+    assert not answered("http", "/map.geojson", b"token=map", elsewhere)[0]
