@@ -115,19 +115,19 @@ def seams(seeds: list[int]) -> None:
 
 
 @contextmanager
-def orders_timed() -> Iterator[list[float]]:
+def orders_timed(clock: Callable[[], float] = time.perf_counter) -> Iterator[list[float]]:
     """Meanwhile the time from a picture to the order that follows it is noted, ms."""
     found, begun = list[float](), [float("inf")]
     judge, send = PictureJudge.verdict, Session.send
 
     def judged(self: PictureJudge, taken: Any) -> Any:
-        begun[0] = time.perf_counter()
+        begun[0] = clock()
         return judge(self, taken)
 
     def sent(self: Session, message: Any) -> None:
         send(self, message)
         if message.get_type() == "COMMAND_INT" and begun[0] < float("inf"):
-            found.append(1e3 * (time.perf_counter() - begun[0]))
+            found.append(1e3 * (clock() - begun[0]))
             begun[0] = float("inf")
 
     with (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,9 @@ from uavmap.ui.cli.common import report
 from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, TABLE
 from uavmap.ui.page.feed import LOOPBACK, opened
 from uavmap.ui.page.live import FlightPage
+from uavmap.ui.page.live_board import LiveBoard, Reader
 from uavmap.ui.page.page_scene import of_tiles
+from uavmap.ui.tak.tak_feed import UPDATE_S, linked
 
 
 @contextlib.contextmanager
@@ -35,17 +37,40 @@ def beside(
     folder: Path,
     terminal: Terminal,
 ) -> Iterator[tuple[Onlooker, ...]]:
-    """Show progress on the terminal, and the live page where it is asked for; yield the onlookers.
+    """Show progress on the terminal, and on page and TAK where asked for; yield the onlookers.
 
-    `plan` is read only for a page. Raises `UavmapError`.
+    `plan` is read only for page and TAK. Raises `UavmapError`.
     """
     table = ProgressTable(terminal)
-    if options.page is None:
-        if options.tiles or options.page_host != LOOPBACK:
-            raise UavmapError("--tiles and --page-host go with --page")
+    if options.page is None and (options.tiles or options.page_host != LOOPBACK):
+        raise UavmapError("--tiles and --page-host go with --page")
+    if options.page is None and options.tak is None:
         yield (table,)
         return
     plan = plan() if callable(plan) else plan
+    with contextlib.ExitStack() as stack:
+        readers = []
+        if options.tak is not None:
+            link = stack.enter_context(linked(options.tak, simulated=plan.simulated))
+            readers = [Reader(link, UPDATE_S, reports=True)]
+        board = (
+            LiveBoard(readers, simulated=plan.simulated)
+            if options.page is None
+            else stack.enter_context(_page(options, plan, folder, readers))
+        )
+        how = "was left before its end"
+        try:
+            with shown_on(board):
+                yield table, board
+            how = "is over"
+        finally:
+            board.close(f"the flight {how}; `uavmap watch {folder}` shows it again")
+
+
+@contextlib.contextmanager
+def _page(
+    options: argparse.Namespace, plan: FlightPlan, folder: Path, others: Sequence[Reader]
+) -> Iterator[FlightPage]:
     mission = plan.mission
     under = of_tiles(Path(options.tiles), setting_of(mission)) if options.tiles else None
     config = {
@@ -54,14 +79,7 @@ def beside(
         "folder": str(folder.absolute()),
     }
     with opened(config, options.page, "--page", options.page_host) as feed:
-        page = FlightPage(feed, simulated=plan.simulated, background=under)
-        how = "was left before its end"
-        try:
-            with shown_on(page):
-                yield table, page
-            how = "is over"
-        finally:
-            page.close(f"the flight {how}; `uavmap watch {folder}` shows it again")
+        yield FlightPage(feed, simulated=plan.simulated, background=under, others=others)
 
 
 def flight_options(options: argparse.Namespace, **more: Any) -> FlightOptions:

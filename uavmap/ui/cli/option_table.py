@@ -287,6 +287,11 @@ TABLE: Final = (
         help="show the live page's map over these tiles, from a file on this computer",
     ),
     Option(
+        name="--tak", metavar="URL", commands=_LINKED,
+        help="send region, unsure ground, aircraft and their paths to TAK, as Cursor on Target: "
+        "tcp://HOST:8087, tls://HOST:8089 (certificates: docs/tak.md) or udp://239.2.3.1:6969",
+    ),
+    Option(
         name="--out", metavar="DIR", commands=(*_FLIES, "replay", "tune"), python=True,
         help="folder for the results (default: a new one)",
         also={"tune": "folder for the detector"},

@@ -6,7 +6,7 @@ import argparse
 from functools import partial
 from typing import Final
 
-from missions.errors import LinkError
+from missions.errors import LinkError, UavmapError
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.fleet.fleet_radio import check_network
@@ -45,6 +45,7 @@ examples:
   uavmap fly field.toml --connect serial:///dev/ttyUSB0:57600 --forward udpout://127.0.0.1:14550
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --key ~/.uavmap.key
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --page         a live page in the browser
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --tak tcp://192.168.1.5:8087
 
 In flight the keys p, c, r, k, q and ? pause, go on, call home, skip a cell, land, and help.
 Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
@@ -88,6 +89,8 @@ def _network(options: argparse.Namespace) -> FleetNetwork | None:
 
 
 def _fly_fleet(options: argparse.Namespace, plan: FlightPlan) -> int:
+    if options.tak is not None:
+        raise UavmapError("--tak: not with --comms, whose simulated members each have a map")
     mission = plan.mission
     terminal, folder = Terminal(), results_folder(options.out, mission.name)
     with shown_on(terminal):
