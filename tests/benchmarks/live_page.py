@@ -1,8 +1,9 @@
-"""What a live page costs the flight, and how often a browser draws it: 20 vehicles, 5,000 cells.
+"""What a live page costs the flight, and how often a browser draws it.
 
     python -m tests.benchmarks.live_page [--out FOLDER]
 
-A picture of the page is left in the folder. The browser is a Chromium without a graphics card.
+20 vehicles, 5,000 cells, and beneath them a mosaic that is written anew each second. A picture of
+the page is left in the folder. The browser is a Chromium without a graphics card.
 """
 
 from __future__ import annotations
@@ -12,6 +13,9 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import cv2
+import numpy as np
 
 from missions.events import FrameSeen, Tracked, Vote
 from missions.flight.setting_of import setting_of
@@ -28,9 +32,11 @@ from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
 from tests.support.small_missions import first_patch
 from uavmap.base.messages import shown_on
+from uavmap.output.drawing.mosaic_file import raster_of, write_mosaic
 from uavmap.ui.page.feed import Feed, opened
 from uavmap.ui.page.page_scene import scene_of
 from uavmap.ui.page.watching import Watcher
+from vision.raster import Raster
 
 VEHICLES, SIDE = 20, 71  # 71 x 71 cells are 5,041
 SECONDS = 10.0
@@ -108,31 +114,50 @@ def on_the_flight() -> None:
 
 def in_the_browser(out: Path) -> None:
     said = Said()
-    config = {"title": "20 vehicles, 5,000 cells", "steers": True}
+    config = {"title": "20 vehicles, 5,000 cells", "steers": True, "folder": str(out.resolve())}
     with shown_on(said), opened(config, 0, "--page") as feed, browser() as driver:
         team = Team()
-        feed.put({"kind": "scene", "scene": scene_of(team.setting)}, wait_s=5.0)
+        ground = grow_mosaic(out, team.setting, 0)
+        scene = scene_of(team.setting, mosaic=ground)
+        feed.put({"kind": "scene", "scene": scene}, wait_s=5.0)
         version = told(team, feed, 0, 3.0, lambda: driver.get(said[0].removeprefix("live page: ")))
+        assert driver.execute_script("return flightMap.mosaic !== null")
         count = "window.ticks = 0; (function t() { ticks += 1; requestAnimationFrame(t) })();"
         driver.execute_script(count)
         read = "return [flightMap.frames, flightMap.drawn_ms, ticks, flightMap.board.cells.size]"
         before: list[Any] = driver.execute_script(read)
         begin_s = time.monotonic()
-        told(team, feed, version, SECONDS, lambda: None)
+        told(team, feed, version, SECONDS, lambda: None, out)
         after = driver.execute_script(read)
         elapsed_s = time.monotonic() - begin_s
         drawn = after[0] - before[0]
         print(
-            f"{after[3]} cells, {VEHICLES} vehicles: drawn {drawn / elapsed_s:.0f} times a second, "
+            f"{after[3]} cells, {VEHICLES} vehicles, a mosaic of {ground.columns} x "
+            f"{ground.rows} px: drawn {drawn / elapsed_s:.0f} times a second, "
             f"{(after[1] - before[1]) / max(drawn, 1):.1f} ms each; the browser's own frames: "
             f"{(after[2] - before[2]) / elapsed_s:.0f} a second"
         )
         driver.save_screenshot(str(out / "live-page-20.png"))
 
 
-def told(team: Team, feed: Feed, version: int, seconds: float, act: Any) -> int:
-    """Fly and tell for a while; `act` is done at its beginning."""
-    begin_s = time.monotonic()
+def grow_mosaic(out: Path, setting: Setting, step: int) -> Raster:
+    """Write a mosaic over all the fence, of which each step shows more; return where it lies."""
+    raster = raster_of(setting)
+    assert raster is not None
+    rng, size = np.random.default_rng(0), (raster.columns, raster.rows)
+    image = rng.integers(0, 256, (raster.rows // 8, raster.columns // 8, 4), np.uint8)
+    image = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
+    image[..., 3] = 255
+    image[raster.rows * (step + 4) // 16 :] = 0
+    write_mosaic(out, image, raster, setting.grid)
+    return raster
+
+
+def told(
+    team: Team, feed: Feed, version: int, seconds: float, act: Any, out: Path | None = None
+) -> int:
+    """Fly and tell for a while; `act` is done at its beginning. `out` has the mosaic that grows."""
+    begin_s, step = time.monotonic(), 0
     act()
     while (now_s := time.monotonic()) - begin_s < seconds:
         team.fly()
@@ -141,6 +166,8 @@ def told(team: Team, feed: Feed, version: int, seconds: float, act: Any) -> int:
             delta = team.watcher.board.since(version)
             if feed.put({"kind": "delta", "delta": delta}):
                 version = delta["v"]
+        if out is not None and now_s - begin_s > step:
+            grow_mosaic(out, team.setting, step := step + 1)
         time.sleep(max(0.1 - (time.monotonic() - now_s), 0.0))
     return version
 
