@@ -32,6 +32,7 @@ NOBODY_READS: Final = 141
 _COLLECT_EVERY: Final = 10_000
 """Objects between two garbage collections: a flight creates many that live, and few cycles."""
 COMMANDS: Final = {
+    "app": "plan, practise, fly and hand on maps in a browser",
     "new": "make a mission from an area drawn elsewhere",
     "fly": "fly a mission, simulated or real",
     "onboard": "fly one vehicle of a fleet, from its own computer",

@@ -90,6 +90,10 @@ TABLE: Final = (
         help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
     ),
     Option(
+        name="workspace", metavar="FOLDER", commands=("app",), const=".", default=".",
+        help="the folder of missions, photographs and results (default: this one)",
+    ),
+    Option(
         name="folder", metavar="DIR", commands=("resume", "watch", "report", "animate"),
         help="the results folder of the mission",
     ),
@@ -274,16 +278,17 @@ TABLE: Final = (
     ),
     Option(
         name="--port", metavar="N", type=number_type(int, *_PORTS), default=PORT,
-        commands=("watch",),
+        commands=("watch", "app"),
         help=f"serve the page on this port (default {PORT}), 0 for any that is free",
     ),
     Option(
-        name="--page-host", metavar="ADDRESS", default=LOOPBACK, commands=(*_LINKED, "watch"),
+        name="--page-host", metavar="ADDRESS", default=LOOPBACK,
+        commands=(*_LINKED, "watch", "app"),
         help="serve the page on this address of the computer, 0.0.0.0 for all (default: only to "
         "this computer itself); the token in its URL is needed in any case",
     ),
     Option(
-        name="--tiles", metavar="FILE.mbtiles", commands=(*_LINKED, "watch"),
+        name="--tiles", metavar="FILE.mbtiles", commands=(*_LINKED, "watch", "app"),
         help="show the live page's map over these tiles, from a file on this computer",
     ),
     Option(

@@ -35,7 +35,7 @@ _HEADERS: Final = {
 class Guard:
     """Before an ASGI application."""
 
-    def __init__(self, app: ASGIApp, token: str, cookie: str, map_token: str) -> None:
+    def __init__(self, app: ASGIApp, token: str, cookie: str, map_token: str | None) -> None:
         self.app = app
         self._token, self._map_token = token, map_token
         self._cookie = cookie
@@ -56,7 +56,7 @@ class Guard:
             await entered(scope, receive, send)
         elif own and (
             _same(asked.cookies.get(self._cookie, ""), self._token)
-            or (path == MAP_PATH and _same(given[-1], self._map_token))
+            or (self._map_token and path == MAP_PATH and _same(given[-1], self._map_token))
         ):
             await self.app(scope, receive, _with_headers(send))
         elif scope["type"] == "websocket":
@@ -75,7 +75,9 @@ def _with_headers(send: Send) -> Send:
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
             message.setdefault("headers", [])
-            MutableHeaders(scope=message).update(_HEADERS)
+            headers = MutableHeaders(scope=message)
+            for name, value in _HEADERS.items():
+                headers.setdefault(name, value)  # a file of results has a stricter policy
         await send(message)
 
     return sending

@@ -95,16 +95,26 @@ def serving(hub: Hub, config: Words, send: Send) -> Server:
         following = background_tasks.create(visitor.follow(client), name="visitor")
         client.on_delete(following.cancel)
 
+    return server_of(app, config["title"], config["token"], config["port"], config["map_token"])
+
+
+def server_of(
+    app: FastAPI, title: str, token: str, port: int, map_token: str | None = None
+) -> Server:
+    """Return the server of an application with NiceGUI's pages, for browsers with a token.
+
+    `map_token` opens the map for a GIS alone, where there is one.
+    """
     ui.run_with(
         app,
-        title=f"{config['title']} - uavmap",
+        title=f"{title} - uavmap",
         favicon=_ICON,
         tailwind=False,
         reconnect_timeout=5.0,
         message_history_length=0,
         show_welcome_message=False,
     )
-    guarded: Any = Guard(app, config["token"], f"uavmap-{config['port']}", config["map_token"])
+    guarded: Any = Guard(app, token, f"uavmap-{port}", map_token)
     return Server(
         uvicorn.Config(
             guarded, lifespan="on", log_config=None, access_log=False, server_header=False,
@@ -150,7 +160,7 @@ class Visitor:
 
     def _asking(self, name: str, question: str) -> Callable[[], Any]:
         async def ask() -> None:
-            if await _asked(question) is not None:
+            if await asked(question) is not None:
                 await self._order({"do": name})
 
         return ask
@@ -158,7 +168,7 @@ class Visitor:
     async def _return(self) -> None:
         choices = {0: "everybody"} | {number: f"vehicle {number}" for number in self._listed}
         question = "Who comes home? A vehicle that is called stays there until a resume."
-        if (vehicle := await _asked(question, "Return", "Cancel", choices)) is not None:
+        if (vehicle := await asked(question, "Return", "Cancel", choices)) is not None:
             await self._order({"do": "return", "vehicle": vehicle or None})
 
     async def _order(self, order: Words) -> None:
@@ -298,7 +308,7 @@ class Visitor:
         self._changed.clear()
 
 
-async def _asked(
+async def asked(
     question: str, yes: str = "Yes", no: str = "No", choices: dict[int, str] | None = None
 ) -> int | None:
     """Ask before something happens to aircraft; return the choice, or 0, and None for a no."""

@@ -1,0 +1,79 @@
+"""One browser holds the controls."""
+
+from __future__ import annotations
+
+from uavmap.ui.app.controls import ASK_S, GONE_S, Controls
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def two() -> tuple[Controls, Clock]:
+    clock = Clock()
+    controls = Controls(clock)
+    for visitor in "ab":
+        controls.seen(visitor)
+    return controls, clock
+
+
+def test_the_first_browser_holds_the_controls_and_the_second_watches() -> None:
+    controls, _ = two()
+    assert controls.held_by("a")
+    assert not controls.held_by("b")
+
+
+def test_the_holder_hands_over_or_keeps() -> None:
+    controls, _ = two()
+    controls.ask("b")
+    assert controls.asks("b")
+    assert controls.asked_s() == 0.0
+    controls.answer("b", yes=True)  # only the holder answers
+    assert controls.held_by("a")
+    controls.answer("a", yes=False)
+    assert controls.held_by("a")
+    assert controls.asked_s() is None
+    controls.ask("b")
+    controls.answer("a", yes=True)
+    assert controls.held_by("b")
+    assert not controls.held_by("a")
+
+
+def test_controls_pass_on_where_the_holder_says_nothing() -> None:
+    controls, clock = two()
+    controls.ask("b")
+    for _ in range(3):
+        clock.now_s += ASK_S / 3.0
+        controls.seen("a")
+        controls.seen("b")
+    assert controls.held_by("b")
+
+
+def test_a_closed_browser_holds_nothing() -> None:
+    controls, clock = two()
+    controls.left("a")
+    controls.seen("b")
+    assert controls.held_by("b")
+    # one that was only cut off comes back as a watcher
+    clock.now_s += GONE_S + 1.0
+    controls.seen("a")
+    assert controls.held_by("a")
+    controls.seen("b")
+    assert not controls.held_by("b")
+
+
+def test_a_browser_that_asked_and_left_gets_nothing() -> None:
+    controls, clock = two()
+    controls.ask("b")
+    controls.left("b")
+    clock.now_s += ASK_S
+    controls.seen("a")
+    assert controls.held_by("a")
+    controls.ask("b")  # it asks without being there
+    clock.now_s += GONE_S + ASK_S
+    controls.seen("a")
+    assert controls.held_by("a")

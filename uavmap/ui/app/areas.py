@@ -1,0 +1,178 @@
+"""Areas: draw or import one, make a mission of it, and see what would be flown."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from nicegui import ui
+
+from missions.errors import UavmapError
+from uavmap.base.atomic_write import write_text
+from uavmap.load.areas.drones import CAMERAS, DRONES
+from uavmap.ui.app.visitor import Visitor
+
+KINDS: Final = {"": "area to search", "geofence": "geofence", "no-fly": "no-fly zone"}
+"""What a polygon is, by the name that `uavmap new` reads."""
+DETECTORS: Final = {
+    "later": "say it later (nothing flies for real before)",
+    "threshold": "darker or brighter than a gray value",
+    "paved": "paved or bare ground",
+    "color": "like colours that you give",
+}
+ENDINGS: Final = ".kml,.kmz,.geojson,.json,.zip,.gpkg,.gpx,.csv,.plan,.waypoints,.poly,.fen"
+MOST_BYTES: Final = 50_000_000
+PLACE: Final = (20.0, 0.0)
+"""The middle of the map while nothing says where the field is."""
+_BLUE, _RED, _BLACK = "#3d6fb6", "#b02a37", "#23272b"
+_COLOURS: Final = {"": _BLUE, "geofence": _RED, "no-fly": _BLACK}
+
+
+def drawn_features(shapes: Sequence[tuple[str, Mapping[str, Any]]]) -> dict[str, Any]:
+    """Return what was drawn as GeoJSON for `uavmap new`: kinds, and layers as Leaflet has them.
+
+    >>> corner = {"lat": 1.0, "lng": 2.0}
+    >>> found = drawn_features([("home", {"_latlng": corner})])
+    >>> found["features"][0]["geometry"], found["features"][0]["properties"]
+    ({'type': 'Point', 'coordinates': [2.0, 1.0]}, {'name': 'home'})
+    """
+    features = []
+    for number, (kind, layer) in enumerate(shapes, 1):
+        if kind == "home":
+            geometry: dict[str, Any] = {"type": "Point", "coordinates": _place(layer["_latlng"])}
+            name = kind
+        else:
+            ring = [_place(corner) for corner in layer["_latlngs"][0]]
+            geometry = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+            name = f"{kind} {number}".strip() if kind else f"area {number}"
+        features.append({"type": "Feature", "properties": {"name": name}, "geometry": geometry})
+    return {"type": "FeatureCollection", "features": features}
+
+
+def _place(corner: Mapping[str, float]) -> list[float]:
+    return [round(float(corner["lng"]), 8), round(float(corner["lat"]), 8)]
+
+
+class Areas:
+    """The tab where missions are made."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._shapes: list[tuple[str, dict[str, Any]]] = []
+        self._layers: list[Any] = []
+        self._file: str | None = None
+        """The file that was imported, instead of a drawing."""
+        with ui.element("div").classes("app-columns"):
+            with ui.element("div").classes("app-map"):
+                self._add_map()
+            with ui.element("div").classes("app-form"):
+                self._add_form()
+                self.plan = ui.element("div").classes("app-plan")
+        visitor.on_end("new", self._show_plan)
+        visitor.on_end("check", self._show_plan)
+
+    # --- the map -------------------------------------------------------------------------------
+    def _add_map(self) -> None:
+        with ui.row().classes("app-row"):
+            self._kind = ui.toggle(KINDS, value="").props("no-caps dense").mark("kind")
+            self._undo = ui.button("Undo", on_click=self._remove_last).props("no-caps flat dense")
+        draw = {"polygon": True, "rectangle": True, "marker": True, "polyline": False,
+                "circle": False, "circlemarker": False}  # fmt: skip
+        self.map = ui.leaflet(
+            center=PLACE, zoom=3, draw_control={"draw": draw, "edit": False}, hide_drawn_items=True
+        ).classes("app-leaflet")
+        self.map.clear_layers()  # the default loads tiles from another host
+        if self._visitor.app.tiles is not None:
+            self.map.tile_layer(url_template="/tiles/{z}/{x}/{y}", options={"maxZoom": 22})
+            self.map.set_center(self._visitor.app.tiles.middle)
+            self.map.set_zoom(self._visitor.app.tiles.zoom)
+        self.map.on("draw:created", self._add_shape)
+        with ui.row().classes("app-row"):
+            self._at = ui.input("go to: latitude, longitude").props("dense outlined").mark("at")
+            ui.button("Go", on_click=self._go).props("no-caps flat dense").mark("go")
+
+    def _go(self) -> None:
+        try:
+            lat, lon = (float(part) for part in self._at.value.split(","))
+        except (AttributeError, ValueError):
+            ui.notify("give latitude and longitude in degrees: 47.3, 8.5")
+            return
+        self.map.set_center((lat, lon))
+        self.map.set_zoom(17)
+
+    def _add_shape(self, event: Any) -> None:
+        kind = "home" if event.args["layerType"] == "marker" else self._kind.value
+        self._shapes.append((kind, event.args["layer"]))
+        if kind == "home":
+            corner = event.args["layer"]["_latlng"]
+            self._layers.append(self.map.marker(latlng=(corner["lat"], corner["lng"])))
+        else:
+            corners = [[c["lat"], c["lng"]] for c in event.args["layer"]["_latlngs"][0]]
+            colour = {"color": _COLOURS[kind], "fillOpacity": 0.15}
+            self._layers.append(self.map.generic_layer(name="polygon", args=[corners, colour]))
+        self._file = None
+        self._source.set_text(f"drawn: {len(self._shapes)}")
+
+    def _remove_last(self) -> None:
+        if self._shapes:
+            self._shapes.pop()
+            self.map.remove_layer(self._layers.pop())
+            self._source.set_text(f"drawn: {len(self._shapes)}")
+
+    # --- the mission ---------------------------------------------------------------------------
+    def _add_form(self) -> None:
+        detectors = DETECTORS | dict.fromkeys(self._visitor.app.workspace.detectors(), "learned")
+        self._source = ui.label("draw an area on the map, or import a file").mark("source")
+        ui.upload(
+            label="import KML, GeoJSON, Shapefile (.zip), GeoPackage, .plan ...", auto_upload=True,
+            on_upload=self._import, max_file_size=MOST_BYTES,
+        ).props(f"accept={ENDINGS} flat bordered").classes("app-wide").mark("import")  # fmt: skip
+        self._name = ui.input("name of the mission", value="field").mark("name")
+        self._drone = ui.select(list(DRONES), value="sim", label="drone").mark("drone")
+        cameras = {"": "the drone's own"} | {name: name for name in CAMERAS}
+        self._camera = ui.select(cameras, value="", label="camera").mark("camera")
+        self._vehicles = ui.number("vehicles", value=1, min=1, max=20, format="%d").mark("vehicles")
+        self._detector = ui.select(
+            {name: f"{name}: {text}" for name, text in detectors.items()},
+            value="threshold", label="what to look for",
+        ).classes("app-wide").mark("detector")  # fmt: skip
+        self._visitor.button("Make the mission", self._make).mark("make")
+
+    async def _import(self, event: Any) -> None:
+        workspace = self._visitor.app.workspace
+        name = workspace.path_of(event.file.name).name
+        await event.file.save(workspace.folder / name)
+        self._file = name
+        self._source.set_text(f"imported: {name}")
+
+    def _make(self) -> None:
+        workspace = self._visitor.app.workspace
+        try:
+            mission = workspace.new_name(self._name.value or "", ".toml")
+            if self._file is None and not any(kind == "" for kind, _ in self._shapes):
+                raise UavmapError("no area: draw one on the map, or import a file")
+        except UavmapError as error:
+            ui.notify(str(error))
+            return
+        source = self._file
+        if source is None:
+            source = mission.removesuffix(".toml") + ".geojson"
+            text = json.dumps(drawn_features(self._shapes), indent=1)
+            write_text(workspace.folder / source, text)
+        words = ["new", source, "--out", mission, "--drone", self._drone.value]
+        words += ["--vehicles", str(int(self._vehicles.value or 1))]
+        words += ["--detector", self._detector.value]
+        if self._camera.value:
+            words += ["--camera", self._camera.value]
+        self._visitor.run(words)
+
+    def _show_plan(self, words: Sequence[str]) -> None:
+        """Show the plan of the mission that a command has made or checked."""
+        name = words[words.index("--out") + 1] if "--out" in words else words[1]
+        picture = name.removesuffix(".toml") + ".png"
+        self.plan.clear()
+        with self.plan:
+            ui.label(name).classes("app-title")
+            if (self._visitor.app.workspace.folder / picture).is_file():
+                ui.html(f'<img src="{self._visitor.file_url(picture)}" alt="plan of {name}">')

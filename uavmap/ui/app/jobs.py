@@ -1,0 +1,127 @@
+"""Commands that a page has begun: each a process of its own, whose lines lie in a file.
+
+A page, or the program that serves it, may end at any time: its flights go on, as if they had been
+begun at a terminal.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from missions.errors import UavmapError
+
+LOGS: Final = ".uavmap-app"
+"""Folder of the lines, in the workspace."""
+MOST_LINES: Final = 400
+MOST_RUNNING: Final = 8
+"""Commands that run beside each other: a small computer flies and does little else."""
+_TAIL_BYTES: Final = 1 << 16
+_PAGE: Final = re.compile(r"https?://\S+\?token=\S+")
+_ENDS: Final = {0: "done", 2: "refused", 3: "not complete", 4: "an aircraft is down",
+                5: "no verdict", 130: "interrupted"}  # fmt: skip
+
+
+@dataclass(slots=True)
+class Job:
+    """A command that runs, or has run."""
+
+    number: int
+    words: tuple[str, ...]
+    """What follows `uavmap` on the command line."""
+    log: Path
+    process: subprocess.Popen[bytes]
+    begun_s: float = field(default_factory=time.monotonic)
+
+    @property
+    def shown(self) -> str:
+        """Return the command as a terminal takes it."""
+        return shown(self.words)
+
+    @property
+    def runs(self) -> bool:
+        """Whether it has not ended."""
+        return self.process.poll() is None
+
+    @property
+    def state(self) -> str:
+        """Return `running`, or how it ended."""
+        code = self.process.poll()
+        if code is None:
+            return f"running, {time.monotonic() - self.begun_s:.0f} s"
+        return _ENDS.get(code, "ended by a fault") + f" (exit code {code})"
+
+    def lines(self) -> list[str]:
+        """Return its last lines; what a terminal draws anew on one line counts as its last form."""
+        try:
+            with self.log.open("rb") as file:
+                file.seek(max(file.seek(0, os.SEEK_END) - _TAIL_BYTES, 0))
+                text = file.read().decode("utf-8", "replace")
+        except OSError as error:
+            return [f"{self.log}: cannot be read: {error.strerror}"]
+        return [line.rsplit("\r", 1)[-1] for line in text.splitlines()][-MOST_LINES:]
+
+    def page(self) -> str | None:
+        """Return the URL of the page that it serves, if it has printed one."""
+        found = [each for line in self.lines() for each in _PAGE.findall(line)]
+        return found[-1] if found and self.runs else None
+
+    def interrupt(self) -> None:
+        """Press Ctrl-C: a flight comes home and lands; a second one leaves it to its autopilot."""
+        if self.runs:
+            self.process.send_signal(signal.SIGINT)
+
+
+class Jobs:
+    """All commands of a page, in the folder where they run."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.all: list[Job] = []
+
+    def begin(self, words: Sequence[str]) -> Job:
+        """Run `uavmap` with these words. Raises `UavmapError` where that cannot be."""
+        if len(self.running) >= MOST_RUNNING:
+            raise UavmapError(f"{MOST_RUNNING} commands run already; end one of them first")
+        try:
+            return self._begin(words)
+        except OSError as error:
+            raise UavmapError(f"{shown(words)}: cannot be run: {error.strerror}") from None
+
+    def _begin(self, words: Sequence[str]) -> Job:
+        logs = self.folder / LOGS
+        logs.mkdir(exist_ok=True)
+        number = len(self.all) + 1
+        log = logs / f"{time.strftime('%Y%m%dT%H%M%S')}-{number}.log"
+        with log.open("wb") as out:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "uavmap", *words],
+                cwd=self.folder, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )  # fmt: skip
+        job = Job(number, tuple(words), log, process)
+        self.all.append(job)
+        return job
+
+    @property
+    def running(self) -> list[Job]:
+        """Return those that have not ended."""
+        return [job for job in self.all if job.runs]
+
+
+def shown(words: Sequence[str]) -> str:
+    """Return a command as a terminal takes it.
+
+    >>> shown(["check", "Field 1.toml"])
+    "uavmap check 'Field 1.toml'"
+    """
+    return shlex.join(["uavmap", *words])

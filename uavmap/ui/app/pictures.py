@@ -1,0 +1,61 @@
+"""Pictures: a map of recorded photographs, and a detector from painted ones."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+from typing import Any, Final
+
+from nicegui import ui
+
+from missions.errors import UavmapError
+from uavmap.ui.app.visitor import Visitor
+from uavmap.ui.app.workspace import PICTURES
+
+MOST_BYTES: Final = 100_000_000
+MASKS: Final = "-painted"
+"""The folder of the masks of `photos` is `photos-painted`."""
+
+
+class Pictures:
+    """The tab of recorded pictures."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor, workspace = visitor, visitor.app.workspace
+        ui.label("Map the photographs of a flight; paint two or three to say what to look for.")
+        self._into = ui.input("folder for new photographs", value="photos").mark("into")
+        ui.upload(
+            label="photographs", multiple=True, auto_upload=True, on_upload=self._upload,
+            max_file_size=MOST_BYTES,
+        ).props(f"accept={','.join(PICTURES)} flat bordered").classes("app-wide")  # fmt: skip
+        self._folder = visitor.select("photographs", workspace.picture_folders)
+        self._mission = visitor.select("mission", lambda: ["", *workspace.missions()])
+        self._detector = visitor.select("detector", lambda: ["", *workspace.detectors()])
+        visitor.button("Map", self._replay).mark("replay")
+        visitor.button("Paint and learn", self._tune).mark("tune")
+
+    async def _upload(self, event: Any) -> None:
+        workspace = self._visitor.app.workspace
+        try:
+            folder = workspace.path_of(self._into.value or "photos")
+        except UavmapError as error:
+            ui.notify(str(error))
+            return
+        folder.mkdir(exist_ok=True)
+        await event.file.save(folder / PurePath(event.file.name).name)
+
+    def _replay(self) -> None:
+        if not self._folder.value:
+            ui.notify("no photographs: upload some")
+            return
+        words = ["replay", self._folder.value]
+        words += ["--mission", self._mission.value] if self._mission.value else []
+        words += ["--detector", self._detector.value] if self._detector.value else []
+        self._visitor.run(words)
+
+    def _tune(self) -> None:
+        if not self._folder.value:
+            ui.notify("no photographs: upload some")
+            return
+        folder = self._folder.value
+        self._visitor.run(["tune", folder, "--paint", "--examples", f"{folder}{MASKS}",
+                           "--out", f"{folder}-detector"])  # fmt: skip

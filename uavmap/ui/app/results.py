@@ -1,0 +1,73 @@
+"""Results: the maps of flights and replays, their reports and exports, and how to go on."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from nicegui import ui
+
+from uavmap.output.documents import FORMATS
+from uavmap.ui.app.visitor import Visitor
+from uavmap.ui.app.workspace import Flown
+from uavmap.ui.page.server import asked
+
+FILES: Final = ("report.html", "report.pdf", "map.png", "map.geojson", "boundary.geojson",
+                "ortho.tif", "summary.json", "mission.toml")  # fmt: skip
+"""What a folder of results may hold, in the order of the links."""
+
+
+class Results:
+    """The tab of maps."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._listed: list[tuple[str, str, int]] = []
+        self._list = ui.element("div").classes("app-results")
+        visitor.on_update(self._update)
+
+    def _update(self) -> None:
+        found = self._visitor.app.workspace.results()
+        listed = [(f.name, f.verdict, len(list(f.folder.iterdir()))) for f in found]
+        if listed == self._listed:
+            return
+        self._listed = listed
+        self._list.clear()
+        with self._list:
+            if not found:
+                ui.label("no map yet: practise a mission, or map photographs")
+            for flown in found:
+                self._show(flown)
+
+    def _show(self, flown: Flown) -> None:
+        visitor, name = self._visitor, flown.name
+        with ui.element("div").classes("app-result"):
+            if (flown.folder / "map.png").is_file():
+                picture = visitor.file_url(f"{name}/map.png")
+                ui.html(f'<a href="{picture}" target="_blank"><img src="{picture}" alt="map"></a>')
+            with ui.element("div"):
+                ui.label(name).classes("app-title")
+                ui.label(flown.verdict)
+                with ui.row().classes("app-row"):
+                    for file in FILES:
+                        if (flown.folder / file).is_file():
+                            ui.link(file, visitor.file_url(f"{name}/{file}"), new_tab=True)
+                with ui.row().classes("app-row"):
+                    visitor.button("Report", lambda: self._run("report", name))
+                    visitor.button("Look at the flight", lambda: self._watch(name))
+                    if flown.summary is None or not flown.summary.get("completed"):
+                        visitor.button("Go on", lambda: self._resume(name), grave=True)
+                    chosen = ui.select(list(FORMATS), value="gpkg").props("dense outlined")
+                    visitor.button(
+                        "Export", lambda: self._run("export", name, "--to", chosen.value)
+                    )
+
+    def _run(self, *words: str) -> None:
+        self._visitor.run(words)
+
+    async def _resume(self, name: str) -> None:
+        question = "The mission goes on: real vehicles take off. Is the field clear?"
+        if await asked(question, "Go on", "Cancel") is not None:
+            self._run("resume", name, "--yes", "--page", "0")
+
+    def _watch(self, name: str) -> None:
+        self._visitor.run(["watch", name, "--port", "0"])

@@ -1,0 +1,104 @@
+"""The application: the frame of its page, its tabs, and the files of its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from fastapi import FastAPI, Response
+from fastapi.responses import FileResponse
+from nicegui import Client, ui
+
+from missions.errors import UavmapError
+from uavmap.ui.app.areas import Areas
+from uavmap.ui.app.flights import Practise, RealAircraft
+from uavmap.ui.app.pictures import Pictures
+from uavmap.ui.app.results import Results
+from uavmap.ui.app.visitor import App, Visitor
+from uavmap.ui.page.server import Server, server_of
+
+UPDATE_S: Final = 0.5
+"""Time between two updates of a browser, s."""
+_CSS: Final = (Path(__file__).parent / "app.css").read_text("utf-8")
+_SANDBOX: Final = (
+    "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data: 'self'"
+)
+"""What a file of the folder may do in a browser: be seen. It runs nothing and loads nothing."""
+TABS: Final = ("Areas", "Practise", "Preflight", "Fly", "Pictures", "Results", "Commands")
+
+
+def serving(app: App, token: str, port: int) -> Server:
+    """Create the server of the application, not yet begun."""
+    fast = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+
+    @fast.get("/file/{name:path}")
+    async def file(name: str) -> Response:
+        try:
+            path = app.workspace.path_of(name)
+        except UavmapError:
+            path = None
+        if path is None or not path.is_file():
+            return Response(None, 404)
+        headers = {"content-security-policy": _SANDBOX, "cache-control": "no-cache"}
+        return FileResponse(path, headers=headers)
+
+    @fast.get("/tiles/{zoom}/{x}/{y}")
+    async def tile(zoom: int, x: int, y: int) -> Response:
+        found = app.tiles.tile(zoom, x, y) if app.tiles is not None and 0 <= zoom <= 24 else None
+        return Response(None, 404) if found is None else Response(found[0], 200, None, found[1])
+
+    @ui.page("/")
+    def page(client: Client) -> None:
+        visitor = Visitor(app)
+        client.on_delete(lambda: app.controls.left(visitor.id))
+        _add_page(visitor)
+        ui.timer(UPDATE_S, visitor.refresh)
+
+    return server_of(fast, str(app.workspace.folder.name), token, port)
+
+
+def _add_page(visitor: Visitor) -> None:
+    ui.add_css(_CSS)
+    with ui.row().classes("app-head"):
+        ui.label("uavmap").classes("app-title")
+        ui.label(str(visitor.app.workspace.folder)).classes("app-folder")
+        visitor.add_controls()
+    with ui.tabs().props("no-caps dense align=left").classes("app-tabs") as tabs:
+        for name in TABS:
+            ui.tab(name).mark(f"tab-{name.lower()}")
+    with ui.tab_panels(tabs, value=TABS[0], animated=False).props("keep-alive").classes("app-wide"):
+        with ui.tab_panel("Areas"):
+            Areas(visitor)
+        with ui.tab_panel("Practise"):
+            Practise(visitor)
+        with ui.tab_panel("Preflight"):
+            RealAircraft(visitor, flies=False)
+        with ui.tab_panel("Fly"):
+            RealAircraft(visitor, flies=True)
+        with ui.tab_panel("Pictures"):
+            Pictures(visitor)
+        with ui.tab_panel("Results"):
+            Results(visitor)
+        with ui.tab_panel("Commands"):
+            Commands(visitor)
+    visitor.add_output()
+
+
+class Commands:
+    """The tab of all commands so far, as a terminal takes them."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._listed = 0
+        self._list = ui.element("div")
+        visitor.on_update(self._update)
+
+    def _update(self) -> None:
+        jobs = self._visitor.app.jobs.all
+        for job in jobs[self._listed :]:
+            with self._list, ui.row().classes("app-row"):
+                ui.button("Show", on_click=lambda job=job: self._visitor.look_at(job)).props(
+                    "no-caps flat dense"
+                )
+                ui.label(job.shown).classes("app-command")
+        self._listed = len(jobs)

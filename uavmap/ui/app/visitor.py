@@ -1,0 +1,183 @@
+"""One browser at the page: what it may do, and the command that it looks at."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, Final
+from urllib.parse import quote
+
+from nicegui import ui
+
+from missions.errors import UavmapError
+from uavmap.ui.app.controls import Controls
+from uavmap.ui.app.jobs import Job, Jobs
+from uavmap.ui.app.tiles import Tiles
+from uavmap.ui.app.workspace import Workspace
+from uavmap.ui.page.server import asked
+
+SHOWN_LINES: Final = 14
+
+
+class App:
+    """What all browsers share."""
+
+    def __init__(self, workspace: Workspace, tiles: Tiles | None) -> None:
+        self.workspace = workspace
+        self.tiles = tiles
+        self.jobs = Jobs(workspace.folder)
+        self.controls = Controls()
+
+
+class Visitor:
+    """One open page."""
+
+    def __init__(self, app: App) -> None:
+        self.app = app
+        self.id = secrets.token_hex(8)
+        self._job: Job | None = app.jobs.all[-1] if app.jobs.all else None
+        self._known = len(app.jobs.all)
+        self._ended: set[int] = {job.number for job in app.jobs.all if not job.runs}
+        self._on_end: dict[str, list[Callable[[Sequence[str]], None]]] = {}
+        self._buttons: list[ui.button] = []
+        self._updates: list[Callable[[], None]] = []
+
+    # --- commands ------------------------------------------------------------------------------
+    def button(
+        self, text: str, act: Callable[[], Awaitable[None] | None], *, grave: bool = False
+    ) -> ui.button:
+        """Add a button that only the holder of the controls may press."""
+        look = "color=red-10" if grave else "color=grey-9"
+
+        async def press() -> None:
+            if not self.holds():
+                ui.notify("another browser holds the controls; ask for them above")
+            elif (waits := act()) is not None:
+                await waits
+
+        button = ui.button(text, on_click=press).props(f"no-caps outline {look}")
+        self._buttons.append(button)
+        return button
+
+    def run(self, words: Sequence[str]) -> Job | None:
+        """Run a command and show it; None where that cannot be."""
+        try:
+            self._job = self.app.jobs.begin(words)
+        except UavmapError as error:
+            ui.notify(str(error))
+            return None
+        return self._job
+
+    def on_end(self, command: str, act: Callable[[Sequence[str]], None]) -> None:
+        """Do something each time that a command has ended well."""
+        self._on_end.setdefault(command, []).append(act)
+
+    def on_update(self, act: Callable[[], None]) -> None:
+        """Do something twice a second."""
+        self._updates.append(act)
+
+    def holds(self) -> bool:
+        """Return whether this browser holds the controls."""
+        return self.app.controls.held_by(self.id)
+
+    def file_url(self, name: str) -> str:
+        """Return the address of a file of the workspace, with its time: a new one is loaded."""
+        path = self.app.workspace.folder / name
+        return f"/file/{quote(name)}?{int(path.stat().st_mtime) if path.exists() else 0}"
+
+    # --- the frame -----------------------------------------------------------------------------
+    def add_controls(self) -> None:
+        """Add the line that says which browser holds the controls."""
+        controls = self.app.controls
+        self._held = ui.label("").classes("app-held").mark("held")
+        self._ask = ui.button("Ask for the controls", on_click=lambda: controls.ask(self.id))
+        self._give = ui.button("Hand over", on_click=lambda: controls.answer(self.id, yes=True))
+        self._keep = ui.button("Keep", on_click=lambda: controls.answer(self.id, yes=False))
+        for button in (self._ask, self._give, self._keep):
+            button.props("no-caps flat dense")
+
+    def add_output(self) -> None:
+        """Add the command that is looked at, and its lines."""
+        with ui.element("div").classes("app-output"):
+            with ui.row().classes("app-row"):
+                self._shown = ui.label("").classes("app-command").mark("command")
+                self._state = ui.label("").mark("state")
+                self._page = ui.link("live page", "", new_tab=True).mark("live-page")
+                self._stop = self.button("Ctrl-C", self._interrupt, grave=True).mark("ctrl-c")
+            self._lines = ui.label("").classes("app-lines").mark("lines")
+
+    async def _interrupt(self) -> None:
+        job = self._job
+        if (
+            job is not None
+            and await asked(
+                "Ctrl-C ends a command. Aircraft come home and land; "
+                "a second Ctrl-C leaves them to their autopilots."
+            )
+            is not None
+        ):
+            job.interrupt()
+
+    def refresh(self) -> None:
+        """Show what is new."""
+        controls = self.app.controls
+        controls.seen(self.id)
+        holds, asked_s = self.holds(), controls.asked_s()
+        self._held.set_text(
+            "another browser asks for the controls" if holds and asked_s is not None
+            else "you hold the controls" if holds
+            else "you have asked for the controls" if controls.asks(self.id)
+            else "another browser holds the controls: this one watches"
+        )  # fmt: skip
+        self._ask.set_visibility(not holds and asked_s is None)
+        for button in (self._give, self._keep):
+            button.set_visibility(holds and asked_s is not None)
+        self._buttons = [button for button in self._buttons if not button.is_deleted]
+        for button in self._buttons:
+            button.set_enabled(holds)
+        self._refresh_job()
+        for job in self.app.jobs.all:
+            if not job.runs and job.number not in self._ended:
+                self._ended.add(job.number)
+                if job.process.poll() == 0:
+                    for act in self._on_end.get(job.words[0], ()):
+                        act(job.words)
+        for update in self._updates:
+            update()
+
+    def _refresh_job(self) -> None:
+        if len(self.app.jobs.all) > self._known:  # the newest is shown, whoever began it
+            self._known, self._job = len(self.app.jobs.all), self.app.jobs.all[-1]
+        job = self._job
+        self._stop.set_visibility(job is not None and job.runs)
+        page = None if job is None else job.page()
+        self._page.set_visibility(page is not None)
+        if page is not None and self._page.props.get("href") != page:
+            self._page.props["href"] = page
+            self._page.update()
+        if job is None:
+            self._shown.set_text("no command yet")
+            return
+        self._shown.set_text(job.shown)
+        self._state.set_text(job.state)
+        self._lines.set_text("\n".join(job.lines()[-SHOWN_LINES:]))
+
+    def look_at(self, job: Job) -> None:
+        """Show a command."""
+        self._job = job
+        self.refresh()
+
+    def select(self, label: str, choices: Callable[[], Sequence[str]], **how: Any) -> ui.select:
+        """Add a choice of files whose list follows the folder."""
+        listed = list(choices())
+        chosen = ui.select(listed, value=listed[0] if listed else None, label=label, **how)
+        chosen.classes("app-wide")
+
+        def update() -> None:
+            now = list(choices())
+            if now != chosen.options:
+                value = chosen.value if chosen.value in now else (now[0] if now else None)
+                chosen.set_options(now, value=value)
+
+        self.on_update(update)
+        return chosen

@@ -1,0 +1,105 @@
+"""The folder that a page works in: its missions, results, pictures and detectors."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import UavmapError
+from uavmap.base.text_files import read_text
+from uavmap.journal.flight_plan import JOURNAL
+
+RESULTS: Final = "results"
+PICTURES: Final = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
+_SUMMARY: Final = "summary.json"
+_SUMMARY_BYTES: Final = 1 << 22
+_MOST: Final = 200
+"""So many folders are listed of each kind, the newest first."""
+_NAME: Final = re.compile(r"[\w. -]{1,60}")
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A results folder: a flight or a replay, also one under way."""
+
+    folder: Path
+    name: str
+    """Its path from the workspace."""
+    summary: dict[str, Any] | None
+    """None while it has no end."""
+
+    @property
+    def verdict(self) -> str:
+        """Return in a few words how it ended."""
+        if self.summary is None:
+            return "no end yet: under way, or interrupted"
+        area_m2 = sum(float(patch.get("area_m2", 0.0)) for patch in self.summary.get("patches", ()))
+        area = f", {area_m2:,.0f} m2" if area_m2 else ""
+        return ("complete" if self.summary.get("completed") else "not complete") + area
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """A folder on this computer. Every path that a page names has to lie in it."""
+
+    folder: Path
+
+    def missions(self) -> list[str]:
+        """Return the names of the mission files, in alphabetical order."""
+        return sorted(path.name for path in self.folder.glob("*.toml") if path.is_file())
+
+    def results(self) -> list[Flown]:
+        """Return the results folders, the newest first."""
+        found = self.folder.glob(f"{RESULTS}/*/{JOURNAL}")
+        return [self._flown(path.parent) for path in _newest(found)]
+
+    def picture_folders(self) -> list[str]:
+        """Return the folders that hold pictures, apart from results."""
+        folders = (path for path in self.folder.iterdir() if path.is_dir())
+        return sorted(
+            path.name
+            for path in folders
+            if path.name != RESULTS and not path.name.startswith(".") and _has_pictures(path)
+        )
+
+    def detectors(self) -> list[str]:
+        """Return the folders that `uavmap tune` has written."""
+        return sorted(path.parent.name for path in self.folder.glob("*/detector.toml"))
+
+    def path_of(self, name: str) -> Path:
+        """Return the path of a file of this folder. Raises `UavmapError` for one elsewhere."""
+        path = (self.folder / name).resolve()
+        if not path.is_relative_to(self.folder.resolve()):
+            raise UavmapError(f"{name}: is not in {self.folder}; choose a file of this folder")
+        return path
+
+    def new_name(self, wanted: str, ending: str) -> str:
+        """Return the name of a file that is not there yet. Raises `UavmapError` for a bad name."""
+        name = wanted.strip().removesuffix(ending)
+        if not _NAME.fullmatch(name) or name.startswith((".", "-")):
+            raise UavmapError(
+                f"name = {wanted!r}: give letters, digits, spaces, '-', '_', at most 60"
+            )
+        if (self.folder / (name + ending)).exists():
+            raise UavmapError(f"{name}{ending}: is there already; give another name")
+        return name + ending
+
+    def _flown(self, folder: Path) -> Flown:
+        name = str(folder.relative_to(self.folder))
+        try:
+            summary = json.loads(read_text(folder / _SUMMARY, _SUMMARY_BYTES))
+        except (OSError, ValueError):
+            summary = None
+        return Flown(folder, name, summary if isinstance(summary, dict) else None)
+
+
+def _newest(paths: Iterable[Path]) -> list[Path]:
+    return sorted(paths, key=lambda path: path.stat().st_mtime, reverse=True)[:_MOST]
+
+
+def _has_pictures(folder: Path) -> bool:
+    return any(path.suffix.lower() in PICTURES for path in folder.iterdir())

@@ -1,0 +1,70 @@
+"""uavmap app: an operator's whole day in one page of the browser."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import logging
+import secrets
+import socket
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from missions.errors import OutputError
+from uavmap.base.messages import shown_on
+from uavmap.base.terminal import Terminal
+from uavmap.ui.cli.option_table import add_options
+from uavmap.ui.page.feed import bound, need_nicegui, shown
+
+_LOG: Final = logging.getLogger("uavmap.ui.app")
+EXAMPLES: Final = """\
+examples:
+  uavmap app                                in this folder: open the URL that it prints
+  uavmap app fields/                        in another; what is made lies there
+  uavmap app fields/ --tiles area.mbtiles   over a map from a file
+  uavmap app fields/ --page-host 0.0.0.0    for a tablet in the same network
+
+The page draws areas and makes missions, practises them in the simulator, examines and flies
+aircraft, maps photographs, and shows results. It writes files and runs commands as a terminal
+does, and shows each command. One browser holds the controls; others watch.
+
+Ctrl-C ends the page. Commands that it has begun go on: a flight is not ended by it.
+"""
+DESCRIPTION: Final = "Plan, practise, fly and hand on maps in a browser, without a terminal."
+
+
+add_arguments: Final = partial(add_options, command="app")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Serve the page until Ctrl-C."""
+    need_nicegui()
+    folder = Path(options.workspace)
+    if not folder.is_dir():
+        raise OutputError(f"{folder}: there is no such folder; make it, or name another")
+    # NiceGUI takes a second to load: the command line does not
+    from uavmap.ui.app.server import serving  # noqa: PLC0415
+    from uavmap.ui.app.tiles import Tiles  # noqa: PLC0415
+    from uavmap.ui.app.visitor import App  # noqa: PLC0415
+    from uavmap.ui.app.workspace import Workspace  # noqa: PLC0415
+
+    app = App(
+        Workspace(folder.absolute()), None if options.tiles is None else Tiles(Path(options.tiles))
+    )
+    token, host = secrets.token_urlsafe(16), options.page_host
+    with bound(host, options.port, "--port") as listening, shown_on(Terminal()):
+        port = listening.getsockname()[1]
+        _LOG.info(f"uavmap app: http://{shown(host)}:{port}/?token={token}")
+        _LOG.info("Ctrl-C ends it")
+        server = serving(app, token, port)
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(_serve(server, listening))
+        for job in app.jobs.running:
+            _LOG.info(f"goes on: {job.shown}; its lines are in {job.log}")
+    return 0
+
+
+async def _serve(server: object, listening: socket.socket) -> None:
+    await server.serve(sockets=[listening])  # type: ignore[attr-defined]
