@@ -8,6 +8,7 @@ import itertools
 import json
 import math
 import re
+import shlex
 from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
@@ -27,6 +28,9 @@ from uavmap.load.detector_source import (
 )
 
 LARGEST_BYTES: Final = 4_000_000
+DRAWINGS: Final = (".kml", ".kmz", ".geojson", ".shp", ".zip", ".gpkg", ".gpx", ".csv", ".plan",
+                   ".waypoints", ".poly", ".fen")  # fmt: skip
+"""Endings of the files of which `uavmap new` makes missions."""
 _MOST_LOOKED_AT: Final = 1000
 
 
@@ -115,6 +119,10 @@ def _read(name: str) -> tuple[str, Path]:
     if not path.suffix and name in shipped_missions() and not path.is_file():
         folder = Path(str(resources.files("missions"))) / "shipped"
         return (folder / f"{name}.toml").read_text("utf-8"), folder
+    if path.suffix.lower() in DRAWINGS and path.is_file():
+        raise MissionFileError(
+            f"{name}: a drawing, not a mission; make one of it: uavmap new {shlex.quote(name)}"
+        )
     try:
         return read_text(path, LARGEST_BYTES), path.parent
     except OSError as error:

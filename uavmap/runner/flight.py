@@ -87,6 +87,8 @@ def _urls(options: FlightOptions, mission: Mission) -> tuple[str, ...]:
             f"{source}: no vehicle to fly; give --connect URL (or vehicles.url in the "
             "mission file), or --sim for the simulator"
         )
+    for url in urls:
+        parse_url(url)  # a faulty one is reported before a folder is made
     return urls
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import socket
 import time
 from collections import defaultdict
@@ -270,12 +271,22 @@ async def open_transport(
     try:
         transport, close = await opener(endpoint, on_bytes, Strangers(endpoint, say))
     except (OSError, ValueError, OverflowError) as error:  # the last two for a baud rate
-        raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
+        raise _not_opened(endpoint, error) from None
     try:
         yield transport
     finally:
         close()
         await asyncio.sleep(0)  # let the loop drop the file before it closes
+
+
+def _not_opened(endpoint: Endpoint, error: Exception) -> LinkError:
+    text = f"{endpoint.url} cannot be opened: {error}"
+    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+        text += (
+            "; another program listens there, perhaps a ground station: end it, or have the "
+            "vehicle send to another port, and pass its frames on with --forward"
+        )
+    return LinkError(text)
 
 
 @contextlib.asynccontextmanager
@@ -302,7 +313,7 @@ async def open_shared(
     try:
         shared = UdpSocket(await bound_socket(endpoint.host, endpoint.port))
     except OSError as error:
-        raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
+        raise _not_opened(endpoint, error) from None
     each = {system: UdpLink(shared, heard, strangers, None) for system, heard in on_bytes.items()}
 
     def hear(data: bytes, address: Address) -> None:

@@ -155,6 +155,8 @@ def _print(layout: Layout, setting: Setting, aircraft: Figures, out: Path, previ
         f"  home {abs(home.lat_deg):.5f} {north} {abs(home.lon_deg):.5f} {east}, UTM zone "
         f"{zone_name(setting.grid)}; is that the place?"
     )
+    place = f"mlat={home.lat_deg:.5f}&mlon={home.lon_deg:.5f}"
+    print(f"  with internet, on a map: https://www.openstreetmap.org/?{place}#map=17")
     print(f"  aircraft: {aircraft.title}")
     for line in region_lines(setting.mission.detector, out.parent):
         print(f"  {line}")

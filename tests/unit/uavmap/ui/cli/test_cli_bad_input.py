@@ -74,6 +74,13 @@ def test_a_mission_that_is_not_there(tmp_path, refused):
     assert "UTF-8" in refused("check", tmp_path / "binary.toml")
 
 
+def test_a_drawing_is_no_mission_and_says_what_makes_one(tmp_path, refused):
+    drawing = tmp_path / "Fläche 1.kml"
+    drawing.write_text("<kml/>")
+    for command in (["fly", drawing, "--sim"], ["check", drawing]):
+        assert f"uavmap new '{drawing}'" in refused(*command)
+
+
 def test_an_unknown_strategy_on_the_command_line(tmp_path, refused):
     line = refused("fly", "runway", "--sim", "--strategy", "dfs", "--out", tmp_path / "out")
     assert "dfs" in line
@@ -93,6 +100,7 @@ def test_urls(tmp_path, refused, url, words):
     line = refused("fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert words in line
     assert url in line
+    assert "into" not in line  # no folder is announced that is gone again
     assert not (tmp_path / "out").exists()
 
 

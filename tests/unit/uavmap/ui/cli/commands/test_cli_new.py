@@ -63,6 +63,7 @@ def test_a_kml_becomes_a_mission_that_check_takes(field, capsys):
     out, err = capsys.readouterr()
     assert "Untitled Polygon, 105 m x 114 m" in out
     assert "52.45593 N 13.30378 E, UTM zone 33N (EPSG:32633); is that the place?" in out
+    assert "https://www.openstreetmap.org/?mlat=52.45593&mlon=13.30378#map=17" in out
     assert "region = darker than 150 of 255 (fits the simulator; for real ground" in out
     assert "no home was drawn" in err
     with Image.open("field.png") as picture:
