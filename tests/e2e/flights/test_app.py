@@ -20,6 +20,10 @@ from tests.e2e import rig
 from tests.support.page.browser import browser, need_browser
 
 FOLDER = os.environ.get("UAVMAP_PICTURES")
+CORNERS = "8.6,47.4 8.601,47.4 8.601,47.401 8.6,47.401 8.6,47.4"
+KML = f"""<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><name>meadow</name><Polygon>
+<outerBoundaryIs><LinearRing><coordinates>{CORNERS}</coordinates></LinearRing></outerBoundaryIs>
+</Polygon></Placemark></kml>"""
 
 
 @contextlib.contextmanager
@@ -58,9 +62,17 @@ class Page:
         self.press(tab, ".q-tab")
 
     def write(self, label: str, text: str) -> None:
+        from selenium.webdriver import Keys  # noqa: PLC0415 - it may be missing
+
         box = self.found(f'input[aria-label^="{label}"]')
-        box.clear()
+        box.send_keys(Keys.CONTROL, "a")
         box.send_keys(text)
+
+    def send(self, name: str, folder: Path, text: str) -> None:
+        """Choose a file to import."""
+        folder.mkdir()
+        (folder / name).write_text(text)
+        self.driver.find_element("css selector", "input[type=file]").send_keys(str(folder / name))
 
     def says(self, text: str) -> bool:
         return text in self.driver.find_element("tag name", "body").text
@@ -106,6 +118,12 @@ def test_from_an_empty_folder_to_a_map_with_clicks_alone(tmp_path):
         page.wait("done (exit code 0)")
         rig.wait_until(lambda: page.found(".app-plan img") is not None, "the plan")
         page.picture("app-areas.jpg")
+        page.send("drawn by a friend.kml", tmp_path / "sent", KML)
+        page.wait("imported: drawn by a friend.kml")
+        page.write("name of the mission", "meadow")
+        page.press("Make the mission")
+        page.wait("uavmap new 'drawn by a friend.kml' --out meadow.toml")
+        page.wait("done (exit code 0)")
         # a mission whose ground has a region, as a file that came by mail
         shutil.copy(rig.mission("speck"), tmp_path / "a speck.toml")
         page.open("Practise")

@@ -140,11 +140,9 @@ class Areas:
         self._visitor.button("Make the mission", self._make).mark("make")
 
     async def _import(self, event: Any) -> None:
-        workspace = self._visitor.app.workspace
-        name = workspace.path_of(event.file.name).name
-        await event.file.save(workspace.folder / name)
-        self._file = name
-        self._source.set_text(f"imported: {name}")
+        if (name := await self._visitor.keep(event)) is not None:
+            self._file = name
+            self._source.set_text(f"imported: {name}")
 
     def _make(self) -> None:
         workspace = self._visitor.app.workspace

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import PurePath
 from typing import Any, Final
 
 from nicegui import ui
 
-from missions.errors import UavmapError
 from uavmap.ui.app.visitor import Visitor
 from uavmap.ui.app.workspace import PICTURES
 
@@ -34,14 +32,7 @@ class Pictures:
         visitor.button("Paint and learn", self._tune).mark("tune")
 
     async def _upload(self, event: Any) -> None:
-        workspace = self._visitor.app.workspace
-        try:
-            folder = workspace.path_of(self._into.value or "photos")
-        except UavmapError as error:
-            ui.notify(str(error))
-            return
-        folder.mkdir(exist_ok=True)
-        await event.file.save(folder / PurePath(event.file.name).name)
+        await self._visitor.keep(event, (self._into.value or "photos").strip())
 
     def _replay(self) -> None:
         if not self._folder.value:

@@ -17,6 +17,7 @@ from uavmap.ui.app.workspace import Workspace
 from uavmap.ui.page.server import asked
 
 SHOWN_LINES: Final = 14
+WATCHES: Final = "another browser holds the controls; ask for them above"
 
 
 class App:
@@ -51,7 +52,7 @@ class Visitor:
 
         async def press() -> None:
             if not self.holds():
-                ui.notify("another browser holds the controls; ask for them above")
+                ui.notify(WATCHES)
             elif (waits := act()) is not None:
                 await waits
 
@@ -79,6 +80,19 @@ class Visitor:
     def holds(self) -> bool:
         """Return whether this browser holds the controls."""
         return self.app.controls.held_by(self.id)
+
+    async def keep(self, event: Any, folder: str = "") -> str | None:
+        """Keep a file that the browser has sent; return its name, None where it is refused."""
+        try:
+            if not self.holds():
+                raise UavmapError(WATCHES)
+            path = self.app.workspace.place_for(folder, event.file.name)
+        except UavmapError as error:
+            ui.notify(str(error))
+            return None
+        path.parent.mkdir(exist_ok=True)
+        await event.file.save(path)
+        return path.name
 
     def file_url(self, name: str) -> str:
         """Return the address of a file of the workspace, with its time: a new one is loaded."""

@@ -20,6 +20,7 @@ _SUMMARY_BYTES: Final = 1 << 22
 _MOST: Final = 200
 """So many folders are listed of each kind, the newest first."""
 _NAME: Final = re.compile(r"[\w. -]{1,60}")
+_FILE_NAME: Final = re.compile(r"[^\W_][\w. ()+,-]{0,200}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +76,20 @@ class Workspace:
         path = (self.folder / name).resolve()
         if not path.is_relative_to(self.folder.resolve()):
             raise UavmapError(f"{name}: is not in {self.folder}; choose a file of this folder")
+        return path
+
+    def place_for(self, folder: str, name: str) -> Path:
+        """Return where a file that a browser sends is kept; `folder` is a part of this one, or "".
+
+        Raises `UavmapError` for a name that a command takes for something else, and for a file
+        that is there already.
+        """
+        for part in filter(None, (folder, name)):
+            if not _FILE_NAME.fullmatch(part):
+                raise UavmapError(f"{part!r}: give letters, digits, spaces, '-', '_', '.'")
+        path = self.path_of(str(Path(folder, name)))
+        if path.exists():
+            raise UavmapError(f"{name}: is there already; give it another name")
         return path
 
     def new_name(self, wanted: str, ending: str) -> str:

@@ -55,6 +55,18 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
         Workspace(inside).path_of("out/secret")
 
 
+def test_files_that_a_browser_sends(tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path)
+    assert workspace.place_for("photos", "DJI (1).JPG") == tmp_path / "photos" / "DJI (1).JPG"
+    for folder, name in (("", "-rf.kml"), ("", ".hidden"), ("", "a/b.kml"), ("..", "x.kml"),
+                         ("-x", "a.jpg"), ("", ""), ("", "a\nb.kml")):  # fmt: skip
+        with pytest.raises(UavmapError):
+            workspace.place_for(folder, name)
+    (tmp_path / "field.kml").write_text("")
+    with pytest.raises(UavmapError, match="is there already"):
+        workspace.place_for("", "field.kml")
+
+
 def test_names_of_new_missions(tmp_path: Path) -> None:
     workspace = Workspace(tmp_path)
     assert workspace.new_name("Fläche 1", ".toml") == "Fläche 1.toml"
