@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import sys
-import termios
 from collections.abc import Callable
 from typing import Final, TextIO
 
@@ -62,6 +61,8 @@ def _is_terminal(stream: TextIO) -> bool:
 def forget_typed(stream: TextIO | None) -> None:
     """Drop what was typed before a question: it is no answer."""
     if stream is not None:
+        import termios  # noqa: PLC0415 - questions are asked before flights, which need POSIX
+
         with contextlib.suppress(termios.error):
             termios.tcflush(stream.fileno(), termios.TCIFLUSH)
 

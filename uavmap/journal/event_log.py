@@ -8,7 +8,6 @@ show. The checksums guard against accidents, not against forgery.
 from __future__ import annotations
 
 import errno
-import fcntl
 import json
 import os
 import zlib
@@ -23,6 +22,7 @@ from typing import Any, Final
 from missions.errors import JournalError
 from missions.events import Event, from_json, to_json
 from uavmap.base.atomic_write import write_bytes
+from uavmap.base.folder_lock import locked
 from uavmap.base.version import __version__
 
 FORMAT: Final = 1
@@ -290,16 +290,11 @@ def _reason(error: OSError | ValueError) -> object:
 def lock(path: Path) -> int:
     """Lock the folder for this process: two would fly the same aircraft. The kernel unlocks."""
     try:
-        folder = os.open(path.parent, os.O_RDONLY)
+        return locked(path.parent)
+    except BlockingIOError:
+        raise JournalError(f"{path} is in use by another uavmap; end that first") from None
     except OSError as error:
         raise JournalError(f"{path} cannot be opened: {error.strerror}") from None
-    try:
-        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        os.close(folder)
-        why = "" if isinstance(error, BlockingIOError) else f" ({error.strerror})"
-        raise JournalError(f"{path} is in use by another uavmap; end that first{why}") from None
-    return folder
 
 
 def _begin(path: Path, line: bytes) -> None:
