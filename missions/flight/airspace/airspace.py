@@ -243,13 +243,13 @@ class Airspace:
         return airs
 
     def _leads_out(self, asking: VehicleState, order: Order, air: Volume) -> bool:
-        """Whether an order leads out of air that another hovers in, and never nearer to it."""
-        now = Volume((asking.position,), asking.level_m, asking.level_m)
-        if asking.landed or not self._meet(now, air):
+        """Whether an order leads out of another's air: level, or not through its height."""
+        level_m = asking.level_m
+        if asking.landed or not self._meet(Volume((asking.position,), level_m, level_m), air):
             return False
         needs = self._needed(asking, order)
         end = replace(needs, path=needs.path[-1:])
-        past = needs.low_m < air.high_m and needs.high_m > air.low_m  # through its height
+        past = needs.low_m < min(needs.high_m, air.high_m) and needs.high_m > air.low_m
         return not past and not self._meet(end, air) and needs.parts_from(air)
 
     # --- columns that members of a fleet ask each other for -------------------------------------

@@ -113,3 +113,23 @@ def test_a_vehicle_descends_on_its_path_home_to_the_lowest_layer_that_is_clear()
     third = coming(3, GridPoint(120.0, 150.0))
     busy = replace(start, exhausted=False).with_vehicle(third)
     assert turn_back(busy, third).vehicles[3] == third
+
+
+def test_a_vehicle_leaves_the_air_above_one_that_has_fallen_and_is_not_known_to_lie_there() -> None:
+    """The fallen one holds, and still counts as one that climbs to its layer."""
+    setting = setting_of(with_vehicles(load("burn"), 3))
+    state, here = setting.initial_state(), GridPoint(40.0, 60.0)
+    fallen = replace(
+        out(state, setting, 3, here), height_m=4.0, cruise_altitude_m=24.0, order=Hold()
+    )
+    above = replace(
+        out(state, setting, 1, GridPoint(40.3, 60.0)), height_m=12.0, cruise_altitude_m=12.0
+    )
+    state = state.with_vehicle(fallen).with_vehicle(above)
+    order = fly_home(state, above).vehicles[1].order
+    assert isinstance(order, FlyTo)
+    assert order.route[-1] == above.pad
+    # one whose way leads through the other's column does not begin it
+    beyond = replace(above, position=GridPoint(80.0, 120.0))
+    order = fly_home(state.with_vehicle(beyond), beyond).vehicles[1].order
+    assert not isinstance(order, FlyTo) or order.route[-1] != above.pad or len(order.route) > 1
