@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any, Final
 
 from nicegui import ui
@@ -84,9 +85,15 @@ class Areas:
         ).classes("app-leaflet")
         self.map.clear_layers()  # the default loads tiles from another host
         if self._visitor.app.tiles is not None:
-            self.map.tile_layer(url_template="/tiles/{z}/{x}/{y}", options={"maxZoom": 22})
-            self.map.set_center(self._visitor.app.tiles.middle)
-            self.map.set_zoom(self._visitor.app.tiles.zoom)
+            tiles = self._visitor.app.tiles
+            said = {
+                "maxZoom": 22,
+                "maxNativeZoom": tiles.zoom,
+                "attribution": escape(tiles.attribution),
+            }
+            self.map.tile_layer(url_template="/tiles/{z}/{x}/{y}", options=said)
+            self.map.set_center(tiles.middle)
+            self.map.set_zoom(tiles.zoom)
         self.map.on("draw:created", self._add_shape)
         with ui.row().classes("app-row"):
             self._at = ui.input("go to: latitude, longitude").props("dense outlined").mark("at")

@@ -26,12 +26,10 @@ class Tiles:
                     "SELECT zoom_level, avg(tile_column), avg(tile_row) FROM tiles "
                     "GROUP BY zoom_level ORDER BY zoom_level DESC LIMIT 1"
                 ).fetchone()
-                kind = database.execute(
-                    "SELECT value FROM metadata WHERE name = 'format'"
-                ).fetchone()
+                said = dict(database.execute("SELECT name, value FROM metadata"))
         except sqlite3.Error as error:
             raise OutputError(f"--tiles {path}: cannot be read as MBTiles: {error}") from None
-        if kind == ("pbf",):
+        if said.get("format") == "pbf":
             raise OutputError(f"--tiles {path}: holds vector tiles; tiles of pictures are shown")
         if found is None:
             raise OutputError(f"--tiles {path}: holds no tile")
@@ -41,6 +39,7 @@ class Tiles:
             math.degrees(math.atan(math.sinh(north))), 360.0 * column / 2**self.zoom - 180.0
         )  # fmt: skip
         """Latitude and longitude, degrees."""
+        self.attribution = str(said.get("attribution", ""))
 
     def _open(self) -> sqlite3.Connection:
         return sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro", uri=True)

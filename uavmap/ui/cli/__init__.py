@@ -48,6 +48,7 @@ COMMANDS: Final = {
     "check": "check a mission file and say what would be flown",
     "report": "write the report of a flight: one page, to read and to print",
     "export": "write a mission for a ground station, or a map for a GIS",
+    "tiles": "keep the tiles of an online map around an area, for the field",
     "keys": "signing keys: make one, give it to a vehicle, take it back",
     "simulate": "compare strategies on ROIs, without flying",
     "strategies": "list the strategies: what each promises, and when to use it",

@@ -1,0 +1,196 @@
+"""Tiles of an online map for the field: fetched once, one after the other, into an MBTiles file.
+
+Web Mercator tiles of 256 px and more, by MBTiles 1.3: rows are counted from the south. A file that
+is there already gets the tiles that it lacks.
+"""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+from urllib.parse import urlsplit
+
+from missions.errors import LinkError, OutputError
+from missions.units import LatLon
+from uavmap.base.version import __version__
+
+AROUND: Final = 0.2
+LEAST_AROUND_M: Final = 150.0
+"""Ground around an area that is fetched, too: a share of its extent, and at least so much, m."""
+FINEST: Final = 22
+MOST_TILES: Final = 5000
+MOST_BYTES: Final = 1 << 20
+TIMEOUT_S: Final = 20.0
+TRIES: Final = 3
+MOST_LATITUDE_DEG: Final = 85.0
+KINDS: Final = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpg", b"RIFF": "webp"}
+_M_PER_DEG: Final = 111_320.0
+
+
+class Tile(NamedTuple):
+    """A tile; rows are counted from the north."""
+
+    zoom: int
+    x: int
+    y: int
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """A rectangle in degrees, WGS84."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @classmethod
+    def around(cls, places: Sequence[LatLon]) -> Bounds:
+        """Return what holds some places and the ground around them.
+
+        >>> found = Bounds.around([LatLon(47.0, 8.0), LatLon(47.01, 8.01)])
+        >>> round(found.south, 3), round(found.north, 3)
+        (46.998, 47.012)
+        """
+        lats, lons = [p.lat_deg for p in places], [p.lon_deg for p in places]
+        wide = math.cos(math.radians(max(map(abs, lats))))
+        more_lat = max(AROUND * (max(lats) - min(lats)), LEAST_AROUND_M / _M_PER_DEG)
+        more_lon = max(AROUND * (max(lons) - min(lons)), LEAST_AROUND_M / _M_PER_DEG / wide)
+        return cls(min(lons) - more_lon, max(min(lats) - more_lat, -MOST_LATITUDE_DEG),
+                   max(lons) + more_lon, min(max(lats) + more_lat, MOST_LATITUDE_DEG))  # fmt: skip
+
+    def tiles(self, zoom: int) -> list[Tile]:
+        """Return the tiles of a zoom level that show any of it."""
+        left, right = (math.floor((lon / 360.0 + 0.5) * 2**zoom) for lon in (self.west, self.east))
+        top, bottom = (_row(lat, zoom) for lat in (self.north, self.south))
+        return [
+            Tile(zoom, x % 2**zoom, y)
+            for x in range(left, right + 1)
+            for y in range(top, bottom + 1)
+        ]
+
+
+def _row(lat_deg: float, zoom: int) -> int:
+    lat = math.radians(lat_deg)
+    share = 0.5 - math.log(math.tan(math.pi / 4 + lat / 2)) / math.tau
+    return int(min(max(math.floor(share * 2**zoom), 0), 2**zoom - 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """An XYZ source of tiles, and what its map says of where they come from.
+
+    Raises `LinkError` for a URL that names no tile.
+    """
+
+    url: str
+    attribution: str
+
+    def __post_init__(self) -> None:
+        if urlsplit(self.url).scheme not in ("http", "https"):
+            raise LinkError(f"--source {self.url}: give a URL that begins with https://")
+        if missing := [part for part in ("{z}", "{x}", "{y}") if part not in self.url]:
+            raise LinkError(
+                f"--source {self.url}: has no {missing[0]}; a source of tiles is written as "
+                "https://HOST/{z}/{x}/{y}.png"
+            )
+
+    def fetched(self, tile: Tile) -> bytes:
+        """Return a tile. Raises `LinkError` where the source does not give it."""
+        url = self.url.replace("{z}", str(tile.zoom)).replace("{x}", str(tile.x))
+        url = url.replace("{y}", str(tile.y)).replace("{s}", "a")
+        asked = urllib.request.Request(url, headers={"User-Agent": f"uavmap/{__version__}"})
+        why = ""
+        for _ in range(TRIES):
+            try:
+                with urllib.request.urlopen(asked, timeout=TIMEOUT_S) as answer:
+                    data: bytes = answer.read(MOST_BYTES + 1)
+            except urllib.error.HTTPError as error:
+                raise LinkError(f"{url}: the source answers {error.code} {error.reason}") from None
+            except (OSError, ValueError) as error:
+                why = str(getattr(error, "reason", error))
+                continue
+            if len(data) > MOST_BYTES or kind_of(data) is None:
+                raise LinkError(f"{url}: is no picture of a tile (PNG, JPEG or WebP)")
+            return data
+        raise LinkError(f"{url}: cannot be fetched: {why}")
+
+
+def kind_of(data: bytes) -> str | None:
+    """Return the format of a tile by MBTiles' name; None for no picture."""
+    return next((kind for head, kind in KINDS.items() if data.startswith(head)), None)
+
+
+def wanted(bounds: Bounds, zooms: range) -> list[Tile]:
+    """Return the tiles of an area, coarse ones first. Raises `OutputError` for too many."""
+    counts = {zoom: len(bounds.tiles(zoom)) for zoom in zooms}
+    if (total := sum(counts.values())) > MOST_TILES:
+        fits = [z for z in zooms if sum(counts[k] for k in zooms if k <= z) <= MOST_TILES]
+        remedy = f"--zoom {zooms[0]}-{fits[-1]} has fewer" if fits else "name a smaller area"
+        raise OutputError(
+            f"--zoom {zooms[0]}-{zooms[-1]}: {total} tiles, at most {MOST_TILES} are fetched; "
+            f"{remedy}"
+        )
+    return [tile for zoom in zooms for tile in bounds.tiles(zoom)]
+
+
+def fetch(
+    source: Source, tiles: Sequence[Tile], bounds: Bounds, out: Path, say: Callable[[int], None]
+) -> int:
+    """Fetch what a file lacks; `say` hears how many tiles it has. Return how many were fetched.
+
+    Each tile is in the file once it is fetched. Raises `LinkError`, and `OutputError` for a file
+    that is no MBTiles, or of another source.
+    """
+    try:
+        with closing(sqlite3.connect(out)) as database:
+            has = _begun(database, source, tiles, bounds, out)
+            missing = [tile for tile in tiles if tile not in has]
+            for number, tile in enumerate(missing, 1):
+                data = source.fetched(tile)
+                with database:
+                    _insert(database, tile, data)
+                say(len(tiles) - len(missing) + number)
+            return len(missing)
+    except sqlite3.Error as error:
+        raise OutputError(f"{out}: cannot be written as MBTiles: {error}") from None
+
+
+def _begun(
+    database: sqlite3.Connection, source: Source, tiles: Sequence[Tile], bounds: Bounds, out: Path
+) -> set[Tile]:
+    """Create the tables where they are not there; return the tiles that are."""
+    with database:
+        database.execute("CREATE TABLE IF NOT EXISTS metadata (name TEXT PRIMARY KEY, value TEXT)")
+        database.execute(
+            "CREATE TABLE IF NOT EXISTS tiles (zoom_level INTEGER, tile_column INTEGER, "
+            "tile_row INTEGER, tile_data BLOB, PRIMARY KEY (zoom_level, tile_column, tile_row))"
+        )
+        said = dict(database.execute("SELECT name, value FROM metadata"))
+        if said.get("source", source.url) != source.url:
+            raise OutputError(f"{out}: holds tiles of {said['source']}; choose another file")
+        low, high = tiles[0].zoom, tiles[-1].zoom
+        rows = {
+            "name": out.stem, "type": "baselayer", "version": "1", "source": source.url,
+            "description": f"tiles of {source.url}", "attribution": source.attribution,
+            "bounds": f"{bounds.west:.6f},{bounds.south:.6f},{bounds.east:.6f},{bounds.north:.6f}",
+            "minzoom": str(min(low, int(said.get("minzoom", low)))),
+            "maxzoom": str(max(high, int(said.get("maxzoom", high)))),
+        }  # fmt: skip
+        database.executemany("INSERT OR REPLACE INTO metadata VALUES (?, ?)", rows.items())
+    asked = database.execute("SELECT zoom_level, tile_column, tile_row FROM tiles")
+    return {Tile(zoom, x, 2**zoom - 1 - row) for zoom, x, row in asked}
+
+
+def _insert(database: sqlite3.Connection, tile: Tile, data: bytes) -> None:
+    row = 2**tile.zoom - 1 - tile.y
+    database.execute("INSERT OR REPLACE INTO tiles VALUES (?, ?, ?, ?)",
+                     (tile.zoom, tile.x, row, data))  # fmt: skip
+    database.execute("INSERT OR REPLACE INTO metadata VALUES ('format', ?)", (kind_of(data),))
