@@ -5,6 +5,7 @@
 # make test-real  flights of real autopilots in their own simulations: ARDUCOPTER=path PX4=path
 # make check      ruff, mypy --strict, import-linter, the documentation without a broken link
 # make docs       the documentation as a site: site/index.html
+# make wheel      dist/uavmap-*.whl, for `uv tool install` and `pipx install` without the source
 # make setup      .venv with everything; .venv/bin/uavmap is the command
 # make lock       resolve the requirements files anew (needs uv)
 
@@ -32,7 +33,7 @@ ifneq (,$(filter check,$(MAKECMDGOALS)))
 test: check
 endif
 
-.PHONY: run test test-unit test-all test-real check docs setup lock clean
+.PHONY: run test test-unit test-all test-real check docs wheel setup lock clean
 
 run: .venv/ready
 	$(BIN)/uavmap fly runway --sim
@@ -61,6 +62,9 @@ check: setup
 
 docs: setup
 	$(SITE)
+
+wheel: setup
+	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --wheel-dir dist .
 
 setup: .venv/ready-dev
 
