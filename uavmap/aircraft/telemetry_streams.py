@@ -6,6 +6,8 @@ import asyncio
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.mavlink.session import Session
 
@@ -13,6 +15,8 @@ SILENT_S: Final = 5.0
 """Silence of a stream after which it is asked for, and interval to ask again, s."""
 TRIES: Final = 10
 """... and number of requests: an autopilot may not have it."""
+LOOKED_AT: Final = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0}
+"""Streams that only who looks on needs, Hz by message id: asked for in flight, without waiting."""
 ASK_S: Final = 120.0
 """Maximum time for all streams to be acknowledged, s."""
 
@@ -78,7 +82,7 @@ class Streams:
         if loop_s - self._asked_s < SILENT_S:
             return
         self._asked_s = loop_s
-        for message_id, rate_hz in self._rates.items():
+        for message_id, rate_hz in {**LOOKED_AT, **self._rates}.items():
             if self._silent_s(message_id) < SILENT_S:
                 self._tried[message_id] = 0
             elif (tried := self._tried.get(message_id, 0)) < TRIES:

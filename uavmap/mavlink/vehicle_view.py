@@ -148,6 +148,12 @@ class VehicleView:
     ekf_flags: int = 0
     gps_fix: int | None = None
     """GPS_FIX_TYPE; None where it was not asked for."""
+    satellites: int | None = None
+    """Number of satellites in use; None where it is not reported."""
+    hdop: float | None = None
+    """Horizontal dilution of precision; None where it is not reported."""
+    volts: float | None = None
+    """Voltage of the battery; None where it is not reported."""
     height_error_m: float = HEIGHT_ERROR_M
     """Standard deviation of the receiver's height, as it states it."""
     battery_s: float = float("-inf")

@@ -30,6 +30,9 @@ CLOCKS_APART_S: Final = 2.0
 CAMERA_SILENT_S: Final = 10.0
 """Silence after which another camera of the vehicle may replace the one that was heard, s."""
 
+_UNKNOWN_16: Final = 0xFFFF
+"""Value of a field of 16 bits that is not known."""
+_UNKNOWN_8: Final = 0xFF
 BATTERY_SILENT_S: Final = 5.0
 """Time without a percentage in BATTERY_STATUS after which that of SYS_STATUS counts, s."""
 CHARGE_LOW: Final = {
@@ -176,6 +179,8 @@ def _home(view: VehicleView, message: Message, now_s: float, component: int) -> 
 
 def _sys_status(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.prearm_ok = bool(message.onboard_control_sensors_health & PREARM_BIT)
+    millivolts = message.voltage_battery
+    view.volts = millivolts / 1000.0 if 0 < millivolts < _UNKNOWN_16 else None
     _percent(view, message, now_s)
 
 
@@ -222,6 +227,9 @@ def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> N
 
 def _gps(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.gps_fix = message.fix_type
+    seen, dilution = message.satellites_visible, message.eph
+    view.satellites = None if seen == _UNKNOWN_8 else seen
+    view.hdop = None if dilution == _UNKNOWN_16 else dilution / 100.0
     view.height_error_m = (
         min(message.v_acc / 1000.0, WORST_ERROR_M) if message.v_acc else HEIGHT_ERROR_M
     )

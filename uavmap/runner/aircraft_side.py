@@ -26,12 +26,13 @@ from uavmap.aircraft.guardian.last_watch import (
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.process.port import Port, ended_by
+from uavmap.aircraft.telemetry_reports import TelemetryReports
 from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import MissionClock
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.runner.before_flight import BeforeFlight
 from uavmap.runner.flight_links import Link, refuse_rivals
-from uavmap.runner.vehicles import each_its_own, vehicles_of
+from uavmap.runner.vehicles import each_its_own, numbers_of, vehicles_of
 
 T = TypeVar("T")
 RIVAL_WALL_S: Final = 1.5
@@ -56,9 +57,17 @@ class AircraftSide:
         self._links = links
         self._clock = clock
         self._send = send
-        self.host = Host(send)
+        self.host = Host(self._pass_on)
+        numbers = numbers_of(setting)
+        sessions = {number: link.session for number, link in zip(numbers, links, strict=False)}
+        self._reports = TelemetryReports(sessions, send)
         self._vehicles: Mapping[int, MavlinkVehicle] = {}
         self._guardians = Guardians({})
+
+    def _pass_on(self, message: say.Message) -> None:
+        self._send(message)
+        if isinstance(message, say.Happened):
+            self._reports.follow(message.event)
 
     @property
     def since_boot_s(self) -> float | None:

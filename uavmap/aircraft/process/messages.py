@@ -24,7 +24,7 @@ from missions.events import AnyEvent
 from missions.orders import Order
 from missions.units import Cell, LatLon, PadHeight, Pose
 
-VERSION: Final = 2
+VERSION: Final = 3
 """Number of this set of messages; two processes with different numbers do not connect."""
 _LENGTHS: Final = struct.Struct(">II")
 MOST_TEXT_BYTES: Final = 32 << 20
@@ -199,6 +199,23 @@ class Happened:
 
 
 @dataclass(frozen=True, slots=True)
+class Telemetry:
+    """What a vehicle reports beside events, for who looks on; None where it is not known."""
+
+    vehicle: int
+    mode: str
+    """In the autopilot's words."""
+    satellites: int | None
+    hdop: float | None
+    volts: float | None
+    loss: float | None
+    """Share of the autopilot's frames that were lost, 0 to 1."""
+    late_s: float
+    """Age of its latest position."""
+    kind: Literal["telemetry"] = "telemetry"
+
+
+@dataclass(frozen=True, slots=True)
 class Picture:
     """A picture to judge; the sender waits for `Judged`."""
 
@@ -278,7 +295,7 @@ class Ended:
 Message = (
     Attach | Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
     | Attached | Ready | Happened | Picture | BatteryWanted | BatteryUnwanted | Question | Line
-    | Recall | Ended
+    | Recall | Ended | Telemetry
 )  # fmt: skip
 _ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 

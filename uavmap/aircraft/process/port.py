@@ -29,6 +29,7 @@ class Port:
         taken_in: Returns when all that was posted was taken in, and its orders given.
         swap: Returns when the crew has swapped a battery.
         ask: Puts a question to the operator; None where there is none.
+        hear: Take what vehicles report beside events.
     """
 
     def __init__(
@@ -40,6 +41,7 @@ class Port:
         taken_in: Callable[[], Awaitable[None]],
         swap: Callable[[int], Awaitable[None]],
         ask: Callable[[str], Awaitable[bool | None]],
+        hear: Sequence[Callable[[say.Telemetry], None]] = (),
     ) -> None:
         loop = asyncio.get_running_loop()
         self._log = messages.bound("uavmap.flight")
@@ -50,6 +52,7 @@ class Port:
         self.taken_in = taken_in
         self._swap = swap
         self._ask = ask
+        self._hear = hear
         self._send: Callable[[say.Message], None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._swaps: dict[int, asyncio.Task[None]] = {}
@@ -133,6 +136,9 @@ class Port:
                 self._post(message.event)
                 if self._keeping is None or self._keeping.done():
                     self._keeping = self._begin(self._keep())
+            case say.Telemetry():
+                for hear in self._hear:
+                    hear(message)
             case say.Picture():
                 self._begin(self._judged(message))
             case say.BatteryWanted():

@@ -7,7 +7,7 @@ green are left to the truth and the cells.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from uavmap.output.facts.map_model import State
 
@@ -93,6 +93,42 @@ LINES: Final[Mapping[str, tuple[str, Style]]] = {
     "fence": ("geofence", Style(FENCE, 1.6, 4.0)),
 }
 """The lines of a map and of a plan, by the key of their layer."""
+MARKS: Final[Mapping[str, str]] = {
+    "home": "home",
+    "track": "track",
+    "ahead": "path ahead, by the present order",
+    "flying": "vehicle in the air",
+    "landed": "vehicle on the ground",
+}
+"""Names of the other marks of a live map."""
+
+CONTROLS: Final[Mapping[str, str]] = {
+    "offline": "no contact",
+    "grounded": "uavmap",
+    "airborne": "uavmap",
+    "yielded": "pilot or failsafe",
+    "guarded": "guardian",
+    "finished": "uavmap",
+    "failed": "its crew",
+    "down": "its crew",
+    "lost": "no contact",
+    "apart": "its own service",
+}
+"""Names of those who control a vehicle, by its phase."""
+
+Alarm = Literal["battery", "link", "fence", "yielded", "guarded", "down", "lost", "unsure"]
+ALARMS: Final[Mapping[Alarm, str]] = {
+    "battery": "vehicle {}: battery below what the path home needs",
+    "link": "vehicle {}: link lost",
+    "fence": "vehicle {}: outside of the fence",
+    "yielded": "vehicle {}: a pilot or a failsafe flies it",
+    "guarded": "vehicle {}: its guardian has it return or land",
+    "down": "vehicle {}: down away from its pad",
+    "lost": "vehicle {}: silent for longer than its battery lasts",
+    "unsure": "ground unlike what the detector knows is on the map",
+}
+"""Conditions that need the operator, in words; the gap takes the number of the vehicle."""
+
 TRACK_PX: Final = 1.3
 LANE_PX: Final = 2.0
 HOME_DOT: Final = ((7.0, PAPER), (5.5, INK), (2.0, PAPER))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from missions.events import Event
 from missions.flight.state import Setting, State
 from missions.flight.step import step
-from uavmap.aircraft.process.messages import Asked
+from uavmap.aircraft.process.messages import Asked, Telemetry
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.preflight.plan_figures import plan_lines
@@ -32,6 +32,9 @@ class Onlooker:
 
     def notice(self, event: Event) -> None:
         """See an event as it arrives, before it is in the journal or has an effect."""
+
+    def hear(self, telemetry: Telemetry) -> None:
+        """See what a vehicle reports beside events, about once a second."""
 
     def update(self, event: Event, state: State, again: int) -> None:
         """See an event and the state after it; `again` recorded ones are still to come."""

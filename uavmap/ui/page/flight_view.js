@@ -5,6 +5,7 @@
 import { FlightMap } from "flight_map";
 
 const SILENT_S = 6;
+const AGAIN_S = 5; // between two sounds of an alarm that nobody has acknowledged
 
 const clock = (seconds) => {
   if (seconds === null || seconds === undefined) return "";
@@ -14,46 +15,88 @@ const clock = (seconds) => {
   return (hours ? hours + ":" : "") + two(Math.floor(s / 60) % 60) + ":" + two(s % 60);
 };
 
+const known = (value) => value !== null && value !== undefined;
+const metres = (m) => (Math.round(m) || 0) + " m"; // never -0
+
+// two short tones, made here; a browser is silent until its page was clicked once
+class Sound {
+  constructor() {
+    this.times = 0; // how often it was asked for
+    const allow = () => {
+      this.context = this.context || new AudioContext();
+      this.context.resume();
+    };
+    document.addEventListener("pointerdown", allow);
+    document.addEventListener("keydown", allow);
+  }
+
+  play() {
+    this.times += 1;
+    if (!this.context || this.context.state !== "running") return;
+    const begin_s = this.context.currentTime;
+    [880, 660].forEach((hertz, i) => {
+      const tone = new OscillatorNode(this.context, { frequency: hertz });
+      const volume = new GainNode(this.context, { gain: 0.2 });
+      tone.connect(volume).connect(this.context.destination);
+      tone.start(begin_s + 0.25 * i);
+      tone.stop(begin_s + 0.25 * i + 0.2);
+    });
+  }
+}
+
 // --- the page -----------------------------------------------------------------------------------
 export default {
   template: `
   <div class="flight">
+    <div class="flight-alarms" v-if="alarms.length" role="alert" :class="{ known: !open.length }">
+      <ul>
+        <li v-for="[key, words] in alarms" :key="key" :class="{ known: acknowledged.has(key) }">{{ words }}</li>
+      </ul>
+      <button v-if="open.length" type="button" @click="acknowledge">Acknowledge</button>
+    </div>
     <div class="flight-banner" v-if="banner" role="alert">{{ banner }}</div>
     <div class="flight-map">
       <canvas ref="map" tabindex="0" aria-label="map of the flight"></canvas>
+      <svg class="flight-north" viewBox="0 0 24 40" role="img" aria-label="north is up">
+        <path d="M12 1 L20 24 L12 19 L4 24 Z"></path><text x="12" y="38" text-anchor="middle">N</text>
+      </svg>
       <button class="flight-fit" type="button" @click="fit">whole map</button>
       <ul class="flight-legend" v-if="scene">
         <li v-for="[name, colour] in scene.states" :key="name">
           <span :style="{ background: colour }"></span>{{ name }}
         </li>
         <li v-for="line in scene.lines" :key="line.name">
-          <i :style="{ borderColor: line.colour }"></i>{{ line.name }}
+          <svg viewBox="0 0 28 12"><line x1="0" y1="6" x2="28" y2="6" :stroke="line.colour" stroke-width="2" :stroke-dasharray="line.dash"></line></svg>{{ line.name }}
+        </li>
+        <li v-for="(name, mark) in scene.marks" :key="mark">
+          <svg viewBox="0 0 28 12" :stroke="scene.tracks[1]">
+            <line v-if="mark === 'track'" x1="0" y1="6" x2="28" y2="6" stroke-width="1.5"></line>
+            <line v-else-if="mark === 'ahead'" x1="0" y1="6" x2="28" y2="6" stroke-width="2" stroke-dasharray="2 4"></line>
+            <circle v-else-if="mark === 'flying'" cx="14" cy="6" r="5" :fill="scene.tracks[1]" stroke="#fff"></circle>
+            <circle v-else-if="mark === 'landed'" cx="14" cy="6" r="4.5" fill="#fff" stroke-width="2"></circle>
+            <circle v-else v-for="[r, colour] in scene.home_mark" cx="14" cy="6" :r="0.85 * r" :fill="colour" stroke="none"></circle>
+          </svg>{{ name }}
         </li>
       </ul>
     </div>
     <div class="flight-side">
+      <ul class="flight-vehicles" v-if="rows.length" tabindex="0" aria-label="vehicles">
+        <li v-for="row in rows" :key="row.number" :class="row.phase">
+          <span class="flight-dot" :style="{ background: row.colour }">{{ row.number }}</span>
+          <b>{{ row.doing }}</b>
+          <span class="flight-battery" :class="{ low: row.low }">
+            <span class="flight-bar"><i :style="{ width: row.battery + '%' }"></i></span>{{ row.charge }}
+          </span>
+          <dl>
+            <div v-for="[name, value] in row.figures" :key="name"><dt>{{ name }}</dt> <dd>{{ value }}</dd></div>
+          </dl>
+        </li>
+      </ul>
       <dl class="flight-figures">
         <template v-for="[name, value] in figures" :key="name">
           <dt>{{ name }}</dt><dd>{{ value }}</dd>
         </template>
       </dl>
-      <div class="flight-scroll" v-if="rows.length">
-      <table class="flight-vehicles">
-        <thead><tr><th></th><th>doing</th><th>up</th><th>battery</th><th>left</th><th>sorties</th></tr></thead>
-        <tbody>
-          <tr v-for="row in rows" :key="row.number" :class="row.phase">
-            <td><span class="flight-dot" :style="{ background: row.colour }">{{ row.number }}</span></td>
-            <td>{{ row.doing }}</td>
-            <td>{{ row.up }} m</td>
-            <td :class="{ low: row.battery < 25 }">
-              <span class="flight-bar"><i :style="{ width: row.battery + '%' }"></i></span>{{ Math.round(row.battery) }} %
-            </td>
-            <td>{{ row.left }}</td>
-            <td>{{ row.sorties }}</td>
-          </tr>
-        </tbody>
-      </table>
-      </div>
       <figure class="flight-picture">
         <canvas ref="picture" v-show="pictured"></canvas>
         <figcaption>{{ caption }}</figcaption>
@@ -70,10 +113,16 @@ export default {
     </div>
   </div>`,
   data() {
-    return { scene: null, figures: [], rows: [], lines: [], banner: "", caption: "", pictured: false, judged: "" };
+    return { scene: null, figures: [], rows: [], lines: [], banner: "", alarms: [], acknowledged: new Set(), caption: "", pictured: false, judged: "" };
+  },
+  computed: {
+    open() {
+      return this.alarms.filter(([key]) => !this.acknowledged.has(key));
+    },
   },
   mounted() {
     this.map = new FlightMap(this.$refs.map);
+    window.flightSound = this.sound = new Sound();
     window.flightMap = this.map; // for tests, and whoever looks into it
     this.map.onresults = (asked) => {
       const image = new Image();
@@ -81,6 +130,7 @@ export default {
       image.src = "result/judged.jpg?" + asked;
     };
     this.heard_ms = performance.now();
+    this.sound_ms = 0;
     this.timer = setInterval(() => this.check(), 1000);
   },
   unmounted() {
@@ -108,6 +158,7 @@ export default {
       const board = this.map.board;
       if (Object.keys(delta.vehicles).length) this.listVehicles(board);
       if (Object.keys(delta.fields).length) this.listFigures(board.fields);
+      if ("alarms" in delta.fields || delta.since === 0) this.listAlarms(board.fields.alarms || []);
       if ("picture" in delta.fields || delta.since === 0) this.showPicture(board.fields.picture);
       if (delta.log.length || delta.since === 0) this.lines = board.log.slice().reverse();
       this.check();
@@ -121,15 +172,51 @@ export default {
       else if (this.link.live && !over && silent_s >= SILENT_S)
         this.banner = "nothing new for " + silent_s + " s: what is shown is that old";
       else this.banner = "";
+      if (this.open.length && performance.now() >= this.sound_ms) this.ring();
+    },
+    ring() {
+      this.sound_ms = performance.now() + 1000 * AGAIN_S;
+      if (this.link.heard) this.sound.play();
+    },
+    acknowledge() {
+      this.alarms.forEach(([key]) => this.acknowledged.add(key));
+    },
+    // an alarm that has ended and comes again has to be acknowledged again
+    listAlarms(alarms) {
+      const before = new Set(this.alarms.map(([key]) => key));
+      const keys = new Set(alarms.map(([key]) => key));
+      for (const key of this.acknowledged) if (!keys.has(key)) this.acknowledged.delete(key);
+      this.alarms = alarms;
+      if (alarms.some(([key]) => !before.has(key))) this.ring();
     },
     listVehicles(board) {
       this.rows = Object.entries(board.vehicles).map(([number, v]) => ({
-        ...v,
         number,
         colour: this.map.colour(number),
-        up: Math.round(v.up) || 0, // never -0
-        left: v.landed ? "" : clock(v.left_s),
+        doing: v.doing,
+        phase: v.phase,
+        low: v.low,
+        battery: v.battery,
+        charge: [Math.round(v.battery) + " %", v.volts ? v.volts.toFixed(1) + " V" : "", v.landed ? "" : clock(v.left_s) + " left"]
+          .filter((part) => part)
+          .join(", "),
+        figures: this.figuresOf(v).filter(([, value]) => value),
       }));
+    },
+    figuresOf(v) {
+      const speed = (m_s) => (known(m_s) ? m_s + " m/s" : "");
+      const above = known(v.above_home_m) ? ` (${metres(v.above_home_m)} above home)` : "";
+      return [
+        ["control", v.control + (v.mode ? ", " + v.mode : "")],
+        ["up", v.landed ? "" : metres(v.up) + above],
+        ["speed", speed(v.speed_m_s)],
+        ["wind", speed(v.wind_m_s)],
+        ["home", v.home_m === null ? "" : metres(v.home_m) + ", " + clock(v.home_s)],
+        ["camera", v.landed ? "" : `${v.rate_hz}/s` + (v.lost ? `, ${v.lost} lost` : "")],
+        ["GPS", known(v.satellites) ? v.satellites + " sat." + (known(v.hdop) ? ", HDOP " + v.hdop.toFixed(1) : "") : ""],
+        ["link", known(v.loss_percent) ? v.loss_percent + " % lost, " + v.late_s + " s late" : ""],
+        ["sorties", String(v.sorties)],
+      ];
     },
     listFigures(f) {
       const rows = [["mission time", clock(f.t_s)], ["phase", f.phase]];

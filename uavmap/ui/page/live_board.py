@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from missions.events import Event, Tracked
 from missions.flight.state import Setting, State
+from uavmap.aircraft.process.messages import Telemetry
 from uavmap.output.drawing.mosaic_file import raster_of
 from uavmap.runner.operator.company import Onlooker
 from uavmap.ui.page.feed import Feed
@@ -100,6 +101,11 @@ class LiveBoard(Onlooker):
             for reader in due:
                 reader.due_s = now_s + reader.every_s
             self._send(due)
+
+    def hear(self, telemetry: Telemetry) -> None:
+        """A vehicle reports beside events: it is shown with the next event."""
+        if self._watcher is not None:
+            self._watcher.figures.hear(telemetry)
 
     def end(self) -> None:
         """The flight is over."""

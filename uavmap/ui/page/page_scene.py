@@ -255,6 +255,7 @@ def scene_of(
             for key, (name, style) in palette.LINES.items()
             if key in ("box", "fence") and drawn
         },
+        "marks": {} if recorded else dict(palette.MARKS),
         "ink": palette.css(palette.INK),
         "land": palette.css(palette.LAND),
         "background": None if background is None else background.place,

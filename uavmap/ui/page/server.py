@@ -77,9 +77,8 @@ def serving(hub: Hub, config: Words, send: Send) -> Server:
     @app.get("/result/{name}")
     async def result(name: str) -> Response:
         data = await hub.result(name)
-        return Response(
-            data, 200 if data else 404, {"cache-control": "no-store"}, RESULTS.get(name)
-        )
+        status = 200 if data else 204 if name in RESULTS else 404  # a browser logs a 404
+        return Response(data, status, {"cache-control": "no-store"}, RESULTS.get(name))
 
     # GDAL asks for the length by HEAD, then for parts
     @app.api_route(MAP_PATH, methods=["GET", "HEAD"])
@@ -141,7 +140,8 @@ class Visitor:
             ui.label(config["title"]).classes("title")
             self._why = ui.label("").classes("why")
             if config.get("steers"):
-                self._add_buttons()
+                with ui.row().classes("flight-orders") as self._orders:
+                    self._add_buttons()
         if hub.timeline is not None:
             self._add_slider()
         self._view = FlightView()
@@ -153,7 +153,10 @@ class Visitor:
             ("continue", "Continue", "The mission goes on?"),
             ("return", "Return", ""),
         ):
-            button = ui.button(label).props("no-caps outline color=grey-9 padding='xs md'")
+            look = "outline color=grey-9 padding='xs md'"
+            if name == "return":  # whose size is the style sheet's
+                look = "unelevated color=red-9"
+            button = ui.button(label).props(f"no-caps {look}")
             button.mark(name).props(f"data-order={name}")
             button.on_click(self._asking(name, question) if question else self._return)
             self._buttons[name] = button
@@ -190,6 +193,8 @@ class Visitor:
         why = self._hub.ended or board.field("hands_off") or self._config.get("why", "")
         paused = bool(board.field("paused"))
         self._why.set_text("" if self._hub.ended else why)  # which the banner shows
+        if self._buttons:
+            self._orders.set_visibility(not why)
         for name, button in self._buttons.items():
             fits = name == "return" or paused == (name == "continue")
             button.set_visibility(not why and fits)
@@ -284,6 +289,7 @@ class Visitor:
         self._listed = sorted(board.vehicles)
         link = {
             "live": self._at_s is None and not self._hub.ended,
+            "heard": self._hub.timeline is None and not self._hub.ended,
             "text": self._hub.ended,
             "pictures": self._config.get("pictures", ""),
         }

@@ -9,30 +9,27 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import Any, Final
-
-from shapely.geometry import LineString, Point
+from typing import Final
 
 from missions import events as ev
 from missions.fleet_events import Shared
-from missions.flight.state import Setting, State
-from missions.flight.vehicle_state import Phase, VehicleState
-from missions.geo.trajectory import Piece, Trajectory
+from missions.flight.state import State
 from missions.mapping.tree import Tree
-from missions.orders import FlyPath, FlyTo, Order, ReturnToLaunch, Sweep
-from missions.units import Cell, GridPoint
+from missions.units import Cell
 from uavmap.base.printable import printable
 from uavmap.output.facts.cell_states import CellStates
 from uavmap.output.facts.detector_fit import DetectorFit, no_verdict
 from uavmap.output.facts.figures import figures_of, finding
 from uavmap.output.facts.flight_log import LIFT_OFF_M, Counter
 from uavmap.output.facts.map_model import NOT_ROI
-from uavmap.runner.operator.progress import cells_known, doing, phase, remarkable
+from uavmap.runner.operator.progress import cells_known, phase, remarkable
 from uavmap.runner.operator.time_left import time_left
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.page_scene import STATES
+from uavmap.ui.page.paths_ahead import Ahead
+from uavmap.ui.page.vehicle_figures import VehicleFigures
 
 MOST_CELLS: Final = 100
 """Maximum number of cells of the tree that a refresh visits, beside those that pictures changed."""
@@ -85,15 +82,15 @@ class Watcher:
         self._class_codes = {number: len(STATES) + k for k, number in enumerate(explored)}
         self._classes: dict[Cell, int] = {}
         """The class of each cell that frames of its own, or of other members, show."""
-        self._counts = dict.fromkeys(self._class_codes.values(), 0)
-        """How many cells on the board are of each class, by its code."""
+        self._counts = dict.fromkeys([*self._class_codes.values(), _CODES["unsure"]], 0)
+        """How many cells on the board are unsure or of each class, by their code."""
         self._waiting: deque[Cell] = deque()
         """Cells of the tree that are still to be visited."""
         self._tree: Tree | None = None
         self._why_none = partial(no_verdict, real=real)
         self._judged = self._lost = 0
         self._last: dict[int, tuple[float, float]] = {}
-        self._homes_amsl_m: dict[int, float] = {}
+        self.figures = VehicleFigures(state.setting, self._counter.vehicles)
         self._due_s = self._certificate_due_s = float("-inf")
 
     # --- events ----------------------------------------------------------------------------
@@ -102,6 +99,7 @@ class Watcher:
         self._counter.before(event, self.state)
         self._counter.after(event)
         self.state = state
+        self.figures.note(event)
         judged = self._cells.note(event)
         if isinstance(event, ev.FrameSeen):
             self._judged += 1
@@ -114,8 +112,6 @@ class Watcher:
             self._lost += 1
         elif isinstance(event, ev.Tracked | ev.Connected):
             self._track(event)
-            if isinstance(event, ev.Connected) and event.home_amsl_m is not None:
-                self._homes_amsl_m[event.vehicle] = event.home_amsl_m
         elif isinstance(event, Shared):
             self._mark(judged)
         self._tell(event, state)
@@ -180,7 +176,8 @@ class Watcher:
             self._show(self._waiting.popleft())
         for number, vehicle in self.state.vehicles.items():
             if not self._recorded:
-                self.board.set_vehicle(number, self._record(vehicle))
+                record = self.figures.record(vehicle, self.state.t_s)
+                self.board.set_vehicle(number, record)
                 if (path := self._ahead.news(vehicle, self.state.t_s)) is not None:
                     self.board.set_field(f"path {number}", path)
         self._show_fields()
@@ -206,29 +203,6 @@ class Watcher:
         found = self._class_codes.get(self._classes.get(cell, 0), _CODES[state])
         return _CODES[state] if state in NOT_ROI else found
 
-    def _record(self, vehicle: VehicleState) -> dict[str, Any]:
-        energy = self.setting.energy
-        place = self.setting.grid.to_moving(vehicle.position, self.state.t_s)
-        count = self._counter.vehicles[vehicle.vehicle]
-        left_wh = vehicle.remaining_wh - energy.reserve_wh
-        left_s = 3600.0 * left_wh / energy.power_w(vehicle.drawn_w)
-        home_amsl_m = self._homes_amsl_m.get(vehicle.vehicle)
-        return {
-            "at_s": round(vehicle.tracked_s, 2),
-            "e": round(place.east_m, 2),
-            "n": round(place.north_m, 2),
-            "up": round(vehicle.height_m, 1),
-            "amsl_m": None if home_amsl_m is None else round(home_amsl_m + vehicle.height_m, 1),
-            "battery": round(100.0 * vehicle.remaining_wh / energy.capacity_wh, 1),
-            "left_s": 0 if vehicle.landed else max(round(left_s), 0),
-            "phase": vehicle.phase.value,
-            "doing": doing(vehicle),
-            "landed": vehicle.landed,
-            "called": vehicle.called_home,
-            "sorties": count.sorties,
-            "swaps": count.swaps,
-        }
-
     def _show_fields(self) -> None:
         state, board = self.state, self.board
         board.set_field("t_s", round(state.t_s, 1))
@@ -239,10 +213,13 @@ class Watcher:
             words = f"over, {'no verdict' if self._why_none(state, self._fit) else done}"
         board.set_field("phase", words)
         board.set_field("roi", len(state.belief.roi))
-        if self._counts:
+        if self._class_codes:
             cell_m2 = self.setting.grid.cell_m**2
-            areas_m2 = [round(count * cell_m2, 1) for count in self._counts.values()]
-            board.set_field("class_areas_m2", areas_m2)
+            counts = [self._counts[code] for code in self._class_codes.values()]
+            board.set_field("class_areas_m2", [round(count * cell_m2, 1) for count in counts])
+        if not self._recorded:
+            unsure = bool(self._counts[_CODES["unsure"]])
+            board.set_field("alarms", self.figures.alarms(state, unsure=unsure))
         if state.tree is not None and state.belief.open_ballots:  # the same count in words
             board.set_field("known", cells_known(state))
         board.set_field("frames", [self._judged, self._lost])
@@ -298,93 +275,3 @@ _ORDERED: Final[Mapping[type[ev.Event], str]] = {
     ev.Landed: "vehicle {} has landed",
 }
 """What the operator, or a vehicle, did that the terminal shows elsewhere."""
-
-
-UNTIMED_S: Final = 1e9
-"""Time of a point whose time of passage is unknown, s."""
-MOST_POINTS: Final = 100
-_CHORD_M: Final = 0.3
-"""Maximum distance of an arc from its chords, m."""
-_NEAR_M: Final = 4.0
-"""Distance within which a vehicle is on a later leg of its route, m."""
-
-
-class Ahead:
-    """The paths ahead of the vehicles: a path stays as long as its order."""
-
-    def __init__(self, setting: Setting) -> None:
-        self._setting = setting
-        self._orders: dict[int, tuple[Order | None, int]] = {}
-
-    def news(self, vehicle: VehicleState, t_s: float) -> list[float] | None:
-        """Return the path of a vehicle at mission time `t_s`, if it has changed; else None.
-
-        Flat: time (mission seconds), east and north (m) of each point. Empty for a vehicle that is
-        not under way by our orders.
-        """
-        order = vehicle.order if vehicle.phase is Phase.AIRBORNE and not vehicle.landed else None
-        route = _route(vehicle, order, self._setting, t_s)
-        begin = _begun(route, vehicle.position)
-        before = self._orders.get(vehicle.vehicle)
-        if before is not None and before[0] is order and before[1] == begin:
-            return None
-        self._orders[vehicle.vehicle] = (order, begin)
-        if isinstance(order, FlyPath):
-            return self._of_path(order.trajectory, t_s)
-        flat = self._of_route(route[begin:], vehicle.position, t_s)
-        if isinstance(order, FlyTo) and order.cell is not None:  # which drifts with the region
-            flat[-2:] = self._setting.grid.centre_of(order.cell)
-        return flat
-
-    def _of_path(self, path: Trajectory, t_s: float) -> list[float]:
-        times = [t for t in _times(path.pieces) if t > t_s]
-        flat: list[float] = []
-        for time_s in [*times, path.end_s][:MOST_POINTS]:
-            place = self._setting.grid.to_moving(path.place_at(time_s), time_s)
-            flat += (round(time_s, 1), round(place.east_m, 1), round(place.north_m, 1))
-        return flat
-
-    def _of_route(self, route: Sequence[GridPoint], here: GridPoint, t_s: float) -> list[float]:
-        """A region that drifts is met where it is by then."""
-        flat: list[float] = []
-        for point in route[:MOST_POINTS]:
-            t_s += here.distance_to(point) / self._setting.energy.speed_m_s
-            here = point
-            place = self._setting.grid.to_moving(point, t_s)
-            flat += (UNTIMED_S, round(place.east_m, 1), round(place.north_m, 1))
-        return flat
-
-
-def _route(
-    vehicle: VehicleState, order: Order | None, setting: Setting, t_s: float
-) -> Sequence[GridPoint]:
-    """Return the points of an order that is flown in legs, in the fixed frame."""
-    if isinstance(order, Sweep):
-        return (order.end,)
-    if isinstance(order, ReturnToLaunch):
-        return (vehicle.pad,)
-    if not isinstance(order, FlyTo):
-        return ()
-    if order.cell is None:
-        return order.route
-    grid = setting.grid
-    return (*order.route, grid.to_fixed(grid.centre_of(order.cell), t_s))
-
-
-def _begun(route: Sequence[GridPoint], here: GridPoint) -> int:
-    """Return the number of the point that is flown to: the end of the vehicle's last leg."""
-    for end in range(len(route) - 1, 0, -1):
-        if LineString(route[end - 1 : end + 1]).distance(Point(here)) < _NEAR_M:
-            return end
-    return 0
-
-
-def _times(pieces: Sequence[Piece]) -> list[float]:
-    """Return when lines, arcs and their chords begin."""
-    times = []
-    for piece in pieces:
-        bend = abs(piece.curvature_1_m)
-        most_rad = 2.0 * math.acos(max(1.0 - _CHORD_M * bend, 0.0))
-        chords = max(1, math.ceil(bend * piece.length_m / most_rad)) if bend else 1
-        times += [piece.begin_s + piece.duration_s * k / chords for k in range(chords)]
-    return times

@@ -24,6 +24,7 @@ POSE = Pose(LatLon(47.1, 8.3), 12.0, Quaternion(1.0, 0.0, 0.0, 0.0))
 SEEN = FrameSeen(1, 2.5, None, (Vote(Cell(1, -2), True, 0.125),), overview=True)
 ALL = [
     say.Attach(say.VERSION, "word"),
+    say.Telemetry(2, "GUIDED", 10, 1.2, None, 0.25, 0.1),
     say.Begin(3.5, {1: say.Before(flew=True)}, say.Asked(("a",), True, False), False, True),
     say.Fly(-1.25),
     *(

@@ -111,6 +111,11 @@ def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path, said):
     assert board.field("picture")["cells"]
     assert "picture" in kinds
     assert kinds.count("delta") > 20
+    vehicle = board.since(0)["vehicles"]["1"]  # by the messages of the aircraft's side
+    assert (vehicle["satellites"], vehicle["hdop"], vehicle["loss_percent"]) == (10, 1.21, 0)
+    assert 10.0 < vehicle["volts"] < 30.0
+    assert vehicle["late_s"] < 1.0
+    assert vehicle["mode"] in ("GUIDED", "LAND", "RTL")
 
 
 def told_of(feed):

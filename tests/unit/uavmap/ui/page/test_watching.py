@@ -24,7 +24,8 @@ from uavmap.output.results import map_data
 from uavmap.ui.page import watching
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.page_scene import STATES, scene_of
-from uavmap.ui.page.watching import UNTIMED_S, Ahead, Watcher
+from uavmap.ui.page.paths_ahead import UNTIMED_S, Ahead
+from uavmap.ui.page.watching import Watcher
 
 
 def test_the_board_of_a_flight_is_its_map(monkeypatch):

@@ -1,0 +1,54 @@
+"""What vehicles report beside events, for who looks on: sent behind their places, in no journal."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict, deque
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from missions.events import Event, Tracked
+from uavmap.aircraft.process.messages import Telemetry
+from uavmap.mavlink.session import Session
+
+EVERY_S: Final = 1.0
+"""Minimum time between two reports of a vehicle, mission seconds."""
+LOSS_REPORTS: Final = 10
+"""Number of reports over which the loss of a link is measured."""
+
+
+class TelemetryReports:
+    """Reports of vehicles, each behind an event that its process sends anyway: no timer of its own
+    changes what a simulated flight does."""
+
+    def __init__(self, sessions: Mapping[int, Session], send: Callable[[Telemetry], None]) -> None:
+        self._sessions = sessions
+        self._send = send
+        self._due_s: dict[int, float] = {}
+        self._counts: dict[int, deque[tuple[int, int]]] = defaultdict(
+            lambda: deque(maxlen=LOSS_REPORTS + 1)
+        )
+
+    def follow(self, event: Event) -> None:
+        """Send a report behind a place of a vehicle, if the last one is old enough."""
+        if not isinstance(event, Tracked) or event.t_s < self._due_s.get(event.vehicle, 0.0):
+            return
+        self._due_s[event.vehicle] = event.t_s + EVERY_S
+        session = self._sessions.get(event.vehicle)
+        if session is not None:
+            self._send(self._report(event.vehicle, session))
+
+    def _report(self, vehicle: int, session: Session) -> Telemetry:
+        view = session.view
+        counts = self._counts[vehicle]
+        counts.append(session.losses.counts((view.system_id, view.autopilot_component)))
+        heard, missing = (now - before for now, before in zip(counts[-1], counts[0], strict=True))
+        return Telemetry(
+            vehicle,
+            view.mode_name,
+            view.satellites,
+            view.hdop,
+            view.volts,
+            round(max(missing, 0) / (heard + missing), 3) if heard > 0 else None,
+            round(view.age_s(asyncio.get_running_loop().time()), 1),
+        )

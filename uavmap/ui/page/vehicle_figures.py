@@ -1,0 +1,212 @@
+"""The figures of each vehicle on a page, and the alarms of a flight. Pure.
+
+Paths home and fences cost time: they are computed once in `HOME_S` for each vehicle.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+from missions import events as ev
+from missions.flight.return_home import way_home
+from missions.flight.state import Setting, State
+from missions.flight.vehicle_state import Phase, VehicleState
+from missions.geo.fence import route_length_m
+from missions.units import GridPoint
+from uavmap.aircraft.process.messages import Telemetry
+from uavmap.base.printable import printable
+from uavmap.output.drawing.palette import ALARMS, CONTROLS, Alarm
+from uavmap.output.facts.flight_log import Count
+from uavmap.runner.operator.progress import doing
+
+HOME_S: Final = 1.0
+"""Minimum time between two computations of a path home, mission seconds."""
+SPEED_S: Final = 2.0
+"""Time over which a ground speed is measured, s."""
+RATE_S: Final = 10.0
+"""Time over which the rate of judged frames is measured, s."""
+_ALARM_PHASES: Final[Mapping[Phase, Alarm]] = {
+    Phase.OFFLINE: "link",
+    Phase.YIELDED: "yielded",
+    Phase.GUARDED: "guarded",
+    Phase.DOWN: "down",
+    Phase.LOST: "lost",
+}
+_GROUND_TOO: Final = (Phase.DOWN, Phase.LOST)
+"""Phases that need the operator although nothing is in the air."""
+
+
+class Home(NamedTuple):
+    """The path home from a place."""
+
+    at_s: float
+    distance_m: float
+    time_s: float
+    needed_wh: float
+    """Energy to fly it, to land and to keep the reserve, with the margin of the energy model."""
+    outside: bool
+    """Whether the place is outside of the fence."""
+
+
+@dataclass(slots=True)
+class _Known:
+    """Reports of one vehicle."""
+
+    amsl_m: float | None = None
+    fixes: deque[tuple[float, GridPoint]] = field(default_factory=deque)
+    frames_s: deque[float] = field(default_factory=deque)
+    lost: int = 0
+    home: Home | None = None
+    telemetry: Telemetry | None = None
+
+
+class VehicleFigures:
+    """Figures of the vehicles of a flight, by its events; `counts` are those of the vehicles."""
+
+    def __init__(self, setting: Setting, counts: Mapping[int, Count]) -> None:
+        self._setting = setting
+        self._counts = counts
+        self._known: dict[int, _Known] = defaultdict(_Known)
+
+    def note(self, event: ev.Event) -> None:
+        """Note an event."""
+        match event:
+            case ev.Tracked() | ev.Connected():
+                known = self._known[event.vehicle]
+                known.fixes.append((event.t_s, event.position))
+                _forget(known.fixes, event.t_s - SPEED_S)
+                if isinstance(event, ev.Connected) and event.home_amsl_m is not None:
+                    known.amsl_m = event.home_amsl_m
+            case ev.FrameSeen():
+                self._known[event.vehicle].frames_s.append(event.t_s)
+            case ev.FrameLost():
+                self._known[event.vehicle].lost += 1
+
+    def hear(self, telemetry: Telemetry) -> None:
+        """Note what a vehicle reports beside events."""
+        self._known[telemetry.vehicle].telemetry = telemetry
+
+    def record(self, vehicle: VehicleState, t_s: float) -> dict[str, Any]:
+        """Return the figures of a vehicle at a mission time, for JSON."""
+        known, count = self._known[vehicle.vehicle], self._counts[vehicle.vehicle]
+        energy, landed = self._setting.energy, vehicle.landed
+        place = self._setting.grid.to_moving(vehicle.position, t_s)
+        left_wh = vehicle.remaining_wh - energy.reserve_wh
+        left_s = 3600.0 * left_wh / energy.power_w(vehicle.drawn_w)
+        home = None if landed else self._home(known, vehicle, t_s)
+        return {
+            "at_s": round(vehicle.tracked_s, 2),
+            "e": round(place.east_m, 2),
+            "n": round(place.north_m, 2),
+            "up": round(vehicle.height_m, 1),
+            "above_home_m": self._above_home_m(vehicle),
+            "amsl_m": None if known.amsl_m is None else round(known.amsl_m + vehicle.height_m, 1),
+            "speed_m_s": None if landed else _speed_m_s(known.fixes, t_s),
+            "wind_m_s": round(vehicle.wind_m_s, 1) or None,
+            "home_m": None if home is None else round(home.distance_m),
+            "home_s": None if home is None else round(home.time_s),
+            "battery": round(100.0 * vehicle.remaining_wh / energy.capacity_wh, 1),
+            "low": home is not None and vehicle.remaining_wh < home.needed_wh,
+            "left_s": 0 if landed else max(round(left_s), 0),
+            "rate_hz": _rate_hz(known.frames_s, t_s),
+            "lost": known.lost,
+            "phase": vehicle.phase.value,
+            "control": CONTROLS[vehicle.phase.value],
+            "doing": doing(vehicle),
+            "landed": landed,
+            "called": vehicle.called_home,
+            "sorties": count.sorties,
+            "swaps": count.swaps,
+            **_reported(known.telemetry),
+        }
+
+    def alarms(self, state: State, *, unsure: bool) -> list[list[str]]:
+        """Return the conditions that need the operator now, each as its key and its words.
+
+        `unsure`: whether the map has ground that is unlike what the detector knows.
+        """
+        if state.over:
+            return []
+        found = [
+            [f"{alarm} {number}", ALARMS[alarm].format(number)]
+            for number, vehicle in state.vehicles.items()
+            for alarm in self._alarms_of(vehicle)
+        ]
+        return [*found, ["unsure", ALARMS["unsure"]]] if unsure else found
+
+    def _alarms_of(self, vehicle: VehicleState) -> list[Alarm]:
+        phase, alarm = vehicle.phase, _ALARM_PHASES.get(vehicle.phase)
+        found = [] if alarm is None or (vehicle.landed and phase not in _GROUND_TOO) else [alarm]
+        if vehicle.landed or phase in _GROUND_TOO:
+            return found
+        home = self._known[vehicle.vehicle].home
+        if home is not None and vehicle.remaining_wh < home.needed_wh:
+            found.append("battery")
+        if home is not None and home.outside:
+            found.append("fence")
+        return found
+
+    def _home(self, known: _Known, vehicle: VehicleState, t_s: float) -> Home | None:
+        """Return the path home, computed again after `HOME_S`; None without a position."""
+        if not known.fixes:
+            return None
+        if known.home is None or not 0.0 <= t_s - known.home.at_s < HOME_S:
+            setting, here = self._setting, vehicle.position
+            energy = setting.energy.in_wind(vehicle.wind_m_s)
+            way = way_home(setting, here, vehicle.pad)
+            distance_m = route_length_m(here, way)
+            needed_wh = energy.home_wh(distance_m, vehicle.height_m, vehicle.drawn_w)
+            if setting.ground is not None:
+                hills_m = setting.ups_and_downs_m((here, *way))
+                needed_wh += energy.relief_wh(hills_m, vehicle.drawn_w)
+            time_s = energy.leg_s(distance_m) + energy.descent_s(max(vehicle.height_m, 0.0))
+            outside = not (setting.whole_fence or setting.fence).contains(here)
+            known.home = Home(t_s, distance_m, time_s, needed_wh, outside)
+        return known.home
+
+    def _above_home_m(self, vehicle: VehicleState) -> float | None:
+        """Return the height above home of a vehicle whose heights are above the ground."""
+        ground = self._setting.ground
+        if ground is None:
+            return None
+        risen_m = ground.height_m(vehicle.position) - ground.height_m(vehicle.home)
+        return round(vehicle.height_m + risen_m, 1)
+
+
+def _reported(telemetry: Telemetry | None) -> dict[str, Any]:
+    """Return what a vehicle reports beside events, for JSON; empty before that."""
+    if telemetry is None:
+        return {}
+    loss = telemetry.loss
+    return {
+        "mode": printable(telemetry.mode),
+        "satellites": telemetry.satellites,
+        "hdop": telemetry.hdop,
+        "volts": telemetry.volts,
+        "loss_percent": None if loss is None else round(100.0 * loss),
+        "late_s": telemetry.late_s,
+    }
+
+
+def _forget(times: deque[Any], before_s: float) -> None:
+    """Drop the first entries as long as the second one is early enough, too."""
+    while len(times) > 1 and times[1][0] <= before_s:
+        times.popleft()
+
+
+def _speed_m_s(fixes: deque[tuple[float, GridPoint]], t_s: float) -> float | None:
+    """Return the ground speed; None where nothing was reported for `SPEED_S`."""
+    if len(fixes) < 2 or t_s - fixes[-1][0] > SPEED_S:
+        return None
+    (from_s, start), (to_s, end) = fixes[0], fixes[-1]
+    return round(start.distance_to(end) / (to_s - from_s), 1) if to_s > from_s else None
+
+
+def _rate_hz(frames_s: deque[float], t_s: float) -> float:
+    """Return how many frames a second were judged in the last `RATE_S`."""
+    while frames_s and frames_s[0] <= t_s - RATE_S:
+        frames_s.popleft()
+    return round(len(frames_s) / RATE_S, 1)
