@@ -1,4 +1,4 @@
-"""The files of all formats, and the documents of a flight: report.html and map.gpkg.
+"""The files of all formats, and the documents of a flight: report.html, report.pdf and map.gpkg.
 
 A document that cannot be written costs a line, and no result.
 """
@@ -7,15 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from missions.errors import OutputError
 from uavmap.base.atomic_write import write_bytes
+from uavmap.base.extras import install_command
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.formats.map_layers import layers
 
 REPORT: Final = "report.html"
+REPORT_PDF: Final = "report.pdf"
+"""With the extra `pdf`."""
 
 
 class Format(NamedTuple):
@@ -53,11 +57,14 @@ def files_of(flown: Flown, kind: str, **choices: str) -> dict[str, bytes]:
 
 
 def write_documents(flown: Flown, say: Callable[[str], None]) -> None:
-    """Write both documents into the folder of the results; report one that cannot be written."""
-    kinds = (
+    """Write the documents into the folder of the results; report one that cannot be written."""
+    report = f"uavmap report {flown.folder}"
+    kinds = [
         (GEOPACKAGE, write_geopackage, f"uavmap export {flown.folder} --to gpkg"),
-        (REPORT, write_report, f"uavmap report {flown.folder}"),
-    )
+        (REPORT, write_report, report),
+    ]
+    if prints_pdf():
+        kinds.append((REPORT_PDF, write_pdf, report))
     for name, write, again in kinds:
         try:
             write(flown)
@@ -82,6 +89,24 @@ def write_report(flown: Flown, path: Path | None = None) -> None:
     from uavmap.output.report.page import encode  # noqa: PLC0415 - jinja2, where a page is made
 
     save(path or flown.folder / REPORT, encode(flown))
+
+
+def prints_pdf() -> bool:
+    """Return whether the extra `pdf` is installed."""
+    try:
+        return find_spec("reportlab") is not None
+    except ValueError:  # hidden from this process
+        return False
+
+
+def write_pdf(flown: Flown, path: Path | None = None) -> None:
+    """Write report.pdf, or another file. Raises `OutputError`, also without the extra `pdf`."""
+    path = path or flown.folder / REPORT_PDF
+    if not prints_pdf():
+        raise OutputError(f"{path}: a PDF needs reportlab: {install_command('pdf')}")
+    from uavmap.output.report.two_pages import encode  # noqa: PLC0415 - an extra
+
+    save(path, encode(flown))
 
 
 def refuse_open(path: Path) -> None:

@@ -59,7 +59,7 @@ def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path):
     assert in_all["decided_s"] == max(patch["decided_s"] for patch in found)
     assert in_all["box"]["no_frames"] == in_all["box"]["beyond_fence"] == 0
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert f"<td>all</td><td>{in_all['area_m2']:,.0f}</td>" in page
+    assert f'all</td><td data-head="m²">{in_all["area_m2"]:,.0f}</td>' in page
     features = json.loads((tmp_path / "out" / "map.geojson").read_text())["features"]
     states = [feature["properties"].get("state") for feature in features]
     assert states.count("explored") == summary["cells_roi"]

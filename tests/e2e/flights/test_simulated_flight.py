@@ -23,7 +23,7 @@ from uavmap.output.drawing.mosaic_file import MOSAIC, PLACE, Ground
 from uavmap.output.results import flown_of
 
 RESULTS = {"map.geojson", "map.kml", "map.png", "journal.jsonl", "flight.tlog", "summary.json"}
-RESULTS |= {"map.gpkg", "report.html", "judged.jpg", MOSAIC, PLACE, "ortho.tif"}
+RESULTS |= {"map.gpkg", "report.html", "report.pdf", "judged.jpg", MOSAIC, PLACE, "ortho.tif"}
 KEYS = (
     "mission", "strategy", "vehicles", "seed", "completed", "flight_time_s", "makespan_s",
     "distance_m", "sorties", "battery_swaps", "vertices", "tree_depth", "cells_roi", "detections",
@@ -170,7 +170,8 @@ class TestDeterminism:
         self, fixture, request, tmp_path
     ):
         flight = request.getfixturevalue(fixture)
-        anew = ("map.geojson", "map.kml", "map.gpkg", "map.png", "summary.json", "report.html")
+        maps = ("map.geojson", "map.kml", "map.gpkg", "map.png")
+        anew = (*maps, "summary.json", "report.html", "report.pdf")
         folder = shutil.copytree(
             flight.folder, tmp_path / "anew", ignore=shutil.ignore_patterns(*anew)
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, NamedTuple, Self
 
 import numpy as np
@@ -19,6 +19,8 @@ MAP_SIDE_PX: Final = 900
 SHORTEST_SIDE_PX: Final = 520
 """Minimum of the shorter side of a map, px: its legend stands beside it."""
 _PAD: Final = 0.05
+_LEAST_PX: Final = 0.4
+"""Minimum distance of two neighbours in a line that are both kept, px."""
 
 Place = tuple[float, float]
 """East and north in metres, or column and row on a page."""
@@ -55,6 +57,16 @@ class View:
         top_m = (south + north) / 2 + height_px / px_per_m / 2
         return cls(left_m, top_m, px_per_m, width_px, height_px)
 
+    def sized(self, width_px: int, height_px: int) -> View:
+        """Return the view of the same middle and at least the same ground, on so many pixels."""
+        px_per_m = self.px_per_m * min(width_px / self.width_px, height_px / self.height_px)
+        left_m = self.left_m + (self.width_px / self.px_per_m - width_px / px_per_m) / 2.0
+        top_m = self.top_m - (self.height_px / self.px_per_m - height_px / px_per_m) / 2.0
+        return replace(
+            self, left_m=left_m, top_m=top_m, px_per_m=px_per_m, width_px=width_px,
+            height_px=height_px,
+        )  # fmt: skip
+
     def pixels(self, places: ArrayLike) -> NDArray[np.float64]:
         """Return columns and rows of places, shape (n, 2), from the upper left corner.
 
@@ -65,6 +77,13 @@ class View:
         points = np.asarray(places, dtype=np.float64).reshape(-1, 2)
         result: NDArray[np.float64] = (points - (self.left_m, self.top_m)) * scale
         return result
+
+    def trace(self, places: ArrayLike) -> NDArray[np.float64]:
+        """Return the pixels of a line, without those too near to the one before to be seen."""
+        pixels = self.pixels(places)
+        far = np.hypot(*np.diff(pixels, axis=0).T) >= _LEAST_PX
+        kept: NDArray[np.float64] = pixels[np.concatenate([[True], far])]
+        return kept
 
     def pixel(self, place: Place) -> Place:
         """Return column and row of one place."""

@@ -148,6 +148,22 @@ def north_arrow(corner: Place) -> Iterator[Shape]:
     yield Label((x + 32.0, y + 34.0), "grid north", 13.0, FAINT)
 
 
+LEFT_PX: Final = 84
+"""Margin of a map on its left, px: labels of a graticule stand there."""
+RIGHT_PX: Final = 24
+ABOVE_PX: Final = 8 + int(ARROW_HEIGHT_PX)
+BELOW_PX: Final = 36 + int(BAR_HEIGHT_PX)
+
+
+def around_map(view: View) -> Iterator[Shape]:
+    """Draw frame, scale and north arrow of a map, in pixels from its upper left corner."""
+    wide, high = float(view.width_px), float(view.height_px)
+    frame = [(0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)]
+    yield Line.through(frame, Style(FAINT, 1.0), closed=True)
+    yield from scale_bar((0.0, high + 30.0), view.px_per_m)
+    yield from north_arrow((wide - 100.0, -ARROW_HEIGHT_PX - 4.0))
+
+
 # --- the sheet ------------------------------------------------------------------------------------
 MARGIN_PX: Final = 24
 TITLE_PX: Final = 70

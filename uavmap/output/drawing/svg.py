@@ -14,7 +14,7 @@ from PIL import Image
 
 from missions.units import GridPoint
 from uavmap.output.drawing import sheet
-from uavmap.output.drawing.palette import FAINT, LAND, PAPER, Style, css
+from uavmap.output.drawing.palette import LAND, PAPER, css
 from uavmap.output.drawing.raster import cell_picture
 from uavmap.output.drawing.scene import (
     Area,
@@ -30,22 +30,15 @@ from uavmap.output.drawing.scene import (
 )
 from uavmap.output.facts.cell_outlines import runs
 
-LEFT_PX: Final = 84
-"""Margin of a map on its left, px: labels of a graticule stand there."""
-RIGHT_PX: Final = 24
-_ABOVE_PX: Final = 8 + int(sheet.ARROW_HEIGHT_PX)
-_BELOW_PX: Final = 36 + int(sheet.BAR_HEIGHT_PX)
 _QUALITY: Final = 85
-_LEAST_PX: Final = 0.4
-"""Minimum distance of two neighbours in a line that are both kept, px."""
 
 
-def document(view: View, shapes: Iterable[Shape]) -> Markup:
+def document(view: View, shapes: Iterable[Shape], label: str = "drawing") -> Markup:
     """Write a drawing of its own."""
     page = View.page(view.width_px, view.height_px)
     ground = Box((0.0, 0.0), (view.width_px, view.height_px), PAPER)
     inside = [*elements([ground], page), *elements(shapes, view)]
-    return _svg(view.width_px, view.height_px, "\n".join(inside), "drawing")
+    return _svg(view.width_px, view.height_px, "\n".join(inside), label)
 
 
 def map_drawing(
@@ -61,27 +54,23 @@ def map_drawing(
     """
     view = scene.view
     wide, high = view.width_px, view.height_px
-    frame = [(0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)]
     cells = ""
     if scene.cells is not None and photograph is not None:
         cells = _picture(cell_picture(scene.cells, view, LAND, photograph))
     elif scene.cells is not None:
         cells = "\n".join(_cells(scene.cells, view))
-    beside = [
-        Line.through(frame, Style(FAINT, 1.0), closed=True),
-        *around,
-        *sheet.scale_bar((0.0, high + 30.0), view.px_per_m),
-        *sheet.north_arrow((wide - 100.0, -sheet.ARROW_HEIGHT_PX - 4.0)),
-    ]
+    beside = [*sheet.around_map(view), *around]
     rect = f'<rect width="{wide}" height="{high}"'
     inside = (
         f'<defs><clipPath id="map">{rect}/></clipPath></defs>'
-        f'<g transform="translate({LEFT_PX} {_ABOVE_PX})">{rect} fill="{css(LAND)}"/>'
+        f'<g transform="translate({sheet.LEFT_PX} {sheet.ABOVE_PX})">{rect} fill="{css(LAND)}"/>'
         f'<g clip-path="url(#map)">\n{cells}\n'
         f"{_joined([*scene.shapes, *over], view)}\n</g>\n"
         f"{_joined(beside, View.page(wide, high))}</g>"
     )
-    return _svg(wide + LEFT_PX + RIGHT_PX, high + _ABOVE_PX + _BELOW_PX, inside, "map")
+    return _svg(
+        wide + sheet.LEFT_PX + sheet.RIGHT_PX, high + sheet.ABOVE_PX + sheet.BELOW_PX, inside, "map"
+    )
 
 
 def sample(entry: Entry) -> Markup:
@@ -163,8 +152,5 @@ def _picture(image: Image.Image) -> str:
 
 
 def _path(places: ArrayLike, view: View) -> str:
-    """Write places as a path, without those too near to the one before to be seen."""
-    pixels = view.pixels(places)
-    far = np.hypot(*np.diff(pixels, axis=0).T) >= _LEAST_PX
-    pixels = pixels[np.concatenate([[True], far])]
-    return "M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels.tolist())
+    """Write places as a path."""
+    return "M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in view.trace(places).tolist())

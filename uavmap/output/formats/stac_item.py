@@ -45,6 +45,7 @@ ASSETS: Final = (
     Asset("map.gpkg", "geopackage", "Layers with styles", "application/geopackage+sqlite3",
           ("data",)),
     Asset("report.html", "report", "Report", "text/html", ("metadata",)),
+    Asset("report.pdf", "report-pdf", "Report to print", "application/pdf", ("metadata",)),
     Asset("map.png", "thumbnail", "Map", "image/png", ("thumbnail",)),
 )  # fmt: skip
 

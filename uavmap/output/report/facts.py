@@ -11,7 +11,7 @@ import numpy as np
 
 from uavmap.base.printable import printable
 from uavmap.load.detector_source import region_in_words
-from uavmap.output.facts.flight_log import navigation_in_words
+from uavmap.output.facts.flight_log import Fix, navigation_in_words
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.summary import MOST_PATCHES, box_in_words, litres_in_words, state_in_words
 
@@ -97,9 +97,9 @@ def certificate(flown: Flown) -> tuple[Facts, Facts]:
     values, cells = flown.values, Counter(flown.data.cells.counts())
     region = np.count_nonzero(flown.data.cells.roi)
     lost = sum(trouble.kind == "frame" for trouble in flown.log.troubles)
-    unreached = _number(values, "cells_abandoned")
+    unreached = number(values, "cells_abandoned")
     judged = [
-        ("Frames judged", f"{int(_number(values, 'frames_judged') or 0):,}"),
+        ("Frames judged", f"{int(number(values, 'frames_judged') or 0):,}"),
         ("Cells decided", f"{region:,} region, {cells['non-roi']:,} not region"),
     ]
     judged += list(_bounds(values))
@@ -110,13 +110,13 @@ def certificate(flown: Flown) -> tuple[Facts, Facts]:
         ("Cells without a verdict", provisional, "cells that frames show, and too few of them"),
         ("Open cells", open_cells, "cells of the region beside which nobody has judged"),
         ("Cells not looked from", unreached, "out of reach, or fenced off"),
-        ("Cells that lack votes", _number(values, "cells_undecided"), "looked at, undecided"),
+        ("Cells that lack votes", number(values, "cells_undecided"), "looked at, undecided"),
         ("Cells unsure", cells["unsure"], "like nothing that the detector was shown"),
-        ("Cells skipped", _number(values, "cells_skipped"), "by the operator"),
-        ("Pictures refused", _number(values, "photographs_refused"), "pictures.csv says why"),
+        ("Cells skipped", number(values, "cells_skipped"), "by the operator"),
+        ("Pictures refused", number(values, "photographs_refused"), "pictures.csv says why"),
     ]
     missing = [(name, f"{int(count):,} ({why})") for name, count, why in rows if count]
-    lanes_m = _number(values, "unsearched_m")
+    lanes_m = number(values, "unsearched_m")
     if lanes_m:
         missing.append(("Search lanes", f"{lanes_m:,.0f} m without a judged frame"))
     if flown.boundary is not None and flown.boundary.open_m:
@@ -125,14 +125,14 @@ def certificate(flown: Flown) -> tuple[Facts, Facts]:
 
 
 def _bounds(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    took_s, lower_s = _number(values, "exploration_s"), _number(values, "lower_bound_s")
+    took_s, lower_s = number(values, "exploration_s"), number(values, "lower_bound_s")
     if took_s and lower_s:
         yield (
             "Exploration",
             f"{took_s:,.1f} s; no team could have taken less than {lower_s:,.1f} s for the same "
             f"cells, a ratio of {took_s / lower_s:.2f}",
         )
-    bound_s = _number(values, "bound_makespan_s")
+    bound_s = number(values, "bound_makespan_s")
     if bound_s is not None and took_s:
         kept = "kept" if took_s <= bound_s else "not kept"
         yield "Bound of the strategy", f"{bound_s:,.1f} s, {kept}"
@@ -151,9 +151,9 @@ def truth_facts(flown: Flown) -> Facts:
         ("fence_breaches", "Breaches of the fence", "{:.0f}"),
         ("reserve_violations", "Violations of the reserve", "{:.0f}"),
     )
-    if _number(values, "iou_cells") is None:
+    if number(values, "iou_cells") is None:
         return []
-    found = ((label, form, _number(values, key)) for key, label, form in named)
+    found = ((label, form, number(values, key)) for key, label, form in named)
     return [(label, form.format(value)) for label, form, value in found if value is not None]
 
 
@@ -165,36 +165,75 @@ def flight_facts(flown: Flown) -> Facts:
         ("makespan_s", "First lift-off to last touch-down"),
     )
     facts = [
-        (label, f"{minutes(value)} min") for key, label in named if (value := _number(values, key))
+        (label, f"{minutes(value)} min") for key, label in named if (value := number(values, key))
     ]
-    distance_m = _number(values, "distance_m")
+    distance_m = number(values, "distance_m")
     if distance_m:
         facts.append(("Distance", f"{distance_m:,.0f} m"))
     for key, label in (("sorties", "Sorties"), ("battery_swaps", "Battery swaps")):
-        value = _number(values, key)
+        value = number(values, key)
         if value is not None:
             facts.append((label, f"{value:.0f}"))
     return facts
 
 
 # --- the flight ----------------------------------------------------------------------------------
+SORTIE_HEADS: Final = (
+    "Vehicle", "Sortie", "Lift-off", "Touch-down", "Flown, min:s", "Distance, m", "Charge, Wh"
+)  # fmt: skip
+
+
 def sortie_rows(flown: Flown) -> Iterator[Row]:
     """Yield a row per sortie of a flight."""
     full = flown.setting.mission.battery.capacity_wh
     for sortie in flown.log.sorties():
         fixes = flown.log.fixes_of(sortie)
-        places = np.array([fix.place for fix in fixes], dtype=np.float64).reshape(-1, 2)
-        distance_m = float(np.hypot(*np.diff(places, axis=0).T).sum())
         first, last = fixes[0].remaining_wh, fixes[-1].remaining_wh
         yield (
             sortie.vehicle,
             sortie.number,
-            flown.calendar.in_words(sortie.start_s),
-            flown.calendar.in_words(sortie.end_s) if sortie.ended else "no landing known",
+            _clock(flown, sortie.start_s),
+            _clock(flown, sortie.end_s) if sortie.ended else "no landing known",
             minutes(sortie.end_s - sortie.start_s),
-            f"{distance_m:,.0f}",
+            f"{_distance_m(fixes):,.0f}",
             f"{first:.1f} to {last:.1f} ({first / full:.0%} to {last / full:.0%})",
         )
+
+
+VEHICLE_HEADS: Final = (
+    "Vehicle", "Sorties", "Lift-off", "Touch-down", "Flown, min:s", "Distance, m",
+    "Fresh batteries", "Least charge",
+)  # fmt: skip
+
+
+def vehicle_rows(flown: Flown) -> Iterator[Row]:
+    """Yield a row per vehicle that flew: sorties, times, distance, fresh batteries, charge."""
+    full = flown.setting.mission.battery.capacity_wh
+    sorties = flown.log.sorties()
+    for vehicle in sorted({sortie.vehicle for sortie in sorties}):
+        own = [sortie for sortie in sorties if sortie.vehicle == vehicle]
+        fixes = [flown.log.fixes_of(sortie) for sortie in own]
+        lowest = min(fix.remaining_wh for flight in fixes for fix in flight)
+        yield (
+            vehicle,
+            len(own),
+            _clock(flown, own[0].start_s),
+            _clock(flown, own[-1].end_s) if own[-1].ended else "no landing known",
+            minutes(sum(sortie.end_s - sortie.start_s for sortie in own)),
+            f"{sum(map(_distance_m, fixes)):,.0f}",
+            sum(number == vehicle for number, _ in flown.log.swaps),
+            f"{lowest / full:.0%}",
+        )
+
+
+def _clock(flown: Flown, t_s: float) -> str:
+    date = flown.calendar.date(t_s)
+    return f"{minutes(t_s)} min" if date is None else f"{date:%Y-%m-%d %H:%M:%S}"
+
+
+def _distance_m(fixes: Sequence[Fix]) -> float:
+    places = np.array([fix.place for fix in fixes], dtype=np.float64).reshape(-1, 2)
+    return float(np.hypot(*np.diff(places, axis=0).T).sum())
 
 
 def trouble_rows(flown: Flown) -> tuple[list[Row], int]:
@@ -270,7 +309,7 @@ def _shown(value: object) -> str:
     return printable(_PASSWORD.sub("//***@", str(value)), _MOST_LETTERS)
 
 
-def _number(values: Mapping[str, Any], key: str) -> float | None:
+def number(values: Mapping[str, Any], key: str) -> float | None:
     """Read a figure of a summary, which may come from a file that was edited."""
     value = values.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -283,6 +322,12 @@ def _m2(area_m2: float) -> str:
 
 
 # --- patches -------------------------------------------------------------------------------------
+PATCH_HEADS: Final = (
+    "Patch", "m²", "First cell decided", "at, s", "last at, s", "took, s", "at least, s", "ratio",
+    "drifts, m/s", "state",
+)  # fmt: skip
+
+
 def patch_rows(flown: Flown) -> tuple[list[Row], int]:
     """Return a row per patch and one for several, none of a replay; and how many are left out."""
     if flown.recorded:
@@ -294,6 +339,22 @@ def patch_rows(flown: Flown) -> tuple[list[Row], int]:
     if len(found) > 1:
         rows.append(_patch_row("all", in_all))
     return rows, max(0, len(found) - MOST_PATCHES)
+
+
+PIECE_HEADS: Final = ("Piece", "m²", "Middle", "Found, min:s", "Mapped, min:s", "State")
+
+
+def piece_rows(flown: Flown) -> Iterator[Row]:
+    """Yield a row per piece of the region, none of a replay; times from the first lift-off."""
+    for number, one in enumerate(flown.values.get("patches", ()), start=1):
+        yield (
+            number,
+            f"{one['area_m2']:,.0f}",
+            f"{one['lat_deg']:.6f}, {one['lon_deg']:.6f}",
+            minutes(one["found_s"]),
+            minutes(one["decided_s"]),
+            state_in_words(one),
+        )
 
 
 def box_line(flown: Flown) -> str:

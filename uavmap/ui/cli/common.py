@@ -169,7 +169,7 @@ def report(
 NEXT: Final = "next.txt"
 OUTLINES: Final = ("boundary.geojson", "map.geojson")
 """Files with the outline of the region, the finest first."""
-PICTURES: Final = ("map.png", JUDGED, "report.html", "ortho.tif")
+PICTURES: Final = ("map.png", JUDGED, "report.html", "report.pdf", "ortho.tif")
 
 _FIGURES: Final = {
     "frames_judged": "frames judged",

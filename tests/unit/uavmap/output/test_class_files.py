@@ -64,7 +64,7 @@ def test_legend_and_report_have_each_class(flown: Flown, folder: Path) -> None:
     assert not any(text.startswith("explored") for text in legend)
     assert main(["report", str(folder)]) == 0
     page = (folder / "report.html").read_text("utf-8")
-    assert "<td>wet &amp; &lt;dry&gt;</td>" in page
+    assert '<td data-head="Name">wet &amp; &lt;dry&gt;</td>' in page
     assert "<dry>" not in page
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 from missions.errors import OutputError
+from uavmap.base.extras import install_command
 from uavmap.base.terminal import Terminal
-from uavmap.output.documents import REPORT, write_report
+from uavmap.output.documents import REPORT, REPORT_PDF, prints_pdf, write_pdf, write_report
+from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.results import flown_of
 from uavmap.ui.cli.commands.export import report_incomplete
 from uavmap.ui.cli.common import print_summary
@@ -16,16 +19,17 @@ from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\
 examples:
-  uavmap report results/field-1                     writes results/field-1/report.html anew
-  uavmap report results/field-1 --out field.html    the same elsewhere
+  uavmap report results/field-1                     writes report.html and report.pdf there anew
+  uavmap report results/field-1 --out field.html    the page elsewhere
+  uavmap report results/field-1 --out field.pdf     the two pages of the PDF elsewhere
 
 Every flight and every replay has a report. This makes it from the folder alone, also of a flight
-that was interrupted. The page loads nothing and runs nothing: it can be sent, and a browser prints
-it, or saves it as PDF.
+that was interrupted. The page fits a phone, loads nothing and runs nothing: it can be sent. The PDF
+is two pages A4 to print and to sign; it needs the extra `pdf`, and a line says so without it.
 """
 DESCRIPTION: Final = (
-    "Write the report of a flight or a replay: map, area, certificate, timeline, "
-    "faults and settings on one page."
+    "Write the report of a flight or a replay: what is not known, area, map, times, aircraft and "
+    "faults, as a page for a screen and as two pages A4."
 )
 
 
@@ -33,7 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_options(parser, "report")
     parser.add_argument(
-        "--out", metavar="FILE.html", type=Path, help="the page (default: report.html in DIR)"
+        "--out",
+        metavar="FILE",
+        type=Path,
+        help="one file: FILE.pdf or FILE.html (default: report.html and report.pdf in DIR)",
     )
 
 
@@ -44,7 +51,20 @@ def run(options: argparse.Namespace) -> int:
         raise OutputError(f"--out {out}: is there already; choose another name")
     flown = flown_of(folder)
     report_incomplete(flown, say)
-    write_report(flown, out)
+    written = list(_write(flown, out))
     print_summary(flown.values, folder, as_json=options.json, verbose=options.verbose)
-    say(f"{out or folder / REPORT}")
+    for line in written:
+        say(line)
     return 0
+
+
+def _write(flown: Flown, out: Path | None) -> Iterator[str]:
+    """Write what is asked for, and yield a line about each file."""
+    if out is None or out.suffix.lower() != ".pdf":
+        write_report(flown, out)
+        yield f"{out or flown.folder / REPORT}"
+    if out is None and not prints_pdf():
+        yield f"no {REPORT_PDF}: it needs reportlab: {install_command('pdf')}"
+    elif out is None or out.suffix.lower() == ".pdf":
+        write_pdf(flown, out)
+        yield f"{out or flown.folder / REPORT_PDF}"

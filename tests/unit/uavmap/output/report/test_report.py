@@ -42,6 +42,11 @@ def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path):
     text = report_of(folder).text
     for said in (
         "golden",
+        "The region is mapped to its edge all around.",
+        "Unseen ground: 16 m² (0.002 ha) of the search area (8 %) have no verdict: 1 cell",
+        "96 m² (0.010 ha) between 17 and 144 m² (0.002 to 0.014 ha) 6 cells of 4 m, 1 piece",
+        "Middle of the region 47.30013° N, 8.50016° E",
+        "UTM 32N 462,",
         "Complete: a region of 6 cells",
         "2020-01-01 00:00:00 UTC, simulated",
         "EPSG:32632",
@@ -74,12 +79,11 @@ def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_
     assert first.ended
     report_of(folder)
     page = (folder / REPORT).read_text("utf-8")
-    (drawing,) = re.findall(r'<svg[^>]*aria-label="timeline">.*?</svg>', page, re.DOTALL)
-    assert drawing.count("fill-opacity") == 2
-    assert drawing.count("<circle") == 1
-    rows = re.findall(r"<tr><td>1</td><td>([12])</td><td>([^<]+)</td><td>([^<]+)</td>", page)
-    assert [number for number, _, _ in rows] == ["1", "2"]
-    assert rows[0][1] == "2020-01-01 00:00:08 UTC, simulated"
+    (drawing,) = re.findall(r'aria-label="timeline".*?</svg>', page, re.DOTALL)
+    assert drawing.count("vehicle 1") == 1
+    assert drawing.count("<circle") == 2  # of one mark
+    assert re.findall(r'data-head="Sortie">([^<]+)<', page) == ["1", "2"]
+    assert re.findall(r'data-head="Lift-off">([^<]+)<', page)[0] == "2020-01-01 00:00:08"
 
 
 def test_the_page_loads_nothing_and_runs_nothing(tmp_path):
@@ -89,9 +93,12 @@ def test_the_page_loads_nothing_and_runs_nothing(tmp_path):
     assert not {"script", "link", "iframe", "object", "base", "form"} & set(page.tags)
     for name, value in page.attributes:
         assert not name.startswith("on")
-        if name in ("src", "href", "action", "xlink:href"):
+        if name in ("src", "action", "xlink:href"):
             assert value.startswith("data:image/jpeg;base64,")
-        assert "http" not in value or name == "xmlns"
+        assert "http" not in value or name in ("xmlns", "href")
+    links = [value for name, value in page.attributes if name == "href"]
+    place = "?mlat=47.30013&mlon=8.50016#map=17"
+    assert links == [f"https://www.openstreetmap.org/{place}"]  # for a person to follow
     assert "@import" not in (folder / REPORT).read_text("utf-8")
     assert page.tags.count("img") == 8
 
@@ -129,6 +136,7 @@ def test_an_interrupted_flight_has_a_report_that_says_so(tmp_path, capsys):
     folder = folder_of(tmp_path, EVENTS[:middle])
     text = report_of(folder).text
     assert "the mission is not complete; this is its map so far" in capsys.readouterr().err
+    assert "The flight is not complete: this is the map at mission time 0:49 min." in text
     assert "Not complete: a region of" in text
     assert "no landing known" in text
     assert main(["export", str(folder), "--to", "csv"]) == 0
@@ -210,6 +218,7 @@ def test_a_full_disk_costs_the_page_and_never_the_map(tmp_path, monkeypatch):
     assert [line.partition(": ")[0] for line in told] == [
         str(folder / "map.gpkg"),
         str(folder / "report.html"),
+        str(folder / "report.pdf"),
     ]
     assert all("No space left on device" in line for line in told)
     assert all("all other results are complete" in line for line in told)

@@ -177,7 +177,7 @@ def test_a_replay_leaves_a_report_and_a_geopackage_with_its_boundary(
     assert "2024-05-01 10:00:00 by the camera&#39;s clock" in text
     assert f"{told['area_m2']:,.0f} m²" in text
     assert "boundary by pixels" in text
-    assert "Pictures from" in text
+    assert "First picture" in text
     with contextlib.closing(sqlite3.connect(package)) as database:
         (area_m2,) = database.execute("SELECT area_m2 FROM boundary").fetchone()
         (frames,) = database.execute("SELECT count(*) FROM frames").fetchone()
@@ -223,7 +223,8 @@ def test_ctrl_c_in_the_mosaic_leaves_all_else(
     assert "interrupted: ortho.tif is not written; all other results" in err
     there = [path.name for path in (tmp_path / "map").iterdir()]
     others = {"journal.jsonl", "map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv"}
-    others |= {"map.gpkg", "report.html", "judged.jpg", "mosaic.webp", "mosaic.webp.aux.xml"}
+    others |= {"map.gpkg", "report.html", "report.pdf", "judged.jpg"}
+    others |= {"mosaic.webp", "mosaic.webp.aux.xml"}
     assert set(there) == {*others, BOUNDARY_FILE, rasters.PROBABILITY}
 
 
