@@ -74,7 +74,7 @@ def test_a_flight_with_the_pictures_of_a_folder(tmp_path):
 
 def test_what_is_wrong_with_a_camera_is_said_in_a_line(tmp_path):
     cameras = ["--camera", "mavlink", "--camera", "mavlink"]
-    connect = ["--connect", "udpin://127.0.0.1:0"]
+    connect = ["--connect", "udpin://127.0.0.1:14550"]
     done = rig.uavmap("fly", rig.mission("speck"), *connect, *cameras, "--out", tmp_path / "out")
     assert done.code == 2
     assert "1 vehicles, but 2 cameras; give --camera once a vehicle" in done.err

@@ -209,7 +209,7 @@ def test_files_that_are_no_geotiff_are_refused_in_a_line(tmp_path, capsys, monke
     (tmp_path / "dem.tif").write_bytes(b"II*\x00 not really")
     assert "cannot be read as a GeoTIFF" in refused(tmp_path)
     monkeypatch.setitem(sys.modules, "rasterio", None)
-    assert "pip install 'rasterio>=" in refused(tmp_path)
+    assert "'rasterio>=" in refused(tmp_path)
     assert main(["check", str(tmp_path / "field.toml")]) == 2
     assert "Traceback" not in capsys.readouterr().err
 
