@@ -158,12 +158,13 @@ def test_link_at_its_rates_sends_an_aircraft_once_and_shapes_once():
 
 
 def test_link_without_a_server_says_so_once_and_is_tried_again():
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    with flying(f"tcp://127.0.0.1:{port}") as flight:
-        flight.update(0)
-        assert flight.report().startswith(f"TAK: no link yet: tcp://127.0.0.1:{port} (")
-        assert flight.silent()
+    with socket.socket() as held:  # no other test can listen there meanwhile
+        held.bind(("127.0.0.1", 0))
+        port = held.getsockname()[1]
+        with flying(f"tcp://127.0.0.1:{port}") as flight:
+            flight.update(0)
+            assert flight.report().startswith(f"TAK: no link yet: tcp://127.0.0.1:{port} (")
+            assert flight.silent()
 
 
 def test_link_udp_sends_whether_anything_listens_or_not():
