@@ -20,6 +20,7 @@ from urllib.parse import urlsplit
 from missions.errors import LinkError, OutputError
 from missions.units import LatLon
 from uavmap.base.version import __version__
+from uavmap.load.mbtiles import kind_of
 
 AROUND: Final = 0.2
 LEAST_AROUND_M: Final = 150.0
@@ -30,7 +31,6 @@ MOST_BYTES: Final = 1 << 20
 TIMEOUT_S: Final = 20.0
 TRIES: Final = 3
 MOST_LATITUDE_DEG: Final = 85.0
-KINDS: Final = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpg", b"RIFF": "webp"}
 _M_PER_DEG: Final = 111_320.0
 
 
@@ -121,11 +121,6 @@ class Source:
                 raise LinkError(f"{url}: is no picture of a tile (PNG, JPEG or WebP)")
             return data
         raise LinkError(f"{url}: cannot be fetched: {why}")
-
-
-def kind_of(data: bytes) -> str | None:
-    """Return the format of a tile by MBTiles' name; None for no picture."""
-    return next((kind for head, kind in KINDS.items() if data.startswith(head)), None)
 
 
 def wanted(bounds: Bounds, zooms: range) -> list[Tile]:

@@ -28,8 +28,10 @@ from uavmap.load.detector_source import (
 )
 
 LARGEST_BYTES: Final = 4_000_000
-DRAWINGS: Final = (".kml", ".kmz", ".geojson", ".shp", ".zip", ".gpkg", ".gpx", ".csv", ".plan",
-                   ".waypoints", ".poly", ".fen")  # fmt: skip
+DRAWINGS: Final = (
+    ".kml", ".kmz", ".geojson", ".json", ".shp", ".zip", ".gpkg", ".gpx", ".csv", ".plan",
+    ".waypoints", ".poly", ".fen",
+)  # fmt: skip
 """Endings of the files of which `uavmap new` makes missions."""
 _MOST_LOOKED_AT: Final = 1000
 

@@ -46,11 +46,10 @@ def needed_air(
     if isinstance(order, Land):
         return Volume((vehicle.pad,), vehicle.home_level_m, top_m)
     low_m = high_m = vehicle.cruise_altitude_m
-    level_m, own_m = vehicle.level_m, state.setting.mission.altitude_m(vehicle.vehicle - 1)
-    if abs(level_m - own_m) <= OFF_LAYER_M:  # it is in its layer still
-        level_m = own_m
-    if abs(level_m - low_m) > OFF_LAYER_M:
-        low_m, high_m = sorted((level_m, low_m))
+    if abs(vehicle.level_m - low_m) > OFF_LAYER_M:
+        own_m, level_m = state.setting.mission.altitude_m(vehicle.vehicle - 1), vehicle.level_m
+        in_own = abs(level_m - own_m) <= OFF_LAYER_M  # it is in its layer still
+        low_m, high_m = sorted((own_m if in_own else level_m, low_m))
     stray_m = 0.0 if vehicle.braking_until_s is None else stopping_m(state.setting)
     return Volume((vehicle.position, *_places(state, order, ahead_s)), low_m, high_m, stray_m)
 

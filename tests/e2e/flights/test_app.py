@@ -6,20 +6,15 @@ With UAVMAP_PICTURES=FOLDER in the environment it leaves pictures of the page th
 from __future__ import annotations
 
 import contextlib
-import io
-import os
 import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
-
 from tests.e2e import rig
-from tests.support.page.browser import browser, need_browser
+from tests.support.page.browser import browser, keep_picture, need_browser
 
-FOLDER = os.environ.get("UAVMAP_PICTURES")
 CORNERS = "8.6,47.4 8.601,47.4 8.601,47.401 8.6,47.401 8.6,47.4"
 KML = f"""<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><name>meadow</name><Polygon>
 <outerBoundaryIs><LinearRing><coordinates>{CORNERS}</coordinates></LinearRing></outerBoundaryIs>
@@ -89,12 +84,6 @@ class Page:
         drawn = middle(self.found(".app-leaflet"), -50, -40).click_and_hold()
         drawn.move_by_offset(100, 80).release().perform()
 
-    def picture(self, name: str) -> None:
-        if FOLDER:
-            with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as image:
-                image.thumbnail((900, 900))
-                image.convert("RGB").save(Path(FOLDER) / name, quality=80, optimize=True)
-
 
 def test_from_an_empty_folder_to_a_map_with_clicks_alone(tmp_path):
     need_browser()
@@ -117,7 +106,7 @@ def test_from_an_empty_folder_to_a_map_with_clicks_alone(tmp_path):
         page.wait("uavmap new field.geojson --out field.toml --drone sim")
         page.wait("done (exit code 0)")
         rig.wait_until(lambda: page.found(".app-plan img") is not None, "the plan")
-        page.picture("app-areas.jpg")
+        keep_picture(driver, "app-areas.jpg")
         page.send("drawn by a friend.kml", tmp_path / "sent", KML)
         page.wait("imported: drawn by a friend.kml")
         page.write("name of the mission", "meadow")
@@ -134,11 +123,12 @@ def test_from_an_empty_folder_to_a_map_with_clicks_alone(tmp_path):
         page.press("Practise")
         page.wait("uavmap fly 'a speck.toml' --speedup 20 --page 0 --yes --auto-swap --connect")
         rig.wait_until(lambda: page.found("a", "live page") is not None, "the live page")
-        page.picture("app-practise.jpg")
+        assert "/?token=" in page.found("a", "live page").get_attribute("href")
+        keep_picture(driver, "app-practise.jpg")
         page.open("Results")
         page.wait("complete, ")
         page.wait("done (exit code 0)")
-        page.picture("app-results.jpg")
+        keep_picture(driver, "app-results.jpg")
         page.press("Report")
         page.wait("report.html")
         page.open("Commands")

@@ -6,24 +6,19 @@ With UAVMAP_PICTURES=FOLDER in the environment it leaves pictures of the page th
 from __future__ import annotations
 
 import contextlib
-import io
-import os
 import queue
 import re
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
-from PIL import Image
 
 from tests.e2e import rig
-from tests.support.page.browser import browser, need_browser
+from tests.support.page.browser import FOLDER, browser, keep_picture, need_browser
 
 SPEEDUP = 3.0
 """Slow enough that a battery outlasts a pause in which a busy machine starts tabs."""
-FOLDER = os.environ.get("UAVMAP_PICTURES")
 
 
 @contextlib.contextmanager
@@ -75,12 +70,6 @@ class Page:
     def wait(self, script: str) -> None:
         rig.wait_until(lambda: bool(self.shows(script)), script)
 
-    def picture(self, name: str) -> None:
-        if FOLDER:
-            with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as image:
-                image.thumbnail((900, 900))
-                image.convert("RGB").save(Path(FOLDER) / name, quality=80, optimize=True)
-
 
 def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(folder):
     need_browser()
@@ -121,7 +110,7 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(folder):
             page.wait("flightMap.board.version && flightMap.frames")
             width = driver.execute_script("return document.documentElement.scrollWidth")
             assert width <= driver.execute_script("return window.innerWidth") <= 400
-            page.picture("page-phone.jpg")
+            keep_picture(driver, "page-phone.jpg")
             driver.close()
             driver.switch_to.window(first)
             driver.set_window_size(1280, 800)
@@ -154,7 +143,7 @@ def test_pictures_for_the_documentation(tmp_path):
         driver.get(url)
         page.wait("flightMap.board.fields.roi > 90 && flightMap.board.fields.picture")
         page.wait("document.querySelector('.flight-picture figcaption').textContent")
-        page.picture("page.jpg")
+        keep_picture(driver, "page.jpg")
         assert process.wait() == 0
 
 

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import io
+import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 CHROMIUM, DRIVER = Path("/usr/bin/chromium"), Path("/usr/bin/chromedriver")
+FOLDER = os.environ.get("UAVMAP_PICTURES")
+"""Where pictures for the documentation are left."""
 _ARGUMENTS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -43,3 +48,11 @@ def browser(width_px: int = 1280, height_px: int = 800) -> Iterator[Any]:
             yield driver
         finally:
             driver.quit()
+
+
+def keep_picture(driver: Any, name: str) -> None:
+    """Leave a picture of the page in the folder `UAVMAP_PICTURES`, if that is given."""
+    if FOLDER:
+        with Image.open(io.BytesIO(driver.get_screenshot_as_png())) as image:
+            image.thumbnail((900, 900))
+            image.convert("RGB").save(Path(FOLDER) / name, quality=80, optimize=True)

@@ -12,6 +12,7 @@ from nicegui import ui
 from missions.errors import UavmapError
 from uavmap.base.atomic_write import write_text
 from uavmap.load.areas.drones import CAMERAS, DRONES
+from uavmap.load.mission_source import DRAWINGS
 from uavmap.ui.app.visitor import Visitor
 
 KINDS: Final = {"": "area to search", "geofence": "geofence", "no-fly": "no-fly zone"}
@@ -22,7 +23,6 @@ DETECTORS: Final = {
     "paved": "paved or bare ground",
     "color": "like colours that you give",
 }
-ENDINGS: Final = ".kml,.kmz,.geojson,.json,.zip,.gpkg,.gpx,.csv,.plan,.waypoints,.poly,.fen"
 MOST_BYTES: Final = 50_000_000
 PLACE: Final = (20.0, 0.0)
 """The middle of the map while nothing says where the field is."""
@@ -71,7 +71,6 @@ class Areas:
                 self._add_form()
                 self.plan = ui.element("div").classes("app-plan")
         visitor.on_end("new", self._show_plan)
-        visitor.on_end("check", self._show_plan)
 
     # --- the map -------------------------------------------------------------------------------
     def _add_map(self) -> None:
@@ -88,12 +87,12 @@ class Areas:
             tiles = self._visitor.app.tiles
             said = {
                 "maxZoom": 22,
-                "maxNativeZoom": tiles.zoom,
+                "maxNativeZoom": tiles.zooms[-1],
                 "attribution": escape(tiles.attribution),
             }
             self.map.tile_layer(url_template="/tiles/{z}/{x}/{y}", options=said)
             self.map.set_center(tiles.middle)
-            self.map.set_zoom(tiles.zoom)
+            self.map.set_zoom(tiles.zooms[-1])
         self.map.on("draw:created", self._add_shape)
         with ui.row().classes("app-row"):
             self._at = ui.input("go to: latitude, longitude").props("dense outlined").mark("at")
@@ -134,7 +133,7 @@ class Areas:
         ui.upload(
             label="import KML, GeoJSON, Shapefile (.zip), GeoPackage, .plan ...", auto_upload=True,
             on_upload=self._import, max_file_size=MOST_BYTES,
-        ).props(f"accept={ENDINGS} flat bordered").classes("app-wide").mark("import")  # fmt: skip
+        ).props(f"accept={','.join(DRAWINGS)} flat bordered").classes("app-wide")  # fmt: skip
         self._name = ui.input("name of the mission", value="field").mark("name")
         self._drone = ui.select(list(DRONES), value="sim", label="drone").mark("drone")
         cameras = {"": "the drone's own"} | {name: name for name in CAMERAS}
@@ -153,13 +152,9 @@ class Areas:
 
     def _make(self) -> None:
         workspace = self._visitor.app.workspace
-        try:
-            mission = workspace.new_name(self._name.value or "", ".toml")
-            if self._file is None and not any(kind == "" for kind, _ in self._shapes):
-                raise UavmapError("no area: draw one on the map, or import a file")
-        except UavmapError as error:
-            ui.notify(str(error))
-            return
+        mission = workspace.new_name(self._name.value or "", ".toml")
+        if self._file is None and not any(kind == "" for kind, _ in self._shapes):
+            raise UavmapError("no area: draw one on the map, or import a file")
         source = self._file
         if source is None:
             source = mission.removesuffix(".toml") + ".geojson"
@@ -173,8 +168,8 @@ class Areas:
         self._visitor.run(words)
 
     def _show_plan(self, words: Sequence[str]) -> None:
-        """Show the plan of the mission that a command has made or checked."""
-        name = words[words.index("--out") + 1] if "--out" in words else words[1]
+        """Show the plan of the mission that a command has made."""
+        name = words[words.index("--out") + 1]
         picture = name.removesuffix(".toml") + ".png"
         self.plan.clear()
         with self.plan:

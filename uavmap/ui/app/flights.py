@@ -6,12 +6,13 @@ import asyncio
 import logging
 import re
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from nicegui import background_tasks, ui
 
 from missions.errors import UavmapError
+from uavmap.mavlink.links.urls import parse_url
 from uavmap.ui.app.jobs import Job
 from uavmap.ui.app.visitor import App, Visitor
 from uavmap.ui.page.feed import LOOPBACK
@@ -36,10 +37,7 @@ class Practise:
         visitor.button("Practise", self._begin).mark("practise")
 
     def _begin(self) -> None:
-        mission, app = self._mission.value, self._visitor.app
-        if not mission:
-            ui.notify("no mission: make one under Areas")
-            return
+        mission, app = chosen(self._mission), self._visitor.app
         vehicles, speedup = int(self._vehicles.value or 1), str(self._speedup.value)
         port, http_port = free_ports(vehicles), free_ports(1, socket.SOCK_STREAM)
         simulator = self._visitor.run(
@@ -48,9 +46,8 @@ class Practise:
              "--http-port", str(http_port)]
         )  # fmt: skip
         flight = ["fly", mission, "--speedup", speedup, "--page", "0", "--yes", "--auto-swap"]
-        if simulator is not None:
-            # it goes on where the browser is closed
-            background_tasks.create(flown_in(app, simulator, flight, vehicles), name="practise")
+        # it goes on where the browser is closed
+        background_tasks.create(flown_in(app, simulator, flight, vehicles), name="practise")
 
 
 async def flown_in(app: App, simulator: Job, flight: Sequence[str], vehicles: int) -> None:
@@ -58,16 +55,22 @@ async def flown_in(app: App, simulator: Job, flight: Sequence[str], vehicles: in
 
     Both go on where this is cancelled, because the page ends.
     """
-    while simulator.runs and len(urls := _urls_of(simulator)) < vehicles:  # noqa: ASYNC110 - no event
-        await asyncio.sleep(LOOK_S)
+    await _until(lambda: not simulator.runs or len(_urls_of(simulator)) >= vehicles)
     if not simulator.runs:
         return  # its last line says why
+    connects = [word for url in _urls_of(simulator) for word in ("--connect", url)]
     try:
-        job = app.jobs.begin([*flight, *(word for url in urls for word in ("--connect", url))])
-        await asyncio.to_thread(job.process.wait)
+        job = app.jobs.begin([*flight, *connects])
+        await _until(lambda: not job.runs)
     except UavmapError as error:
         _LOG.info(str(error))
     simulator.interrupt()
+
+
+async def _until(true: Callable[[], bool]) -> None:
+    """Wait for a process; a thread that waits would hold up the end of the page."""
+    while not true():  # noqa: ASYNC110 - a process and its file give no event
+        await asyncio.sleep(LOOK_S)
 
 
 def _urls_of(simulator: Job) -> list[str]:
@@ -93,33 +96,34 @@ class RealAircraft:
         else:
             visitor.button("Ask the vehicles", self._examine).mark("examine")
 
-    def _linked(self, command: str) -> list[str] | None:
+    def _linked(self, command: str) -> list[str]:
         urls = (self._urls.value or "").split()
-        if not self._mission.value:
-            ui.notify("no mission: make one under Areas")
-            return None
-        if wrong := [url for url in urls if not _URL.match(url)]:
-            ui.notify(f"{wrong[0]}: is no link; give one such as udpin://0.0.0.0:14550")
-            return None
-        return [command, self._mission.value, *(w for url in urls for w in ("--connect", url))]
+        for url in urls:
+            parse_url(url)
+        return [command, chosen(self._mission), *(w for url in urls for w in ("--connect", url))]
 
     def _examine(self) -> None:
-        if (words := self._linked("doctor")) is not None:
-            self._visitor.run(words)
+        self._visitor.run(self._linked("doctor"))
 
     def _dry_run(self) -> None:
-        if (words := self._linked("fly")) is not None:
-            self._visitor.run([*words, "--dry-run"])
+        self._visitor.run([*self._linked("fly"), "--dry-run"])
 
     async def _fly(self) -> None:
         words = self._linked("fly")
         question = "Vehicles arm and take off once all checks are good. Is the field clear?"
-        if words is not None and await asked(question, "Take off", "Cancel") is not None:
+        if await asked(question, "Take off", "Cancel") is not None:
             self._visitor.run([*words, "--page", "0", "--yes"])
 
 
+def chosen(mission: ui.select) -> str:
+    """Return the mission that is chosen. Raises `UavmapError` where there is none."""
+    if not mission.value:
+        raise UavmapError("no mission: make one under Areas")
+    return str(mission.value)
+
+
 def free_ports(count: int, kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """Return the first of so many ports in a row that are free now. Raises `OSError`."""
+    """Return the first of so many ports in a row that are free now. Raises `UavmapError`."""
     for first in range(14650, 30000, 100):
         held = []
         try:
@@ -132,4 +136,4 @@ def free_ports(count: int, kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
         finally:
             for each in held:
                 each.close()
-    raise OSError("no port is free")
+    raise UavmapError("no port of this computer is free for the simulator")

@@ -6,6 +6,7 @@ begun at a terminal.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shlex
@@ -26,7 +27,10 @@ MOST_LINES: Final = 400
 MOST_RUNNING: Final = 8
 """Commands that run beside each other: a small computer flies and does little else."""
 _TAIL_BYTES: Final = 1 << 16
-_PAGE: Final = re.compile(r"https?://\S+\?token=\S+")
+_HEAD_BYTES: Final = 1 << 16
+"""A page is begun before all else: its URL is among the first lines."""
+_PAGE: Final = re.compile(r"https?://[^\s/]+/\?token=\S+")
+"""A page, not the map that its server has for a GIS."""
 _ENDS: Final = {0: "done", 2: "refused", 3: "not complete", 4: "an aircraft is down",
                 5: "no verdict", 130: "interrupted"}  # fmt: skip
 
@@ -41,6 +45,7 @@ class Job:
     log: Path
     process: subprocess.Popen[bytes]
     begun_s: float = field(default_factory=time.monotonic)
+    _page: str | None = None
 
     @property
     def shown(self) -> str:
@@ -71,9 +76,14 @@ class Job:
         return [line.rsplit("\r", 1)[-1] for line in text.splitlines()][-MOST_LINES:]
 
     def page(self) -> str | None:
-        """Return the URL of the page that it serves, if it has printed one."""
-        found = [each for line in self.lines() for each in _PAGE.findall(line)]
-        return found[-1] if found and self.runs else None
+        """Return the URL of the page that it serves; None before it has printed one, and after."""
+        if not self.runs:
+            return None
+        if self._page is None:
+            with contextlib.suppress(OSError), self.log.open("rb") as file:
+                found = _PAGE.search(file.read(_HEAD_BYTES).decode("utf-8", "replace"))
+                self._page = None if found is None else found[0]
+        return self._page
 
     def interrupt(self) -> None:
         """Press Ctrl-C: a flight comes home and lands; a second one leaves it to its autopilot."""

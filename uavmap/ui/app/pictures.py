@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from nicegui import ui
 
+from missions.errors import UavmapError
 from uavmap.ui.app.visitor import Visitor
 from uavmap.ui.app.workspace import PICTURES
 
@@ -34,19 +35,18 @@ class Pictures:
     async def _upload(self, event: Any) -> None:
         await self._visitor.keep(event, (self._into.value or "photos").strip())
 
-    def _replay(self) -> None:
+    def _photographs(self) -> str:
         if not self._folder.value:
-            ui.notify("no photographs: upload some")
-            return
-        words = ["replay", self._folder.value]
+            raise UavmapError("no photographs: upload some")
+        return str(self._folder.value)
+
+    def _replay(self) -> None:
+        words = ["replay", self._photographs()]
         words += ["--mission", self._mission.value] if self._mission.value else []
         words += ["--detector", self._detector.value] if self._detector.value else []
         self._visitor.run(words)
 
     def _tune(self) -> None:
-        if not self._folder.value:
-            ui.notify("no photographs: upload some")
-            return
-        folder = self._folder.value
+        folder = self._photographs()
         self._visitor.run(["tune", folder, "--paint", "--examples", f"{folder}{MASKS}",
                            "--out", f"{folder}-detector"])  # fmt: skip

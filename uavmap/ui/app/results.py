@@ -8,7 +8,7 @@ from nicegui import ui
 
 from uavmap.output.documents import FORMATS
 from uavmap.ui.app.visitor import Visitor
-from uavmap.ui.app.workspace import Flown
+from uavmap.ui.app.workspace import Flown, verdict
 from uavmap.ui.page.server import asked
 
 FILES: Final = ("report.html", "report.pdf", "map.png", "map.geojson", "boundary.geojson",
@@ -21,13 +21,13 @@ class Results:
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
-        self._listed: list[tuple[str, str, int]] = []
+        self._listed: list[object] | None = None
         self._list = ui.element("div").classes("app-results")
         visitor.on_update(self._update)
 
     def _update(self) -> None:
         found = self._visitor.app.workspace.results()
-        listed = [(f.name, f.verdict, len(list(f.folder.iterdir()))) for f in found]
+        listed: list[object] = [(flown.stamp, files_of(flown)) for flown in found]
         if listed == self._listed:
             return
         self._listed = listed
@@ -39,22 +39,21 @@ class Results:
                 self._show(flown)
 
     def _show(self, flown: Flown) -> None:
-        visitor, name = self._visitor, flown.name
+        visitor, name, summary = self._visitor, flown.name, flown.summary()
         with ui.element("div").classes("app-result"):
             if (flown.folder / "map.png").is_file():
                 picture = visitor.file_url(f"{name}/map.png")
                 ui.html(f'<a href="{picture}" target="_blank"><img src="{picture}" alt="map"></a>')
             with ui.element("div"):
                 ui.label(name).classes("app-title")
-                ui.label(flown.verdict)
+                ui.label(verdict(summary))
                 with ui.row().classes("app-row"):
-                    for file in FILES:
-                        if (flown.folder / file).is_file():
-                            ui.link(file, visitor.file_url(f"{name}/{file}"), new_tab=True)
+                    for file in files_of(flown):
+                        ui.link(file, visitor.file_url(f"{name}/{file}"), new_tab=True)
                 with ui.row().classes("app-row"):
                     visitor.button("Report", lambda: self._run("report", name))
                     visitor.button("Look at the flight", lambda: self._watch(name))
-                    if flown.summary is None or not flown.summary.get("completed"):
+                    if summary is None or not summary.get("completed"):
                         visitor.button("Go on", lambda: self._resume(name), grave=True)
                     chosen = ui.select(list(FORMATS), value="gpkg").props("dense outlined")
                     visitor.button(
@@ -71,3 +70,8 @@ class Results:
 
     def _watch(self, name: str) -> None:
         self._visitor.run(["watch", name, "--port", "0"])
+
+
+def files_of(flown: Flown) -> list[str]:
+    """Return which of `FILES` there are."""
+    return [file for file in FILES if (flown.folder / file).is_file()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import sqlite3
 from pathlib import Path
 from typing import Final
 
@@ -10,6 +12,7 @@ from fastapi.responses import FileResponse
 from nicegui import Client, ui
 
 from missions.errors import UavmapError
+from uavmap.load.mbtiles import kind_of
 from uavmap.ui.app.areas import Areas
 from uavmap.ui.app.flights import Practise, RealAircraft
 from uavmap.ui.app.pictures import Pictures
@@ -44,8 +47,13 @@ def serving(app: App, token: str, port: int) -> Server:
 
     @fast.get("/tiles/{zoom}/{x}/{y}")
     async def tile(zoom: int, x: int, y: int) -> Response:
-        found = app.tiles.tile(zoom, x, y) if app.tiles is not None and 0 <= zoom <= 24 else None
-        return Response(None, 404) if found is None else Response(found[0], 200, None, found[1])
+        data = None
+        if app.tiles is not None and zoom in app.tiles.zooms:
+            with contextlib.suppress(sqlite3.Error):
+                data = app.tiles.tile(zoom, x, y)
+        if data is None:
+            return Response(None, 404)
+        return Response(data, media_type=f"image/{kind_of(data)}".replace("jpg", "jpeg"))
 
     @ui.page("/")
     def page(client: Client) -> None:

@@ -10,14 +10,14 @@ from urllib.parse import quote
 from nicegui import ui
 
 from missions.errors import UavmapError
+from uavmap.load.mbtiles import Tiles
 from uavmap.ui.app.controls import Controls
 from uavmap.ui.app.jobs import Job, Jobs
-from uavmap.ui.app.tiles import Tiles
 from uavmap.ui.app.workspace import Workspace
 from uavmap.ui.page.server import asked
 
 SHOWN_LINES: Final = 14
-WATCHES: Final = "another browser holds the controls; ask for them above"
+LISTED_EVERY: Final = 4
 
 
 class App:
@@ -38,6 +38,7 @@ class Visitor:
         self.id = secrets.token_hex(8)
         self._job: Job | None = app.jobs.all[-1] if app.jobs.all else None
         self._known = len(app.jobs.all)
+        self._beats = 0
         self._ended: set[int] = {job.number for job in app.jobs.all if not job.runs}
         self._on_end: dict[str, list[Callable[[Sequence[str]], None]]] = {}
         self._buttons: list[ui.button] = []
@@ -51,22 +52,20 @@ class Visitor:
         look = "color=red-10" if grave else "color=grey-9"
 
         async def press() -> None:
-            if not self.holds():
-                ui.notify(WATCHES)
-            elif (waits := act()) is not None:
-                await waits
+            try:
+                self.refuse_watcher()
+                if (waits := act()) is not None:
+                    await waits
+            except UavmapError as error:
+                ui.notify(str(error))
 
         button = ui.button(text, on_click=press).props(f"no-caps outline {look}")
         self._buttons.append(button)
         return button
 
-    def run(self, words: Sequence[str]) -> Job | None:
-        """Run a command and show it; None where that cannot be."""
-        try:
-            self._job = self.app.jobs.begin(words)
-        except UavmapError as error:
-            ui.notify(str(error))
-            return None
+    def run(self, words: Sequence[str]) -> Job:
+        """Run a command and show it. Raises `UavmapError` where that cannot be."""
+        self._job = self.app.jobs.begin(words)
         return self._job
 
     def on_end(self, command: str, act: Callable[[Sequence[str]], None]) -> None:
@@ -74,18 +73,22 @@ class Visitor:
         self._on_end.setdefault(command, []).append(act)
 
     def on_update(self, act: Callable[[], None]) -> None:
-        """Do something twice a second."""
+        """Do something at every `LISTED_EVERY`th update: what reads folders."""
         self._updates.append(act)
 
     def holds(self) -> bool:
         """Return whether this browser holds the controls."""
         return self.app.controls.held_by(self.id)
 
+    def refuse_watcher(self) -> None:
+        """Raise `UavmapError` for a browser without the controls."""
+        if not self.holds():
+            raise UavmapError("another browser holds the controls; ask for them above")
+
     async def keep(self, event: Any, folder: str = "") -> str | None:
         """Keep a file that the browser has sent; return its name, None where it is refused."""
         try:
-            if not self.holds():
-                raise UavmapError(WATCHES)
+            self.refuse_watcher()
             path = self.app.workspace.place_for(folder, event.file.name)
         except UavmapError as error:
             ui.notify(str(error))
@@ -156,8 +159,10 @@ class Visitor:
                 if job.process.poll() == 0:
                     for act in self._on_end.get(job.words[0], ()):
                         act(job.words)
-        for update in self._updates:
-            update()
+        self._beats += 1
+        if self._beats % LISTED_EVERY == 1:
+            for update in self._updates:
+                update()
 
     def _refresh_job(self) -> None:
         if len(self.app.jobs.all) > self._known:  # the newest is shown, whoever began it

@@ -30,17 +30,35 @@ class Flown:
     folder: Path
     name: str
     """Its path from the workspace."""
-    summary: dict[str, Any] | None
-    """None while it has no end."""
 
     @property
-    def verdict(self) -> str:
-        """Return in a few words how it ended."""
-        if self.summary is None:
-            return "no end yet: under way, or interrupted"
-        area_m2 = sum(float(patch.get("area_m2", 0.0)) for patch in self.summary.get("patches", ()))
-        area = f", {area_m2:,.0f} m2" if area_m2 else ""
-        return ("complete" if self.summary.get("completed") else "not complete") + area
+    def stamp(self) -> tuple[str, int | None]:
+        """Return what changes when it ends, or goes on."""
+        try:
+            return self.name, (self.folder / _SUMMARY).stat().st_mtime_ns
+        except OSError:
+            return self.name, None
+
+    def summary(self) -> dict[str, Any] | None:
+        """Read its figures; None while it has no end."""
+        try:
+            summary = json.loads(read_text(self.folder / _SUMMARY, _SUMMARY_BYTES))
+        except (OSError, ValueError):
+            return None
+        return summary if isinstance(summary, dict) else None
+
+
+def verdict(summary: dict[str, Any] | None) -> str:
+    """Return in a few words how a flight or a replay ended.
+
+    >>> verdict({"completed": True, "patches": [{"area_m2": 1200.4}]})
+    'complete, 1,200 m2'
+    """
+    if summary is None:
+        return "no end yet: under way, or interrupted"
+    area_m2 = sum(float(patch.get("area_m2", 0.0)) for patch in summary.get("patches", ()))
+    area = f", {area_m2:,.0f} m2" if area_m2 else ""
+    return ("complete" if summary.get("completed") else "not complete") + area
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +74,8 @@ class Workspace:
     def results(self) -> list[Flown]:
         """Return the results folders, the newest first."""
         found = self.folder.glob(f"{RESULTS}/*/{JOURNAL}")
-        return [self._flown(path.parent) for path in _newest(found)]
+        folders = (path.parent for path in _newest(found))
+        return [Flown(folder, str(folder.relative_to(self.folder))) for folder in folders]
 
     def picture_folders(self) -> list[str]:
         """Return the folders that hold pictures, apart from results."""
@@ -102,14 +121,6 @@ class Workspace:
         if (self.folder / (name + ending)).exists():
             raise UavmapError(f"{name}{ending}: is there already; give another name")
         return name + ending
-
-    def _flown(self, folder: Path) -> Flown:
-        name = str(folder.relative_to(self.folder))
-        try:
-            summary = json.loads(read_text(folder / _SUMMARY, _SUMMARY_BYTES))
-        except (OSError, ValueError):
-            summary = None
-        return Flown(folder, name, summary if isinstance(summary, dict) else None)
 
 
 def _newest(paths: Iterable[Path]) -> list[Path]:

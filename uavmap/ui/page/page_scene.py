@@ -21,6 +21,7 @@ from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon
 from uavmap.journal.kept_frames import KeptFrame
+from uavmap.load.mbtiles import Tiles
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.mosaic_file import SIDE_PX, bounds_around
 from uavmap.output.facts.map_model import State
@@ -36,7 +37,6 @@ MOST_TILES: Final = 120
 _NODES: Final = 33
 """Number of points a side on which the projection is computed; linear between them."""
 _MERCATOR_M: Final = 2.0 * math.pi * 6378137.0
-_TILE_BYTES: Final = 8 << 20
 
 Colours = NDArray[np.uint8]
 
@@ -78,8 +78,8 @@ def of_tiles(path: Path, setting: Setting) -> Background:
     nodes = _mercator(setting.grid, np.linspace(west_m, east_m, _NODES),
                       np.linspace(north_m, south_m, _NODES))  # fmt: skip
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
-            laid = _laid(database, path, nodes, m_per_px, setting.mission.home.lat_deg)
+        with closing(Tiles(path)) as tiles:
+            laid = _laid(tiles, nodes, m_per_px, setting.mission.home.lat_deg)
     except (sqlite3.Error, UnicodeError, ValueError) as error:
         raise OutputError(f"--tiles {path}: cannot be read as MBTiles: {error}") from None
     canvas, pixels = laid
@@ -134,27 +134,18 @@ def _mercator(
 
 
 def _laid(
-    database: sqlite3.Connection,
-    path: Path,
-    nodes: NDArray[np.float64],
-    m_per_px: float,
-    lat_deg: float,
+    file: Tiles, nodes: NDArray[np.float64], m_per_px: float, lat_deg: float
 ) -> tuple[Colours, NDArray[np.float64]]:
-    kind = database.execute("SELECT value FROM metadata WHERE name = 'format'").fetchone()
-    if kind == ("pbf",):
-        raise OutputError(f"--tiles {path}: holds vector tiles; tiles of pictures are shown")
-    low, high = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
-    if low is None:
-        raise OutputError(f"--tiles {path}: holds no tile")
+    low, high = file.zooms[0], file.zooms[-1]
     fine = math.log2(_MERCATOR_M * math.cos(math.radians(lat_deg)) / 256.0 / m_per_px)
-    for zoom in range(min(int(high), math.ceil(fine), 24), max(int(low), 0) - 1, -1):
+    for zoom in range(min(high, math.ceil(fine), 24), max(low, 0) - 1, -1):
         (left, top), (right, bottom) = (
             np.floor(edge * 2**zoom).astype(int).tolist()
             for edge in (nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1)))
         )
         if (right - left + 1) * (bottom - top + 1) > MOST_TILES:
             continue
-        tiles = dict(_tiles(database, zoom, range(left, right + 1), range(top, bottom + 1)))
+        tiles = dict(_tiles(file, zoom, range(left, right + 1), range(top, bottom + 1)))
         if tiles:
             side = next(iter(tiles.values())).shape[0]
             shape = ((bottom - top + 1) * side, (right - left + 1) * side, 3)
@@ -165,24 +156,19 @@ def _laid(
                     canvas[at[0] : at[0] + side, at[1] : at[1] + side] = tile
             return canvas, (nodes * 2**zoom - (left, top)) * side - 0.5
     raise OutputError(
-        f"--tiles {path}: has no tile of this mission's place (zoom {low} to {high}); tiles of "
-        f"{lat_deg:.3f} deg north and around are needed"
+        f"--tiles {file.path}: has no tile of this mission's place (zoom {low} to {high}); tiles "
+        f"of {lat_deg:.3f} deg north and around are needed"
     )
 
 
 def _tiles(
-    database: sqlite3.Connection, zoom: int, columns: range, rows: range
+    file: Tiles, zoom: int, columns: range, rows: range
 ) -> Iterator[tuple[tuple[int, int], Colours]]:
-    """Yield the tiles of a file, in which rows are counted from the south."""
-    question = (
-        "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
-    )
     for x in columns:
         for y in rows:
-            found = database.execute(question, (zoom, x, 2**zoom - 1 - y)).fetchone()
-            if found is None or not isinstance(found[0], bytes) or len(found[0]) > _TILE_BYTES:
+            if (data := file.tile(zoom, x, y)) is None:
                 continue
-            image = cv2.imdecode(np.frombuffer(found[0], np.uint8), cv2.IMREAD_COLOR)
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
             if image is not None and image.shape[0] <= 1024:
                 yield (x, y), image.astype(np.uint8)
 

@@ -45,8 +45,8 @@ def run(options: argparse.Namespace) -> int:
     if not folder.is_dir():
         raise OutputError(f"{folder}: there is no such folder; make it, or name another")
     # NiceGUI takes a second to load: the command line does not
+    from uavmap.load.mbtiles import Tiles  # noqa: PLC0415
     from uavmap.ui.app.server import serving  # noqa: PLC0415
-    from uavmap.ui.app.tiles import Tiles  # noqa: PLC0415
     from uavmap.ui.app.visitor import App  # noqa: PLC0415
     from uavmap.ui.app.workspace import Workspace  # noqa: PLC0415
 

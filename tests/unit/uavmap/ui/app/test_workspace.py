@@ -12,9 +12,9 @@ import pytest
 
 from missions.errors import OutputError, UavmapError
 from uavmap.journal.flight_plan import JOURNAL
+from uavmap.load.mbtiles import Tiles
 from uavmap.ui.app.jobs import MOST_RUNNING, Jobs
-from uavmap.ui.app.tiles import Tiles
-from uavmap.ui.app.workspace import Workspace
+from uavmap.ui.app.workspace import Workspace, verdict
 
 
 def test_missions_pictures_detectors_and_results_are_listed(tmp_path: Path) -> None:
@@ -34,7 +34,7 @@ def test_missions_pictures_detectors_and_results_are_listed(tmp_path: Path) -> N
     assert workspace.missions() == ["field.toml"]
     assert workspace.picture_folders() == ["photos"]
     assert workspace.detectors() == ["grass"]
-    verdicts = {flown.name: flown.verdict for flown in workspace.results()}
+    verdicts = {flown.name: verdict(flown.summary()) for flown in workspace.results()}
     assert verdicts == {
         "results/old": "complete, 1,200 m2",
         "results/new": "no end yet: under way, or interrupted",
@@ -118,10 +118,10 @@ def test_tiles_of_a_file(tmp_path: Path) -> None:
         database.execute("INSERT INTO tiles VALUES (1, 1, 1, ?)", (png,))
         database.execute("INSERT INTO tiles VALUES (1, 0, 1, 'no bytes')")
     tiles = Tiles(path)
-    assert tiles.tile(1, 1, 0) == (png, "image/png")  # rows of the file count from the south
+    assert tiles.tile(1, 1, 0) == png  # rows of the file count from the south
     assert tiles.tile(1, 0, 0) is None
     assert tiles.tile(9, 0, 0) is None
-    assert tiles.zoom == 1
+    assert tiles.zooms == range(1, 2)
     assert tiles.middle == pytest.approx((66.513, 0.0), abs=1e-3)
     (tmp_path / "none.mbtiles").write_bytes(b"no database")
     with pytest.raises(OutputError, match="cannot be read as MBTiles"):

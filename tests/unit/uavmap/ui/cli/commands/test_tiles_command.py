@@ -15,7 +15,7 @@ import pytest
 
 from missions.units import LatLon
 from uavmap.load.map_tiles import Bounds, Tile
-from uavmap.ui.app.tiles import Tiles
+from uavmap.load.mbtiles import Tiles
 from uavmap.ui.cli import main
 
 PNG = cv2.imencode(".png", np.full((256, 256, 3), 120, np.uint8))[1].tobytes()
@@ -75,7 +75,7 @@ def test_the_tiles_of_a_mission_are_kept_and_shown(maps, tmp_path, capsys):
     assert f"{count} tiles fetched, {count} of {count}" in capsys.readouterr().err
     shown = Tiles(out)
     zoom, x, y = (int(part) for part in maps.asked[-1].removesuffix(".png").split("/")[1:])
-    assert shown.tile(zoom, x, y) == (PNG, "image/png")
+    assert shown.tile(zoom, x, y) == PNG
     assert shown.middle == pytest.approx((37.1977, -80.578), abs=0.01)
     assert shown.attribution == "(c) nobody"
     # again: nothing is asked for
