@@ -16,7 +16,7 @@ from missions.units import GridPoint
 from tests.e2e import rig
 from tests.e2e.flights.test_page import Page
 from tests.golden.recording import STOPS
-from tests.support.page.browser import browser, need_browser
+from tests.support.page.browser import browser, keep_picture, need_browser
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.ui.page.feed import Feed, opened
@@ -88,7 +88,7 @@ def test_alarm_that_is_acknowledged_shows_and_sounds_again_only_when_it_comes_an
         flown.send()
         page.wait(f"{SEEN} === 'vehicle 1: link lost'")
         assert page.shows("flightSound.times") >= 1
-        page.picture("page-alarm.jpg")
+        keep_picture(page.driver, "page-alarm.jpg")
         page.press(".flight-alarms button")
         page.wait(f"document.querySelector('.flight-alarms.known') && {SEEN} === ''")
 
@@ -141,6 +141,6 @@ def test_phone_shows_figures_legend_and_a_large_return_at_the_bottom():
         figures = page.shows("document.querySelector('.flight-vehicles li').textContent")
         for name in ("control", "uavmap", "speed", "m/s", "home", "camera", "left"):
             assert name in figures
-        page.picture("page-phone-orders.jpg")
+        keep_picture(page.driver, "page-phone-orders.jpg")
         page.driver.execute_script("window.scrollTo(0, 700)")
-        page.picture("page-phone-figures.jpg")
+        keep_picture(page.driver, "page-phone-figures.jpg")

@@ -137,11 +137,12 @@ def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | 
     with shown_on(terminal):
         plan, mission = with_ground(plan), plan.mission
         folder = results_folder(options.out, mission.name)
-        terminal.show(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
         if mission.camera.calibration is not None:
             terminal.show("camera.calibration is for recorded pictures; this flight uses hfov_deg")
         try:
             with beside(options, plan, folder, terminal) as onlookers:
+                into = f"{mission.name} into {folder}"  # not before page and TAK are there
+                terminal.show(f"{into}; if it is interrupted: uavmap resume {folder}")
                 company = Company(onlookers=onlookers, preflight=preflight)
                 summary = fly(plan, folder, company, keep_frames=options.keep_frames)
         except (NotFlownError, ExceptionGroup) as error:
