@@ -48,7 +48,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Pages that the navigation does not name stand at its end: none is without a way to it."""
     named = set(re.findall(r"[\w./-]+\.md", json.dumps(config.nav)))
     docs = Path(config.docs_dir)
-    rest = [path.name for path in sorted(docs.glob("*.md")) if path.name not in named]
+    pages = (path.relative_to(docs).as_posix() for path in sorted(docs.rglob("*.md")))
+    rest = [page for page in pages if page not in named and not page.startswith("decisions/")]
     if rest and config.nav is not None:
         config.nav.append({"More": rest})
     return config
@@ -57,7 +58,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Links to the notebooks, and to the folder of decisions, lead to their pages."""
     markdown = markdown.replace("](decisions/)", f"]({DECISIONS})")
-    return re.sub(r"\]\(\.\./examples/([\w-]+)\.ipynb\)", r"](examples/\1.md)", markdown)
+    return re.sub(r"\]\(\.\./\.\./examples/([\w-]+)\.ipynb\)", r"](../examples/\1.md)", markdown)
 
 
 def decisions_page() -> str:

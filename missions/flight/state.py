@@ -4,7 +4,8 @@ The reducer asks `setting.strategy`, `setting.team` and `setting.heights`. They 
 two calls: what a strategy has to remember is `State.memory`. So a resume repeats what was flown.
 
 To add a strategy, inherit from `Strategy` or a strategy in `missions.flight.strategy`, and give it
-a name with `missions.flight.strategies.register`, or by an entry point (docs/strategies.md).
+a name with `missions.flight.strategies.register`, or by an entry point
+(docs/explanation/strategies.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The mission file: TOML in, a `Mission` out. docs/missions.md says what each key means.
+"""The mission file: TOML in, a `Mission` out. docs/reference/missions.md says what each key means.
 
 Unknown keys are errors, and every message names the file, the key, the value and what was expected.
 Checks that need geometry are in `missions.mission.checks`; `parse_mission` runs both. Defaults are

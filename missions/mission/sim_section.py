@@ -1,4 +1,4 @@
-"""The tables of a mission file that only the simulator reads; keys are in docs/missions.md."""
+"""The tables of a mission file of the simulator alone (docs/reference/missions.md)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Keyframes are moments at which a position was reported and a picture was taken; links are movements
 between two of them that their pictures show. From both follows the error of the reported position,
-and whether satellites can be believed. What it is for and how it does: docs/own-map.md.
+and whether satellites can be believed. What it is for and how it does: docs/explanation/own-map.md.
 """
 
 from missions.navigation.network import Disagreement, Estimate, ToldErrors

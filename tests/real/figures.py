@@ -1,5 +1,5 @@
 """The figures of flights of real autopilots, kept in `figures.json` and shown as one table in
-`docs/real-aircraft.md`: `python -m tests.real.figures` writes the table anew.
+`docs/reference/real-autopilots.md`: `python -m tests.real.figures` writes the table anew.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 ROOT: Final = Path(__file__).parents[2]
 KEPT: Final = Path(__file__).with_name("figures.json")
-PAGE: Final = ROOT / "docs" / "real-aircraft.md"
+PAGE: Final = ROOT / "docs" / "reference" / "real-autopilots.md"
 BEGIN: Final = "<!-- flights of real autopilots -->"
 END: Final = "<!-- end of the flights -->"
 NAMES: Final = {"ardupilot": "ArduCopter", "px4": "PX4"}

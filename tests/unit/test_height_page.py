@@ -23,7 +23,7 @@ def test_the_picture_is_what_the_program_draws():
     ],
 )
 def test_the_defaults_of_the_page_are_those_of_the_code(key, value):
-    text = (DOCS / "height-and-speed.md").read_text("utf-8")
+    text = (DOCS / "explanation" / "height-and-speed.md").read_text("utf-8")
     row = re.search(rf"^\| `{key}` \| ([0-9.]+) \|", text, re.MULTILINE)
     assert row is not None
     assert float(row[1]) == value

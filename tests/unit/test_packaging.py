@@ -17,7 +17,7 @@ from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, parser
 FOLDER = ROOT / "packaging" / "systemd"
 UNITS = sorted(FOLDER.glob("*.service"))
 PROGRAM = "/opt/uavmap/bin/uavmap"
-PAGE = ROOT / "docs" / "onboard.md"
+PAGE = ROOT / "docs" / "how-to" / "onboard.md"
 
 
 @pytest.fixture(params=UNITS, ids=lambda unit: unit.stem)

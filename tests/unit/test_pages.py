@@ -25,8 +25,7 @@ FILES = ("tlog", "gif", "kml", "gpx")
 ROOMS = ("missions", "vision", "sitl", "uavmap", "tests")
 PAGES = [
     *sorted(ROOT.glob("*.md")),
-    *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "decisions").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
 ]
 _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 
@@ -158,7 +157,7 @@ def floors(room: str) -> list[set[str]]:
 
 @pytest.mark.parametrize("room", ["missions", "uavmap", "sitl"])
 def test_the_architecture_has_the_floors_that_are_held(room):
-    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    text = (ROOT / "docs" / "explanation" / "architecture.md").read_text("utf-8")
     table = re.search(rf"^\| `{room}`[^|]* \| \|\n\|---.*\n((?:\|.*\n)+)", text, re.MULTILINE)
     assert table is not None
     rows = [set(re.findall(r"`([\w.]+)`", row.split("|")[1])) for row in table[1].splitlines()]
@@ -180,7 +179,7 @@ def test_the_glossary_has_every_phase_and_every_return_reason(word):
 
 FIGURES = re.findall(
     r"^\| [^|]+ \| ([^|]+) \| `([\w.]+)` \|$",
-    (ROOT / "docs" / "safety.md").read_text("utf-8"),
+    (ROOT / "docs" / "explanation" / "safety.md").read_text("utf-8"),
     re.MULTILINE,
 )
 

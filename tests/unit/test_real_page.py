@@ -6,7 +6,7 @@ from pathlib import Path
 from tests.real.figures import kept, written
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "real-aircraft.md"
+PAGE = ROOT / "docs" / "reference" / "real-autopilots.md"
 
 
 def test_every_test_that_the_page_names_exists():

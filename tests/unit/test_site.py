@@ -34,8 +34,10 @@ def keys_of(section: type[BaseModel], name: str = "") -> set[str]:
 
 
 def test_the_reference_is_that_of_the_schema():
-    page = (ROOT / "docs" / "missions.md").read_text("utf-8")
-    assert page == reference(), "python -m uavmap.load.areas.mission_reference > docs/missions.md"
+    page = (ROOT / "docs" / "reference" / "missions.md").read_text("utf-8")
+    assert page == reference(), (
+        "python -m uavmap.load.areas.mission_reference > docs/reference/missions.md"
+    )
 
 
 def test_the_reference_has_every_key_and_says_what_it_is():
@@ -55,7 +57,7 @@ def test_the_reference_has_every_key_and_says_what_it_is():
 
 # --- the names of Python -------------------------------------------------------------------------
 def test_the_page_of_names_has_all_of_them():
-    page = (ROOT / "docs" / "api.md").read_text("utf-8")
+    page = (ROOT / "docs" / "reference" / "api.md").read_text("utf-8")
     names = {name for name in uavmap.__all__ if not name.endswith(("Error", "__"))}
     shown = {line.rpartition(".")[2] for line in page.splitlines() if line.startswith("::: ")}
     assert names | {"errors"} == shown

@@ -1,5 +1,5 @@
 """Where a robot is on a grid, if all that it senses are the eight neighbours of its cell.
 
 After Wongngamnit and Angluin, "The Robot, the Grid, and the Algorithm" (1999), with a planner, and
-with errors of sensor and odometry. What it is for and how it does: docs/localization.md.
+with errors of sensor and odometry. Its page: docs/explanation/localization.md.
 """

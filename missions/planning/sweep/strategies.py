@@ -20,20 +20,20 @@ SWATH = About(
     "swath",
     "every ROI cell that hangs together with the first is decided, and its neighbours; in flight T "
     "<= twice the bound of rdfs in seconds, a leg and two minutes",
-    "paths planned anew while they are flown: docs/strategies.md",
+    "paths planned anew while they are flown: docs/explanation/strategies.md",
     "the shape is unknown and time counts",
 )
 SURVEY = About(
     "survey",
     "every cell of the box is decided where no frame errs; no bound",
-    "lanes over the box: docs/strategies.md",
+    "lanes over the box: docs/explanation/strategies.md",
     "a box is known to hold the region; to compare with",
 )
 LEAPFROG = About(
     "leapfrog",
     "the mapper never leaves the tracker's picture; every cell of the box is decided where no "
     "frame errs; no bound",
-    "one hovers and tracks the other: docs/navigation.md",
+    "one hovers and tracks the other: docs/how-to/navigation.md",
     "satellites are lost over a box, and two vehicles have a marker on top",
 )
 NONSTOP: Final = {strategy.name: strategy for strategy in (SWATH, SURVEY)}

@@ -1,6 +1,6 @@
 """How long flight without stopping takes on grown regions, and what a decision of it takes.
 
-python -m tests.benchmarks.planning.nonstop                      # the table of docs/strategies.md
+python -m tests.benchmarks.planning.nonstop                # table of docs/explanation/strategies.md
 python -m tests.benchmarks.planning.nonstop --count 5 --offline 3 --footprint 23
 python -m tests.benchmarks.planning.nonstop --case ragged:120:3 --planner-seeds 5
 python -m tests.benchmarks.planning.nonstop --decisions      # large regions: milliseconds of a plan

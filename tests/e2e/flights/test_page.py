@@ -132,7 +132,7 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(folder):
 
 def test_pictures_for_the_documentation(tmp_path):
     if not FOLDER:
-        pytest.skip("UAVMAP_PICTURES=FOLDER asks for the pictures of docs/page.md")
+        pytest.skip("UAVMAP_PICTURES=FOLDER asks for the pictures of docs/how-to/page.md")
     need_browser()
     flight = ["fly", "runway", "--sim", "--vehicles", 2, "--speedup", 10, "--page", 0]
     with (

@@ -1,7 +1,7 @@
 """Common multicopters that speak MAVLink, and cameras for them: the makers' published figures.
 
-Sources are in docs/new.md; none was measured here. Hover power is the battery's energy over the
-maker's hovering time, to empty.
+Sources are in docs/tutorials/your-area.md; none was measured here. Hover power is the energy of
+the battery over the maker's hovering time, to empty.
 """
 
 from __future__ import annotations
@@ -126,4 +126,5 @@ def table_lines() -> Iterator[str]:
             f"  {name:15}  {camera.hfov_deg:5.1f} degrees  {pixels:11}  {camera.interval_s:6g} s  "
             f"{camera.mounting:8}  {camera.title}"
         )
-    yield "these are the makers' figures, not measured (docs/new.md); options override them"
+    yield "these are the makers' figures, not measured (docs/tutorials/your-area.md); "
+    "options override them"

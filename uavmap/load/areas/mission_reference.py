@@ -16,19 +16,18 @@ Schema = Mapping[str, Any]
 _HEAD: Final = """\
 # Mission files
 
-<!-- made by: python -m uavmap.load.areas.mission_reference > docs/missions.md -->
+<!-- made by: python -m uavmap.load.areas.mission_reference > docs/reference/missions.md -->
 
-A mission file says where a region may be, who flies, and how. It is a text in TOML: lines `key =
-value`, in tables `[name]`. [`uavmap new`](new.md) writes one from a drawing, with a comment on
-every key; `uavmap check FILE` reports what is wrong with one, by line, key, value and remedy. The
-missions that are shipped (`missions/shipped`) are examples.
+A mission file defines the area, the aircraft and the flight. It is a text in TOML: lines `key =
+value`, in tables `[name]`. [`uavmap new`](../tutorials/your-area.md) writes one from a drawing,
+with a comment on every key. `uavmap check FILE` reports each error: line, key, value and remedy.
+The shipped missions (`missions/shipped`) are examples.
 
-A key that is left out takes its default; a key that is not known is an error. Positions are
-`[latitude, longitude]` in degrees (WGS84), angles are degrees clockwise from true north. The
-words are in the [glossary](glossary.md).
+A key that is left out takes its default; an unknown key is an error. Angles are degrees clockwise
+from true north. The words are in the [glossary](../glossary.md).
 
-A *position* is `[latitude, longitude]`, a *ring* a list of at least three positions, once around
-an area.
+A *position* is `[latitude, longitude]` in degrees (WGS84). A *ring* is a list of at least three
+positions around an area.
 """
 
 _NESTED: Final[Mapping[str, str]] = {
@@ -40,7 +39,7 @@ _NESTED: Final[Mapping[str, str]] = {
     "search.prior.holes": "of the polygon",
     "search.prior.weight": "how probable it is, beside the other places",
     "detector.classes": "The classes that a detector tells apart: besides `region` a table for "
-    "each, by name, with `number` and perhaps `thickness_um` (docs/classes.md).",
+    "each, by name, with `number` and perhaps `thickness_um` (docs/how-to/classes.md).",
     "detector.classes.region": "names of those that are explored; without it all of them",
     "terrain.dem": "What is kept of a GeoTIFF: uavmap writes it, no person does.",
     "terrain.dem.west_m": "of the first height, from the start",
@@ -126,7 +125,10 @@ def reference() -> str:
         else:
             lines += ["## The mission", ""]
         if name == "detector":
-            lines += ["A detector may have a table of its own: [detectors](detectors.md).", ""]
+            lines += [
+                "A detector may have a table of its own: [detectors](../how-to/detectors.md).",
+                "",
+            ]
         lines += ["| key | type | unit | limits | default | what |", "|---|---|---|---|---|---|"]
         lines += [_row(name, key, value, schema, root) for key, value in _keys(name, schema, root)]
         lines.append("")
@@ -170,7 +172,7 @@ def _unit(key: str) -> str:
 
 
 def _linked(text: str) -> str:
-    return re.sub(r"\(docs/([\w-]+\.md)\)", r"([more](\1))", text)
+    return re.sub(r"\(docs/([\w/-]+\.md)\)", r"([more](../\1))", text)
 
 
 def _full(name: str, key: str) -> str:

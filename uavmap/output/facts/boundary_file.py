@@ -1,4 +1,4 @@
-"""The boundary of a region at pixel level, and boundary.geojson (docs/replay.md describes it).
+"""The boundary of a region at pixel level, and boundary.geojson (docs/how-to/replay.md).
 
 RFC 7946, WGS84, eight decimals (a millimetre).
 """

@@ -1,7 +1,7 @@
 """All options of the commands that fly, and of those that share options with them.
 
 The table makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` and
-`uavmap.resume` (`python`), and docs/options.md: `python -m uavmap.ui.cli.option_table`.
+`uavmap.resume` (`python`), and docs/reference/options.md: `python -m uavmap.ui.cli.option_table`.
 """
 
 from __future__ import annotations
@@ -294,7 +294,7 @@ TABLE: Final = (
     Option(
         name="--tak", metavar="URL", commands=_LINKED,
         help="send region, unsure ground, aircraft and their paths to TAK, as Cursor on Target: "
-        "tcp://HOST:8087, tls://HOST:8089 (certificates: docs/tak.md) or udp://239.2.3.1:6969",
+        "tcp://HOST:8087, tls://HOST:8089 (certificates: docs/how-to/tak.md) or udp://239.2.3.1:6969",
     ),
     Option(
         name="--out", metavar="DIR", commands=(*_FLIES, "replay", "tune"), python=True,
@@ -343,10 +343,10 @@ def reference() -> str:
 def _page() -> Iterator[str]:
     yield "# Options of a flight"
     yield ""
-    yield "<!-- made by: python -m uavmap.ui.cli.option_table > docs/options.md -->"
+    yield "<!-- made by: python -m uavmap.ui.cli.option_table > docs/reference/options.md -->"
     yield ""
     yield "The options of the commands that fly. `uavmap.fly` and `uavmap.resume` have those marked"
-    yield "with * as parameters, with underscores for dashes; see [Python](python.md)."
+    yield "with * as parameters, with underscores for dashes; see [Python](../how-to/python.md)."
     for command in _LINKED:
         yield ""
         yield f"## `uavmap {command}`"

@@ -25,7 +25,7 @@ from tests.support.small_missions import mission, square
 
 STEP_M = 0.5
 NEXT_S = 8.0
-"""Of a path that is flown without stopping so much is reserved: docs/safety.md."""
+"""Of a path that is flown without stopping so much is reserved: docs/explanation/safety.md."""
 Place = tuple[float, float, float]
 """East, north, up of the start."""
 

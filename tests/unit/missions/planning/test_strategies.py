@@ -53,7 +53,7 @@ def test_register_a_second_strategy_of_a_name_is_refused():
     register(Rdfs())  # the same once more
 
 
-PAGE = Path(__file__).parents[4] / "docs" / "strategies.md"
+PAGE = Path(__file__).parents[4] / "docs" / "explanation" / "strategies.md"
 
 
 def test_the_examples_of_the_page_run():

@@ -1,7 +1,7 @@
 """What went wrong when real autopilots were flown, against the simulated ones, flight by flight.
 
-The table with what happened then and what happens now is in docs/real-aircraft.md; it names these
-tests. Rows that other tests fly are named there, too.
+The table with what happened then and what happens now is in docs/reference/real-autopilots.md;
+it names these tests. Rows that other tests fly are named there, too.
 """
 
 from __future__ import annotations

@@ -169,8 +169,8 @@ def _next(detector: str, out: str) -> str:
     """Write the next commands: the simulator's ground is painted for one detector."""
     if detector == LATER:
         return (
-            f"uavmap fly {out} --sim; before a real flight choose a detector (docs/detectors.md) "
-            "and set detector.name"
+            f"uavmap fly {out} --sim; before a real flight choose a detector "
+            "(docs/how-to/detectors.md) and set detector.name"
         )
     simulators = "" if detector == SIMULATORS else f" --detector {SIMULATORS}"
     return f"uavmap check {out}; uavmap fly {out} --sim{simulators}"

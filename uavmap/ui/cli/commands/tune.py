@@ -32,8 +32,8 @@ examples:
 
 Paint at least two or three pictures, best of different light: for photos/DJI_0021.JPG a picture
 painted/DJI_0021.png of the same shape, white where the region is, black where it is not, mid-grey
-where you cannot tell. Beside a classes.toml, gray values are numbers of classes (docs/classes.md).
-Polygons in GeoJSON (longitude, latitude) are projected into the pictures
+where you cannot tell. Beside a classes.toml, gray values are numbers of classes
+(docs/how-to/classes.md). Polygons in GeoJSON (longitude, latitude) are projected into the pictures
 through the poses in their tags. Training needs scikit-learn, the extra `tune`.
 """
 DESCRIPTION: Final = (

@@ -213,7 +213,7 @@ def test_a_demand_that_is_higher_takes_more_moves():
     assert moves(0.6) < moves(0.95) < moves(0.9995)
 
 
-PAGE = (Path(__file__).parents[5] / "docs" / "localization.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[5] / "docs" / "explanation" / "localization.md").read_text("utf-8")
 
 
 def test_the_example_of_the_page_runs():

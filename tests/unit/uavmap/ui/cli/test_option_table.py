@@ -56,7 +56,7 @@ def test_options_of_a_command_become_those_of_a_flight(monkeypatch):
 
 
 def test_page_of_reference_is_that_of_the_table():
-    assert (DOCS / "options.md").read_text("utf-8") == reference()
+    assert (DOCS / "reference" / "options.md").read_text("utf-8") == reference()
 
 
 @pytest.mark.parametrize(
