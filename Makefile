@@ -3,7 +3,7 @@
 # make test-unit  the quick ones alone: no socket, no simulator, no whole command
 # make test-all   every test
 # make test-real  flights of real autopilots in their own simulations: ARDUCOPTER=path PX4=path
-# make check      ruff, mypy --strict, import-linter, the documentation without a broken link
+# make check      ruff, mypy --strict, import-linter, prose, the documentation without a broken link
 # make docs       the documentation as a site: site/index.html
 # make wheel      dist/uavmap-*.whl, for `uv tool install` and `pipx install` without the source
 # make setup      .venv with everything; .venv/bin/uavmap is the command
@@ -58,6 +58,7 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.prose
 	$(SITE) --quiet
 
 docs: setup
