@@ -37,7 +37,7 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
     """Interrupt whatever a vehicle does once it has to come home."""
     called = state.recalled or vehicle.called_home
     done = ReturnReason.RECALLED if called else ReturnReason.DONE
-    if called or (state.exploration_finished and not _flies_home(vehicle)):
+    if called or (state.exploration_finished and not flies_home(vehicle)):
         if isinstance(vehicle.order, TakeOff):  # it ends where it began, motors on or not
             up = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=done)
             return state.with_vehicle(replace(up, over_home=True, order=Land()))
@@ -57,9 +57,9 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
     return _come_lower(state, vehicle) if state.exploration_finished else state
 
 
-def _flies_home(vehicle: VehicleState) -> bool:
+def flies_home(vehicle: VehicleState) -> bool:
     """Whether the path of a vehicle leads home: to stop it first would only take time."""
-    path = vehicle.path
+    path = vehicle.path if vehicle.works else None
     return path is not None and path.place_at(path.end_s).distance_to(vehicle.pad) <= HOMEWARD_M
 
 

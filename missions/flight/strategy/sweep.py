@@ -18,7 +18,11 @@ from missions.flight.strategy.fallback import whole_bound_s
 from missions.flight.strategy.lane_passes import end_searched, search_passes
 from missions.flight.strategy.searching import find_work, search
 from missions.flight.strategy.stepwise import RDFS
-from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest
+from missions.flight.strategy.sweep_passes import (
+    explore_passes,
+    give_up_rest,
+    straighten_ways_home,
+)
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
@@ -99,8 +103,10 @@ class Paths(Strategy):
 
     def plan_paths(self, state: State) -> State:
         """Plan for all who have a region to explore, or no lanes left, until that is done."""
+        if state.exploration_finished:
+            return straighten_ways_home(state)
         begun = self.flies_all_lanes or state.tree is not None
-        return explore_passes(self, state) if begun and not state.exploration_finished else state
+        return explore_passes(self, state) if begun else state
 
     def next_order(self, state: State, vehicle: VehicleState) -> State:
         """A path along the lanes; in an exploration paths are planned for all at once."""

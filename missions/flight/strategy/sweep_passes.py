@@ -14,7 +14,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+import numpy as np
+
 from missions.flight.path_orders import NOTICE_S, descent, fly_route, give_path
+from missions.flight.return_home import flies_home
 from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s
 from missions.flight.strategy.direct_flight import fetch
@@ -45,6 +48,8 @@ PRIORITY: Final = 4.0
 """Factor of the penalty of work left undone for each step of its priority."""
 ALONE_TIMES: Final = 2.0
 """The same for a member's own part: no other vehicle maps it on its way."""
+DETOUR_S: Final = 3.0
+"""How much longer than straight a path home may take once all is explored, s."""
 NEAR_PAD_M: Final = 10.0
 """Distance to its pad within which a vehicle waits for others, m."""
 
@@ -180,6 +185,27 @@ def _fetch(state: State, memory: PassMemory, known: Known, idle: frozenset[int])
             longest_s=max(memory.longest_s, found.path.end_s - state.t_s),
         )
     return replace(state, memory=replace(memory, waiting=idle - {found.vehicle}))
+
+
+def straighten_ways_home(state: State) -> State:
+    """Leave out of paths home what there is nothing left to see for."""
+    setting, memory = state.setting, pass_memory(state)
+    if state.t_s < memory.planned_s + REPLAN_S:
+        return state
+    begin_s, memory = round(state.t_s + NOTICE_S, 3), replace(memory, planned_s=state.t_s)
+    for number, vehicle in sorted(state.vehicles.items()):
+        path = vehicle.path
+        if path is None or number not in state.our_numbers or not flies_home(vehicle):
+            continue
+        home_s = path.place_at(begin_s).distance_to(vehicle.pad) / setting.energy.speed_m_s
+        if path.end_s - begin_s < home_s + DETOUR_S:
+            continue
+        chart = chart_of(state, None, begin_s, {number: vehicle}).chart
+        known = Known(chart, -1, np.zeros_like(chart.closed))
+        flyer = flyer_of(setting, vehicle, memory.paths.get(number), None, begin_s)
+        plan = _plan(setting, known, {number: flyer}, memory, begin_s, (), 1.0)
+        state, memory, _ = _fly(state, {number: vehicle}, plan, memory)
+    return replace(state, memory=memory)
 
 
 def pass_memory(state: State) -> PassMemory:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from missions.events import Arrived
 from missions.flight.return_home import fly_home, turn_back
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
+from missions.flight.strategy.every_patch import ALL
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.trajectory import rounded_path
@@ -113,6 +115,32 @@ def test_a_vehicle_descends_on_its_path_home_to_the_lowest_layer_that_is_clear()
     third = coming(3, GridPoint(120.0, 150.0))
     busy = replace(start, exhausted=False).with_vehicle(third)
     assert turn_back(busy, third).vehicles[3] == third
+
+
+def test_a_path_home_by_way_of_what_is_explored_by_now_is_made_straight() -> None:
+    setting = setting_of(with_vehicles(load("burn"), 1))
+    start = replace(setting.initial_state(), exhausted=True, t_s=10.0)
+    here, beyond, layer_m = GridPoint(60.0, 90.0), GridPoint(160.0, 150.0), 12.0
+    path = rounded_path([here, beyond, GridPoint(0.0, 0.0)], 9.0, speed_m_s=6.0)
+    vehicle = replace(
+        out(start, setting, 1, path.place_at(10.0)), return_reason=None, height_m=layer_m,
+        cruise_altitude_m=layer_m, order=FlyPath(path, layer_m, None, 0.2),
+    )  # fmt: skip
+
+    after = ALL.plan(start.with_vehicle(vehicle)).vehicles[1]
+    shorter = after.path
+    assert shorter is not None
+    assert shorter.end_s < path.end_s - 15.0
+    assert shorter.place_at(shorter.end_s).distance_to(vehicle.pad) < 0.1
+    # it goes on from the path that is flown, at its speed
+    begins, flown = shorter.at(shorter.begin_s), path.at(shorter.begin_s)
+    assert begins.place.distance_to(flown.place) < 0.01
+    assert math.isclose(begins.v_east_m_s, flown.v_east_m_s, abs_tol=0.01)
+    assert math.isclose(begins.v_north_m_s, flown.v_north_m_s, abs_tol=0.01)
+
+    # one that is as good as straight is flown on
+    again = replace(start, t_s=20.0).with_vehicle(after)
+    assert ALL.plan(again).vehicles[1].path is shorter
 
 
 def test_a_vehicle_leaves_the_air_above_one_that_has_fallen_and_is_not_known_to_lie_there() -> None:
