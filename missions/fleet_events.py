@@ -70,6 +70,9 @@ class Fact(NamedTuple):
     classes: tuple[ClassShare, ...] = ()
     """Mean shares of the explored classes in these cells over the vehicle's frames: whole tenths
     above 0, by number and cell."""
+    doubt: bool = False
+    """Whether nothing is decided: the vehicle has passed, and votes say of each cell whether its
+    frames leave it unsure, or are sure of it again."""
 
 
 @dataclass(frozen=True, slots=True)

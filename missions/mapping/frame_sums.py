@@ -13,11 +13,41 @@ from numpy.typing import NDArray
 
 from missions.classes import ClassShare
 from missions.events import FrameSeen
-from missions.fleet_events import Shared
+from missions.fleet_events import Fact, Shared
 from missions.mapping.evidence import Cells, CellSums
 from missions.units import Cell
 
 _STEPS: Final = 1000  # shares have three digits; whole numbers add up alike in any order
+
+
+class Doubts:
+    """Cells that vehicles of a fleet leave unsure, each by what it has reported last.
+
+    >>> doubts, cell = Doubts(), Cell(0, 0)
+    >>> for vehicle, t_s, unsure in ((1, 9.0, False), (1, 2.0, True), (2, 4.0, True)):
+    ...     doubts.note(vehicle, Fact(t_s, ((cell, unsure),), doubt=True))
+    ...     print(cell in doubts)
+    False
+    False
+    True
+    """
+
+    def __init__(self) -> None:
+        self._last: dict[Cell, dict[int, tuple[float, bool]]] = {}
+
+    def note(self, vehicle: int, fact: Fact) -> None:
+        """Note a fact; one without doubts changes nothing."""
+        for cell, unsure in fact.votes if fact.doubt else ():
+            reports = self._last.setdefault(cell, {})
+            new = (fact.t_s, unsure)
+            reports[vehicle] = max(new, reports.get(vehicle, new))
+
+    def __contains__(self, cell: Cell) -> bool:
+        return any(unsure for _, unsure in self._last.get(cell, {}).values())
+
+    def cells(self) -> set[Cell]:
+        """Return all of them."""
+        return {cell for cell in self._last if cell in self}
 
 
 class FrameSums:
@@ -32,17 +62,20 @@ class FrameSums:
     ([[0.0, 0.0], [0.5, 0.0]], [0, 3])
     """
 
-    def __init__(self) -> None:
+    def __init__(self, doubts: Doubts | None = None) -> None:
         self._counts = CellSums(2)
+        self._doubts = Doubts() if doubts is None else doubts
         self._classes: dict[int, CellSums] = {}
 
     def note(self, event: FrameSeen | Shared) -> None:
         """Count a frame; one from the height of a search only suspects.
 
-        A fact of another member with classes counts as one frame, which knows its cells.
+        A fact of another member with classes counts as one frame, which knows its cells. Cells that
+        a member leaves unsure are unsure.
         """
         if isinstance(event, Shared):
             for fact in event.frames:
+                self._doubts.note(event.vehicle, fact)
                 if fact.classes:
                     cells = np.array([cell for cell, _ in fact.votes], np.int32)
                     self.add(cells, np.zeros(len(cells), np.bool_), fact.classes)
@@ -71,9 +104,14 @@ class FrameSums:
             sums.add(np.array([one.cell for one in some], np.int32), shares[:, None])
 
     def cells(self) -> Cells:
-        """Return the cells that half of their frames or more leave unsure, sorted."""
+        """Return the cells that half of their frames, or a member of the fleet, leave unsure.
+
+        They are sorted.
+        """
         cells, counts = self._counts.table()
-        return cells[(counts[:, 0] > 0) & (2 * counts[:, 0] >= counts[:, 1])]
+        reported = np.array(list(self._doubts.cells()), np.int32).reshape(-1, 2)
+        found: Cells = np.unique(np.vstack([cells[_half(counts)], reported]), axis=0)
+        return found
 
     def beyond(self, region: Collection[Cell]) -> bool:
         """Return whether a cell that is no region is unsure."""
@@ -81,13 +119,12 @@ class FrameSums:
 
     def is_unsure(self, cell: Cell) -> bool:
         """Return whether a cell is unsure."""
-        unsure, frames = self._counts.of_cell(cell)[0].tolist()
-        return bool(unsure > 0 and 2 * unsure >= frames)
+        return cell in self._doubts or bool(_half(self._counts.of_cell(cell))[0])
 
     def are(self, cells: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Return which of some cells are unsure."""
-        found = {Cell(*cell) for cell in self.cells().tolist()}
-        return np.array([Cell(*cell) in found for cell in cells.tolist()], np.bool_)
+        reported = [Cell(*cell) in self._doubts for cell in cells.tolist()]
+        return _half(self._counts.of_cells(cells)) | np.array(reported, np.bool_)
 
     def shares(self, cells: NDArray[np.integer], numbers: Sequence[int]) -> NDArray[np.float64]:
         """Return the mean share of each class in cells over their frames, (n, classes), 0 to 1."""
@@ -105,3 +142,9 @@ class FrameSums:
         shares = self.shares(cells, numbers)
         best = np.array(numbers, np.uint8)[shares.argmax(axis=1)]
         return np.where(shares.max(axis=1) > 0.0, best, np.uint8(0))
+
+
+def _half(counts: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return of which rows of counts half of the frames or more are unsure."""
+    found: NDArray[np.bool_] = (counts[:, 0] > 0) & (2 * counts[:, 0] >= counts[:, 1])
+    return found

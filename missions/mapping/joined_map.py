@@ -13,6 +13,7 @@ from typing import NamedTuple
 from missions.events import Event, FrameSeen, Tracked
 from missions.fleet_events import Fact, Shared
 from missions.mapping.belief import Ballot, Belief, FrameId, Verdicts
+from missions.mapping.frame_sums import Doubts
 from missions.mapping.overview import with_plain
 from missions.mapping.own_cells import OwnCells, as_frames
 from missions.units import Cell
@@ -45,6 +46,7 @@ class Facts:
         self._own: dict[int, OwnCells] = {}
         self._decided: dict[bool, dict[Cell, Decision]] = {False: {}, True: {}}
         self._shown: set[Cell] = set()
+        self.doubts = Doubts()
 
     def take(self, event: Event) -> list[Fact]:
         """Take in what an event says of cells; returns the facts that it adds."""
@@ -61,6 +63,9 @@ class Facts:
         return facts
 
     def _take(self, vehicle: int, fact: Fact) -> None:
+        self.doubts.note(vehicle, fact)
+        if fact.doubt:
+            return
         if fact.seen:
             self._shown.update(cell for cell, _ in fact.votes)
             return

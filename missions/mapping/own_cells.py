@@ -8,6 +8,9 @@ five that were not (for votes that err with probability e each: e^3 against 10 e
 
 A cell that is seen in passing, and lies beside nothing, needs no decision. That it was seen is a
 fact, too, or another would fly there to see it.
+
+Whether a cell is unsure follows from all frames of a pass. So it is a fact once the vehicle has
+passed, and again if a later pass changes it.
 """
 
 from __future__ import annotations
@@ -39,8 +42,9 @@ class OwnCells:
     >>> seen = (Vote(Cell(0, 0), True, 1.0),)
     >>> [own.take(FrameSeen(1, t / 5, None, seen)) for t in range(5)]
     [[], [], [], [], []]
-    >>> own.passed(1.2)
-    [Fact(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False, seen=False, classes=())]
+    >>> own.passed(1.2)  # doctest: +NORMALIZE_WHITESPACE
+    [Fact(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False, seen=False, classes=(),
+    doubt=False)]
     """
 
     low: Belief
@@ -56,6 +60,10 @@ class OwnCells:
     _done: set[Cell] = field(default_factory=set)
     """Of what is decided or was taken for region by a frame nothing is told but a decision, and
     that a cell was seen once."""
+    _unsure: dict[Cell, bool] = field(default_factory=dict)
+    """Of each cell that a frame from below left unsure: what was reported of it last."""
+    _doubted: dict[Cell, float] = field(default_factory=dict)
+    """When a frame last showed such a cell, until the vehicle has passed."""
 
     def take(self, event: FrameSeen) -> list[Fact]:
         """Take in a frame; returns the facts of seconds that are over.
@@ -65,11 +73,13 @@ class OwnCells:
         if event.vantage is not None:
             raise ValueError("a frame from a vantage is no fact of a fleet")
         facts = self.passed(event.t_s)
-        if self.explored:
-            self._sums.note(event)
+        self._sums.note(event)
         overview = bool(event.overview)
         before = self.high if overview else self.low
         said = {vote.cell: vote.positive for vote in event.votes}
+        if not overview:
+            self._unsure |= {c: False for c in event.unsure or () if c not in self._unsure}
+            self._doubted |= {c: event.t_s for c in said if c in self._unsure}
         undecided = set(before.undecided(said))
         after = before.with_frame(None, FrameId(event.vehicle, event.t_s), said)
         for cell in sorted(said):
@@ -106,7 +116,29 @@ class OwnCells:
             self._done.update(gone)
             for cell in gone:
                 del self._shown[cell]
-        return facts
+        return facts + self._doubts(float(at_s), second - PASSED_S)
+
+    def _doubts(self, at_s: float, until_s: float) -> list[Fact]:
+        """The facts on cells that were last shown before `until_s`, and are unsure or sure anew.
+
+        What no decision reports of their classes comes along.
+        """
+        passed = sorted(cell for cell, last_s in self._doubted.items() if last_s < until_s)
+        if not passed:
+            return []
+        unsure = self._sums.are(np.array(passed, np.int32)).tolist()
+        told: dict[bool, dict[Cell, bool]] = {}
+        for cell, doubt in zip(passed, unsure, strict=True):
+            del self._doubted[cell]
+            if self._unsure[cell] is not doubt:
+                self._unsure[cell] = doubt
+                new = bool(self.explored) and self.low.verdict(cell) is None
+                told.setdefault(new, {})[cell] = doubt
+        return [
+            Fact(at_s, tuple(cells.items()), classes=classes, doubt=True)
+            for new, cells in sorted(told.items())
+            for classes in [self._classes(list(cells)) if new else ()]
+        ]
 
     def _classes(self, cells: Sequence[Cell]) -> tuple[ClassShare, ...]:
         """The mean shares of the explored classes so far, in tenths."""

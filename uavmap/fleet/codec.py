@@ -1,8 +1,9 @@
 """What members of a fleet send to each other, as bytes: who is where, who knows what, and facts.
 
 A message is one datagram. A fact is the rectangle in which its cells lie, which of them they are,
-what is decided of each, and their shares of classes, in tenths. A batch of facts is deflated. Times
-are whole milliseconds of mission time, places half metres, and those of who maps what 4 m.
+what is decided of each, and their shares of classes, in tenths. A 0 before it says that it tells
+which cells are unsure. A batch of facts is deflated. Times are whole milliseconds of mission time,
+places half metres, and those of who maps what 4 m.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ _MOST: Final = 10_000
 _CLASSES: Final = 3
 """Kind of a fact with classes; 0 to 2: decided, by a search, seen in passing."""
 _TENTHS: Final = 10
+_DOUBT: Final = 0
+"""Stands before a fact on unsure cells; the head of any other is 4 or more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +181,8 @@ def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
         columns = max(c.east for c in cells) - west + 1
         rows = max(c.north for c in cells) - south + 1
         kind = _CLASSES if fact.classes else 2 * fact.seen + fact.overview
+        if fact.doubt:
+            out.count(_DOUBT)
         out.count(4 * columns + kind)
         out.count(rows)
         out.signed(west - anchor.east)
@@ -200,7 +205,9 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
     facts = []
     while not inp.at_end:
         t_ms += inp.signed()
-        columns, kind = divmod(inp.count(), 4)
+        head = inp.count()
+        doubt = head == _DOUBT
+        columns, kind = divmod(inp.count() if doubt else head, 4)
         rows = inp.count()
         if not 0 < columns * rows <= MOST_CELLS:
             raise BytesError("no fact is of so many cells")
@@ -216,7 +223,9 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
         says = [False] * len(cells) if seen else inp.flags(len(cells))
         votes = tuple(sorted(zip(cells, says, strict=True)))
         classes = _classes(inp, sorted(cells)) if kind == _CLASSES else ()
-        facts.append(Fact(t_ms / 1000, votes, overview, seen, classes))
+        if doubt and (seen or overview):
+            raise BytesError("such a fact has no doubts")
+        facts.append(Fact(t_ms / 1000, votes, overview, seen, classes, doubt))
     return tuple(facts)
 
 

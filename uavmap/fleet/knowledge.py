@@ -57,8 +57,9 @@ class Knowledge:
     """The facts of every member, as far as they are known.
 
     >>> known = Knowledge()
-    >>> known.take(3, 1, [Fact(2.0, ())])
-    [Run(first=1, facts=(Fact(t_s=2.0, votes=(), overview=False, seen=False, classes=()),))]
+    >>> known.take(3, 1, [Fact(2.0, ())])  # doctest: +NORMALIZE_WHITESPACE
+    [Run(first=1, facts=(Fact(t_s=2.0, votes=(), overview=False, seen=False, classes=(),
+    doubt=False),))]
     >>> known.have
     {3: Holding(upto=0, beyond=((1, 2),))}
     >>> [run.first for run in known.take(3, 0, [Fact(1.0, ()), Fact(2.0, ())])], known.have

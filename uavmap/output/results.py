@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.events import Event, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.state import Setting, State
+from missions.mapping.belief import Tally
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
 from missions.mapping.overview import from_below
@@ -89,10 +90,12 @@ def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
 
 def map_data(state: State, found: Figures, truth: BaseGeometry | None) -> MapData:
     """Create the map of a flight."""
-    grid = state.setting.grid
+    grid, tallies = state.setting.grid, state.belief.cells()
+    # another member may leave a cell unsure on which no vote is known here
+    unsure = {Cell(*cell): Tally(0, 0) for cell in found.sums.cells().tolist()}
     cells = CellTable.of(
         CellRow(cell, cell_state(cell, state, found.sums), tally.positive, tally.total)
-        for cell, tally in state.belief.cells().items()
+        for cell, tally in sorted((unsure | tallies).items())
     ).with_sums(found.sums, state.setting.mission.detector.explored)
     tracks = tuple(
         Track(number, tuple((t, grid.position(point), height) for t, point, height in points))

@@ -115,6 +115,8 @@ def shared(state: State, event: Shared) -> State:
     votes = state.setting.mission.votes
     state = replace(state, shared_s=event.t_s)
     for fact in event.frames:
+        if fact.doubt:
+            continue  # of the map, not of what is flown
         if fact.seen:
             state = replace(state, shown=state.shown.union(cell for cell, _ in fact.votes))
             continue

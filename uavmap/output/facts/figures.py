@@ -74,12 +74,13 @@ class FlightRecord:
     def __init__(self, setting: Setting) -> None:
         self._state = setting.initial_state()
         self._counter = Counter(self._state.vehicles)
-        self._shares, self._sums, self._fit = Shares(), FrameSums(), DetectorFit()
+        self._shares, self._fit = Shares(), DetectorFit()
         self._passing: list[FrameSeen] = []
         self._log = FlightLog()
         # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
         in_fleet = setting.team.shares_facts and not setting.strategy.stops
         self._facts = facts_of(setting) if in_fleet else None
+        self._sums = FrameSums(None if self._facts is None else self._facts.doubts)
         self.events = 0
         """Number of events noted."""
 

@@ -114,6 +114,8 @@ class Watcher:
             self._track(event)
         elif isinstance(event, Shared):
             self._mark(judged)
+            doubts = (fact for fact in event.frames if fact.doubt)
+            self._marked.update((cell, None) for fact in doubts for cell, _ in fact.votes)
         self._tell(event, state)
 
     def _mark(self, voted: Iterable[Cell]) -> None:

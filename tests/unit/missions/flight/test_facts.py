@@ -7,6 +7,7 @@ import random
 from dataclasses import replace
 from functools import lru_cache
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,8 +18,10 @@ from missions.fleet_events import Fact, Shared
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting
 from missions.flight.team.members import concluded
+from missions.flight.team.members import facts_of as facts_in_journal
 from missions.flight.vehicle_state import Phase
 from missions.mapping.belief import Belief, FrameId
+from missions.mapping.frame_sums import FrameSums
 from missions.mapping.own_cells import OwnCells
 from missions.mission.checks import parse_mission
 from missions.units import Cell
@@ -30,6 +33,10 @@ CHECKED = settings(max_examples=150, deadline=None)
 cells = st.builds(Cell, st.integers(0, 3), st.integers(0, 1))
 ballots = st.dictionaries(cells, st.booleans(), min_size=1, max_size=8)
 frame_lists = st.lists(st.tuples(st.integers(1, 3), ballots), max_size=60)
+looks = st.dictionaries(cells, st.sampled_from(["region", "ground", "unsure"]), max_size=8)
+passes = st.lists(
+    st.tuples(st.integers(1, 3), st.booleans(), st.lists(looks, max_size=6)), max_size=9
+)
 
 
 def seen_by(frames: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
@@ -38,6 +45,21 @@ def seen_by(frames: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
         FrameSeen(vehicle, k / 3, None, tuple(Vote(c, v, float(v)) for c, v in votes.items()))
         for k, (vehicle, votes) in enumerate(frames)
     ]
+
+
+def seen_in_passes(
+    flown: list[tuple[int, bool, list[dict[Cell, str]]]],
+) -> list[FrameSeen]:
+    """Frames of vehicles that pass over cells, three a second; at `stays` the next follows soon."""
+    seen, t_s = list[FrameSeen](), 0.0
+    for vehicle, stays, frames in flown:
+        for cells in frames:
+            votes = tuple(Vote(c, what == "region", 0.5) for c, what in cells.items())
+            unsure = tuple(c for c, what in cells.items() if what == "unsure") or None
+            seen.append(FrameSeen(vehicle, t_s, None, votes, unsure=unsure))
+            t_s += 1 / 3
+        t_s += 0.0 if stays else 9.0
+    return seen
 
 
 def facts_of(vehicle: int, seen: list[FrameSeen]) -> list[Fact]:
@@ -81,7 +103,7 @@ def test_facts_have_mean_shares_of_explored_classes_in_tenths_and_older_journals
     assert told == [Fact(0.0, decided, classes=(ClassShare(here, 2, 0.7),))]
     event = Shared(1, 3.0, 0, (told[0], told[0]._replace(classes=())))
     assert from_json(to_json(event)) == event
-    before = to_json(event).replace(",[]]", "]")  # without the field
+    before = to_json(event).replace(",[],false]", "]").replace("]],false]", "]]]")  # without both
     assert before != to_json(event)
     assert from_json(before) == event
 
@@ -115,6 +137,40 @@ def test_members_that_know_the_same_facts_have_the_same_region(
         }
         regions.add(frozenset(decided))
     assert len(regions) == 1
+
+
+@settings(CHECKED, max_examples=40)
+@given(passes, st.data())
+def test_members_that_know_the_same_facts_have_the_same_unsure_cells(
+    flown: list[tuple[int, bool, list[dict[Cell, str]]]], data: st.DataObject
+) -> None:
+    seen = seen_in_passes(flown)
+    doubted = set[Cell]()
+    for vehicle in (1, 2, 3):  # half of the frames of a vehicle
+        of_one = FrameSums()
+        for event in seen:
+            if event.vehicle == vehicle:
+                of_one.note(event)
+        doubted |= {Cell(*cell) for cell in of_one.cells().tolist()}
+    for member in (0, 1, 2, 3):
+        heard = [
+            Shared(vehicle, 0.0, k, (fact,))
+            for vehicle in (1, 2, 3)
+            if vehicle != member
+            for k, fact in enumerate(facts_of(vehicle, seen))
+        ]
+        own = [event for event in seen if event.vehicle == member]
+        events: list[FrameSeen | Shared] = [*data.draw(st.permutations(heard)), *own, *heard]
+        facts, live = facts_in_journal(small_setting(member)), FrameSums()
+        for event in events:
+            facts.take(event)
+            live.note(event)
+        facts.joined()
+        found = FrameSums(facts.doubts)
+        of_map = {Cell(*cell) for cell in found.cells().tolist()}
+        assert of_map == {Cell(*cell) for cell in live.cells().tolist()} == doubted
+        assert all(found.is_unsure(cell) for cell in doubted)
+        assert found.are(np.array(sorted(doubted), np.int32).reshape(-1, 2)).all()
 
 
 @lru_cache

@@ -61,6 +61,9 @@ def of_classes(draw: st.DrawFn) -> Fact:
 
 
 facts = decided | shown | of_classes()
+facts |= (decided.map(lambda fact: fact._replace(overview=False)) | of_classes()).map(
+    lambda fact: fact._replace(doubt=True)
+)
 presences = st.builds(
     Presence,
     st.sampled_from(DOES),

@@ -9,11 +9,13 @@ from missions.classes import ClassShare
 from missions.errors import JournalError
 from missions.events import FrameSeen, LiftedOff, Tracked, Vote
 from missions.fleet_events import Fact, Shared
+from missions.flight.team.members import facts_of
 from missions.units import Cell, GridPoint
 from tests.support.journals import begun
 from tests.support.plans import plan_of
 from tests.support.small_missions import mission_text, square
 from tests.unit.uavmap.output.flown_folders import CLASSES, EVENTS, PLAN, folder_of
+from uavmap.fleet.codec import bytes_to_facts, facts_to_bytes
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.output.facts.figures import figures
@@ -119,6 +121,41 @@ def test_map_has_the_classes_of_what_others_have_seen(tmp_path):
         assert (rest.cells, wet.cells) == ((CELLS[1],), (CELLS[2],))
         assert rest.high_m2 == pytest.approx(1.3 * 16.0)
         assert wet.low_m2 == pytest.approx(0.3 * 16.0)  # half of what was seen: it is all rim
+
+
+def test_unsure_cells_are_those_of_all_vehicles_on_the_map_of_each_of_a_station_and_of_all(
+    tmp_path,
+):
+    once, beside = Cell(1, 5), Cell(3, 4)  # shown by one frame of vehicle 2; by both vehicles
+
+    def seen(number):
+        cells = {1: (CELLS[1], beside), 2: (CELLS[2], beside, once)}[number]
+        doubts = {1: (beside,), 2: (CELLS[2], once)}[number]
+        frames = []
+        for k in range(3):
+            shown = [cell for cell in cells if cell != once or not k]
+            said = tuple(Vote(cell, cell not in doubts, 0.5) for cell in shown)
+            unsure = tuple(cell for cell in shown if cell in doubts)
+            frames.append(FrameSeen(number, 10.0 * number + k, None, said, unsure=unsure))
+        return [*frames, *votes(number)[3:]]
+
+    def heard(number):
+        own = facts_of(plan().known_setting())
+        facts = [fact for event in seen(number) for fact in own.take(event)]
+        assert bytes_to_facts(facts_to_bytes(facts)) == tuple(facts)
+        return Shared(number, 40.0, 0, tuple(facts))
+
+    one = written(tmp_path / "one", plan(member=1), [*seen(1), heard(2)])
+    two = written(tmp_path / "two", plan(member=2), [*seen(2), heard(1)])
+    station = written(tmp_path / "station", plan(member=0), [heard(2), heard(1)])
+    merged_results([one, two], tmp_path / "all", print)
+    for folder in (one, two, station, tmp_path / "all"):
+        flown = flown_of(folder)
+        table = flown.data.cells
+        unsure = {Cell(*cell) for cell in table.cells[table.are("unsure")].tolist()}
+        assert unsure == {beside, CELLS[2], once}  # `beside` was decided first by its doubts
+        assert flown.values["cells_unsure"] == 3
+        assert not flown.values["completed"]
 
 
 def test_the_good_beginning_of_a_damaged_journal_counts(pair, tmp_path):

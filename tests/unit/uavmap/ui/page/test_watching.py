@@ -27,6 +27,11 @@ from uavmap.ui.page.page_scene import STATES, scene_of
 from uavmap.ui.page.paths_ahead import UNTIMED_S, Ahead
 from uavmap.ui.page.watching import Watcher
 
+MEMBERS = mission_text(
+    square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0), vehicles=2,
+    homes=[(0.0, 0.0), (16.0, 0.0)], strategy="swath",
+)  # fmt: skip
+
 
 def test_the_board_of_a_flight_is_its_map(monkeypatch):
     monkeypatch.setattr(watching, "MOST_CELLS", 7)
@@ -81,11 +86,7 @@ def test_board_of_classes_has_the_cells_the_legend_and_the_areas_of_its_map():
 
 
 def test_board_of_a_member_has_the_cells_of_another_by_class():
-    text = mission_text(
-        square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0), vehicles=2,
-        homes=[(0.0, 0.0), (16.0, 0.0)], strategy="swath",
-    )  # fmt: skip
-    setting = setting_of(mission_of_text(text + CLASSES, "test"), 1)
+    setting = setting_of(mission_of_text(MEMBERS + CLASSES, "test"), 1)
     there, beside = Cell(2, 4), Cell(3, 4)
     classes = (ClassShare(there, 2, 0.3), ClassShare(there, 4, 0.6), ClassShare(beside, 2, 0.2))
     event = Shared(2, 30.0, 0, (Fact(20.0, ((there, True), (beside, False)), classes=classes),))
@@ -95,6 +96,20 @@ def test_board_of_a_member_has_the_cells_of_another_by_class():
     names = [name for name, _ in scene_of(setting)["states"]]
     shown = {cell: names[code] for cell, code in watcher.board.cells.items()}
     assert shown == {there: "wet & <dry>", beside: "not region"}
+
+
+def test_board_of_a_station_has_the_cells_that_a_member_leaves_unsure_until_it_is_sure():
+    setting = setting_of(mission_of_text(MEMBERS, "test"), 0)
+    state, watcher = setting.initial_state(), Watcher(setting.initial_state(), now_s=lambda: 0.0)
+    there, names = Cell(2, 4), [name for name, _ in scene_of(setting)["states"]]
+    for number, (unsure, name) in enumerate(((True, "unsure: "), (False, "not region"))):
+        fact = Fact(20.0 + number, ((there, unsure),), doubt=True)
+        state, _ = step(state, event := Shared(2, 30.0, number, (fact,)))
+        watcher.take_in(event, state)
+        watcher.refresh()
+        shown = {cell: names[code] for cell, code in watcher.board.cells.items()}
+        assert shown.keys() == {there}
+        assert shown[there].startswith(name)
 
 
 def test_the_figures_of_a_flight_without_stopping_agree_at_any_time():
