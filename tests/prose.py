@@ -52,7 +52,7 @@ _PATTERNS: Final[Mapping[str, str]] = {
 }
 """Patterns that are not written, each with its remedy."""
 _COMPILED: Final = [(re.compile(pattern), remedy) for pattern, remedy in _PATTERNS.items()]
-_END_OF_SENTENCE: Final = re.compile(r"(?<=[.!?])[)\"'*]*\s+(?=[(\"'*\[`]*[A-Z0-9`])")
+_END_OF_SENTENCE: Final = re.compile(r"(?<=[.!?])[)\"'*]*\s+(?=[(\"'*\[`]*(?:[A-Z0-9`]|uavmap\b))")
 _ABBREVIATIONS: Final = re.compile(r"\b(e\.g|i\.e|etc|vs|cf|No|St|Dr)\.")
 
 
@@ -186,7 +186,20 @@ def page_faults(path: Path) -> list[Fault]:
     return sorted(found)
 
 
-CHECKED: Final = ("README.md",)
+CHECKED: Final = (
+    "README.md",
+    "docs/index.md",
+    "docs/glossary.md",
+    "docs/tutorials/*.md",
+    *(f"docs/how-to/{name}.md" for name in (
+        "ground-station", "install", "links", "no-verdict", "operator", "preflight", "resume",
+        "signing",
+    )),
+    "docs/explanation/safety.md",
+    *(f"docs/reference/{name}.md" for name in (
+        "areas", "control", "drones", "thresholds", "troubles",
+    )),
+)  # fmt: skip
 """Pages that are checked, as patterns."""
 
 

@@ -314,5 +314,5 @@ def _phase(left: Mapping[int, VehicleState], number: int) -> Phase | None:
 
 
 def _poor(flight: Plan) -> bool:
-    """Whether battery or wind are what goes wrong: docs/explanation/safety.md argues each."""
+    """Whether battery or wind are what goes wrong (docs/explanation/safety.md)."""
     return any(kind in ("battery_cell", "battery_sag", "wind_gust") for kind in flight.kinds)

@@ -214,7 +214,7 @@ class Referee:
             self.note(fleet.t_s, "near", text)
 
     def _unforeseen(self, fleet: Fleet, craft: Aircraft) -> bool:
-        """Whether its position could not be foreseen (docs/explanation/safety.md argues it)."""
+        """Whether its position could not be foreseen (docs/explanation/safety.md)."""
         t_s, notes = fleet.t_s, self.notes[craft.number]
         if craft.mode == "other" or craft.motors_failed or fleet.dead:
             return True

@@ -179,7 +179,7 @@ def test_the_glossary_has_every_phase_and_every_return_reason(word):
 
 FIGURES = re.findall(
     r"^\| [^|]+ \| ([^|]+) \| `([\w.]+)` \|$",
-    (ROOT / "docs" / "explanation" / "safety.md").read_text("utf-8"),
+    (ROOT / "docs" / "reference" / "thresholds.md").read_text("utf-8"),
     re.MULTILINE,
 )
 

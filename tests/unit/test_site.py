@@ -16,6 +16,7 @@ import uavmap
 from missions import errors
 from missions.mission.messages import section_of
 from missions.mission.schema import Mission
+from tests.reference_pages import FOLDER, PAGES
 from tests.unit.test_pages import ROOT
 from uavmap.load.areas.mission_reference import reference
 
@@ -53,6 +54,12 @@ def test_the_reference_has_every_key_and_says_what_it_is():
     assert '| `altitude_m` | number or `"auto"` | m | above 0, up to 1000 | `12.0` |' in page
     assert "| `polygon` | ring |  |  | *needed* |" in page
     assert "| `m_s` | number | m/s |" in page
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_page_of_the_reference_is_that_of_the_program(name):
+    page = (FOLDER / name).read_text("utf-8")
+    assert page == PAGES[name](), "python -m tests.reference_pages"
 
 
 # --- the names of Python -------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Common multicopters that speak MAVLink, and cameras for them: the makers' published figures.
 
-Sources are in docs/tutorials/your-area.md; none was measured here. Hover power is the energy of
+Sources are in docs/reference/drones.md; none was measured here. Hover power is the energy of
 the battery over the maker's hovering time, to empty.
 """
 
@@ -126,5 +126,5 @@ def table_lines() -> Iterator[str]:
             f"  {name:15}  {camera.hfov_deg:5.1f} degrees  {pixels:11}  {camera.interval_s:6g} s  "
             f"{camera.mounting:8}  {camera.title}"
         )
-    yield "these are the makers' figures, not measured (docs/tutorials/your-area.md); "
+    yield "these are the makers' figures, not measured (docs/reference/drones.md); "
     "options override them"

@@ -1,4 +1,4 @@
-"""The transition tables of docs/explanation/safety.md, made by running the state machine itself.
+"""The transition tables of docs/reference/control.md, made by running the state machine itself.
 
 python -m tests.unit.uavmap.aircraft.control_tables      # writes them into the page
 """
@@ -21,7 +21,7 @@ from uavmap.aircraft.control import (
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4, Autopilot
 from uavmap.mavlink.vehicle_view import OFF_GROUND_M
 
-PAGE = Path(__file__).parents[4] / "docs" / "explanation" / "safety.md"
+PAGE = Path(__file__).parents[4] / "docs" / "reference" / "control.md"
 BEGIN = "<!-- tables of uavmap.aircraft.control -->"
 END = "<!-- end of the tables -->"
 GUIDED, LOITER, RTL, LAND = ARDUPILOT.follows, 5, ARDUPILOT.rtl, ARDUPILOT.land
