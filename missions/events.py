@@ -17,6 +17,7 @@ from pydantic_core import PydanticSerializationError
 from missions.classes import ClassShare
 from missions.errors import EventError
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
+from missions.traffic import Track
 from missions.units import Cell, GridPoint
 
 
@@ -279,6 +280,15 @@ class Told(OfVehicle):
 
 
 @dataclass(frozen=True, slots=True)
+class TrafficSeen:
+    """Aircraft of others that vehicles' receivers report, as far as they were heard anew."""
+
+    t_s: float
+    tracks: tuple[Track, ...]
+    kind: Literal["traffic_seen"] = "traffic_seen"
+
+
+@dataclass(frozen=True, slots=True)
 class Resumed:
     """The operator goes on with a mission that was interrupted."""
 
@@ -316,7 +326,7 @@ VehicleEvent = (
     | Asked
     | Leased
 )
-Event = VehicleEvent | Recalled | Paused | Continued | Resumed
+Event = VehicleEvent | Recalled | Paused | Continued | TrafficSeen | Resumed
 AnyEvent = Annotated[Event, Field(discriminator="kind")]
 
 _ADAPTER: TypeAdapter[Event] = TypeAdapter(AnyEvent)

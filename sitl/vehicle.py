@@ -29,6 +29,7 @@ from sitl.mavlink.links import Link, Signing
 from sitl.mavlink.streams import Streams
 from sitl.vehicle_spec import FLAVOURS, VehicleSpec, VehicleTruth
 from sitl.world.tags import TAG_OVER_FEET_M, TagPose, check_number
+from sitl.world.traffic import reports
 from sitl.world.world import World
 
 __all__ = ["SimVehicle", "VehicleSpec", "VehicleTruth"]
@@ -265,6 +266,9 @@ class SimVehicle:
                 sent += wire.pack(self._telemetry.heartbeat())
             if self.spec.quirks.camera == "component":
                 sent += self._interpreter.camera_wire.pack(self._payload.heartbeat())
+            spec = self.world.spec
+            for report in reports(spec.traffic, self.world.plane, spec.origin_amsl_m, t_s):
+                sent += wire.pack(report)
             if now_s >= self._next_timesync_s:
                 self._next_timesync_s += _TIMESYNC_S
                 sent += wire.pack(mav.MAVLink_timesync_message(0, round(t_s * 1e9)))

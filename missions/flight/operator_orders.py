@@ -1,4 +1,4 @@
-"""What the operator changes in flight: pause, continue, one vehicle home, a cell left out.
+"""What the operator and traffic change: pause, continue, one vehicle home, a cell left out.
 
 In a pause a vehicle still makes way, and flies home when its battery is low or if it has begun to.
 """
@@ -12,13 +12,24 @@ from missions.flight.lane_progress import lane_left
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath, FlyTo, Look, Sweep
+from missions.traffic import Place, Rule
 
 CALLED_HOME = "called home by the operator"
 
 
-def paused(state: State) -> State:
+def stopped(state: State) -> State:
     """Have vehicles that work come to rest and hold; take-offs under way go on."""
-    return replace(state, paused=True).with_all(lambda v: _stopped(state, v) if v.works else v)
+    return state.with_all(lambda v: _stopped(state, v) if v.works else v)
+
+
+def minded(state: State) -> State:
+    """Return the state with what the team does about traffic at its time."""
+    setting, wanted = state.setting, state.setting.mission.traffic
+    rule = Rule(wanted.distance_m, wanted.height_m + setting.relief_m)
+    team = (Place(v.position, v.level_m) for v in state.ours)
+    traffic = state.traffic.judged(rule, team, state.t_s)
+    after = state if traffic is state.traffic else replace(state, traffic=traffic)
+    return stopped(after) if after.held and not state.held else after
 
 
 def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting) -> VehicleState:

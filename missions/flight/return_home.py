@@ -15,6 +15,7 @@ from missions.geo.braking import braked
 from missions.geo.fence import beginning_of, route_length_m
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import FlyPath, Hold, Land, Order, TakeOff
+from missions.traffic import Answer
 from missions.units import GridPoint
 
 NEARER_SHARES = (0.75, 0.5, 0.25)
@@ -35,8 +36,12 @@ BESIDE_M = 20.0
 
 def turn_back(state: State, vehicle: VehicleState) -> State:
     """Interrupt whatever a vehicle does once it has to come home."""
-    called = state.recalled or vehicle.called_home
-    done = ReturnReason.RECALLED if called else ReturnReason.DONE
+    flees = state.traffic.answer is Answer.COME_HOME and not state.exploration_finished
+    if vehicle.flees and not flees:  # it need not land
+        vehicle = replace(vehicle.interrupted(state.t_s), return_reason=None)
+        state = state.with_vehicle(vehicle)
+    called = state.recalled or vehicle.called_home or flees
+    done = ReturnReason.TRAFFIC if flees else ReturnReason.RECALLED if called else ReturnReason.DONE
     if called or (state.exploration_finished and not flies_home(vehicle)):
         if isinstance(vehicle.order, TakeOff):  # it ends where it began, motors on or not
             up = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=done)

@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from missions.events import FrameSeen
-from missions.flight.strategy.work import Area, Lanes, OpenWork, Work
+from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import Allotment, Column, Phase, VehicleState
 from missions.geo.fence import Fence
 from missions.geo.trajectory import LANE_CUTS_M
@@ -30,8 +30,10 @@ from missions.planning.search.lanes import Blocks, Lane, share_out
 from missions.planning.search.search_order import Pace, soonest
 from missions.planning.stepwise import Explorer, Memory
 from missions.planning.sweep.chart import Known
+from missions.planning.sweep.open_work import OpenWork, Work
 from missions.planning.sweep.plan_memo import PlanMemo
 from missions.planning.sweep.strategies import About
+from missions.traffic import NO_TRAFFIC, Answer, Traffic
 from missions.units import Cell, GridPoint
 
 
@@ -315,6 +317,8 @@ class State:
     recalled: bool = False
     paused: bool = False
     """Whether the operator has all vehicles hold where they are."""
+    traffic: Traffic = NO_TRAFFIC
+    """Aircraft of others near the team."""
     skipped: frozenset[Cell] = frozenset()
     """Cells that the operator has left out."""
     abandoned: frozenset[Cell] = frozenset()
@@ -354,6 +358,11 @@ class State:
     def ours(self) -> tuple[VehicleState, ...]:
         """The vehicles that are commanded, in the order of their numbers."""
         return tuple(self.vehicles[number] for number in self.our_numbers)
+
+    @property
+    def held(self) -> bool:
+        """Whether vehicles hold where they are, for the operator or for traffic."""
+        return self.paused or self.traffic.answer is not Answer.GO_ON
 
     @property
     def over(self) -> bool:

@@ -15,7 +15,7 @@ from shapely.geometry import Point
 
 from missions.events import Event, Told, Weighed
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.operator_orders import explained
+from missions.flight.operator_orders import explained, minded
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import drop_seen
@@ -43,7 +43,7 @@ def step(state: State, event: Event) -> tuple[State, Orders]:
         return explained(state, event), ()
     if isinstance(event, Weighed):  # for maps of recorded pictures; no flight plans by it
         return state, ()
-    after = assign(apply(state, event))
+    after = assign(minded(apply(state, event)))
     orders = tuple(
         (number, vehicle.order)
         for number, vehicle in after.vehicles.items()
@@ -85,7 +85,7 @@ def _airborne(state: State, vehicle: VehicleState) -> State:
         return fly_home(state, vehicle)
     if (given_way := Airspace(state).make_way(vehicle)) is not None:
         return given_way
-    if state.paused:
+    if state.held:
         return state.holding(vehicle)
     return state.setting.strategy.in_force(state).next_order(state, vehicle)
 
@@ -101,7 +101,7 @@ def _grounded(state: State, vehicle: VehicleState) -> State:
     if not vehicle.cleared:
         return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
     strategy = setting.strategy.in_force(state)
-    if state.paused or not strategy.may_take_off(state):
+    if state.held or not strategy.may_take_off(state):
         return state
     if state.tree is None and vehicle.idle_in_search:
         state = find_work(state, vehicle)

@@ -11,7 +11,7 @@ from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehic
 from missions.flight import connections
 from missions.flight.connections import LIFTED_M, taken_away
 from missions.flight.lane_progress import lane_flown, lane_left, set_free
-from missions.flight.operator_orders import called_home, paused, skip, skipped_for_good
+from missions.flight.operator_orders import called_home, skip, skipped_for_good, stopped
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.flight.state import Setting, State
 from missions.flight.team.members import allotted, apart, asked, heard, leased, shared
@@ -45,7 +45,7 @@ def landed(event: ev.Landed, vehicle: VehicleState, setting: Setting) -> Vehicle
         away = f"it landed {away_m:.0f} m from its pad"
         note = f"{vehicle.note}; {away}" if vehicle.note else away
         return down.stood_down(Phase.DOWN, note)
-    if vehicle.return_reason is ReturnReason.BATTERY:
+    if vehicle.return_reason in (ReturnReason.BATTERY, ReturnReason.TRAFFIC):
         return replace(down, phase=Phase.GROUNDED, order=AwaitBattery())
     if vehicle.return_reason in (ReturnReason.DONE, ReturnReason.RECALLED):
         return replace(down, phase=Phase.FINISHED, order=StandDown(), vertex=None)
@@ -257,8 +257,11 @@ def _order_failed(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting
 
 _OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
     ev.Recalled: lambda state, event: replace(state, recalled=True, paused=False),
-    ev.Paused: lambda state, event: paused(state),
-    ev.Continued: lambda state, event: replace(state, paused=False),
+    ev.Paused: lambda state, event: stopped(replace(state, paused=True)),
+    ev.Continued: lambda state, event: replace(
+        state, paused=False, traffic=state.traffic.ignoring()
+    ),
+    ev.TrafficSeen: lambda state, event: replace(state, traffic=state.traffic.heard(event.tracks)),
     ev.Resumed: lambda state, event: connections.resume(state),
     ev.FrameSeen: lambda state, event: skipped_for_good(frame_seen(state, event)),
     ev.LookEnded: lambda state, event: skipped_for_good(look_ended(state, event)),

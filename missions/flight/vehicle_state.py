@@ -50,6 +50,7 @@ class ReturnReason(StrEnum):
     DONE = "done"
     BATTERY = "battery"
     RECALLED = "recalled"
+    TRAFFIC = "traffic"
     FAULT = "fault"
     """Its camera is silent, or an order failed."""
 
@@ -159,6 +160,12 @@ class VehicleState:
     def works(self) -> bool:
         """Whether it flies for the mission, and not home."""
         return self.phase is Phase.AIRBORNE and self.return_reason is None
+
+    @property
+    def flees(self) -> bool:
+        """Whether it flies home for traffic, and does not land yet."""
+        homeward = self.return_reason is ReturnReason.TRAFFIC and not self.over_home
+        return homeward and self.phase is Phase.AIRBORNE
 
     @property
     def uncontrolled(self) -> bool:

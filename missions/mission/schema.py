@@ -38,6 +38,7 @@ from missions.mission.sections import (
     TagDictionary,
     Team,
     TerrainSection,
+    Traffic,
     Vertex,
     Votes,
     Wind,
@@ -191,6 +192,7 @@ class Mission(Section):
     wind: Wind = Wind()
     drift: Drift = Drift()
     team: Team = Team()
+    traffic: Traffic = Traffic()
     guardian: Guardian = Guardian()
     navigation: NavigationSection = NavigationSection()
     vehicles: Annotated[

@@ -347,6 +347,15 @@ class Guardian(Section):
     orphan_hold_s: Annotated[Number, Field(ge=0, le=600)] = 20.0
 
 
+class Traffic(Section):
+    """How near aircraft of others may come before the team holds, or comes home."""
+
+    distance_m: Annotated[Number, Field(ge=0, le=20_000)] = 1000.0
+    """Over ground, from any vehicle. 0: they are shown, and nothing else."""
+    height_m: Annotated[Number, Field(ge=0, le=5000)] = 300.0
+    """In height, above or below."""
+
+
 class Team(Section):
     """How several vehicles keep apart: a layer of height each."""
 

@@ -16,6 +16,7 @@ from missions.mission.sections import (
     Section,
     Share,
     TagDictionary,
+    Vertex,
 )
 
 Level = Annotated[Count, Field(ge=0, le=255)]
@@ -94,6 +95,20 @@ _FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 
 
+class SimIntruder(Section):
+    """An aircraft of others that flies straight and is heard by all vehicles' receivers."""
+
+    position: Vertex
+    height_m: Annotated[Number, Field(ge=-500, le=20_000)] = 100.0
+    """Above the start."""
+    toward_deg: Number = 0.0
+    speed_m_s: Annotated[Number, Field(ge=0, le=350)] = 50.0
+    at_s: NotNegative = 0.0
+    for_s: Positive | None = None
+    name: Annotated[str, Field(strict=True, max_length=8, pattern=r"^[A-Z0-9]*$")] = ""
+    kind: Literal["adsb", "utm"] = "adsb"
+
+
 class SimTerrain(Section):
     """Ground that is not level: a slope, and smooth hills on it."""
 
@@ -145,3 +160,4 @@ class Sim(Section):
     quirks: SimQuirks = SimQuirks()
     parameters: Mapping[str, Number] = Field(default_factory=dict)
     faults: tuple[SimFault, ...] = ()
+    traffic: tuple[SimIntruder, ...] = ()

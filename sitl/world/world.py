@@ -18,6 +18,7 @@ from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.world.ground import Gray, Orthophoto, Relief, ground_tile, roi_tile
 from sitl.world.tags import Carriers
+from sitl.world.traffic import Intruder
 
 # numbers that keep the streams of random numbers of one seed apart
 _WIND, _LIGHT, _GROUND, _ROI = 1, 2, 3, 4
@@ -49,6 +50,7 @@ class Conditions:
         illumination: Largest relative change of the light, which is slow.
         relief: Of the ground; None: a level plane.
         tag_m: Side of the marker on top of each vehicle, 0 for none; `tag_dictionary` is OpenCV's.
+        traffic: Aircraft of others, which every vehicle's receiver hears once a second.
     """
 
     drift_speed_m_s: float = 0.0
@@ -65,6 +67,7 @@ class Conditions:
     relief: Relief | None = None
     tag_m: float = 0.0
     tag_dictionary: str = "DICT_4X4_50"
+    traffic: tuple[Intruder, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -173,6 +173,11 @@ RULES: Final[Mapping[str, Rule]] = {
     "WIND": Rule(Sender.AUTOPILOT, (Limit("direction", -360, 360), Limit("speed", 0, 100))),
     "FENCE_STATUS": Rule(Sender.AUTOPILOT, (Limit("breach_status", 0, 1),)),
     "PARAM_VALUE": Rule(Sender.AUTOPILOT, check=_parameter),
+    # what else is wrong with a report of another aircraft makes it unknown, and not unseen
+    **dict.fromkeys(
+        ("ADSB_VEHICLE", "UTM_GLOBAL_POSITION"),
+        Rule(Sender.ANY, _degrees("lat", "lon"), _no_place),
+    ),
     "TIMESYNC": Rule(Sender.ANY),  # who asked knows its own time again
     "TERRAIN_REPORT": Rule(
         Sender.AUTOPILOT, (*_degrees("lat", "lon"), Limit("terrain_height", -500, 9000))

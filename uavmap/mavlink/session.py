@@ -20,6 +20,7 @@ from missions.units import LatLon
 from uavmap.mavlink.links.framing import Losses
 from uavmap.mavlink.links.signing import Signing
 from uavmap.mavlink.status_texts import event_text
+from uavmap.mavlink.traffic_heard import KINDS, TrafficHeard
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.mavlink.view_updates import update
 
@@ -81,6 +82,7 @@ class Session:
         self.heard_s: dict[int, float] = {}
         """When the autopilot last sent a kind of message, by its id, on our clock."""
         self.view = VehicleView()
+        self.traffic = TrafficHeard(self.view.gate)
         self.losses = Losses()
         self.signing: Signing | None = None
         """With a key, what is not signed with it is not heard, and what is sent is signed."""
@@ -107,6 +109,9 @@ class Session:
             self._record(bytes(message.get_msgbuf()))
             if message.get_srcSystem() == GROUND_SYSTEM_ID:
                 self._look_for_rival(message, now_s)
+            if message.get_type() in KINDS:  # whichever system a router passes them on for
+                self.traffic.take(message, self.view.position, now_s)
+                continue
             ours = self._take(message, now_s) or ours
         if self.view.system_id:
             self.tap(data)

@@ -14,7 +14,17 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import JournalError, OutputError
-from missions.events import Continued, Event, FrameSeen, Paused, Recalled, Resumed, Tracked, to_json
+from missions.events import (
+    Continued,
+    Event,
+    FrameSeen,
+    Paused,
+    Recalled,
+    Resumed,
+    Tracked,
+    TrafficSeen,
+    to_json,
+)
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.team.members import facts_of
 from missions.mission.fleet_checks import with_vehicles
@@ -28,7 +38,7 @@ from uavmap.output.results import flown_flight, write_results
 
 MERGED: Final = "merged"
 """Key of the journal's meta: the folders of its sources."""
-NOT_OWN: Final = (Heard, Shared, Allotted, Apart, Asked, Leased)
+NOT_OWN: Final = (Heard, Shared, Allotted, Apart, Asked, Leased, TrafficSeen)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +121,8 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         last_s = -math.inf
         for k, event in enumerate(own):  # each stays in its own order: that is what was acted on
             moved = replace(event, t_s=round(event.t_s + later_s, 3)) if later_s else event
-            if before[place] and not isinstance(moved, Recalled | Paused | Continued | Resumed):
+            of_all = Recalled | Paused | Continued | TrafficSeen | Resumed
+            if before[place] and not isinstance(moved, of_all):
                 moved = replace(moved, vehicle=moved.vehicle + before[place])
             last_s = max(last_s, moved.t_s)
             dated.append((last_s, place, k, moved))

@@ -27,6 +27,7 @@ from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.process.port import Port, ended_by
 from uavmap.aircraft.telemetry_reports import TelemetryReports
+from uavmap.aircraft.traffic_reports import TrafficReports
 from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import MissionClock
 from uavmap.journal.flight_plan import FlightPlan
@@ -61,6 +62,7 @@ class AircraftSide:
         numbers = numbers_of(setting)
         sessions = {number: link.session for number, link in zip(numbers, links, strict=False)}
         self._reports = TelemetryReports(sessions, send)
+        self._traffic = TrafficReports(sessions, setting, clock.now_s, self.host.report)
         self._vehicles: Mapping[int, MavlinkVehicle] = {}
         self._guardians = Guardians({})
 
@@ -68,6 +70,7 @@ class AircraftSide:
         self._send(message)
         if isinstance(message, say.Happened):
             self._reports.follow(message.event)
+            self._traffic.follow(message.event)
 
     @property
     def since_boot_s(self) -> float | None:

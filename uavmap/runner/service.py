@@ -171,8 +171,8 @@ class Service:
         return True
 
     def go_on(self) -> bool:
-        """End a pause; False where there is none."""
-        if not self.flying or not self.state.paused:
+        """End a pause, or a hold for traffic that is known; False where there is none."""
+        if not self.flying or not self.state.held:
             return False
         self.post(Continued(self.state.t_s))
         return True

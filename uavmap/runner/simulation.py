@@ -31,6 +31,7 @@ from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle
 from sitl.world.files import load_ground
 from sitl.world.ground import HeightField, Relief
+from sitl.world.traffic import Intruder
 from sitl.world.world import Patch
 from uavmap.mavlink.session import Session
 
@@ -98,6 +99,19 @@ def setup_of(
         relief=relief,
         tag_m=_tag_m(mission),
         tag_dictionary=sim.tag_dictionary or mission.navigation.tag_dictionary,
+        traffic=tuple(
+            Intruder(
+                LatLon(*one.position),
+                one.height_m,
+                one.toward_deg,
+                one.speed_m_s,
+                one.at_s - start_s,
+                math.inf if one.for_s is None else one.for_s,
+                one.name,
+                one.kind,
+            )
+            for one in sim.traffic
+        ),
         **sim.model_dump(include=_SAME),
     )
 

@@ -134,7 +134,7 @@ class Stepwise(Strategy):
 
     def plan(self, state: State) -> State:
         """Ask the explorer for those who have looked from where they are."""
-        return state if state.paused else explore_moves(self.explorer, state)
+        return state if state.held else explore_moves(self.explorer, state)
 
     def next_order(self, state: State, vehicle: VehicleState) -> State:
         """Search until there is a root, then fly to the vertex; look unless one has or does."""

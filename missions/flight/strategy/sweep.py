@@ -99,7 +99,7 @@ class Paths(Strategy):
     def plan(self, state: State) -> State:
         """Stop those who meet reserved air or have nothing left on their lanes, and plan anew."""
         state = end_searched(keep_clear(state))
-        return state if state.paused else self.plan_paths(state)
+        return state if state.held else self.plan_paths(state)
 
     def plan_paths(self, state: State) -> State:
         """Plan for all who have a region to explore, or no lanes left, until that is done."""

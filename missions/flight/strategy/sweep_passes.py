@@ -22,7 +22,6 @@ from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s
 from missions.flight.strategy.direct_flight import fetch
 from missions.flight.strategy.fallback import fall_back, patience_s
-from missions.flight.strategy.work import OpenWork, TourMemory, Work
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
@@ -30,6 +29,7 @@ from missions.mapping.tree import left_out
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
 from missions.planning.sweep.memo import plan_once, valued
+from missions.planning.sweep.open_work import OpenWork, TourMemory, Work
 from missions.planning.sweep.paths import Flyer, Plan, Route, Tuning, Waypoints
 from missions.units import Cell
 
@@ -216,7 +216,7 @@ def pass_memory(state: State) -> PassMemory:
 def _able(vehicle: VehicleState) -> bool:
     """Whether a vehicle explores, or may again after a battery swap."""
     here = vehicle.phase in (Phase.AIRBORNE, Phase.GROUNDED)
-    return here and vehicle.return_reason in (None, ReturnReason.BATTERY)
+    return here and vehicle.return_reason in (None, ReturnReason.BATTERY, ReturnReason.TRAFFIC)
 
 
 def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState]) -> PassMemory:

@@ -24,7 +24,6 @@ from missions.flight.path_orders import fly_route
 from missions.flight.state import Fences, Setting, State, Team
 from missions.flight.strategy.charting import gate_of
 from missions.flight.strategy.lane_passes import cells_drift_out, still_open
-from missions.flight.strategy.work import OpenWork, Work
 from missions.flight.team.work_shares import mark_unreported, own_part, share_parts, shared_out
 from missions.flight.vehicle_state import OFF_LAYER_M, Phase, VehicleState
 from missions.geo.columns import PAD_M, columns_over, fence_without
@@ -32,6 +31,7 @@ from missions.geo.fence import Fence
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Known
+from missions.planning.sweep.open_work import OpenWork, Work
 from missions.units import GridPoint
 
 LATE_S: Final = 45.0

@@ -25,11 +25,11 @@ import numpy as np
 
 from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import flyer_of, in_map_layer
-from missions.flight.strategy.work import OpenWork, TourMemory
 from missions.flight.vehicle_state import Allotment, Phase, VehicleState
 from missions.planning.search.lanes import Lane, rest_ahead
 from missions.planning.sweep.chart import Bits, Chart, Known, nearest_place
 from missions.planning.sweep.memo import tours_once
+from missions.planning.sweep.open_work import OpenWork, TourMemory
 from missions.planning.sweep.paths import CUT_M, Flyer, Tour, Tours, Waypoints
 from missions.units import Cell, GridPoint
 

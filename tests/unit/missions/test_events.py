@@ -26,6 +26,7 @@ from missions.events import (
     to_json,
 )
 from missions.fleet_events import Fact, Part
+from missions.traffic import Track
 from missions.units import Cell, GridPoint
 
 FAST = settings(max_examples=300, deadline=None)
@@ -49,6 +50,10 @@ facts = st.builds(
 )
 texts = st.text(max_size=20).map(lambda s: s.encode("utf-8", "ignore").decode())
 
+tracks = st.builds(
+    Track, texts, texts, finite, points, st.none() | finite, finite, st.none() | points
+)
+
 
 def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
     """Something for every field of an event."""
@@ -65,6 +70,7 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
         tuple[Cell, ...]: st.lists(cells, max_size=6).map(tuple),
         tuple[ClassShare, ...]: shares,
+        tuple[Track, ...]: st.lists(tracks, max_size=4).map(tuple),
         tuple[Fact, ...]: st.lists(facts, max_size=4).map(tuple),
         tuple[Part, ...]: st.lists(
             st.builds(Part, st.integers(1, 50), st.lists(points, max_size=4).map(tuple)), max_size=4

@@ -24,6 +24,7 @@ SECTIONS: Final[Mapping[str, str]] = {
     "wind": "The worst wind of the day: the way home is planned against it.",
     "drift": "A region that moves as a whole, such as an oil film.",
     "team": "How several vehicles keep apart.",
+    "traffic": "Aircraft of others: the team holds, or comes home (docs/how-to/traffic.md).",
     "guardian": "What the guardians of the aircraft do when the mission is gone.",
     "navigation": "When satellites are lost, or lie (docs/how-to/navigation.md).",
     "terrain": "Where the ground is not flat (docs/how-to/terrain.md).",
@@ -93,6 +94,8 @@ COMMENTS: Final[Mapping[str, str]] = {
     "guardian.orphan_hold_s": "a vehicle whose mission process has died holds, then returns",
     "team.separation_m": "two airborne vehicles never come nearer",
     "team.layer_m": "height between two vehicles; more than the separation",
+    "traffic.distance_m": "over ground from any vehicle; 0: they are only shown",
+    "traffic.height_m": "above or below a vehicle",
     "navigation.gnss_loss": '"rtl", "land"; on by "map" (own pictures) or "leapfrog"',
     "navigation.watch": 'hold positions against pictures; by default with "map"',
     "navigation.tolerated_m": "that satellites and pictures may disagree",
@@ -125,4 +128,5 @@ COMMENTS: Final[Mapping[str, str]] = {
     "sim.quirks": "what real aircraft do (docs/reference/simulator.md)",
     "sim.parameters": "of the simulated autopilot",
     "sim.faults": "what goes wrong, and when (docs/reference/simulator.md)",
+    "sim.traffic": "aircraft of others (docs/how-to/traffic.md)",
 }

@@ -91,6 +91,15 @@ _NESTED: Final[Mapping[str, str]] = {
     "sim.faults.delay_s": "of `link`: how late everything comes",
     "sim.faults.jitter_s": "of `link`: how much that varies",
     "sim.faults.silent": "of `link`: nothing comes at all",
+    "sim.traffic": "An aircraft of others that flies straight; receivers on board hear it.",
+    "sim.traffic.position": "where it is at `at_s`",
+    "sim.traffic.height_m": "above the start",
+    "sim.traffic.toward_deg": "where it flies to, true bearing",
+    "sim.traffic.speed_m_s": "over ground",
+    "sim.traffic.at_s": "from when on it is heard, on the mission's time",
+    "sim.traffic.for_s": "how long; without it to the end",
+    "sim.traffic.name": "its call sign: capitals and digits",
+    "sim.traffic.kind": "which message: ADSB_VEHICLE or UTM_GLOBAL_POSITION",
     "vehicles": "One table for each vehicle: `[[vehicles]]`.",
 }
 """What the comments of a mission file do not tell: tables in tables."""
@@ -135,7 +144,7 @@ def reference() -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-_LISTED: Final = frozenset({"vehicles", "search.prior", "sim.roi", "sim.faults"})
+_LISTED: Final = frozenset({"vehicles", "search.prior", "sim.roi", "sim.faults", "sim.traffic"})
 """Tables of which there may be several."""
 
 

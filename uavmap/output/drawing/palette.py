@@ -64,6 +64,8 @@ BOX: Final[Colour] = (120, 90, 40)
 FENCE: Final[Colour] = (190, 40, 60)
 HOLE: Final[Colour] = (246, 214, 218)
 SEARCHED: Final[Colour] = (238, 231, 214)
+TRAFFIC: Final[Colour] = (120, 0, 140)
+"""Aircraft of others."""
 HIDDEN: Final[Colour] = (207, 222, 242)
 """A true cell of the region before any vehicle sees it."""
 TRACKS: Final[tuple[Colour, ...]] = (
@@ -99,6 +101,7 @@ MARKS: Final[Mapping[str, str]] = {
     "ahead": "path ahead, by the present order",
     "flying": "vehicle in the air",
     "landed": "vehicle on the ground",
+    "traffic": "aircraft of others",
 }
 """Names of the other marks of a live map."""
 
@@ -116,7 +119,9 @@ CONTROLS: Final[Mapping[str, str]] = {
 }
 """Names of those who control a vehicle, by its phase."""
 
-Alarm = Literal["battery", "link", "fence", "yielded", "guarded", "down", "lost", "unsure"]
+Alarm = Literal[
+    "battery", "link", "fence", "yielded", "guarded", "down", "lost", "unsure", "traffic"
+]
 ALARMS: Final[Mapping[Alarm, str]] = {
     "battery": "vehicle {}: battery below what the path home needs",
     "link": "vehicle {}: link lost",
@@ -126,6 +131,7 @@ ALARMS: Final[Mapping[Alarm, str]] = {
     "down": "vehicle {}: down away from its pad",
     "lost": "vehicle {}: silent for longer than its battery lasts",
     "unsure": "ground unlike what the detector knows is on the map",
+    "traffic": "traffic is near: vehicles hold or come home",
 }
 """Conditions that need the operator, in words; the gap takes the number of the vehicle."""
 

@@ -43,6 +43,7 @@ from uavmap.base.terminal import Terminal
 from uavmap.output.facts.detector_fit import DetectorFit
 from uavmap.runner.operator.company import Onlooker
 from uavmap.runner.operator.time_left import time_left
+from uavmap.runner.operator.traffic_words import DOING, traffic_news
 
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
@@ -107,6 +108,8 @@ class ProgressTable(Onlooker):
 
     def update(self, event: Event, state: State, again: int) -> None:
         """Show the line of an event that has waited for its answer, and what has changed."""
+        if self._state is not None:
+            self._show(traffic_news(self._state, state), state.t_s)
         self._state = state
         if event in self._held:
             while self._held.popleft() != event:
@@ -204,6 +207,8 @@ def phase(state: State) -> str:
         return "recalled"
     if state.paused:
         return "paused"
+    if (answer := state.traffic.answer) and not state.exploration_finished:
+        return DOING[answer]
     if state.exploration_finished:
         return "coming home"
     return "searching" if state.tree is None and state.unsearched else "exploring"

@@ -1,5 +1,5 @@
-// What a browser knows of the flight: the board, and the cells as a picture. What a delta holds is in
-// uavmap/ui/page/board.py.
+// What a browser knows of the flight: the board, the cells as a picture, and marks of other aircraft.
+// What a delta holds is in uavmap/ui/page/board.py.
 
 const MOST_LINES = 300;
 const MOST_POINTS = 3000;
@@ -87,5 +87,32 @@ export class Raster {
         old.west - this.west,
         this.rows - old.rows - (old.south - this.south),
       );
+  }
+}
+
+// --- aircraft of others: a diamond with call sign and height, at the edge for one that is farther --
+export function drawTraffic(map) {
+  const { pen, ratio, canvas } = map;
+  const edge = 10 * ratio;
+  pen.font = "bold " + 11 * ratio + "px system-ui, sans-serif";
+  pen.textBaseline = "middle";
+  for (const { name, e, n, up } of map.board.fields.traffic || []) {
+    const [far_x, far_y] = map.at(e, n);
+    const x = Math.min(Math.max(far_x, edge), canvas.width - edge);
+    const y = Math.min(Math.max(far_y, edge), canvas.height - edge);
+    const size = 7 * ratio;
+    pen.beginPath();
+    for (const [dx, dy] of [[0, -size], [size, 0], [0, size], [-size, 0]]) pen.lineTo(x + dx, y + dy);
+    pen.closePath();
+    pen.fillStyle = map.scene.traffic;
+    pen.strokeStyle = "#fff";
+    pen.lineWidth = 2 * ratio;
+    pen.fill();
+    pen.stroke();
+    const left = x > canvas.width / 2;
+    pen.textAlign = left ? "right" : "left";
+    const text = name + (up === null ? "" : " " + up + " m");
+    pen.strokeText(text, x + (left ? -1.5 : 1.5) * size, y);
+    pen.fillText(text, x + (left ? -1.5 : 1.5) * size, y);
   }
 }

@@ -1,7 +1,7 @@
 // The map of the flight on a canvas. It receives the scene by `setting` once, a delta by `take` each
 // time.
 
-import { Board, Raster } from "flight_board";
+import { Board, Raster, drawTraffic } from "flight_board";
 
 const RESULTS_MS = 5000; // between two loads of the pictures of the results
 const EASE_S = 0.35; // a marker glides to where its vehicle was heard last
@@ -210,6 +210,7 @@ export class FlightMap {
     this.pen.drawImage(this.base, 0, 0);
     this.drawPaths();
     this.drawVehicles();
+    drawTraffic(this);
     this.frames += 1;
     this.drawn_ms += performance.now() - begin_ms;
   }

@@ -74,6 +74,7 @@ export default {
             <line v-else-if="mark === 'ahead'" x1="0" y1="6" x2="28" y2="6" stroke-width="2" stroke-dasharray="2 4"></line>
             <circle v-else-if="mark === 'flying'" cx="14" cy="6" r="5" :fill="scene.tracks[1]" stroke="#fff"></circle>
             <circle v-else-if="mark === 'landed'" cx="14" cy="6" r="4.5" fill="#fff" stroke-width="2"></circle>
+            <path v-else-if="mark === 'traffic'" d="M14 1 L19 6 L14 11 L9 6 Z" :fill="scene.traffic" stroke="none"></path>
             <circle v-else v-for="[r, colour] in scene.home_mark" cx="14" cy="6" :r="0.85 * r" :fill="colour" stroke="none"></circle>
           </svg>{{ name }}
         </li>
@@ -221,6 +222,7 @@ export default {
     listFigures(f) {
       const rows = [["mission time", clock(f.t_s)], ["phase", f.phase]];
       if (f.known) rows.push(["map", f.known]);
+      for (const { words } of (f.traffic || []).slice(0, 5)) rows.push(["traffic", words]);
       rows.push(["region", f.roi + " cells decided"]);
       this.scene.classes.forEach((name, i) => {
         const area_m2 = (f.class_areas_m2 || [])[i];

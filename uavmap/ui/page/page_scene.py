@@ -243,6 +243,7 @@ def scene_of(
         },
         "marks": {} if recorded else dict(palette.MARKS),
         "ink": palette.css(palette.INK),
+        "traffic": palette.css(palette.TRAFFIC),
         "land": palette.css(palette.LAND),
         "background": None if background is None else background.place,
         "mosaic": None

@@ -192,12 +192,12 @@ class Visitor:
     def _show_buttons(self, board: Board) -> None:
         why = self._hub.ended or board.field("hands_off") or self._config.get("why", "")
         paused = bool(board.field("paused"))
+        fits = {"pause": not paused, "continue": paused or bool(board.field("held"))}
         self._why.set_text("" if self._hub.ended else why)  # which the banner shows
         if self._buttons:
             self._orders.set_visibility(not why)
         for name, button in self._buttons.items():
-            fits = name == "return" or paused == (name == "continue")
-            button.set_visibility(not why and fits)
+            button.set_visibility(not why and fits.get(name, True))
 
     # --- time ------------------------------------------------------------------------------
     def _add_slider(self) -> None:

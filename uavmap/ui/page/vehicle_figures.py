@@ -135,7 +135,9 @@ class VehicleFigures:
             for number, vehicle in state.vehicles.items()
             for alarm in self._alarms_of(vehicle)
         ]
-        return [*found, ["unsure", ALARMS["unsure"]]] if unsure else found
+        team: list[tuple[Alarm, bool]] = [("traffic", bool(state.traffic.answer))]
+        team.append(("unsure", unsure))
+        return [*found, *([alarm, ALARMS[alarm]] for alarm, rings in team if rings)]
 
     def _alarms_of(self, vehicle: VehicleState) -> list[Alarm]:
         phase, alarm = vehicle.phase, _ALARM_PHASES.get(vehicle.phase)

@@ -26,6 +26,7 @@ from uavmap.output.facts.flight_log import LIFT_OFF_M, Counter
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.runner.operator.progress import cells_known, phase, remarkable
 from uavmap.runner.operator.time_left import time_left
+from uavmap.runner.operator.traffic_words import traffic_marks, traffic_news
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.page_scene import STATES
 from uavmap.ui.page.paths_ahead import Ahead
@@ -98,6 +99,7 @@ class Watcher:
         """Note what an event changes; `state` is that after it."""
         self._counter.before(event, self.state)
         self._counter.after(event)
+        self.say(traffic_news(self.state, state), "warning")
         self.state = state
         self.figures.note(event)
         judged = self._cells.note(event)
@@ -225,7 +227,10 @@ class Watcher:
         if state.tree is not None and state.belief.open_ballots:  # the same count in words
             board.set_field("known", cells_known(state))
         board.set_field("frames", [self._judged, self._lost])
+        if state.traffic.tracks or board.field("traffic"):
+            board.set_field("traffic", traffic_marks(state))
         board.set_field("paused", state.paused)
+        board.set_field("held", state.held)
         board.set_field("recalled", state.recalled)
         board.set_field("over", state.over or self._recorded)
 

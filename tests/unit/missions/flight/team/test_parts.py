@@ -17,13 +17,13 @@ from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import chart_of, flyer_of
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep_passes import NEAR_PAD_M
-from missions.flight.strategy.work import OpenWork, TourMemory
 from missions.flight.team.work_shares import EVERY_S, KNOWN_S, own_part, share_parts
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Allotment, Phase
 from missions.mission.checks import parse_mission
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Chart
+from missions.planning.sweep.open_work import OpenWork, TourMemory
 from missions.units import Cell, GridPoint
 from tests.support.fleet_rig import field_text
 

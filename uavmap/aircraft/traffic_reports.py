@@ -1,0 +1,99 @@
+"""Aircraft of others that vehicles' receivers report, as events of the mission."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+
+from missions.errors import GeodesyError
+from missions.events import Event, Tracked, TrafficSeen
+from missions.mission.layout import Layout
+from missions.traffic import Track
+from missions.units import GridPoint
+from uavmap.mavlink.session import Session
+from uavmap.mavlink.traffic_heard import Heard
+
+EVERY_S: Final = 1.0
+"""Minimum time between two events, mission seconds."""
+MOST_TRACKS: Final = 20
+"""Maximum number of tracks in an event, the nearest to the start."""
+
+
+class TrafficReports:
+    """What all links of a service have heard anew, behind a place of a vehicle: no timer of its
+    own changes what a simulated flight does."""
+
+    def __init__(
+        self,
+        sessions: Mapping[int, Session],
+        setting: Layout,
+        now_s: Callable[[], float],
+        report: Callable[[Event], None],
+    ) -> None:
+        self._sessions = sessions
+        self._grid = setting.grid
+        self._home_level_m = {number: setting.home_level_m(number) for number in sessions}
+        self._now_s = now_s
+        self._report = report
+        self._due_s = float("-inf")
+        self._reported_s: dict[str, float] = {}
+        """When each aircraft was heard that was reported last, on the loop's clock."""
+
+    def follow(self, event: Event) -> None:
+        """Report traffic behind a place of a vehicle, if the last report is old enough."""
+        if not isinstance(event, Tracked) or event.t_s < self._due_s:
+            return
+        newest: dict[str, tuple[float, Track]] = {}
+        known_s: dict[str, float] = {}
+        for heard_s, track in self._heard(known_s):
+            if track.ident not in newest or heard_s > newest[track.ident][0]:
+                newest[track.ident] = heard_s, track
+        self._reported_s = known_s
+        start = GridPoint(0.0, 0.0)
+        tracks = sorted(
+            (track for _, track in newest.values()),
+            key=lambda track: (track.place.distance_to(start), track.ident),
+        )
+        if tracks:
+            self._due_s = event.t_s + EVERY_S
+            self._report(TrafficSeen(event.t_s, tuple(tracks[:MOST_TRACKS])))
+
+    def _heard(self, known_s: dict[str, float]) -> Iterator[tuple[float, Track]]:
+        """Yield what was heard since it was last reported, but for our own vehicles; note in
+        `known_s` when each was heard."""
+        own = {session.view.uid for session in self._sessions.values()}
+        for number, session in self._sessions.items():
+            for ident, heard in session.traffic.aircraft.items():
+                known_s[ident] = max(heard.heard_s, known_s.get(ident, float("-inf")))
+                if ident in own or heard.heard_s <= self._reported_s.get(ident, float("-inf")):
+                    continue
+                with contextlib.suppress(GeodesyError):
+                    yield heard.heard_s, self._track(number, session, heard)
+
+    def _track(self, number: int, session: Session, heard: Heard) -> Track:
+        grid = self._grid
+        place = grid.fixed(heard.position)
+        age_s = asyncio.get_running_loop().time() - heard.heard_s
+        height_m, velocity_m_s = None, None
+        if heard.amsl_m is not None:
+            above_home_m = heard.amsl_m - session.view.home_amsl_m
+            height_m = round(above_home_m + self._home_level_m[number], 1)
+        if heard.velocity_m_s is not None:
+            east, north = heard.velocity_m_s
+            turn = grid.convergence_rad
+            cos, sin = math.cos(turn), math.sin(turn)
+            velocity_m_s = GridPoint(
+                round(east * cos - north * sin, 1), round(east * sin + north * cos, 1)
+            )
+        return Track(
+            heard.ident,
+            heard.name,
+            round(self._now_s() - age_s, 1),
+            GridPoint(round(place.east_m, 1), round(place.north_m, 1)),
+            height_m,
+            heard.error_m,
+            velocity_m_s,
+        )
