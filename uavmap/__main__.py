@@ -16,6 +16,8 @@ INTERRUPTED = 130
 def main() -> int:
     """Run the command; returns the exit code. Ctrl-C is heard from the beginning."""
     gc.disable()  # until all is loaded: that leaves no garbage
+    # its threads wait for each other by spinning, and the last bits depend on their number
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from uavmap.ui import cli  # noqa: PLC0415 - this takes seconds on a small computer
 

@@ -200,7 +200,7 @@ class Scorer:
             else:
                 logit = np.full(values.shape[1], part.base, np.float32)
                 for tree, table in zip(part.trees, tables, strict=True):
-                    logit += table[_left_over(tree, values)]
+                    logit += cv2.LUT(_left_over(tree, values), table)[0]
             total += sigmoid(logit)
         share = np.clip(total / len(self.parts), 1e-6, 1.0 - 1e-6)
         return np.asarray(np.log(share / (1.0 - share)), np.float32)
@@ -211,12 +211,13 @@ class Scorer:
 
 
 def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:
-    """Return the leaves that the answers to a tree's questions leave over, as bits."""
-    left_over = np.full(values.shape[1], 255, np.uint8)
+    """Return the leaves that the answers to a tree's questions leave over, (1, n), as bits."""
+    left_over = np.full((1, values.shape[1]), 255, np.uint8)
     for feature, at_most, left in zip(tree.feature, tree.at_most, tree.left, strict=True):
-        no = values[feature] > np.float32(at_most)
+        limit = np.array([np.float32(at_most)], np.float64)
+        stay = np.asarray(cv2.compare(values[None, feature], limit, cv2.CMP_LE), np.uint8)
         # yes: all stay; no: the leaves on the left are ruled out
-        left_over &= ~(no.view(np.uint8) * np.uint8(left))
+        left_over &= np.bitwise_or(stay, np.uint8(255 - left), out=stay)
     return left_over
 
 

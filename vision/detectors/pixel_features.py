@@ -78,17 +78,19 @@ def features(picture: NDArray[np.uint8], names: Sequence[str] = FEATURES) -> Arr
     rows, columns = described_shape(*picture.shape[:2])
     size = (columns, rows)
     wanted = set(names)
-    found = _colors(picture, size)
-    if wanted & set(GROUPS["texture"]):
+    found = _colors(picture, size, in_context=not wanted.isdisjoint(GROUPS["context"]))
+    if not wanted.isdisjoint(GROUPS["texture"]):
         found |= _texture(picture, size, found["light"])
     return np.stack([found[name] for name in names])
 
 
-def _colors(picture: NDArray[np.uint8], size: tuple[int, int]) -> dict[str, Array]:
+def _colors(
+    picture: NDArray[np.uint8], size: tuple[int, int], *, in_context: bool
+) -> dict[str, Array]:
     logs = _shrunk(cv2.LUT(picture, _LOG), size)
-    blue, green, red = (np.ascontiguousarray(logs[:, :, i]) for i in range(3))
-    plain = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    total = plain.sum(axis=2) + 3.0
+    blue, green, red = cv2.split(logs)
+    plain = cv2.split(cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32))
+    total = plain[0] + plain[1] + plain[2] + 3.0
     light = np.asarray(0.1 * blue + 0.6 * green + 0.3 * red, np.float32)
     # the median leaps where bright ground comes to cover more than half of a picture
     light -= np.float32(np.log(np.exp(light).mean()))
@@ -96,12 +98,16 @@ def _colors(picture: NDArray[np.uint8], size: tuple[int, int]) -> dict[str, Arra
         "light": light,
         "red_green": red - green,
         "blue_green": blue - green,
-        "green_excess": np.asarray(3.0 * plain[:, :, 1] / total - 1.0, np.float32),
+        "green_excess": np.asarray(3.0 * plain[1] / total - 1.0, np.float32),
     }
     found = dict(base)
-    found["saturation"] = np.asarray(1.0 - 3.0 * plain.min(axis=2) / total, np.float32)
+    found["saturation"] = np.asarray(
+        1.0 - 3.0 * cv2.min(cv2.min(*plain[:2]), plain[2]) / total, np.float32
+    )
     for key, value in base.items():
         found[f"{key}_near"] = _box(value, NEAR)
+        if not in_context:
+            continue
         found[f"{key}_around"] = _box(value, AROUND)
         if key == "light":
             found["light_beside"] = found["light_near"] - found["light_around"]

@@ -2,10 +2,13 @@
 
 python -m tests.benchmarks.photos.replay rate FOLDER        pictures a second, beside decoding alone
 python -m tests.benchmarks.photos.replay rate FOLDER --refine on  the same, by refined poses
+python -m tests.benchmarks.photos.replay rate FOLDER --detector my-field   by another detector
 python -m tests.benchmarks.photos.replay results FOLDER           seconds after the last picture
 python -m tests.benchmarks.photos.replay memory               1,000, 3,000 and 10,000 small pictures
 python -m tests.benchmarks.photos.replay memory --pictures 5000   so many, over as much more ground
 python -m tests.benchmarks.photos.replay memory --around 300    all over the ground of the first 300
+
+Set OPENBLAS_NUM_THREADS=1, as the command `uavmap` does for itself.
 
 The small pictures are a survey with the tags of a drone's. The ground is a patchwork that repeats
 itself every 460 m: a road with plants on both sides. The pictures lie in legs of 100, with 75 %
@@ -40,6 +43,7 @@ from missions.mission.schema import Mission
 from tests.support.photographs import dji, write_photo
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
+from uavmap.load.detector_source import detector_text
 from uavmap.load.mission_source import mission_of_text
 from uavmap.photos.ground.rasters import Wishes
 from uavmap.photos.mission_from_photos import derived
@@ -144,9 +148,10 @@ def survives(data: bytes, path: Path) -> str:
     return "used"
 
 
-def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
+def looked(gathered: Gathered, detector: Path, workers: int) -> tuple[float, float]:
     """Wall and CPU seconds of both passes."""
-    setting = setting_of(mission_of_text(derived(gathered), "derived"))
+    text = derived(gathered, detector=detector_text(detector))
+    setting = setting_of(mission_of_text(text, "derived"))
     begun, used = time.perf_counter(), time.process_time()
     with Spool() as spool:
         look_at_all(gathered, setting, spool, Threads(workers))
@@ -157,7 +162,7 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def _rate(folder: Path, refine: str) -> None:
+def _rate(folder: Path, refine: str, detector: Path) -> None:
     gathered = gather(open_source(folder))
     if refine == "on":  # beforehand: what is measured is the replay that follows
         better = refined(gathered, None)
@@ -171,7 +176,7 @@ def _rate(folder: Path, refine: str) -> None:
             ):
                 pass
             wall, cpu = time.perf_counter() - begun, time.process_time() - used
-            ours_wall, ours_cpu = looked(gathered, workers)
+            ours_wall, ours_cpu = looked(gathered, detector, workers)
             print(
                 f"{workers} workers: decoding {wall:.2f} s ({cpu:.2f} s CPU), replay "
                 f"{ours_wall:.2f} s ({ours_cpu:.2f} s CPU): {cpu / ours_cpu:.2f} of its rate by CPU"
@@ -238,13 +243,14 @@ def main() -> None:
     parser.add_argument("--pictures", type=int, nargs="+", default=[1000, 3000, 10_000])
     parser.add_argument("--around", type=int)
     parser.add_argument("--refine", choices=("on", "off"), default="off")
+    parser.add_argument("--detector", type=Path, default=Path("paved"))
     options = parser.parse_args()
     if options.what == "memory":
         _memory(options.pictures, options.refine, options.around)
     elif options.path is None:
         parser.error(f"{options.what} needs pictures")
     elif options.what == "rate":
-        _rate(options.path, options.refine)
+        _rate(options.path, options.refine, options.detector)
     else:
         _results(options.path, 5)
 
