@@ -38,6 +38,8 @@ class Crew(NamedTuple):
     """(vehicles, 2): where its tour ends."""
     begin_s: Floats
     """(vehicles,): how long after the others it begins."""
+    blind_s: Floats
+    """(vehicles,): until when its frames do not count; it flies to its first place meanwhile."""
     speed: Floats
     accel: float
     cut_m: float
@@ -170,6 +172,8 @@ def tour_s(crew: Crew, v: int, places: Floats, order: Ints, m: int) -> float:
             at = _corner_v(speed, accel, cut, in_x, in_y, in_m, out_x, out_y, out_m)
         if k > 0:
             total += _leg_s(length, before, at, speed, accel)
+            if k == 1:
+                total = max(total, crew.blind_s[v])
         elif not stands:  # it has to slow down to turn
             total += (speed - at) / accel
         before, length = at, out_m

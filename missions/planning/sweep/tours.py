@@ -124,6 +124,7 @@ def _crew(team: Sequence[Flyer], delays_s: Sequence[float], begin_s: float) -> k
         heading,
         end,
         np.array(delays_s, dtype=np.float64),
+        np.array([flyer.blind_s for flyer in team]) + delays_s,
         np.array([flyer.kinematics.speed_m_s for flyer in team]),
         team[0].kinematics.accel_m_s2,
         CUT_M,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -53,6 +54,21 @@ def test_all_work_is_somebodys_and_two_are_done_sooner_than_one():
 
 def test_who_is_long_busy_gets_less():
     assert (laid(30, 0.0, 1000.0).mine == 1).sum() == 0
+
+
+def test_a_vehicle_that_descends_flies_to_its_first_place_meanwhile() -> None:
+    chart, _, valued, _ = rectangle(30)
+
+    def cost_s(blind_s: float, delay_s: float) -> float:
+        descends = replace(FLYER, place=GridPoint(150.0, 150.0), blind_s=blind_s)
+        found = lay_tours(chart, [descends], [delay_s], valued, 0.0, 1)
+        assert found is not None
+        return found.cost_s
+
+    at_once, blind, waits = cost_s(0.0, 0.0), cost_s(30.0, 0.0), cost_s(0.0, 30.0)
+    # a place is 13 s away and more
+    assert at_once + 5.0 < blind < waits - 8.0
+    assert cost_s(30.0, 30.0) > waits + 10.0
 
 
 def test_tours_go_on_unless_others_are_better():
