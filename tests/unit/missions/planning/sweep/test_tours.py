@@ -68,7 +68,7 @@ def test_a_vehicle_that_descends_flies_to_its_first_place_meanwhile() -> None:
     at_once, blind, waits = cost_s(0.0, 0.0), cost_s(30.0, 0.0), cost_s(0.0, 30.0)
     # a place is 13 s away and more
     assert at_once + 5.0 < blind < waits - 8.0
-    assert cost_s(30.0, 30.0) > waits + 10.0
+    assert cost_s(30.0, 30.0) > waits + 5.0
 
 
 def test_tours_go_on_unless_others_are_better():
