@@ -24,7 +24,7 @@ from missions.mission.height_and_speed import (
     search_layer_faults,
     terrain_warnings,
 )
-from missions.mission.places import drawn, far_homes, homes
+from missions.mission.places import drawn, far_homes, holes_named, homes
 from missions.mission.schema import Mission, positions
 from missions.mission.sections import AUTO
 from missions.mission.views import G_M_S2
@@ -194,7 +194,8 @@ def search(mission: Mission, grid: Grid) -> Iterator[str]:
     """Faults of a search of which nothing can be flown."""
     if not search_area(mission, grid).lanes:
         yield (
-            f"search.box: fence.margin_m ({mission.fence.margin_m:g}) and fence.holes leave no "
+            f"search.box: fence.margin_m ({mission.fence.margin_m:g}) and {holes_named(mission)} "
+            "leave no "
             "part of it that a vehicle can fly over; move the box, widen the fence or lower the "
             "margin"
         )
@@ -278,7 +279,8 @@ def warnings(mission: Mission, grid: Grid) -> list[str]:
     if area.cut_off_m2 >= _SMALLEST_LOSS_M2:
         found.append(
             f"search.box: {area.cut_off_m2:.0f} m2 of its {area.box_m2:.0f} m2 cannot be "
-            f"searched: fence.margin_m ({mission.fence.margin_m:g}) or fence.holes cut them off; "
+            f"searched: fence.margin_m ({mission.fence.margin_m:g}) or {holes_named(mission)} cut "
+            "them off; "
             "widen the fence or lower the margin if they matter"
         )
     corner = farthest_corner(mission, grid)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import pyproj
@@ -164,13 +164,15 @@ def inside_fence(mission: Mission, grid: Grid) -> Iterator[str]:
             f"search.box: not inside fence.polygon (up to {beyond_m:.1f} m outside); shrink the "
             "box or widen the fence"
         )
-    for i, hole in enumerate(holes):
+    named = [hole_name(mission, i) for i in range(len(holes))]
+    for name, hole in zip(named, holes, strict=True):
         if hole.buffer(_TOUCH_M).contains(box):
-            yield f"search.box: lies wholly in fence.holes[{i}]; move the box or drop the hole"
+            yield f"search.box: lies wholly in {name}; move the box or drop the hole"
     margin_m = mission.fence.margin_m
     for i, place in enumerate(homes(mission)):
         key = home_key(mission, i)
-        yield from _standing(key, Point(grid.fixed(place)), place, polygon, holes, margin_m)
+        kept_out = dict(zip(named, holes, strict=True))
+        yield from _standing(key, Point(grid.fixed(place)), place, polygon, kept_out, margin_m)
     for i, region in enumerate(mission.sim.roi):
         shell = drawn(region.polygon, grid).buffer(_TOUCH_M)
         for k, ring in enumerate(region.holes):
@@ -179,6 +181,18 @@ def inside_fence(mission: Mission, grid: Grid) -> Iterator[str]:
                     f"sim.roi[{i}].holes[{k}]: not inside sim.roi[{i}].polygon; a hole is cut "
                     "out of its polygon"
                 )
+
+
+def hole_name(mission: Mission, index: int) -> str:
+    """What a hole of the fence is: a key of the file, or zones by name."""
+    zones = [f"{zone.name!r} ({zone.why})" for zone in mission.fence.zones if index in zone.holes]
+    return f"zone {' and '.join(zones)}" if zones else f"fence.holes[{index}]"
+
+
+def holes_named(mission: Mission) -> str:
+    """What the holes of the fence are, in short."""
+    zones = [repr(zone.name) for zone in mission.fence.zones if zone.effect == "hole"]
+    return f"fence.holes, with zone {', '.join(zones)}" if zones else "fence.holes"
 
 
 def home_key(mission: Mission, vehicle: int) -> str:
@@ -193,21 +207,22 @@ def _standing(
     point: Point,
     place: LatLon,
     polygon: Polygon,
-    holes: list[Polygon],
+    holes: Mapping[str, Polygon],
     margin_m: float,
 ) -> Iterator[str]:
     shown = f"{key} = {_show((place.lat_deg, place.lon_deg))}"
     if not polygon.contains(point):
         yield f"{shown}: outside fence.polygon; move it or widen the fence"
         return
-    for i, hole in enumerate(holes):
+    for name, hole in holes.items():
         if hole.intersects(point):
-            yield f"{shown}: inside fence.holes[{i}]; move it or shrink the hole"
+            yield f"{shown}: inside {name}; move it or shrink the hole"
             return
-    gap_m = min(ring.exterior.distance(point) for ring in (polygon, *holes))
+    rings = {"the fence": polygon, **holes}
+    gap_m, name = min((ring.exterior.distance(point), name) for name, ring in rings.items())
     if gap_m < margin_m:
         yield (
-            f"{shown}: {gap_m:.1f} m from the fence, nearer than fence.margin_m "
+            f"{shown}: {gap_m:.1f} m from {name}, nearer than fence.margin_m "
             f"({margin_m:g}); move it, widen the fence or lower the margin"
         )
 

@@ -13,7 +13,8 @@ import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
 from missions.errors import MissionFileError
 from missions.geo.footprint import Optics
@@ -65,11 +66,34 @@ class Start(Section):
     amsl_m: Annotated[Number, Field(ge=-500, le=9000)] = 0.0
 
 
+class Zone(Section):
+    """A zone of an authority that meets the fence, as kept of a file."""
+
+    name: str
+    why: str
+    """Its restriction, heights, times and file, in words."""
+    effect: Literal["hole", "above", "allowed"]
+    holes: tuple[Count, ...] = ()
+    """Numbers of the holes of the fence that it is a part of, from 0."""
+
+
+def _kept_zones(value: object) -> object:
+    paths = value if isinstance(value, list | tuple) else [value]
+    if any(isinstance(path, str) for path in paths):
+        raise PydanticCustomError(
+            "zone_paths", "files of zones are read only beside the mission file that names them"
+        )
+    return value
+
+
 class Fence(Section):
     """The geofence: stay inside `polygon`, outside of every hole."""
 
     polygon: Ring
     holes: tuple[Ring, ...] = ()
+    zones: Annotated[tuple[Zone, ...], BeforeValidator(_kept_zones)] = ()
+    """Their holes are among `holes`."""
+    allowed_zones: tuple[str, ...] = ()
     margin_m: NotNegative = 2.0
     ceiling_m: Annotated[Number, Field(gt=0, le=1000)] = 120.0
     """The default is the limit of most countries."""

@@ -9,7 +9,7 @@ import json
 import math
 import re
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +19,7 @@ from missions.mission.checks import check
 from missions.mission.schema import Mission, mission_of_tables, parse_fields, parse_toml
 from missions.mission.sections import LATER, MAX_PRIOR_PLACES
 from uavmap.base.text_files import read_text
+from uavmap.load.areas.zones import with_zones
 from uavmap.load.dem import LEVEL, with_ground
 from uavmap.load.detector_source import (
     check_detector,
@@ -46,8 +47,9 @@ def load(name: str, detector: str | None = None) -> Mission:
     """Load a mission by its path, or by the name of a shipped one.
 
     What the file names becomes a part of the mission: the places of `search.prior` (GeoJSON), the
-    ground of `terrain.dem` (GeoTIFF), the checksum of `detector.model`. A `detector` (a folder of
-    `uavmap tune`) replaces its own. Raises `MissionFileError` with file, line, key, value, remedy.
+    zones of `fence.zones`, the ground of `terrain.dem` (GeoTIFF), the checksum of `detector.model`.
+    A `detector` (a folder of `uavmap tune`) replaces its own. Raises `MissionFileError` with file,
+    line, key, value, remedy.
     """
     text, folder = _read(name)
     try:
@@ -61,9 +63,12 @@ def load(name: str, detector: str | None = None) -> Mission:
     return mission
 
 
-def mission_of_text(text: str, source: str) -> Mission:
-    """Check a mission whose text is no file of a user, and names none. Raises as `load`."""
+def mission_of_text(text: str, source: str, *, zones: Sequence[str] = ()) -> Mission:
+    """Check a mission whose text is no file of a user, and names none; `zones` are files of zones
+    that it is to name. Raises as `load`."""
     mission = parse_fields(text, source)
+    if zones:
+        mission = with_zones(mission, zones, Path(), "--zones")
     _check(mission, source)
     return mission
 
@@ -93,6 +98,7 @@ def _resolved(tables: dict[str, Any], source: str, folder: Path, detector: str |
         tables["search"]["prior"] = prior_places(folder / prior, where)
     if dem is not None:
         tables["terrain"]["dem"] = LEVEL
+    zones = _zone_files(tables)
     section = tables.get("detector")
     if section is None or isinstance(section, dict):
         other = None if detector is None else Path(detector)
@@ -107,7 +113,18 @@ def _resolved(tables: dict[str, Any], source: str, folder: Path, detector: str |
         )
     if dem is not None:
         mission = with_ground(mission, folder / dem, f"{source}: terrain.dem = {dem!r}")
-    return mission
+    return with_zones(mission, zones, folder, f"{source}: fence.zones:") if zones else mission
+
+
+def _zone_files(tables: Mapping[str, Any]) -> list[str]:
+    """Take the files of zones out of the tables of a mission file."""
+    fence = tables.get("fence")
+    named = fence.get("zones") if isinstance(fence, dict) else None
+    files = [named] if isinstance(named, str) else named
+    if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
+        return []
+    del tables["fence"]["zones"]
+    return files
 
 
 def _path_at(tables: Mapping[str, Any], section: str, key: str) -> str | None:

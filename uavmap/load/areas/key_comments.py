@@ -44,6 +44,8 @@ COMMENTS: Final[Mapping[str, str]] = {
     "search.layer_m": "height between two who search; 0: all in one layer",
     "fence.polygon": "with room for a region that reaches out of the area",
     "fence.holes": "polygons that nobody flies over",
+    "fence.zones": "files of zones: ED-269, ED-318, GeoJSON (docs/how-to/zones.md)",
+    "fence.allowed_zones": "names of zones that you may fly in",
     "fence.margin_m": "plan legs this far inside",
     "fence.ceiling_m": "no vehicle is sent higher above the start",
     "grid.cell_m": "edge of a cell on the ground",

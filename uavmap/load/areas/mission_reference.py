@@ -38,6 +38,11 @@ _NESTED: Final[Mapping[str, str]] = {
     "search.prior.polygon": "the region is somewhere in here",
     "search.prior.holes": "of the polygon",
     "search.prior.weight": "how probable it is, beside the other places",
+    "fence.zones": "What is kept of files of zones: uavmap writes it, no person does.",
+    "fence.zones.name": "as its file has it",
+    "fence.zones.why": "restriction, heights, times and file, in words",
+    "fence.zones.effect": "what it is to the fence",
+    "fence.zones.holes": "which holes of the fence it is a part of",
     "detector.classes": "The classes that a detector tells apart: besides `region` a table for "
     "each, by name, with `number` and perhaps `thickness_um` (docs/how-to/classes.md).",
     "detector.classes.region": "names of those that are explored; without it all of them",
@@ -109,6 +114,7 @@ _TYPES: Final = {
     "flight.altitude_m": 'number or `"auto"`',
     "search.altitude_m": 'number or `"auto"`',
     "search.prior": "position, list, or path of a GeoJSON file",
+    "fence.zones": "path of a file of zones, or list of paths",
     "terrain.dem": "path of a GeoTIFF",
     "sim.roi.rgb": "red, green, blue, from 0 to 255",
 }
@@ -144,7 +150,9 @@ def reference() -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-_LISTED: Final = frozenset({"vehicles", "search.prior", "sim.roi", "sim.faults", "sim.traffic"})
+_LISTED: Final = frozenset(
+    {"vehicles", "search.prior", "sim.roi", "sim.faults", "sim.traffic", "fence.zones"}
+)
 """Tables of which there may be several."""
 
 

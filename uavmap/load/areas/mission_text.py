@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -226,6 +227,13 @@ def _section(
             yield f"# {COMMENTS[full]}"
             yield f"[[{full}]]"
             yield from _rings("polygon", values[full])
+
+
+def naming_zones(text: str, files: Sequence[str]) -> str:
+    """Return the text of a new mission with files of zones in it."""
+    listed = tomlkit.item(list(files)).as_string()
+    line = re.compile(r"^# zones = *", re.MULTILINE)
+    return line.sub(lambda found: f"zones = {listed}  ", text, count=1)
 
 
 def _vehicles(count: int) -> Iterator[str]:

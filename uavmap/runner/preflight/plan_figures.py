@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from missions.flight.state import Setting
 from missions.mission import flyable
@@ -157,6 +157,7 @@ def plan_lines(setting: Setting) -> list[str]:
         f"{figures['search_sorties']} sorties a vehicle; exploring comes on top",
         f"  energy: {battery.capacity_wh:g} Wh a battery, {energy.reserve_wh:.1f} Wh of it "
         f"reserve, {battery.hover_power_w:g} W in hover",
+        *(f"  {line}" for line in zone_lines(mission)),
         f"  fence: {setting.fence.outer.area:.0f} m2, {len(mission.fence.holes)} holes, legs stay "
         f"{mission.fence.margin_m:g} m inside",
         *(f"  {line}" for line in taken_lines(mission)),
@@ -179,3 +180,17 @@ def _figures(mission: Mission, height_m: float) -> dict[str, Any]:
         "speed_without_blur_m_s": round(speeds.blur_m_s, 1),
         "speed_with_enough_frames_m_s": round(speeds.frames_m_s, 1),
     }
+
+
+_EFFECTS: Final = {
+    "hole": "the fence leaves it out",
+    "above": "it begins above fence.ceiling_m, and does not matter",
+    "allowed": "it is flown in, by fence.allowed_zones",
+}
+
+
+def zone_lines(mission: Mission) -> list[str]:
+    """Return a line for each zone that meets the fence: its name, why, and what follows."""
+    return [
+        f"zone {zone.name!r}: {zone.why}: {_EFFECTS[zone.effect]}" for zone in mission.fence.zones
+    ]

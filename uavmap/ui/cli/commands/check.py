@@ -29,6 +29,7 @@ from uavmap.runner.preflight.plan_figures import (
     ground_figures,
     ground_lines,
     taken_lines,
+    zone_lines,
 )
 from uavmap.ui.cli.option_table import add_options
 
@@ -71,12 +72,13 @@ def run(options: argparse.Namespace) -> int:
         figures["region"] = region_in_words(setting.mission.detector)
         figures["warnings"] = warnings
         figures["taken"] = taken_lines(setting.mission)
+        figures["zones"] = zone_lines(setting.mission)
         print(json.dumps(figures, indent=2))
         return 0
     print(f"{options.mission}: {'can be flown, but' if warnings else 'nothing wrong'}")
     for warning in warnings:
         print(f"  {warning}")
-    for line in taken_lines(setting.mission):
+    for line in (*zone_lines(setting.mission), *taken_lines(setting.mission)):
         print(f"  {line}")
     for line in region_lines(mission.detector):
         print(f"  {line}")
@@ -148,6 +150,7 @@ def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, 
             f"{_size(setting.fence.outer)}, holes: {len(mission.fence.holes)}; legs stay "
             f"{mission.fence.margin_m:g} m inside",
         ),
+        *(("zone", line) for line in zone_lines(mission)),
         ("cells", f"{mission.grid.cell_m:g} m"),
         ("vehicles", f"{len(mission.vehicles)}, strategy {mission.strategy}"),
         ("layers", f"{layers} above {'the start' if setting.ground is None else 'the ground'}"),

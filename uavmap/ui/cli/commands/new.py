@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import shlex
 import sys
@@ -29,12 +30,13 @@ from uavmap.load.areas.mission_text import (
     Flying,
     compose,
     largest_cell_m,
+    naming_zones,
 )
 from uavmap.load.areas.reading import KINDS, read_area_file
 from uavmap.load.detector_source import SIMULATORS, region_lines
 from uavmap.load.mission_source import mission_of_text
 from uavmap.output.documents import save
-from uavmap.runner.preflight.plan_figures import estimate
+from uavmap.runner.preflight.plan_figures import estimate, zone_lines
 from uavmap.ui.cli import complain
 from uavmap.ui.cli.commands.check import box_line, check_kind, search_line, write_map, zone_name
 from uavmap.ui.cli.common import answer_to, asks, epsg_code, number_type, pair, vehicle_count
@@ -76,6 +78,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         type=Path,
         help="the plan as .png or .html (default: a .png beside the mission)",
+    )
+    add(
+        "--zones",
+        metavar="FILE",
+        nargs="+",
+        default=[],
+        help="zones that are left out of the fence: ED-269, ED-318 or GeoJSON",
     )
     _add_area_options(parser)
     add_detector_options(parser)
@@ -128,7 +137,9 @@ def run(options: argparse.Namespace) -> int:
     def composed() -> tuple[str, Setting]:
         table = detector_table(detector, out.parent)
         text = compose(name, origin, layout, figures, flying, table)
-        return text, setting_of(mission_of_text(text, str(out)))
+        mission = mission_of_text(text, str(out), zones=options.zones)
+        named = [os.path.relpath(file, out.parent) for file in options.zones]
+        return naming_zones(text, named) if named else text, setting_of(mission)
 
     try:
         text, setting = composed()
@@ -146,7 +157,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print(layout: Layout, setting: Setting, aircraft: Figures, out: Path, preview: Path) -> None:
-    for notice in (*layout.notices, *flyable.warnings(setting.mission, setting.grid)):
+    zones = zone_lines(setting.mission)
+    for notice in (*layout.notices, *zones, *flyable.warnings(setting.mission, setting.grid)):
         complain(notice)
     home = setting.mission.home
     north, east = "NS"[home.lat_deg < 0.0], "EW"[home.lon_deg < 0.0]

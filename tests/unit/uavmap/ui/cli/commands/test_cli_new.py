@@ -101,7 +101,8 @@ def test_every_default_is_shown(field):
     assert shown["team"] == {"separation_m": 4.0, "layer_m": 6.0}
     assert shown["drift"] == {"speed_m_s": 0.0, "toward_deg": 0.0}
     assert {k for k in Sim.model_fields if k not in shown["sim"]} == {
-        "terrain", "quirks", "parameters", "faults", "tag_m", "tag_dictionary", "world"
+        "terrain", "quirks", "parameters", "faults", "tag_m", "tag_dictionary", "world",
+        "traffic",
     }  # fmt: skip
     for words in ("capacity_wh = 60.0", "Wh, above 0", "degrees, above 1, below 170"):
         assert words in text
@@ -369,3 +370,34 @@ def test_a_fence_on_another_continent_is_refused(field, tmp_path, capsys, refuse
     saved(tmp_path, "b.toml", with_fence(Path("a.toml").read_text("utf-8"), there))
     capsys.readouterr()
     assert "fence.polygon" in refused("check", "b.toml")
+
+
+def zone(name, half_deg, lat_deg=48.0, lon_deg=11.0):
+    corners = [(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)]
+    ring = [[lon_deg + east * half_deg, lat_deg + north * half_deg] for east, north in corners]
+    geometry = {"type": "Polygon", "coordinates": [ring]}
+    return {"type": "Feature", "properties": {"name": name}, "geometry": geometry}
+
+
+def test_new_zones_are_left_out_of_the_fence_and_shown(tmp_path, capsys):
+    (tmp_path / "zones").mkdir()
+    features = {"type": "FeatureCollection", "features": [zone("Farm", 1e-4)]}
+    (tmp_path / "zones" / "one.json").write_text(json.dumps(features), "utf-8")
+    options = ["--at", "48,11", "--drone", "sim", "--detector", "paved", "--out", "a.toml"]
+    new(*options, "--zones", "zones/one.json")
+    assert "zone 'Farm': from the ground; in one.json" in capsys.readouterr().err
+    made = Path("a.toml").read_text("utf-8")
+    assert tomllib.loads(made)["fence"]["zones"] == ["zones/one.json"]
+    mission = load("a.toml")
+    assert (len(mission.fence.holes), mission.fence.zones[0].effect) == (1, "hole")
+    assert main(["check", "a.toml"]) == 0
+    assert "zone 'Farm'" in capsys.readouterr().out
+
+
+def test_new_zone_over_the_whole_area_is_refused_by_name(tmp_path, capsys):
+    features = {"type": "FeatureCollection", "features": [zone("Airport", 0.1)]}
+    (tmp_path / "all.json").write_text(json.dumps(features), "utf-8")
+    options = ["--at", "48,11", "--drone", "sim", "--out", "a.toml", "--zones", "all.json"]
+    assert main(["new", *options]) == 2
+    assert "zone 'Airport'" in capsys.readouterr().err
+    assert not Path("a.toml").exists()
