@@ -178,6 +178,7 @@ RULES: Final[Mapping[str, Rule]] = {
         ("ADSB_VEHICLE", "UTM_GLOBAL_POSITION"),
         Rule(Sender.ANY, _degrees("lat", "lon"), _no_place),
     ),
+    "OPEN_DRONE_ID_ARM_STATUS": Rule(Sender.ANY),  # of a module beside the autopilot
     "TIMESYNC": Rule(Sender.ANY),  # who asked knows its own time again
     "TERRAIN_REPORT": Rule(
         Sender.AUTOPILOT, (*_degrees("lat", "lon"), Limit("terrain_height", -500, 9000))

@@ -15,6 +15,7 @@ from missions.mission.flyable import look_s
 from missions.mission.layout import Layout
 from missions.mission.places import drawn, home_heights_m
 from missions.units import PadHeight
+from uavmap.base.printable import printable
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, EKF_CONSTANT, VehicleView
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
@@ -43,6 +44,8 @@ class Measurement:
         """Of the battery, as SYS_STATUS has it."""
         self.version = ""
         """Of the autopilot's firmware; empty where it was not told."""
+        self.remote_id: Message | None = None
+        """The last OPEN_DRONE_ID_ARM_STATUS."""
         self._sent_ns: dict[int, float] = {}
         self._trips_s: list[float] = []
         session.listen(self._on_message)
@@ -103,6 +106,8 @@ class Measurement:
             self.fix = message
         elif name == "SYS_STATUS" and 0 < message.voltage_battery < _NO_VOLTAGE_MV:
             self.volts = message.voltage_battery / 1000.0
+        elif name == "OPEN_DRONE_ID_ARM_STATUS":
+            self.remote_id = message
         elif name == "AUTOPILOT_VERSION":
             self.version = _version(message.flight_sw_version)
         elif name == "TIMESYNC" and message.tc1 != 0:
@@ -148,6 +153,7 @@ def state_findings(
     yield from _link(measured)
     yield from _fix(measured)
     yield _estimator(view)
+    yield _remote_id(measured)
     yield _charge(view, setting, number)
     if setting is not None:
         yield from _place(view, setting, number)
@@ -224,6 +230,19 @@ def _estimator(view: VehicleView) -> Finding:
             "look at its PreArm texts; it is waited for at the take-off",
         )  # fmt: skip
     return ok("EKF", "has a position, ready to arm")
+
+
+def _remote_id(measured: Measurement) -> Finding:
+    status = measured.remote_id
+    if status is None:
+        return ok("remote ID", "no module reports; where the law asks for one, check it yourself")
+    if status.status == mav.MAV_ODID_ARM_STATUS_GOOD_TO_ARM:
+        return ok("remote ID", "ready to arm")
+    why = printable(str(status.error).split("\0", 1)[0]).strip() or "without a reason"
+    return bad(
+        "remote ID", f"not ready to arm: {why}", "ready to arm",
+        "set the operator's and the aircraft's identification, and wait for a fix",
+    )  # fmt: skip
 
 
 def _charge(view: VehicleView, setting: Layout | None, number: int) -> Finding:

@@ -150,7 +150,7 @@ def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, 
             f"{_size(setting.fence.outer)}, holes: {len(mission.fence.holes)}; legs stay "
             f"{mission.fence.margin_m:g} m inside",
         ),
-        *(("zone", line) for line in zone_lines(mission)),
+        *(("zone", line.removeprefix("zone ")) for line in zone_lines(mission)),
         ("cells", f"{mission.grid.cell_m:g} m"),
         ("vehicles", f"{len(mission.vehicles)}, strategy {mission.strategy}"),
         ("layers", f"{layers} above {'the start' if setting.ground is None else 'the ground'}"),
