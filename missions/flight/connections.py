@@ -1,4 +1,4 @@
-"""Which vehicle can be commanded: links, pilots, failsafes, a resumed mission."""
+"""Vehicles that can be commanded: links, pilots, failsafes, a resumed mission."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
 LIFTED_M = 1.0
 """Height above home beyond which a vehicle has left the ground, m."""
 GAINED = 0.05
-"""Least gain of charge by a battery swap, share of the capacity."""
+"""Minimum gain of charge that counts as a battery swap, share of the capacity."""
 
 
 def resume(state: State) -> State:
-    """Have all vehicles take part again, without the orders of the process that ended."""
+    """Return the state in which all vehicles take part again, without the old process's orders."""
     root = state.tree.root if state.tree is not None else None
     vehicles = {
         number: replace(v, phase=Phase.APART, order=None, on_lane=False)
@@ -34,7 +34,7 @@ def resume(state: State) -> State:
             spare_pad=None,
             vertex=v.vertex or root,
             cleared=v.phase is not Phase.DOWN and not v.was_down,
-            was_down=_lies_somewhere(v),  # perhaps nobody has fetched it
+            was_down=_lies_somewhere(v),  # it may still lie there
             wind_m_s=0.0,
             frames_lost=0,
             empty_passes=0,
@@ -47,12 +47,12 @@ def resume(state: State) -> State:
 
 
 def _lies_somewhere(vehicle: VehicleState) -> bool:
-    """Whether it fell, or was set down away from its pad."""
+    """Return whether it fell, or landed away from its pad."""
     return vehicle.was_down or vehicle.phase is Phase.DOWN or bool(vehicle.landed_away_m)
 
 
 def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """A vehicle is connected, or reconnected."""
+    """Return a vehicle that is connected or reconnected."""
     phase = Phase.GROUNDED
     if event.airborne:
         phase = Phase.AIRBORNE if event.ours else Phase.YIELDED
@@ -84,11 +84,11 @@ def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> Vehi
 def _found_on_the_ground(
     connected: VehicleState, before: VehicleState, setting: Setting
 ) -> VehicleState:
-    """A vehicle that has flown and stands away from its pad is down; so is one that fell onto its
-    pad, until it has a fresh battery."""
+    """Return a vehicle found on the ground: it is down if it has flown and is away from its pad. A
+    vehicle that fell onto its pad is down until it has a fresh battery."""
     away_m = connected.position.distance_to(connected.home)
     has_flown = before.was_down or not (before.landed and before.cleared)
-    # one that people put elsewhere starts with a new home; one beside a blocked pad is close
+    # a vehicle that people have moved starts with a new home; one beside a blocked pad is close
     beside_m = BESIDE_M if before.landed and not before.was_down else PAD_M
     if not connected.landed or not has_flown:
         return connected
@@ -97,11 +97,11 @@ def _found_on_the_ground(
     capacity_wh, charge_wh = setting.energy.capacity_wh, connected.remaining_wh
     gained = charge_wh - before.remaining_wh >= GAINED * capacity_wh
     if away_m > beside_m:
-        note = f"it came down {away_m:.0f} m from its pad, and lies there still"
+        note = f"it came down {away_m:.0f} m from its pad, and is still there"
     elif lies_there and not (gained and charge_wh >= FRESH * capacity_wh):
-        note = "it fell on its pad, and nobody has given it a fresh battery since"
+        note = "it fell on its pad, and its battery has not been replaced since"
     else:
-        # an autopilot takes the place where it lies for its home
+        # an autopilot takes the place where the vehicle lies for its home
         moved = connected.position.distance_to(before.home) > beside_m
         return replace(connected, cleared=connected.cleared and not moved)
     return connected.stood_down(Phase.DOWN, note)
@@ -110,7 +110,7 @@ def _found_on_the_ground(
 def _on_its_way_home(
     connected: VehicleState, event: Connected, before: VehicleState
 ) -> VehicleState:
-    """A vehicle that was coming home when its link was lost goes on doing so."""
+    """Return a vehicle that continues the return that it had begun when its link was lost."""
     reason = before.return_reason
     if before.phase is Phase.LOST:
         reason = reason or ReturnReason.BATTERY
@@ -119,7 +119,7 @@ def _on_its_way_home(
         guarded = connected.stood_down(Phase.GUARDED, before.note)
         return replace(guarded, return_reason=resumed)
     if event.mode == "land":
-        # a resume forgets why; a vehicle that lands at its pad waits there for a battery
+        # a resume forgets the reason; a vehicle that lands at its pad waits there for a battery
         reason = reason or ReturnReason.BATTERY
         landing = replace(connected, return_reason=reason, over_home=True, order=Land())
         return replace(landing, braking_until_s=None, note=before.note)
@@ -127,10 +127,8 @@ def _on_its_way_home(
 
 
 def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """Its last order is kept, for the air of that stays reserved.
-
-    From the order to take off it counts as in the air, until it reports from the ground.
-    """
+    """Return the vehicle without a link; it keeps its last order, whose air stays reserved. From
+    its take-off order on it counts as airborne, until it reports from the ground."""
     if vehicle.phase is Phase.OFFLINE:
         return vehicle
     return replace(
@@ -145,7 +143,7 @@ def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> Vehic
 
 
 def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """A pilot or a failsafe has it: nothing more is sent to it."""
+    """Return the vehicle that a pilot or a failsafe flies; no command is sent to it."""
     returns = event.mode.startswith(RETURN_MODES) or "failsafe" in event.mode
     note = f"yielded to {event.mode}" + (f": {event.cause}" if event.cause else "")
     return taken_away(vehicle, setting, Phase.YIELDED, note, returns=returns)
@@ -154,10 +152,8 @@ def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> Ve
 def taken_away(
     vehicle: VehicleState, setting: Setting, phase: Phase, note: str, *, returns: bool
 ) -> VehicleState:
-    """A pilot, a failsafe or its guardian flies it; `returns`: its autopilot flies it home.
-
-    A mode that changes where it lies mends nothing.
-    """
+    """Return the vehicle that a pilot, a failsafe or its guardian flies. `returns` means that its
+    autopilot flies it home. A change of mode does not clear "down"."""
     was_down = vehicle.was_down or vehicle.phase is Phase.DOWN
     return replace(
         set_free(vehicle, setting.grid.cell_m),
@@ -170,7 +166,7 @@ def taken_away(
 
 
 def released(event: Released, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """It was given back; one that lies where it fell still lies there."""
+    """Return the vehicle that is back under our control; one that fell is still down."""
     if vehicle.phase is Phase.DOWN:
         return vehicle
     if vehicle.was_down:

@@ -1,4 +1,4 @@
-"""How much of a lane is searched: as far as frames of it were judged, and no farther."""
+"""The searched part of a lane: as far as its frames were judged, and no farther."""
 
 from __future__ import annotations
 
@@ -14,19 +14,17 @@ from missions.planning.search.lanes import along_m, number_among, offset_m, unse
 from missions.units import Cell, GridPoint
 
 BESIDE_CELLS = 1.5
-"""Greatest distance of a frame from the lane that it shows, cells."""
+"""Maximum distance of a frame from the lane that it shows, cells."""
 KNOWN_CELLS = 0.25
-"""Least distance of two columns that differ by more than the drift, cells."""
+"""Minimum distance of two columns that differ by more than the drift, cells."""
 STEP_S = 0.25
 PASSED_M = 2.0 * LANE_CUTS_M[0]
-"""Distance at which a path passes the end of a lane, m: it cuts the corner."""
+"""Distance at which a path passes the end of a lane, m; the path cuts the corner."""
 
 
 def lane_seen(state: State, vehicle: VehicleState, event: FrameSeen, vantage: Cell) -> VehicleState:
-    """Count a frame over `vantage` for the lane of a vehicle, if all rows are judged from there.
-
-    A camera that leans in the wind, or is off the lane, shows what lies beside it.
-    """
+    """Count a frame over `vantage` for a vehicle's lane if all rows were judged from there. A
+    camera that the wind tilts, or that is off the lane, shows the ground beside it."""
     setting, shown = state.setting, {vote.cell for vote in event.votes}
     if not vehicle.on_lane or not vehicle.lanes:
         return vehicle
@@ -48,11 +46,11 @@ def lane_passed(
     shown: Collection[Cell],
     judged: Callable[[Cell], bool],
 ) -> VehicleState:
-    """Count a frame at `t_s` that has judged cells (`shown`) for the lanes of a vehicle.
+    """Count a frame at `t_s` that judged the cells `shown` for a vehicle's lanes.
 
-    It counts where all rows of a lane are `judged` by now, by any frame. If that is the second lane
-    and the path has passed the end of the first, what is unseen of the first is flown again after
-    all others. On its way to the first a path may cross the second, which does not count.
+    It counts where all rows of a lane are `judged` by now, by any frame. If this is the second lane
+    and the path has passed the end of the first, the unseen rest of the first is flown again, last.
+    A path may cross the second lane on its way to the first; that does not count.
     """
     if not vehicle.on_lane or not shown:
         return vehicle
@@ -80,7 +78,7 @@ def lane_passed(
 
 
 def _is_behind(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:
-    """Whether the path of a vehicle has passed the start of its first lane, then the end."""
+    """Return whether the path of a vehicle has passed the start of its first lane, then the end."""
     path = vehicle.path
     if path is None:
         return True
@@ -96,7 +94,7 @@ def _is_behind(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:
 
 
 def lane_left(vehicle: VehicleState, cell_m: float) -> VehicleState:
-    """Have a vehicle leave its lane: what is unseen of it is left to fly."""
+    """Have a vehicle leave its lane; the unseen rest stays to be flown."""
     if not vehicle.on_lane or not vehicle.lanes:
         return vehicle
     rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
@@ -104,13 +102,13 @@ def lane_left(vehicle: VehicleState, cell_m: float) -> VehicleState:
 
 
 def set_free(vehicle: VehicleState, cell_m: float) -> VehicleState:
-    """Have a vehicle leave what it did: its lane, its look, its way home."""
+    """Have a vehicle drop its task: lane, observation or return."""
     left = lane_left(vehicle, cell_m)
     return replace(left, return_reason=None, over_home=False, at_target=False)
 
 
 def lane_flown(vehicle: VehicleState, cell_m: float) -> VehicleState:
-    """End the first lane of a vehicle: it flies back along what is unseen, the nearest first."""
+    """End a vehicle's first lane; it flies back along the unseen parts, nearest first."""
     rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
     back = tuple((end, start) for start, end in reversed(rest))
     empty = 0 if vehicle.lane_seen_m else vehicle.empty_passes + 1

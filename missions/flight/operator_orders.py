@@ -1,6 +1,6 @@
-"""What the operator and traffic change: pause, continue, one vehicle home, a cell left out.
+"""Orders of the operator, and traffic: pause, continue, recall one vehicle, skip a cell.
 
-In a pause a vehicle still makes way, and flies home when its battery is low or if it has begun to.
+In a pause a vehicle still makes way. It still returns if its battery is low or if it has begun to.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ CALLED_HOME = "called home by the operator"
 
 
 def stopped(state: State) -> State:
-    """Have vehicles that work come to rest and hold; take-offs under way go on."""
+    """Have working vehicles stop and hold; take-offs under way continue."""
     return state.with_all(lambda v: _stopped(state, v) if v.works else v)
 
 
 def minded(state: State) -> State:
-    """Return the state with what the team does about traffic at its time."""
+    """Return the state with the team's response to traffic at its time."""
     setting, wanted = state.setting, state.setting.mission.traffic
     rule = Rule(wanted.distance_m, wanted.height_m + setting.relief_m)
     team = (Place(v.position, v.level_m) for v in state.ours)
@@ -33,12 +33,12 @@ def minded(state: State) -> State:
 
 
 def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """It comes home as soon as it is ours, and stays there until a resume."""
+    """Recall a vehicle once it is under our control; it stays on the ground until a resume."""
     return replace(vehicle, called_home=True, note=vehicle.note or CALLED_HOME)
 
 
 def skip(state: State, event: CellSkipped) -> State:
-    """Leave a cell out: vehicles that were about to look from it go on with the next."""
+    """Skip a cell: vehicles that were about to observe it continue with the next."""
     cell = event.cell
     strategy = state.setting.strategy.in_force(state)
     if strategy.to_skip(state, state.vehicles[event.vehicle]) != cell:
@@ -55,7 +55,7 @@ def skip(state: State, event: CellSkipped) -> State:
 
 
 def skipped_for_good(state: State) -> State:
-    """Return the state with skipped cells done, also those that became region only later."""
+    """Return the state with skipped cells done, including those that became region later."""
     tree = state.tree
     for cell in state.skipped if tree is not None else ():
         if tree is not None and cell in tree and not tree.has_looked(cell):
@@ -64,7 +64,7 @@ def skipped_for_good(state: State) -> State:
 
 
 def explained(state: State, event: Told) -> State:
-    """Note why a failsafe has a vehicle that reports the cause only afterwards."""
+    """Add the cause of a failsafe that the autopilot reports only afterwards."""
     vehicle = state.vehicles[event.vehicle]
     if event.cause is None or vehicle.phase is not Phase.YIELDED or event.cause in vehicle.note:
         return state
@@ -73,7 +73,7 @@ def explained(state: State, event: Told) -> State:
 
 
 def _stopped(state: State, vehicle: VehicleState) -> VehicleState:
-    """A vehicle whose order is taken back; in a pause it is given no other but to hold."""
+    """Return a vehicle without its order; in a pause it may only hold."""
     if not isinstance(vehicle.order, FlyTo | FlyPath | Sweep | Look):
         return vehicle
     left = vehicle if vehicle.path is None else lane_left(vehicle, state.setting.grid.cell_m)

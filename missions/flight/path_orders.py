@@ -1,8 +1,8 @@
-"""Paths that are flown without stopping: where they may lead, and when they end early.
+"""Paths that are flown without stopping: their limits, and when they end early.
 
 A path is given only if the fence allows all of it, and the air of its next
-`missions.flight.airspace.needs.AHEAD_S` seconds is clear. That is checked again at every report:
-a vehicle brakes along its path before it meets air that another has reserved (`keep_clear`).
+`missions.flight.airspace.needs.AHEAD_S` seconds is clear. Every report repeats that check: a
+vehicle brakes along its path before it meets air that another has reserved (`keep_clear`).
 """
 
 from __future__ import annotations
@@ -21,20 +21,18 @@ from missions.orders import FlyPath
 from missions.units import GridPoint
 
 NOTICE_S: Final = 1.0
-"""Time from a plan to its begin, s: setpoints are streamed up to 0.75 s ahead."""
+"""Time from a plan to its beginning, s: setpoints are streamed up to 0.75 s ahead."""
 CORNER_CUT_M: Final = 0.005
-"""Cut of a corner of the fence, m: a vehicle nearly stops there."""
+"""Cut of a corner of the fence, m; a vehicle nearly stops there."""
 DEPTH_M: Final = 1.5
-"""How far inside a vehicle flies that was outside, m."""
+"""Distance inside the margin to which a vehicle returns that was outside, m."""
 
 
 def give_path(
     state: State, vehicle: VehicleState, path: Trajectory, *, partly: bool = False
 ) -> State:
-    """Give a path if the fence allows it and its air is free; else what was flown is flown on.
-
-    With `partly` one is flown as far as the fence allows it.
-    """
+    """Give a path if the fence allows it and its air is clear; else the vehicle keeps its path.
+    With `partly` the vehicle flies the path as far as the fence allows it."""
     setting, mission = state.setting, state.setting.mission
     fits = allowed(setting.fence, path)
     if not fits and partly:
@@ -59,8 +57,8 @@ def through(
 ) -> Trajectory:
     """Return a path from rest through some points, cut as far as the fence allows.
 
-    `corners` says of each point whether it is a corner of the fence, which is not cut. With
-    `drifts` points lie in the frame of the region, else in the fixed one.
+    `corners` marks the points that are corners of the fence, which are not cut. With `drifts` the
+    points lie in the frame of the region, else in the fixed one.
     """
     speed = setting.path_speed_m_s(vehicle.cruise_height_m, vehicle.wind_m_s)
     drift_m_s, here, grid = (0.0, 0.0), vehicle.position, setting.grid
@@ -81,13 +79,13 @@ def through(
 def along_route(
     setting: Setting, vehicle: VehicleState, route: Sequence[GridPoint], begin_s: float
 ) -> Trajectory:
-    """Return a path from rest along a way inside the fence."""
+    """Return a path from rest along a route inside the fence."""
     corners = [True] * (len(route) - 1) + [False]
     return through(setting, vehicle, list(route), corners, begin_s)
 
 
 def descent(setting: Setting, vehicle: VehicleState, begin_s: float) -> Trajectory | None:
-    """Return a path on which a vehicle only descends to its layer; None where it is there."""
+    """Return a path on which a vehicle only descends to its layer; None if it is there."""
     high_m = vehicle.level_m - vehicle.cruise_altitude_m
     if high_m <= OFF_LAYER_M:
         return None
@@ -95,13 +93,13 @@ def descent(setting: Setting, vehicle: VehicleState, begin_s: float) -> Trajecto
 
 
 def fly_route(state: State, vehicle: VehicleState, route: Sequence[GridPoint]) -> State:
-    """Give an idle vehicle a path along a way inside the fence."""
+    """Give an idle vehicle a path along a route inside the fence."""
     path = along_route(state.setting, vehicle, route, state.t_s + NOTICE_S)
     return give_path(state, vehicle, path)
 
 
 def come_inside(state: State, vehicle: VehicleState) -> State | None:
-    """Order a waiting vehicle back inside the margin; None where it is inside, or nearly so."""
+    """Order a waiting vehicle back inside the margin; None if it is inside, or nearly so."""
     fence = state.setting.fence
     if not is_outside(fence, vehicle.position):
         return None
@@ -112,7 +110,7 @@ def come_inside(state: State, vehicle: VehicleState) -> State | None:
 
 
 def on_paths(state: State, for_s: float) -> list[tuple[VehicleState, FlyPath]]:
-    """Return our vehicles whose paths last longer than `for_s` seconds yet, with their orders."""
+    """Return our vehicles whose paths last more than `for_s` seconds longer, with their orders."""
     flying = ((v, v.order) for v in state.ours if v.phase is Phase.AIRBORNE)
     paths = ((v, order) for v, order in flying if isinstance(order, FlyPath))
     return [(v, order) for v, order in paths if order.trajectory.end_s > state.t_s + for_s]
@@ -127,7 +125,7 @@ def keep_clear(state: State) -> State:
 
 
 def brake(state: State, vehicle: VehicleState, order: FlyPath) -> State:
-    """Have a vehicle come to rest along its path, unless it does so anyway."""
+    """Have a vehicle stop along its path, unless it does so anyway."""
     path = order.trajectory
     stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), state.setting.energy.accel_m_s2)
     if stop.end_s >= path.end_s - 0.5:

@@ -1,4 +1,4 @@
-"""Coming home: when a vehicle must turn back, and how it gets there."""
+"""Coming home: when a vehicle must turn back, and its path home."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from missions.traffic import Answer
 from missions.units import GridPoint
 
 NEARER_SHARES = (0.75, 0.5, 0.25)
-"""Shares of a way home that are tried where it is blocked farther on, ..."""
+"""Shares of a return path that are tried if it is blocked farther on."""
 NEARER_M = 40.0
-"""... and the shortest part that is worth it, m."""
+"""Shortest part of a return path that is worth flying, m."""
 REACTION_S = 3.0
-"""Time between two reports of the battery, and until a vehicle has turned round, s."""
+"""Time between two battery reports, and until a vehicle has turned round, s."""
 HEARD_S = 1.0
-"""Time that a vehicle flies on along its path before it receives that it has to come home, s."""
+"""Time that a vehicle stays on its path before it receives the order to return, s."""
 REST_S = 2.0
-"""Time until a vehicle is seen to be at rest, and has turned round, s."""
+"""Time until a vehicle is seen to be at rest and has turned round, s."""
 HOMEWARD_M = 10.0
-"""Distance to its pad within which a path ends that leads home, m."""
+"""Maximum distance from its pad to the end of a path that leads home, m."""
 BESIDE_M = 20.0
-"""Distance of a landing beside the pad, m: energy for it is kept while the pad is blocked."""
+"""Distance of a landing beside the pad, m; its energy is reserved while the pad is blocked."""
 
 
 def turn_back(state: State, vehicle: VehicleState) -> State:
-    """Interrupt whatever a vehicle does once it has to come home."""
+    """Interrupt a vehicle's task once it has to return."""
     flees = state.traffic.answer is Answer.COME_HOME and not state.exploration_finished
     if vehicle.flees and not flees:  # it need not land
         vehicle = replace(vehicle.interrupted(state.t_s), return_reason=None)
@@ -47,14 +47,14 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
             up = replace(vehicle, phase=Phase.AIRBORNE, landed=False, return_reason=done)
             return state.with_vehicle(replace(up, over_home=True, order=Land()))
         if isinstance(vehicle.order, FlyPath) and vehicle.works and not called:
-            return brake(state, vehicle, vehicle.order)  # where it stops is known
+            return brake(state, vehicle, vehicle.order)  # the place where it stops is known
         return send_home(state, vehicle, done) if vehicle.works else state
     if not vehicle.works:
         return state
     wind_m_s, outside = vehicle.wind_m_s, not state.setting.fence.contains(vehicle.position)
     if outside or wind_m_s > state.setting.energy.max_airspeed_m_s:
         wind = f"the wind of {wind_m_s:.0f} m/s is more than it can hold"
-        note = "it was outside of the geofence" if outside else wind
+        note = "it was outside the geofence" if outside else wind
         return send_home(state, replace(vehicle, note=note), ReturnReason.FAULT)
     if not _can_still_turn(state.setting, vehicle, state.t_s):
         reason = done if state.exploration_finished else ReturnReason.BATTERY
@@ -63,7 +63,7 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
 
 
 def flies_home(vehicle: VehicleState) -> bool:
-    """Whether the path of a vehicle leads home: to stop it first would only take time."""
+    """Return whether a vehicle's path leads home; a stop before it would only take time."""
     path = vehicle.path if vehicle.works else None
     return path is not None and path.place_at(path.end_s).distance_to(vehicle.pad) <= HOMEWARD_M
 
@@ -83,10 +83,8 @@ def _come_lower(state: State, vehicle: VehicleState) -> State:
 
 
 def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:
-    """Whether the way home may begin later than now.
-
-    A vehicle on a path flies on until it has received the order and come to rest.
-    """
+    """Return whether the return may begin later than now. A vehicle on a path continues until it
+    has received the order and has stopped."""
     path = vehicle.path
     if path is None:
         return has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S)
@@ -98,7 +96,7 @@ def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool
 def has_energy_for(
     setting: Setting, vehicle: VehicleState, target: GridPoint, hover_s: float
 ) -> bool:
-    """Whether a vehicle can fly to a point, hover there, come home, land, and keep its reserve."""
+    """Return whether a vehicle can fly to a point, hover, return, land, and keep its reserve."""
     energy, fence = setting.energy.in_wind(vehicle.wind_m_s), setting.fence
     there = () if target == vehicle.position else fence.route(vehicle.position, target) or (target,)
     out_m = route_length_m(vehicle.position, there)
@@ -119,22 +117,23 @@ def has_energy_for(
 
 
 def way_home(setting: Setting, start: GridPoint, pad: GridPoint) -> tuple[GridPoint, ...]:
-    """Return the way to a pad inside the margin; the last metres to a pad in it are straight."""
+    """Return the path to a pad inside the margin; the last metres to a pad in the margin are
+    straight."""
     return setting.fence.route(start, pad) or setting.fence.route_near(start, pad) or (pad,)
 
 
 def go_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
-    """Send a vehicle home and give it its first order to that end."""
+    """Send a vehicle home and give it its first order for that."""
     state = send_home(state, vehicle, reason)
     return fly_home(state, state.vehicles[vehicle.vehicle])
 
 
 def fly_home(state: State, vehicle: VehicleState) -> State:
-    """Give the next order to a vehicle that comes home, once it is at rest."""
+    """Give the next order to a returning vehicle, once it is at rest."""
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
     if vehicle.is_over_pad:
-        vehicle = replace(vehicle, over_home=True)  # perhaps half-way down: it need not climb
+        vehicle = replace(vehicle, over_home=True)  # it may be half-way down: it need not climb
     after = Airspace(state).reserve_or_wait(vehicle, home_order(state.setting, vehicle))
     waits = isinstance(after.vehicles[vehicle.vehicle].order, Hold)
     if waits and vehicle.over_home and not _can_wait(state.setting, vehicle):
@@ -142,17 +141,15 @@ def fly_home(state: State, vehicle: VehicleState) -> State:
     if not waits or vehicle.over_home:
         return after
     if _stalls(state, vehicle):
-        # whether the air is free is not known; that the battery will be empty is
-        note = "its way home stayed blocked: it returns by its autopilot"
+        # the air may be free; the battery will certainly be empty
+        note = "its way home stayed blocked: its autopilot returns it (RTL)"
         return state.with_vehicle(vehicle.left_to_autopilot(note))
     return _come_nearer(state, after, vehicle)
 
 
 def _come_nearer(state: State, waiting: State, vehicle: VehicleState) -> State:
-    """Fly a part of a way home whose air is reserved farther on.
-
-    A vehicle that waited where it is would use up there what it needs for its own way.
-    """
+    """Fly a part of a return path whose air is reserved farther on. A vehicle that waited where it
+    is would use up the energy for its own return."""
     route = way_home(state.setting, vehicle.position, vehicle.pad)
     length_m = route_length_m(vehicle.position, route)
     for share in NEARER_SHARES:
@@ -166,8 +163,8 @@ def _come_nearer(state: State, waiting: State, vehicle: VehicleState) -> State:
 
 
 def _stalls(state: State, vehicle: VehicleState) -> bool:
-    """Whether a vehicle that cannot be commanded blocks the way home until the last moment at
-    which the autopilot, which climbs first, brings it home with the reserve."""
+    """Return whether an uncontrolled vehicle blocks the return path until the last moment. After
+    that moment the autopilot, which climbs first, cannot bring it home with the reserve."""
     if not Airspace(state).uncontrolled_but(vehicle):
         return False
     returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + state.setting.relief_m
@@ -179,7 +176,8 @@ def _stalls(state: State, vehicle: VehicleState) -> bool:
 
 
 def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
-    """Whether there is energy to wait, to fly beside the pad, and to land with the reserve."""
+    """Return whether the energy allows waiting, flying beside the pad, and landing with the
+    reserve."""
     energy = setting.energy.in_wind(vehicle.wind_m_s)
     need_wh = energy.home_wh(BESIDE_M, vehicle.height_m, vehicle.drawn_w)
     need_wh += energy.hover_wh(REACTION_S, vehicle.drawn_w)
@@ -187,7 +185,7 @@ def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
 
 
 def _land_beside(state: State, vehicle: VehicleState) -> State:
-    """The pad stays blocked: land beside it while the reserve is whole."""
+    """Land beside a pad that stays blocked, while the reserve is whole."""
     air = Airspace(state)
     for spot in air.places_beside_pad(vehicle):
         elsewhere = replace(vehicle, spare_pad=spot, over_home=False)
@@ -199,9 +197,9 @@ def _land_beside(state: State, vehicle: VehicleState) -> State:
 
 
 def send_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> State:
-    """Interrupt what a vehicle does, and send it home for a reason."""
+    """Interrupt a vehicle's task, and send it home for a reason."""
     fruitless = 0 if vehicle.on_lane and vehicle.lane_seen_m else vehicle.fruitless_sorties
-    # the next sortie goes on with what is unseen
+    # the next sortie continues with the unseen rest
     left = set_free(vehicle, state.setting.grid.cell_m)
     return state.with_vehicle(
         replace(
@@ -213,7 +211,7 @@ def send_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> Stat
 
 
 def home_order(setting: Setting, vehicle: VehicleState) -> Order:
-    """Return the order to fly over the pad, or to land when there."""
+    """Return the order to fly over the pad, or to land if the vehicle is there."""
     if vehicle.over_home:
         return Land()
     return vehicle.leg(way_home(setting, vehicle.position, vehicle.pad))

@@ -1,4 +1,4 @@
-"""Laying a mission out on the ground: its grid, fence, lanes, and the strategy by its name."""
+"""The layout of a mission on the ground: grid, fence, lanes, and the strategy by its name."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from missions.mission.schema import Mission, positions
 
 
 def setting_of(mission: Mission, member: int | None = None) -> Setting:
-    """Return the setting of a checked mission.
-
-    `member` is the one vehicle that is commanded, 0 for a station that only listens; None: all.
-    """
+    """Return the setting of a checked mission. `member` is the number of the only commanded
+    vehicle, 0 for a station that only listens; None commands all."""
     grid = grid_of(mission)
     commanded = Member(member) if member else Listener()
     team = Alone() if member is None else commanded

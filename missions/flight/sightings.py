@@ -1,4 +1,4 @@
-"""What frames change: votes, the root of the tree, and how the tree grows."""
+"""Changes by frames: votes, the root of the tree, and the growth of the tree."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from missions.units import Cell
 
 
 def frame_seen(state: State, event: FrameSeen) -> State:
-    """Count the votes of a frame; end a look once all that it can see is decided."""
+    """Count the votes of a frame; end an observation once all that it can see is decided."""
     if event.overview:
         return _seen_from_above(state, event)
     frame = FrameId(event.vehicle, event.t_s)
-    # a late vote must not undo what the tree was grown on
+    # a late vote must not undo a decision on which the tree has grown
     votes = state.belief.in_time(
         event.vantage, frame, {vote.cell: vote.positive for vote in event.votes}
     )
@@ -43,7 +43,7 @@ def frame_seen(state: State, event: FrameSeen) -> State:
         if state.belief.fully_voted(event.vantage):
             return _looked(state, vehicle, event.vantage)
     elif (tree := state.tree) is not None:
-        # a frame that came after its look was over may still make a neighbour region
+        # a frame that arrives after its observation may still make a neighbour region
         if event.vantage in tree and tree.has_looked(event.vantage):
             near = (c for c in event.vantage.neighbours() if c in state.belief.roi)
             if new := [c for c in near if c not in tree]:
@@ -56,12 +56,12 @@ def frame_seen(state: State, event: FrameSeen) -> State:
 
 
 def _seen_from_above(state: State, event: FrameSeen) -> State:
-    """Count a frame from the height of a search for its lane, and for what is plain by it."""
+    """Count a frame from search height for its lane, and for cells that are plain from there."""
     frame = FrameId(event.vehicle, event.t_s)
     said = {vote.cell: vote.positive for vote in event.votes}
     before = state.overview
     votes = before.in_time(None, frame, said)
-    fresh = before.undecided(votes)  # what is decided stays so
+    fresh = before.undecided(votes)  # decided cells stay decided
     overview = before.with_frame(None, frame, votes)
     vehicle = replace(
         state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s, fruitless_sorties=0
@@ -79,7 +79,7 @@ def on_a_lane(state: State, event: FrameSeen) -> State:
 
 
 def _hint(state: State, event: FrameSeen) -> Cell | None:
-    """The first cell inside the fence that a search frame takes for region, not visited yet."""
+    """Return the first cell, inside the fence and not visited, that a frame shows as region."""
     for vote in event.votes:
         looked = state.belief.frames_taken(vote.cell) >= state.setting.mission.votes.frames
         if not vote.positive or looked or vote.cell in state.skipped:
@@ -90,7 +90,7 @@ def _hint(state: State, event: FrameSeen) -> Cell | None:
 
 
 def look_ended(state: State, event: LookEnded) -> State:
-    """End a look whose frames are used up before every neighbour had its votes."""
+    """End an observation whose frames are used up before every neighbour has its votes."""
     vehicle = state.vehicles[event.vehicle]
     if not isinstance(vehicle.order, Look):
         return state
@@ -102,16 +102,14 @@ def look_ended(state: State, event: LookEnded) -> State:
 
 
 def follow_no_farther(state: State, vehicle: VehicleState) -> State:
-    """End a look at, or a leg to, a cell that drifts out of the fence meanwhile.
-
-    Lost pictures or a head wind make them last longer than was reckoned.
-    """
+    """End an observation of a cell, or a leg to it, if the cell drifts out of the fence. Lost
+    pictures or a head wind make both last longer than estimated."""
     order = vehicle.order
     if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, Look | FlyTo):
         return state
     if order.cell is None or not drifts_out(state, order.cell):
         return state
-    if isinstance(order, FlyTo):  # at rest it is decided anew where to go
+    if isinstance(order, FlyTo):  # at rest it gets a new decision
         return state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))
     cell = order.cell
     if state.belief.frames_taken(cell) == 0:
@@ -120,7 +118,7 @@ def follow_no_farther(state: State, vehicle: VehicleState) -> State:
 
 
 def _looked(state: State, vehicle: VehicleState, cell: Cell) -> State:
-    """Have the tree grow after a look, or the search end if it has found a root."""
+    """Grow the tree after an observation, or end the search if it has found a root."""
     roi = [c for c in cell.cross() if c in state.belief.roi]
     vehicle = replace(vehicle, order=None, fruitless_sorties=0)
     if state.tree is not None:

@@ -1,7 +1,7 @@
-"""What is known at an instant of a mission, with its setting and the objects that decide.
+"""The state of a mission at an instant, with its setting and the objects that decide.
 
 The reducer asks `setting.strategy`, `setting.team` and `setting.heights`. They keep nothing between
-two calls: what a strategy has to remember is `State.memory`. So a resume repeats what was flown.
+two calls: a strategy remembers only what is in `State.memory`. So a resume repeats the flight.
 
 To add a strategy, inherit from `Strategy` or a strategy in `missions.flight.strategy`, and give it
 a name with `missions.flight.strategies.register`, or by an entry point
@@ -38,46 +38,46 @@ from missions.units import Cell, GridPoint
 
 
 class Fences(NamedTuple):
-    """Where vehicles may fly."""
+    """Fences of the vehicles of a mission."""
 
     ours: Fence
     """Fence of the vehicles that are commanded."""
     everyones: Fence
     """Fence of each vehicle of a fleet."""
     whole: Fence | None
-    """Of a member: the fence without the columns over others' pads, which are holes of `ours`."""
+    """A member's fence without the columns over others' pads, which are holes of `ours`."""
 
 
 class Strategy(ABC):
-    """How vehicles find a region and map it."""
+    """A way to find a region and map it."""
 
     about: About | Explorer
-    """Its name, and what users read about it."""
+    """The name of the strategy, and its texts for users."""
     stops: bool
-    """Whether vehicles stop over cells to look."""
+    """True if vehicles stop over cells to observe them."""
     patches: bool = False
-    """Whether every patch of the region that begins in the box is looked for."""
+    """True if every patch of the region that begins in the box is mapped."""
     whole_box: bool = False
-    """Whether every cell of the box is decided, whatever is seen."""
+    """True if every cell of the box is decided, whatever frames show."""
     flies_all_lanes: bool = False
-    """Whether vehicles fly all their lanes, on one path, before they map."""
+    """True if vehicles fly all their lanes, on one path, before they map."""
     least_lane_cells: float = 0.0
-    """Least length of what is left of a lane to be flown as one."""
+    """Minimum length of the rest of a lane that is flown as a lane, cells."""
     replan_frames: float = 0.0
-    """How many frames are taken at least before a new plan."""
+    """Minimum number of frames between two plans."""
     shares_work: bool = False
-    """Whether the team shares out what is left to map."""
+    """True if the team shares out the rest of the map."""
     lanes_drift: bool = False
-    """Whether lanes drift with the cells; else they lie still over ground."""
+    """True if lanes drift with the cells; else they are fixed over ground."""
 
     def in_force(self, state: State) -> Strategy:
-        """Return the strategy that is followed now: this one, or what it falls back on."""
+        """Return the strategy in force: this one, or its fallback."""
         return self
 
     # --- before the flight ----------------------------------------------------------------------
     @abstractmethod
     def lay(self, area: Area) -> Lanes:
-        """Lay lanes over the box, inside of the fence."""
+        """Lay lanes over the box, inside the fence."""
 
     def shares(self, setting: Setting) -> Blocks:
         """Return the lanes of each vehicle; by a prior so that the region is seen soonest."""
@@ -91,34 +91,34 @@ class Strategy(ABC):
         return setting.shares
 
     def rest_s(self, state: State, lanes_m: float, cells: int, team: int) -> float:
-        """Return about how long a team takes for the rest of its lanes, or for cells, seconds."""
+        """Return the time that a team takes for the rest of its lanes, or for cells, about, s."""
         if lanes_m:
             return lanes_m / state.setting.energy.speed_m_s / team
         return cells * self.cell_s(state.setting) / team
 
     @abstractmethod
     def pace(self, setting: Setting) -> Pace:
-        """Return how fast lanes are flown, from the lowest layer."""
+        """Return the speed along lanes, flown from the lowest layer."""
 
     @abstractmethod
     def search_s(self, setting: Setting) -> float:
-        """Return about how long the longest share of the lanes takes in the air, seconds."""
+        """Return the time in the air for the longest share of the lanes, about, s."""
 
     @abstractmethod
     def cell_s(self, setting: Setting) -> float:
-        """Return about how long a cell of the region takes one vehicle, seconds."""
+        """Return the time that a cell of the region takes one vehicle, about, s."""
 
     def bound_s(self, setting: Setting, tree: Tree) -> float | None:
-        """Return the bound of an exploration of this tree, seconds; None without one."""
+        """Return the bound of an exploration of this tree, s; None without one."""
         return None
 
     # --- what has to be decided -----------------------------------------------------------------
     def asked_for(self, state: State) -> Iterable[Cell]:
-        """Return the cells that have to be decided and are not, whatever lies beside them."""
+        """Return the undecided cells that have to be decided, whatever lies beside them."""
         return ()
 
     def open_cells(self, state: State) -> frozenset[Cell]:
-        """Return all cells that have to be decided and are not, also those beside a patch."""
+        """Return all undecided cells that have to be decided, also those beside a patch."""
         return frozenset(self.asked_for(state))
 
     def concluded(self, state: State, left: tuple[Lane, ...]) -> State:
@@ -127,11 +127,12 @@ class Strategy(ABC):
 
     # --- the search -----------------------------------------------------------------------------
     def lane_done(self, state: State) -> Callable[[Cell], bool]:
-        """Return what says whether a lane has done its work at a cell: a frame has judged it."""
+        """Return the predicate that a lane has done its work at a cell: a frame has judged the
+        cell."""
         return state.setting.heights.searched(state)
 
     def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
-        """Return the state in which a frame from anywhere counts for a search, beside its votes."""
+        """Return the state in which a frame from anywhere counts for a search."""
         return state
 
     # --- orders ---------------------------------------------------------------------------------
@@ -144,63 +145,65 @@ class Strategy(ABC):
         """Give an order to an idle vehicle in the air that may work."""
 
     def may_take_off(self, state: State) -> bool:
-        """Whether a vehicle that is ready may take off now."""
+        """Return whether a vehicle that is ready may take off now."""
         return True
 
     def first_target(self, state: State, vehicle: VehicleState) -> GridPoint | None:
-        """Return where a vehicle on the ground would fly first; None: nothing is left."""
+        """Return the first target of a vehicle on the ground; None if nothing is left."""
         cell = vehicle.vertex or vehicle.candidate
         if cell is not None:
             return state.setting.where(cell, state.t_s)
         return state.setting.over_ground(vehicle.lanes[0][0], state.t_s) if vehicle.lanes else None
 
     def without_target(self, state: State, vehicle: VehicleState) -> State:
-        """Return the state in which nothing is left for a vehicle on the ground."""
+        """Return the state in which a vehicle on the ground has no target left."""
         if state.setting.lanes or state.tree is not None:
             return state
         note = (
-            "no part of the search box can be flown inside the geofence; move the one or the other"
+            "no part of the search box can be flown inside the geofence; move the box or the fence"
         )
         return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
 
     def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
-        """Give up what the last vehicle does not reach on a full battery; None: end its part."""
+        """Give up the places that the last vehicle cannot reach on a full battery; None ends its
+        part."""
         return None
 
     def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
-        """Return the cell that a vehicle looks from, or is on its way to."""
+        """Return the cell that a vehicle observes, or flies to."""
         return None
 
 
 class Team(ABC):
-    """The vehicles that a service commands, and what it agrees with other services."""
+    """The vehicles that a service commands, and its agreements with other services."""
 
     knows_orders: bool = True
-    """Whether it knows what vehicles are ordered."""
+    """True if the orders of vehicles are known."""
     shares_facts: bool = False
-    """Whether other services receive what its frames decide, and make the same map of it."""
+    """True if other services receive the facts of our frames and make the same map from them."""
     climbs_on_path: bool = True
-    """Whether a vehicle may change its layer while it flies to somewhere else."""
+    """True if a vehicle may change its layer on its way."""
 
     def controls(self, number: int) -> bool:
         """Return whether a vehicle is commanded."""
         return True
 
     def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
-        """Return where vehicles may fly that start from their pads."""
+        """Return the fences of vehicles that start from their pads."""
         return Fences(whole, whole, None)
 
     def refusal(self, setting: Setting, vehicle: VehicleState) -> str:
-        """Return why a vehicle may not take off from where it stands; empty if it may."""
+        """Return the reason that forbids a take-off from the vehicle's position; empty if none
+        does."""
         return ""
 
     def urgent_order(self, state: State, vehicle: VehicleState) -> State | None:
-        """Return the state in which a vehicle does what comes before all else; None: nothing."""
+        """Return the state in which a vehicle carries out its most urgent order; None without."""
         return None
 
     def change_layer(self, state: State, vehicle: VehicleState) -> State | None:
-        """Return the state in which a vehicle changes its layer as others allow it; None: it may
-        change it wherever the air is clear."""
+        """Return the state in which a vehicle changes its layer as others allow it. None: it may
+        change its layer wherever the air is clear."""
         return None
 
     def way_out(self, state: State, vehicle: VehicleState) -> State:
@@ -212,12 +215,12 @@ class Team(ABC):
         return None
 
     def gathers(self, state: State, vehicle: VehicleState) -> bool:
-        """Return whether a vehicle without lanes has to hear of others before it does anything."""
+        """Return whether a vehicle without lanes must wait for reports of others first."""
         return False
 
     @abstractmethod
     def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
-        """Close in the chart what others are to see."""
+        """Close the cells of the chart that others are to observe."""
 
     def mark_unreported(self, state: State, known: Known) -> bool:
         """Mark undecided cells that others may take for observed; return whether there are any."""
@@ -225,50 +228,50 @@ class Team(ABC):
 
 
 class OneHeight:
-    """Lanes are flown in the layers from which the map is made."""
+    """Flight of lanes in the layers in which the map is made."""
 
     def searched(self, state: State) -> Callable[[Cell], bool]:
-        """Return what says whether any frame has judged a cell."""
+        """Return the predicate that any frame has judged a cell."""
         return state.belief.open_tallies.as_dict().__contains__
 
     def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
-        """The altitude that a vehicle works in; with lanes to fly that of the search."""
+        """Return the working altitude of a vehicle; with lanes, the search altitude, m."""
         high_m = setting.mission.search_altitude_m(vehicle.vehicle - 1) if vehicle.lanes else None
         return setting.mission.altitude_m(vehicle.vehicle - 1) if high_m is None else high_m
 
     def in_layer(self, state: State, vehicle: VehicleState) -> bool:
-        """Return whether a vehicle is where it works, or will be in time."""
+        """Return whether a vehicle is in its layer, or will be in time."""
         return True
 
     def take_off_height_m(self, state: State, vehicle: VehicleState) -> float:
-        """How high a vehicle climbs over its pad, above it."""
+        """Return the height of a take-off above the pad, m."""
         return vehicle.cruise_height_m
 
     def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
-        """Whether one that stands without lanes takes off to map while others fly theirs."""
+        """Return whether a waiting vehicle without lanes maps while others fly theirs."""
         return False
 
     def cuts_m(self, setting: Setting) -> tuple[float, ...]:
-        """By how much corners between lanes are cut, the most first."""
+        """Return the cuts of corners between lanes, largest first, m."""
         return LANE_CUTS_M
 
     def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
-        """A lane without its ends, as far as pictures show them from before them."""
+        """Return a lane without those ends that pictures show before they are reached."""
         return lane
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setting(Layout):
-    """What a mission is given and does not change."""
+    """The fixed data of a mission: layout, team, strategy, heights."""
 
     team: Team
-    """The vehicles that are commanded, and what is agreed with other services."""
+    """The commanded vehicles, and the agreements with other services."""
     strategy: Strategy
-    """How vehicles find the region and map it."""
+    """The strategy that finds the region and maps it."""
     heights: OneHeight
     """The heights at which vehicles search and map."""
     plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
-    """What was planned before in this flight."""
+    """Earlier plans of this flight."""
 
     @cached_property
     def shares(self) -> Blocks:
@@ -295,7 +298,7 @@ class Setting(Layout):
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What is known at an instant of the mission: the fold of the journal."""
+    """The state of the mission at an instant: the fold of the journal."""
 
     setting: Setting = field(compare=False, repr=False)
     belief: Belief
@@ -303,43 +306,43 @@ class State:
     """The votes of frames from the height of a search."""
     vehicles: Mapping[int, VehicleState]
     our_numbers: tuple[int, ...]
-    """The vehicles that are commanded, in order."""
+    """The commanded vehicles, in order."""
     t_s: float = 0.0
     tree: Tree | None = None
     exhausted: bool = False
-    """Whether the search is over without a region."""
+    """True if the search ended without a region."""
     falls_back: bool = False
-    """Whether paths have had their time: the rest is explored with stops."""
+    """True if the time for paths is over: the rest is explored with stops."""
     surveyed: bool = False
-    """Whether all is decided that can be, where the whole box is seen."""
+    """True if every cell that can be decided is, where the whole box is surveyed."""
     unreachable_lanes: tuple[Lane, ...] = ()
-    """Lanes that no way inside the fence leads to."""
+    """Lanes that no path inside the fence leads to."""
     recalled: bool = False
     paused: bool = False
-    """Whether the operator has all vehicles hold where they are."""
+    """True if the operator has all vehicles hold."""
     traffic: Traffic = NO_TRAFFIC
     """Aircraft of others near the team."""
     skipped: frozenset[Cell] = frozenset()
-    """Cells that the operator has left out."""
+    """Cells that the operator has skipped."""
     abandoned: frozenset[Cell] = frozenset()
     """Cells of the region beyond the fence or out of reach."""
     memory: Memory | None = None
-    """What the strategy keeps for its next decision."""
+    """Memory of the strategy for its next decision."""
     last_wait: tuple[Tree, Mapping[int, Cell], frozenset[int], float] | None = None
-    """Robots that an explorer has wait, with the tree, the positions and the time then: they are
-    asked again when one of the first two changes."""
+    """Robots that an explorer has wait, with the tree, positions and time of that decision. They
+    are asked again when the tree or the positions change."""
     undecided: frozenset[Cell] = frozenset()
-    """Cells that were visited and lack votes on themselves or on a neighbour."""
+    """Visited cells that lack votes on themselves or on a neighbour."""
     found_s: float | None = None
-    """When the ROI was first confirmed."""
+    """Time of the first confirmed ROI cell, s."""
     closed: Mapping[int, Column] = field(default_factory=dict)
-    """The air that other members have asked for, which ours keeps out of."""
+    """Air that other members have requested; our vehicles stay out of it."""
     shown: frozenset[Cell] = frozenset()
-    """Cells that other members' frames took for no region without a decision."""
+    """Cells that other members' frames showed as no region, without a decision."""
     allotment: Allotment | None = None
-    """The parts that members of a fleet map."""
+    """Parts of the map, by member of a fleet."""
     shared_s: float = float("-inf")
-    """When another member last reported news."""
+    """Time of the last report of another member, s."""
 
     def with_vehicle(self, vehicle: VehicleState) -> State:
         """Return this state with one vehicle changed."""
@@ -350,28 +353,28 @@ class State:
         return replace(self, vehicles={n: change(v) for n, v in self.vehicles.items()})
 
     def holding(self, vehicle: VehicleState) -> State:
-        """Return this state with a vehicle that hovers, in the air that this needs."""
+        """Return this state with a vehicle that hovers and reserves only the air for that."""
         order = vehicle.order if isinstance(vehicle.order, Hold) else Hold()
         return self.with_vehicle(replace(vehicle, order=order))
 
     @property
     def ours(self) -> tuple[VehicleState, ...]:
-        """The vehicles that are commanded, in the order of their numbers."""
+        """The commanded vehicles, in the order of their numbers."""
         return tuple(self.vehicles[number] for number in self.our_numbers)
 
     @property
     def held(self) -> bool:
-        """Whether vehicles hold where they are, for the operator or for traffic."""
+        """True if vehicles hold, for the operator or for traffic."""
         return self.paused or self.traffic.answer is not Answer.GO_ON
 
     @property
     def over(self) -> bool:
-        """Whether no vehicle will do anything more, and none is in the air."""
+        """True if no vehicle will act any more, and none is in the air."""
         return all(v.ended for v in self.ours or self.vehicles.values())
 
     @property
     def unsearched(self) -> tuple[Lane, ...]:
-        """Stretches of lanes that no judged frame shows, while there is no region."""
+        """Parts of lanes that no judged frame shows, while there is no region."""
         if self.tree is not None:
             return ()
         left = [lane for v in self.vehicles.values() for lane in v.lanes]
@@ -379,21 +382,21 @@ class State:
 
     @property
     def exploration_finished(self) -> bool:
-        """Whether the region is explored, or the search over without one."""
+        """True if the region is explored, or the search ended without one."""
         if self.tree is None:
             return self.exhausted
         return self.tree.is_explored(self.tree.root)
 
     @property
     def unheard(self) -> tuple[int, ...]:
-        """Other members of the fleet of which it is not known that they have landed."""
+        """Other members of the fleet whose landing is not known."""
         silent = (Phase.APART, Phase.OFFLINE)
         others = (n for n in self.vehicles if n not in self.our_numbers)
         return tuple(n for n in others if self.vehicles[n].phase in silent)
 
     @property
     def completed(self) -> bool:
-        """Whether the map has no gap, no vehicle is down or lost, and all of ours are at home."""
+        """True if the map has no gap, no vehicle is down or lost, and all of ours are at home."""
         everybody = self.vehicles.values()
         return (
             self.exploration_finished

@@ -1,10 +1,10 @@
-"""The reducer: what an event changes, and what each idle vehicle does next.
+"""The reducer: the effect of an event, and the next order of each idle vehicle.
 
     step(state, event) -> (state, orders)
 
-Pure: the same state and event give the same orders, so a resume, a replay and a test are one
-mechanism. No order is given that would take a vehicle out of its fence, beyond its energy, or
-through air that another vehicle has reserved (`missions.flight.airspace.airspace`).
+The function is pure: the same state and event give the same orders. So a resume, a replay and a
+test are one mechanism. No order takes a vehicle out of its fence, beyond its energy, or through air
+that another vehicle has reserved (`missions.flight.airspace.airspace`).
 """
 
 from __future__ import annotations
@@ -29,19 +29,17 @@ from missions.orders import AwaitBattery, Order, TakeOff
 Orders = tuple[tuple[int, Order], ...]
 
 MOST_FRUITLESS_SORTIES = 3
-"""Sorties in a row without progress after which the next place counts as out of reach."""
+"""Maximum number of sorties in a row without progress to one place."""
 CLIMB_ROOM_M = 0.5
-"""Greatest distance of a climb from where it began, m."""
+"""Maximum distance of a climb from its starting point, m."""
 
 
 def step(state: State, event: Event) -> tuple[State, Orders]:
-    """Return the state after an event, and the new orders by vehicle.
-
-    An order holds until it ends or until another replaces it.
-    """
-    if isinstance(event, Told):  # words move no vehicle, and no plan depends on when they came
+    """Return the state after an event, and the new orders by vehicle. An order holds until it ends
+    or until another replaces it."""
+    if isinstance(event, Told):  # texts move no vehicle, and no plan depends on their time
         return explained(state, event), ()
-    if isinstance(event, Weighed):  # for maps of recorded pictures; no flight plans by it
+    if isinstance(event, Weighed):  # for maps of recorded pictures; no flight plans with it
         return state, ()
     after = assign(minded(apply(state, event)))
     orders = tuple(
@@ -91,7 +89,7 @@ def _airborne(state: State, vehicle: VehicleState) -> State:
 
 
 def _grounded(state: State, vehicle: VehicleState) -> State:
-    """Take off, wait for a battery, or stay."""
+    """Give an order on the ground: take off, wait for a battery, or stay."""
     setting = state.setting
     if state.exploration_finished or state.recalled or vehicle.called_home:
         done = vehicle.stood_down(Phase.FINISHED, vehicle.note)
@@ -124,9 +122,9 @@ def _grounded(state: State, vehicle: VehicleState) -> State:
 
 
 def _unfit(setting: Setting, vehicle: VehicleState) -> str:
-    """Why a vehicle may not take off from where it stands; empty if it may."""
+    """Return the reason that forbids a take-off from the vehicle's position; empty if none does."""
     if not setting.fence.contains(vehicle.position):
-        return "it stands outside of the geofence; move it, or the fence"
+        return "it stands outside the geofence; move it, or the fence"
     if refusal := setting.team.refusal(setting, vehicle):
         return refusal
     room_m = setting.fence.outer.boundary.distance(Point(vehicle.position))
@@ -146,7 +144,7 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
 
 
 def _out_of_reach(state: State, vehicle: VehicleState) -> State:
-    """Give up what a full battery does not reach, unless another vehicle may be nearer."""
+    """Give up places that a full battery does not reach, unless another vehicle may be nearer."""
     others = (v for n, v in state.vehicles.items() if n != vehicle.vehicle)
     if not any(other.phase in (Phase.AIRBORNE, Phase.GROUNDED) for other in others):
         given_up = state.setting.strategy.in_force(state).give_up_far(state, vehicle)

@@ -1,4 +1,4 @@
-"""The strategies of flights by name, and how another one is registered."""
+"""The strategies of flights by name, and the registration of others."""
 
 from __future__ import annotations
 

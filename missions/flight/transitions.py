@@ -1,4 +1,4 @@
-"""What an event changes in the state."""
+"""The change of the state by each event."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from missions.orders import AwaitBattery, FlyTo, StandDown, TakeOff
 
 
 def landed(event: ev.Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """A landing: away from its pad, the crew has to fetch the vehicle."""
+    """Return a vehicle after a landing; away from its pad, the crew has to fetch it."""
     position = vehicle.position if event.position is None else event.position
     down = replace(
         lane_left(vehicle, setting.grid.cell_m),
@@ -38,7 +38,7 @@ def landed(event: ev.Landed, vehicle: VehicleState, setting: Setting) -> Vehicle
     if vehicle.phase is Phase.YIELDED:
         if away_m <= PAD_M:
             return down
-        # the crew has to know, also where all is explored without it
+        # the crew has to know, also if all is explored without it
         note = f"{vehicle.note}; it landed {away_m:.0f} m from its pad"
         return replace(down, landed_away_m=away_m, note=note)
     if away_m > PAD_M or vehicle.phase is Phase.DOWN:
@@ -58,7 +58,7 @@ def landed(event: ev.Landed, vehicle: VehicleState, setting: Setting) -> Vehicle
 
 
 def crashed(event: ev.Crashed, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """A crash: it is down, wherever that is."""
+    """Return a vehicle after a crash: it is down, wherever it is."""
     return replace(
         set_free(vehicle, setting.grid.cell_m),
         phase=Phase.DOWN,
@@ -74,29 +74,29 @@ _DRAW_SMOOTHING_S = 15.0
 REST_M_S = 0.5
 """Speed below which a vehicle is at rest, m/s."""
 MOST_FRAMES_LOST = 5
-"""Lost pictures in a row after which a vehicle comes home."""
+"""Number of lost pictures in a row after which a vehicle returns."""
 MOST_SILENT_S = 10.0
-"""Least time without a picture on a path until then, s..."""
+"""Minimum time without a picture on a path before that return, s."""
 NOTHING_S = 25.0
-"""... and with no report of a lost picture either, besides two intervals of the camera, s."""
+"""Time without any report on pictures before that return, besides two camera intervals, s."""
 MOST_HOME_REFUSED = 2
-"""Attempts at the return path before the autopilot returns by itself..."""
+"""Number of attempts at the return path before the autopilot returns by itself."""
 MOST_HOME_REFUSED_AROUND = 10
-"""... where its straight way leads over what the fence forbids: some fifteen seconds."""
+"""The same if the straight return leads over a hole of the fence: about 15 s."""
 MOST_BEHIND = 3
-"""How often in a row a vehicle that fell behind its path goes on from where it is..."""
+"""Number of times in a row that a vehicle behind its path continues from its place."""
 BEHIND_S = 30.0
-"""... and the longest time between two such falls, s."""
+"""Maximum time between two such events, s."""
 BESIDE_PAD_M = 5.0
-"""Distance to its pad beyond which a vehicle has flown only a part of its way home, m."""
+"""Distance to its pad beyond which a vehicle has flown only a part of its return, m."""
 MOST_EMPTY_PASSES = 2
-"""Lanes in a row without a judged frame after which a vehicle comes home."""
+"""Number of lanes in a row without a judged frame after which a vehicle returns."""
 
 
 def _lifted_off(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
     up = replace(vehicle, landed=False, landed_away_m=0.0, was_down=False)
     if vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
-        # a take-off that was given up without an acknowledgement: it cannot stay up there
+        # a take-off that was given up without an acknowledgement: it cannot stay in the air
         up = replace(up, phase=Phase.AIRBORNE, order=None, return_reason=ReturnReason.FAULT)
         return replace(up, note=vehicle.note or "it left the ground without an order")
     return up
@@ -104,7 +104,7 @@ def _lifted_off(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) ->
 
 def _airborne(event: ev.Airborne, vehicle: VehicleState, setting: Setting) -> VehicleState:
     home = vehicle.home if event.home is None else event.home
-    if vehicle.phase is not Phase.GROUNDED:  # it is not under our control by now
+    if vehicle.phase is not Phase.GROUNDED:  # it is no longer under our control
         return replace(vehicle, landed=False, cleared=False, home=home)
     return replace(
         vehicle,
@@ -127,12 +127,12 @@ def _tracked(event: ev.Tracked, vehicle: VehicleState, setting: Setting) -> Vehi
     used_wh = vehicle.remaining_wh - event.remaining_wh
     drawn_w = vehicle.drawn_w
     known = vehicle.remaining_wh > 0.0 and event.remaining_wh > 0.0
-    # rises count as well: of an estimate that wavers the falls alone are no consumption
+    # rises count as well: falls of a noisy estimate alone are no consumption
     if not vehicle.landed and elapsed_s > 0.0 and known:
         weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
         drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
-    # a take-off that is interrupted on its way leaves the vehicle in the air; of one that others
-    # have, only the report that it lifted off counts: a PX4 on its pad may report 1 m and more
+    # an interrupted take-off leaves the vehicle in the air; of another member's take-off only its
+    # report counts: a PX4 on its pad may report 1 m and more
     climbing = isinstance(vehicle.order, TakeOff)
     silent_s = event.t_s - vehicle.judged_s
     if vehicle.path is not None and vehicle.works and silent_s >= _nothing_s(setting):
@@ -151,7 +151,7 @@ def _tracked(event: ev.Tracked, vehicle: VehicleState, setting: Setting) -> Vehi
 
 
 def _arrived(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    if vehicle.phase is not Phase.AIRBORNE:  # it is not under our control by now
+    if vehicle.phase is not Phase.AIRBORNE:  # it is no longer under our control
         return replace(vehicle, position=event.position)
     on_path = vehicle.path is not None
     leg = vehicle.order if isinstance(vehicle.order, FlyTo) else None
@@ -159,14 +159,15 @@ def _arrived(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> Vehi
     passed_s = None if stopped else event.t_s
     arrived = replace(vehicle, position=event.position, order=None, passed_s=passed_s)
     if leg is not None and leg.stop and abs(vehicle.height_m - leg.height_m) > OFF_LAYER_M:
-        arrived = replace(arrived, height_m=leg.height_m)  # which may be told later
+        # the report of that height may come later
+        arrived = replace(arrived, height_m=leg.height_m)
     if vehicle.return_reason is not None:
-        # the way home may have been reserved by another, and a part of it flown
+        # the rest of the return path may have been reserved by another
         part = leg is not None and leg.route[-1].distance_to(vehicle.pad) > BESIDE_PAD_M
         return replace(arrived, over_home=not part)
     if on_path and not vehicle.on_lane:
         return arrived
-    near_m = setting.grid.cell_m  # else it has made way, and has yet to go there
+    near_m = setting.grid.cell_m  # farther away it has only made way, and still has to fly there
     cell = vehicle.vertex if vehicle.candidate is None else vehicle.candidate
     if cell is not None:
         away_m = event.position.distance_to(setting.where(cell, event.t_s))
@@ -186,7 +187,7 @@ def _arrived(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> Vehi
 
 def _frame_lost(event: ev.FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
     lost = replace(vehicle, frames_lost=vehicle.frames_lost + 1, note=event.reason)
-    # a look's frames are as many, and seconds apart; on a path several are lost in a second, or
+    # an observation has that many frames, seconds apart; on a path several are lost in a second, or
     # one in several
     silent_s, on_path = event.t_s - vehicle.judged_s, vehicle.path is not None
     soon = on_path and silent_s < MOST_SILENT_S
@@ -198,12 +199,12 @@ def _frame_lost(event: ev.FrameLost, vehicle: VehicleState, setting: Setting) ->
 
 
 def _nothing_s(setting: Setting) -> float:
-    """How long a camera may be silent on a path, seconds."""
+    """Return the maximum time without a report of a camera on a path, s."""
     return NOTHING_S + 2.0 * setting.mission.camera.interval_s
 
 
 def _comes_home(vehicle: VehicleState, t_s: float, setting: Setting, note: str) -> VehicleState:
-    """Have a vehicle that cannot go on leave what it does, and take no further part."""
+    """Have a vehicle that cannot continue drop its task, and take no further part."""
     left = set_free(vehicle.interrupted(t_s), setting.grid.cell_m)
     return replace(left, return_reason=ReturnReason.FAULT, note=note)
 
@@ -244,13 +245,13 @@ def _order_failed(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting
     around = bool(corners_home(setting.fence, vehicle.position, vehicle.home))
     most_refused = MOST_HOME_REFUSED_AROUND if around else MOST_HOME_REFUSED
     if vehicle.phase is Phase.AIRBORNE and vehicle.home_refused < most_refused:
-        # on our way it stays inside of the fence; an autopilot that returns flies straight
+        # a path of ours stays inside the fence; an autopilot's return is straight
         again = replace(vehicle.interrupted(event.t_s), over_home=False, note=note)
         return replace(again, home_refused=vehicle.home_refused + 1)
     if vehicle.phase is Phase.AIRBORNE:
-        # not even the way home can be flown: its guardian has the autopilot try, and stays with it
+        # no return path can be flown: its guardian has the autopilot return, and keeps watching
         return vehicle.left_to_autopilot(note)
-    if not vehicle.landed:  # somebody else is responsible for it already
+    if not vehicle.landed:  # a pilot or a failsafe has control already
         return replace(vehicle, note=note)
     return vehicle.stood_down(Phase.FAILED, note)
 
@@ -290,7 +291,8 @@ _OF_ONE: Final[Mapping[type, Callable[[Any, VehicleState, Setting], VehicleState
     ev.Arrived: _arrived,
     ev.FrameLost: _frame_lost,
     ev.Guarded: _guarded,
-    ev.Navigated: lambda event, vehicle, setting: vehicle,  # places are corrected by it already
+    # the corrected places are in other events
+    ev.Navigated: lambda event, vehicle, setting: vehicle,
     ev.BatterySwapped: _battery_swapped,
     ev.OrderFailed: _order_failed,
 }

@@ -1,4 +1,4 @@
-"""One vehicle as the mission knows it: its phase, its order, and its part in the exploration."""
+"""One vehicle in the mission: its phase, its order, and its part in the exploration."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ OFF_LAYER_M = 1.5
 OVER_PAD_M = 1.0
 """Distance to its pad within which a vehicle is in the column over it, and may land, m."""
 PASSING_S = 3.0
-"""Time for which a vehicle that has flown past the end of a leg may still move, s."""
+"""Maximum time that a vehicle which has passed the end of a leg may still move, s."""
 
 
 class Phase(StrEnum):
-    """What a vehicle can do for the mission."""
+    """The ability of a vehicle to take part in the mission."""
 
     OFFLINE = "offline"
     GROUNDED = "grounded"
     AIRBORNE = "airborne"
     YIELDED = "yielded"
-    """A pilot or a failsafe flies it; nothing is sent to it."""
+    """A pilot or a failsafe flies it; no command is sent to it."""
     GUARDED = "guarded"
-    """Its guardian has it return or land by its autopilot; nothing else is sent to it."""
+    """Its guardian has its autopilot return or land; no other command is sent to it."""
     FINISHED = "finished"
     FAILED = "failed"
-    """It stands on the ground and takes no more part."""
+    """It is on the ground and takes no more part."""
     DOWN = "down"
     """It lies or stands away from its pad: the crew has to fetch it."""
     LOST = "lost"
     """It was silent for longer than its battery can have lasted."""
     APART = "apart"
-    """The vehicle of another member of the fleet that is out of contact, in its own air."""
+    """Another member's vehicle that is out of contact, in its own air."""
 
 
 class ReturnReason(StrEnum):
-    """Why a vehicle flies home."""
+    """Reason of a return."""
 
     DONE = "done"
     BATTERY = "battery"
@@ -57,7 +57,7 @@ class ReturnReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """The air above and below a place, for a time: altitudes as of layers, mission seconds."""
+    """The air above and below a place, for a time: altitudes of layers, m; mission time, s."""
 
     place: GridPoint
     low_m: float
@@ -68,17 +68,17 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Allotment:
-    """The parts of a map, as one member of a fleet has laid them out for all that it heard."""
+    """Parts of a map that one member of a fleet has laid out for all that it is in contact with."""
 
     by: int
     made_s: float
     parts: Mapping[int, tuple[GridPoint, ...]]
-    """By vehicle the observation points in order, as the region lies at mission time 0."""
+    """Observation points in order, by vehicle, as the region lies at mission time 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """One vehicle: where it is, what it carries out, and where it stands in the exploration."""
+    """One vehicle: its position, its order, and its part in the exploration."""
 
     vehicle: int
     cruise_altitude_m: float
@@ -86,7 +86,7 @@ class VehicleState:
     tracked_s: float = 0.0
     home: GridPoint = _ORIGIN
     home_level_m: float = 0.0
-    """Height of its home above what layers are counted from, m."""
+    """Height of its home above the origin of layer altitudes, m."""
     position: GridPoint = _ORIGIN
     height_m: float = 0.0
     remaining_wh: float = 0.0
@@ -95,70 +95,73 @@ class VehicleState:
     """Wind that was measured in flight."""
     order: Order | None = None
     last_order: Order | None = None
-    """Its order when its link was lost, which it may still carry out."""
+    """Order at the loss of its link; it may still carry it out."""
     return_reason: ReturnReason | None = None
     over_home: bool = False
-    """Whether it is over the place where it will land."""
+    """True if it is over its landing place."""
     returns_by_itself: bool = False
-    """Whether its autopilot flies it home, straight."""
+    """True if its autopilot flies it home, straight."""
     spare_pad: GridPoint | None = None
-    """Where it lands while its own pad stays blocked."""
+    """Landing place while its own pad stays blocked."""
     lanes: tuple[Lane, ...] = ()
     on_lane: bool = False
     lane_seen_m: tuple[float, ...] = ()
-    """Where along its first lane judged frames lie, m."""
+    """Positions of judged frames along its first lane, m."""
     empty_passes: int = 0
     """Lanes in a row without a judged frame."""
     frames_lost: int = 0
     """Pictures in a row that were lost or are not credible."""
     judged_s: float = 0.0
-    """When its last picture was judged, or its first path began."""
+    """Time of its last judged picture, or of the beginning of its first path, s."""
     home_refused: int = 0
-    """How often the return path could not be flown since take-off."""
+    """Number of refused return paths since take-off."""
     behind: int = 0
-    """How often in a row, `BEHIND_S` apart at most, it fell behind its path..."""
+    """Number of times in a row that it fell behind its path, at most `BEHIND_S` apart."""
     behind_s: float = float("-inf")
-    """... and when last."""
+    """Time of the last of them, s."""
     candidate: Cell | None = None
     vertex: Cell | None = None
     at_target: bool = False
-    """Whether it has arrived at its candidate or vertex."""
+    """True if it has arrived at its candidate or vertex."""
     landed: bool = True
     cleared: bool = True
-    """Whether the operator has cleared it for take-off: a flight uses the clearance up, a battery
-    swap or a resume renews it. No vehicle takes off beside people because a link came back."""
+    """True if the operator has cleared it for take-off.
+
+    A flight uses up the clearance; a battery swap or a resume renews it. No vehicle takes off
+    beside people because a link has come back.
+    """
     fruitless_sorties: int = 0
     """Consecutive sorties that the battery ended without progress."""
     braking_until_s: float | None = None
-    """Until when it comes to rest after its leg was interrupted: its place is uncertain."""
+    """Time until which it comes to rest after an interrupted leg, s; its place is uncertain."""
     passed_s: float | None = None
-    """When it flew past the end of a leg without a stop."""
+    """Time when it flew past the end of a leg without a stop, s."""
     landed_away_m: float = 0.0
-    """How far from its pad a pilot or a failsafe has set it down, m."""
+    """Distance from its pad at which a pilot or a failsafe has landed it, m."""
     was_down: bool = False
-    """Whether it was down when the mission was resumed, and has not reported since."""
+    """True if it was down when the mission was resumed, and has not reported since."""
     called_home: bool = False
-    """Whether the operator has commanded it home, to stay there."""
+    """True if the operator has recalled it, to stay on the ground."""
     asks: Column | None = None
-    """The air that it asks the others of its fleet for..."""
+    """Air that it requests from the other members of its fleet."""
     leased_until_s: float = float("-inf")
-    """... and until when they have closed it to themselves."""
+    """Time until which the others stay out of that air, s."""
     held_until_s: float = float("-inf")
-    """Out of contact: until when its work is left to it."""
+    """For a vehicle out of contact: time until which its work is reserved for it, s."""
     due_s: float = float("-inf")
-    """Out of contact: when it should be back over its pad, its lanes flown."""
+    """For a vehicle out of contact: time when it should be over its pad, its lanes flown, s."""
     back_s: float = float("-inf")
-    """When it was last received again after it was out of contact."""
+    """Time when it was last back in contact, s."""
     note: str = ""
 
     @property
     def idle(self) -> bool:
-        """Whether it waits for an order."""
+        """True if it waits for an order."""
         return self.order is None or isinstance(self.order, Hold)
 
     @property
     def works(self) -> bool:
-        """Whether it flies for the mission, and not home."""
+        """True if it flies for the mission, and not home."""
         return self.phase is Phase.AIRBORNE and self.return_reason is None
 
     @property
@@ -169,13 +172,13 @@ class VehicleState:
 
     @property
     def uncontrolled(self) -> bool:
-        """Whether it is in the air and cannot be commanded."""
+        """True if it is in the air and cannot be commanded."""
         others = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
         return self.phase in others and not self.landed
 
     @property
     def idle_in_search(self) -> bool:
-        """Whether it has neither a lane nor a suspicion."""
+        """True if it has neither a lane nor a suspicion."""
         return not self.lanes and self.candidate is None
 
     @property
@@ -185,7 +188,7 @@ class VehicleState:
 
     @property
     def cruise_height_m(self) -> float:
-        """Its layer, above its own home."""
+        """Height of its layer above its own home, m."""
         return self.cruise_altitude_m - self.home_level_m
 
     def leg(self, route: Iterable[GridPoint]) -> FlyTo:
@@ -194,47 +197,45 @@ class VehicleState:
 
     @property
     def ended(self) -> bool:
-        """Whether it will do nothing more, and is on the ground or given up.
-
-        A vehicle that its pilot keeps on the ground may be given back: that is not waited for.
-        """
+        """True if it will do nothing more, and is on the ground or given up. A pilot may return
+        control of a vehicle on the ground; that is not waited for."""
         done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.YIELDED)
         return self.phase is Phase.LOST or (self.phase in done and self.landed)
 
     @property
     def away(self) -> bool:
-        """Whether the crew has to look for it: in the air, or on the ground elsewhere."""
+        """True if the crew has to look for it: in the air, or on the ground away from its pad."""
         is_down = self.was_down or self.phase in (Phase.DOWN, Phase.LOST)
         return is_down or not self.landed or bool(self.landed_away_m)
 
     @property
     def level_m(self) -> float:
-        """Where it is above the level that layers are counted from."""
+        """Height above the origin of layer altitudes, m."""
         return self.height_m + self.home_level_m
 
     @property
     def is_over_pad(self) -> bool:
-        """Whether it is in the column over its pad."""
+        """True if it is in the column over its pad."""
         return self.position.distance_to(self.pad) <= OVER_PAD_M
 
     @property
     def pad(self) -> GridPoint:
-        """Where it lands."""
+        """Its landing place."""
         return self.home if self.spare_pad is None else self.spare_pad
 
     def interrupted(self, t_s: float) -> VehicleState:
-        """Take back its order; from a leg it has to come to rest first."""
+        """Return the vehicle without its order; after a leg it has to come to rest first."""
         moves = self.passed_s is not None and t_s - self.passed_s < PASSING_S
         if moves or isinstance(self.order, FlyTo | Sweep | FlyPath):
             return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
         return replace(self, order=None)
 
     def stood_down(self, phase: Phase, note: str) -> VehicleState:
-        """End its part in the mission."""
+        """Return the vehicle after the end of its part in the mission."""
         return replace(self, phase=phase, order=StandDown(), note=note)
 
     def left_to_autopilot(self, note: str) -> VehicleState:
-        """Have its autopilot fly it home, watched by its guardian."""
+        """Return the vehicle in a return by its autopilot, watched by its guardian."""
         return replace(
             self.stood_down(Phase.GUARDED, note),
             order=ReturnToLaunch(),

@@ -188,7 +188,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
     if guard.outside_m > 0.0 and lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
         # what leads it astray would lead its autopilot astray, too, and a climb costs the time
-        return Verdict("land", f"{reason}, outside of the geofence", hurry=True)
+        return Verdict("land", f"{reason}, outside the geofence", hurry=True)
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
     if not guard.reported:
@@ -221,7 +221,7 @@ def _wrong(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     if lasted(limits, guard.outside_since_s, t_s, OUTSIDE_S) and not _coming_back(
         limits, guard, seen
     ):
-        return f"it is {guard.outside_m:.0f} m outside of the geofence"
+        return f"it is {guard.outside_m:.0f} m outside the geofence"
     if lasted(limits, guard.receding_since_s, t_s, RECEDING_S):
         return "it is carried away from where it should go"
     place = planned(task, seen)

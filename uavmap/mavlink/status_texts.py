@@ -153,7 +153,7 @@ _WORDS: Final = {
         ("check_modes_offboard_signal_lost", "Offboard signal lost"),
         ("check_gf_violation_max_hor_dist", "Geofence violation: too far from home"),
         ("check_gf_violation_max_alt", "Geofence violation: too high above home"),
-        ("check_gf_violation_custom_gf", "Geofence violation: at or outside of the geofence"),
+        ("check_gf_violation_custom_gf", "Geofence violation: at or outside the geofence"),
     )
 }
 

@@ -5,10 +5,10 @@
     air.reserve(vehicle, order)         the state with the order; None if its air is not clear
     state.holding(vehicle)              releases all but the air that the vehicle waits in
 
-A reservation is the order that a vehicle carries out: nothing is kept beside it. A vehicle that
-cannot be commanded reserves all the air that it may be in. When that changes, `stop_conflicting`
-checks orders under way again. A member of a fleet that leaves its own layer or column asks the
-others for a column of air, and has it once all have promised to keep out of it.
+A reservation is the order that a vehicle carries out; no other record is kept. A vehicle that
+cannot be commanded reserves all the air that it may be in. When that air changes,
+`stop_conflicting` checks the orders under way again. A member of a fleet that leaves its own layer
+or column asks the other members for a column of air. It has the column once all have agreed.
 """
 
 from __future__ import annotations
@@ -38,36 +38,37 @@ from missions.orders import FlyPath, FlyTo, Land, Look, Order, Sweep, TakeOff
 from missions.units import GridPoint
 
 SEPARATION_BUFFER_M: Final = 2.0
-"""Distance that two vehicles may stray towards each other while they stay apart, m."""
+"""Distance by which two vehicles may stray towards each other and still keep apart, m."""
 RING_TIMES: Final = (1.5, 2.5, 4.0)
-"""How far a vehicle flies to make way, in the distances that reservations keep; nearest first."""
+"""Distances that a vehicle flies to make way, as multiples of the separation; nearest first."""
 CLOSED_S: Final = 3.0
-"""Time for which air stays closed beyond what was asked, s: members' clocks differ a little."""
+"""Time that air stays closed beyond the request, s, because members' clocks differ a little."""
 ASK_S: Final = 12.0
-"""Longest wait of a member for the air that it has asked for, s."""
+"""Maximum time that a member waits for the air that it has requested, s."""
 SLOW_TIMES: Final = 2.0
-"""Shortest promise of such air, in durations of the change of layer."""
+"""Minimum duration of such a reservation, as a multiple of the time of the change of layer."""
 _CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
-"""Phases of a vehicle whose member does not control it, or is not heard."""
+"""Phases of a vehicle that its member does not control, or of which no report arrives."""
 
 
 @dataclass(frozen=True, slots=True)
 class Airspace:
-    """Which vehicle may be where, at an instant of a mission."""
+    """The air that each vehicle may use at an instant of a mission."""
 
     state: State
     ahead_s: float = AHEAD_S
-    """Part of a path that is reserved, s."""
+    """Reserved part of a path, s."""
 
     # --- reservations ---------------------------------------------------------------------------
     def is_clear(self, vehicle: VehicleState, order: Order) -> bool:
-        """Return whether the air that an order needs is clear of what binds the vehicle."""
+        """Return whether the air that an order needs is clear of reservations that bind the
+        vehicle."""
         others = self._reserved_by_others(vehicle, order)
         return not others or not self._is_in(self._needed(vehicle, order), others)
 
     def reserve(self, vehicle: VehicleState, order: Order) -> State | None:
-        """Return the state with an order carried out; None if its air is not clear."""
-        # a path that leads into uncontrolled air would be stopped at the next report
+        """Return the state in which the vehicle has the order; None if its air is not clear."""
+        # the next report would stop a path that leads into uncontrolled air
         blocked = isinstance(order, FlyPath) and self._leads_into_uncontrolled(vehicle, order)
         if blocked or not self.is_clear(vehicle, order):
             return None
@@ -88,7 +89,7 @@ class Airspace:
         return self.state.with_vehicle(replace(vehicle, order=vehicle.leg(route), at_target=False))
 
     def over_own_pad(self, vehicle: VehicleState) -> State:
-        """Return the state in which a member flies to the column that is its own, in its layer."""
+        """Return the state in which a member flies to its own column, in its layer."""
         route = self.state.setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
         return self.leave(vehicle, route)
 
@@ -99,7 +100,7 @@ class Airspace:
         return [other for other in others if other.uncontrolled]
 
     def stop_conflicting(self) -> State:
-        """Return the state in which vehicles stop that fly towards uncontrolled or closed air."""
+        """Return the state in which vehicles that fly towards uncontrolled or closed air stop."""
         state = self.state
         for vehicle in state.ours:
             flying = vehicle.phase is Phase.AIRBORNE and not vehicle.landed
@@ -111,10 +112,8 @@ class Airspace:
         return state
 
     def make_way(self, vehicle: VehicleState) -> State | None:
-        """Return the state in which a vehicle leaves uncontrolled or closed air.
-
-        None where it is in no such air, or where no place beside it is clear.
-        """
+        """Return the state in which a vehicle leaves uncontrolled or closed air. None if it is in
+        no such air, or if no place beside it is clear."""
         others = self._uncontrolled(vehicle) + self._closed()
         if not self._is_in(hover_air(vehicle), others):
             return None
@@ -130,15 +129,15 @@ class Airspace:
         return None
 
     def _leads_into_uncontrolled(self, vehicle: VehicleState, order: Order) -> bool:
-        """Whether an order leads into uncontrolled or closed air; out of it is allowed."""
+        """Return whether an order leads into uncontrolled or closed air; leaving it is allowed."""
         others, closed = self.uncontrolled_but(vehicle), self._closed()
         if not others and not closed:
             return False
         here, needs = hover_air(vehicle), self._needed(vehicle, order)
-        # a vehicle in closed air leaves it: it was not promised yet
+        # a vehicle in closed air leaves it: that air was not agreed yet
         if any(not self._meet(here, air) and self._meet(needs, air) for air in closed):
             return True
-        returns = vehicle.return_reason is not None  # on its way out of whatever air it is in
+        returns = vehicle.return_reason is not None  # it leaves whatever air it is in
         end = replace(needs, path=needs.path[-1:])
         for air in self._uncontrolled(vehicle):
             leaves = self._meet(here, air) and (returns or not self._meet(end, air))
@@ -148,22 +147,22 @@ class Airspace:
 
     # --- places ---------------------------------------------------------------------------------
     def places_beside_pad(self, vehicle: VehicleState) -> list[GridPoint]:
-        """Return places inside the fence for a landing beside the pad, the nearest first."""
+        """Return places inside the fence for a landing beside the pad, nearest first."""
         allowed = filter(self.state.setting.fence.allows, self._ring(vehicle.home, (1.5, 2.5)))
         return sorted(allowed, key=lambda place: (vehicle.position.distance_to(place), place))
 
     def places_around(self, vehicle: VehicleState) -> list[GridPoint]:
-        """Return places inside the fence just out of the air that a vehicle is in, and farther."""
+        """Return places inside the fence just outside the vehicle's air, and farther away."""
         around = self._ring(vehicle.position, (1.5, 4.0))
         return list(filter(self.state.setting.fence.allows, around))
 
     def _ring(self, centre: GridPoint, times: Iterable[float]) -> Iterator[GridPoint]:
-        """Eight places around a centre, from north on, at so many times the distance kept."""
+        """Return eight places around a centre, north first, for each multiple of the separation."""
         return chain.from_iterable(ring(centre, each * self._distance_m, 8) for each in times)
 
     def _detours(self, vehicle: VehicleState, order: FlyTo) -> list[FlyTo]:
-        """Ways home round the columns of others, the shortest first: a landing takes half a minute,
-        for which a vehicle with a low battery cannot always wait."""
+        """Return paths home around others' columns, shortest first. A landing takes half a minute.
+        A vehicle with a low battery cannot always wait for it."""
         fence, ways = self.state.setting.fence, []
         others = self._reserved_by_others(vehicle, order)
         for centre in {air.path[0] for air in others if len(set(air.path)) == 1}:
@@ -177,11 +176,11 @@ class Airspace:
     # --- what others reserve --------------------------------------------------------------------
     @property
     def _distance_m(self) -> float:
-        """How far two reservations lie apart over ground, m."""
+        """Horizontal distance between two reservations, m."""
         return self.state.setting.mission.team.separation_m + SEPARATION_BUFFER_M
 
     def _meet(self, one: Volume, other: Volume) -> bool:
-        """Whether two volumes come too near to each other; layers never meet."""
+        """Return whether two volumes are closer than the separation; layers never meet."""
         return one.meets(other, self._distance_m, self.state.setting.mission.team.layer_m)
 
     def _is_in(self, one: Volume, others: Iterable[Volume]) -> bool:
@@ -191,7 +190,7 @@ class Airspace:
         return needed_air(self.state, vehicle, order, self.ahead_s)
 
     def _uncontrolled(self, vehicle: VehicleState) -> list[Volume]:
-        """The air in which the others may be that cannot be commanded."""
+        """Return the air in which the other uncontrolled vehicles may be."""
         return [
             air
             for other in self.uncontrolled_but(vehicle)
@@ -199,7 +198,7 @@ class Airspace:
         ]
 
     def _closed(self) -> list[Volume]:
-        """The columns that are closed to ours now, because other members have asked for them."""
+        """Return the columns that are closed now because other members have requested them."""
         return [
             column_air(column)
             for _, column in sorted(self.state.closed.items())
@@ -219,7 +218,7 @@ class Airspace:
     def _reserved_by(
         self, other: VehicleState, asking: VehicleState, order: Order
     ) -> Sequence[Volume]:
-        """The air that another vehicle reserves, as far as it binds the one that asks."""
+        """Return the air that another vehicle reserves, as far as it binds the one that asks."""
         climbing = isinstance(other.order, TakeOff)
         if other.phase is Phase.LOST or (other.landed and not climbing):
             return ()
@@ -228,22 +227,24 @@ class Airspace:
             airs = uncontrolled_air(self.state, other)
             if asking.landed or isinstance(order, Land):
                 return airs
-            # it cannot make way: a vehicle that is near it must be free to leave
+            # it cannot make way; a vehicle near it must be able to leave
             return [air for air in airs if not self._meet(here, air)]
         if other.vehicle not in self.state.our_numbers:
-            return ()  # each keeps to air that no other may enter (`missions.geo.columns`)
+            return ()  # each member stays in air that no other may enter (`missions.geo.columns`)
         airs = [self._needed(other, other.order)]
         if other.idle and self._leads_out(asking, order, airs[0]):
-            airs = []  # two that a pilot has left too near would else wait for each other
+            # two vehicles that a pilot has left too close would otherwise wait for each other
+            airs = []
         if other.over_home and other.idle:
-            # it waits to land; a vehicle that is in its column already must be free to leave
+            # it waits to land; a vehicle that is already in its column must be able to leave
             column = self._needed(other, Land())
             if not asking.landed and not self._meet(here, column):
                 airs.append(column)
         return airs
 
     def _leads_out(self, asking: VehicleState, order: Order, air: Volume) -> bool:
-        """Whether an order leads out of another's air: level, or not through its height."""
+        """Return whether an order leads out of another vehicle's air: level, or not through its
+        height."""
         level_m = asking.level_m
         if asking.landed or not self._meet(Volume((asking.position,), level_m, level_m), air):
             return False
@@ -254,7 +255,7 @@ class Airspace:
 
     # --- columns that members of a fleet ask each other for -------------------------------------
     def has_column(self, vehicle: VehicleState, layer_m: float) -> bool:
-        """Return whether all have promised the air from here to a layer, for long enough."""
+        """Return whether all members have agreed to the air from here to a layer, long enough."""
         asks, change_s = vehicle.asks, abs(vehicle.level_m - layer_m) / CLIMB_SPEED_M_S
         if asks is None or asks.place.distance_to(vehicle.position) > OVER_PAD_M:
             return False
@@ -264,11 +265,11 @@ class Airspace:
     def ask_for_column(
         self, vehicle: VehicleState, layer_m: float
     ) -> tuple[VehicleState, bool | None]:
-        """Ask for the air from here to a layer.
+        """Request the air from here to a layer.
 
         Returns:
-            The vehicle that asks; and whether it has the air: True, None while it waits, False if
-            a member cannot be asked or does not answer within `ASK_S`.
+            The vehicle with its request, and the answer: True if granted, None while it waits,
+            False if a member cannot be asked or does not answer within `ASK_S`.
         """
         if self.has_column(vehicle, layer_m):
             return vehicle, True
@@ -278,7 +279,8 @@ class Airspace:
             or vehicle.leased_until_s > -math.inf
             or t_s >= asks.until_s
         ):
-            # blown away, or interrupted: that air is another, or was its own too briefly
+            # the wind has moved it, or it was interrupted: that request was for other air, or is
+            # too short
             asks = None
         others = (
             v for v in self.state.vehicles.values() if v.vehicle not in self.state.our_numbers
@@ -291,14 +293,14 @@ class Airspace:
             change_s = (high_m - low_m) / CLIMB_SPEED_M_S
             until_s = round(t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
             asks = Column(vehicle.position, low_m, high_m, t_s, until_s)
-            vehicle = replace(vehicle, leased_until_s=-math.inf)  # that was for other air
+            vehicle = replace(vehicle, leased_until_s=-math.inf)  # the old lease was for other air
         return replace(vehicle, asks=asks), None
 
     def can_promise(self, column: Column) -> bool:
-        """Return whether ours can promise to keep out of a column until it is open again.
+        """Return whether our vehicles can stay out of a column until it is open again.
 
-        Either it stands and stays, or it is under our control, is out of the column, and its order
-        does not lead into it.
+        Each either stays on the ground, or is under our control and outside the column, with an
+        order that does not lead into it.
         """
         air = column_air(column)
         for ours in self.state.ours:
@@ -311,5 +313,5 @@ class Airspace:
         return True
 
     def columns_meet(self, one: Column, other: Column) -> bool:
-        """Return whether two columns come too near to each other."""
+        """Return whether two columns are closer than the separation."""
         return self._meet(column_air(one), column_air(other))

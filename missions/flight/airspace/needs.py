@@ -1,7 +1,7 @@
-"""The air that a vehicle needs: for an order, while it hovers, or where it may be uncontrolled.
+"""The air that a vehicle needs: for an order, while it hovers, or while it may be uncontrolled.
 
-Every vehicle flies in its layer; one that climbs or descends needs the column over its pad. Heights
-are above one level, so homes need not be level.
+Every vehicle flies in its layer. One that climbs or descends needs the column over its pad. Heights
+are measured from one level, so homes need not be level.
 """
 
 from __future__ import annotations
@@ -16,17 +16,16 @@ from missions.orders import FlyPath, FlyTo, Land, Look, Order, ReturnToLaunch, S
 from missions.units import GridPoint
 
 RTL_HEIGHT_M = 30.0
-"""Greatest height above home that is expected of an autopilot's return, m: PX4's; ArduCopter's is
-15 m."""
+"""Maximum expected height of an autopilot's return above home, m (PX4: 30 m, ArduCopter: 15 m)."""
 AHEAD_S = 8.0
-"""Part of a path that is reserved, s: more than it takes to come to rest for another's air."""
+"""Reserved part of a path, s: longer than the stop before another vehicle's air takes."""
 SILENT_AHEAD_S = 12.0
-"""The same of a silent vehicle from its last report on, s: five until its link counts as lost, one
-until its stream ends, and what it takes to come to rest."""
+"""Reserved part of a silent vehicle's path from its last report on, s. Five until its link counts
+as lost, one until its stream ends, and the time to stop."""
 
 
 def hover_air(vehicle: VehicleState, place: GridPoint | None = None) -> Volume:
-    """Return the air of a vehicle that hovers in its layer where it is, or at a place."""
+    """Return the air of a vehicle that hovers in its layer, at its position or at `place`."""
     layer_m = vehicle.cruise_altitude_m
     return Volume((place or vehicle.position,), layer_m, layer_m)
 
@@ -39,7 +38,7 @@ def column_air(column: Column) -> Volume:
 def needed_air(
     state: State, vehicle: VehicleState, order: Order | None, ahead_s: float = AHEAD_S
 ) -> Volume:
-    """Return the air that an order needs now; of a path in the next `ahead_s` seconds."""
+    """Return the air that an order needs now; of a path, the next `ahead_s` seconds."""
     top_m = max(vehicle.cruise_altitude_m, vehicle.level_m)
     if isinstance(order, TakeOff):
         return Volume((vehicle.position,), vehicle.home_level_m, top_m)
@@ -48,20 +47,22 @@ def needed_air(
     low_m = high_m = vehicle.cruise_altitude_m
     if abs(vehicle.level_m - low_m) > OFF_LAYER_M:
         own_m, level_m = state.setting.mission.altitude_m(vehicle.vehicle - 1), vehicle.level_m
-        in_own = abs(level_m - own_m) <= OFF_LAYER_M  # it is in its layer still
+        in_own = abs(level_m - own_m) <= OFF_LAYER_M  # it is still in its layer
         low_m, high_m = sorted((own_m if in_own else level_m, low_m))
     stray_m = 0.0 if vehicle.braking_until_s is None else stopping_m(state.setting)
     return Volume((vehicle.position, *_places(state, order, ahead_s)), low_m, high_m, stray_m)
 
 
 def uncontrolled_air(state: State, vehicle: VehicleState) -> list[Volume]:
-    """Return the air in which a vehicle may be that cannot be commanded.
+    """Return the air in which a vehicle that cannot be commanded may be.
 
-    A silent one flies on with its last order, and its failsafe may bring it home from anywhere on
-    that, at its return height. One that returns flies straight home. A pilot flies anywhere near.
+    A silent vehicle continues its last order. Its failsafe may return it home from anywhere on that
+    order, at its return height. A returning vehicle flies straight home. A pilot flies anywhere
+    near.
     """
     low_m = vehicle.home_level_m
-    # it returns level, at a height above home, also over ground that is lower than the highest
+    # it returns level, at a height above home, also where the ground is lower than its highest
+    # point
     returns_m = max(vehicle.level_m, vehicle.cruise_altitude_m, low_m + RTL_HEIGHT_M)
     top_m = returns_m + state.setting.relief_m
     order = vehicle.last_order if vehicle.phase is Phase.OFFLINE else vehicle.order
@@ -71,7 +72,7 @@ def uncontrolled_air(state: State, vehicle: VehicleState) -> list[Volume]:
     if vehicle.phase is Phase.OFFLINE:
         leg = needed_air(state, vehicle, order)
         if isinstance(order, FlyPath):
-            # its stream is sent on until its link is called lost, and then it brakes
+            # its stream continues until its link counts as lost; then it brakes
             along = places_ahead(order.trajectory, vehicle.tracked_s, SILENT_AHEAD_S)
             leg = replace(leg, path=(vehicle.position, *along), stray_m=stopping_m(state.setting))
         back = Volume(
@@ -87,13 +88,13 @@ def uncontrolled_air(state: State, vehicle: VehicleState) -> list[Volume]:
 
 
 def stopping_m(setting: Setting) -> float:
-    """Return what a vehicle flies between two of its reports and until it has come to rest, m."""
+    """Return the distance that a vehicle flies between two reports and until it has stopped, m."""
     speed, accel = setting.energy.speed_m_s, setting.energy.accel_m_s2
     return speed + speed**2 / (2 * accel)
 
 
 def _places(state: State, order: Order | None, ahead_s: float) -> tuple[GridPoint, ...]:
-    """Where an order leads, in the fixed frame."""
+    """Return the places that an order leads to, in the fixed frame."""
     if isinstance(order, Sweep):
         return (order.end,)
     if isinstance(order, FlyTo):

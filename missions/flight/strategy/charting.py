@@ -1,4 +1,4 @@
-"""Vehicles and the map as the planner of paths has them, in the frame of the region."""
+"""Vehicles and the map in the planner's form, in the frame of the region."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from missions.planning.sweep.paths import Flyer, Route
 from missions.units import Cell, GridPoint
 
 LONGEST_S: Final = 300.0
-"""A path is not planned for later: a region that drifts would be out of the fence by then."""
+"""Maximum planning horizon, s: later, a region that drifts would be outside the fence."""
 
 
 def flyer_of(
@@ -32,28 +32,27 @@ def flyer_of(
     route: Route | None,
     begin_s: float,
 ) -> Flyer:
-    """Return a vehicle as the planner has it, in the frame of the region.
-
-    `planned` is the path that was planned for it last, and `route` what that was made of.
-    """
+    """Return a vehicle in the planner's form, in the frame of the region. `planned` is the last
+    path that was planned for it, and `route` the route of that path."""
     grid, path = setting.grid, vehicle.path
     home_s = over_home_s(path, planned, begin_s)
-    # at the end of a path it is where that ends, until it is seen to have arrived
+    # at the end of its path it is at that end, until it reports its arrival
     place = vehicle.position if path is None else path.place_at(begin_s)
     mine = path is not None and path.goes_on(planned, begin_s)
-    if mine:  # the fence may allow less of it than was planned
+    if mine:  # the fence may allow less than the planned path
         path = planned
-    if path is not None and not mine:  # of the search: planned in the fixed frame
+    if path is not None and not mine:  # a search path was planned in the fixed frame
         path = path.in_frame(grid.drift_m_s, begin_s)
     flown = setting.kinematics(vehicle.cruise_height_m, vehicle.wind_m_s)
-    if path is not None:  # what is too fast for the wind by now comes down where the path is slower
+    # a speed that is by now too high for the wind is reduced where the path is slower
+    if path is not None:
         moves = path.at(begin_s)
         now_m_s = math.hypot(
             moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
         )
         flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
     above_m, descent_m_s = setting.mission.overview_above_m, setting.mission.flight.descent_m_s
-    blind_s = 0.0  # while it comes down from the search it still takes pictures of the search
+    blind_s = 0.0  # while it descends from search height it still takes search pictures
     if above_m is not None and descent_m_s is not None:
         blind_s = max(vehicle.height_m - above_m, 0.0) / descent_m_s
     end = grid.to_moving(gate_of(setting, vehicle), home_s)
@@ -68,20 +67,20 @@ def flyer_of(
 
 
 def over_home_s(path: Trajectory | None, planned: Trajectory | None, begin_s: float) -> float:
-    """Return when a vehicle on a path will be over its pad, by what was planned for it last."""
+    """Return when a vehicle on a path will be over its pad, by its last plan, s."""
     if path is None or planned is None or not path.goes_on(planned, begin_s):
         return begin_s
     return min(max(begin_s, planned.end_s), begin_s + LONGEST_S)
 
 
 def in_map_layer(setting: Setting, vehicle: VehicleState) -> VehicleState:
-    """Return a vehicle as it will be once it maps."""
+    """Return a vehicle in the layer in which it maps."""
     return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
 
 
 def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
-    """Return where a path ends among pads of others: before its own, if no way leads past the
-    columns over theirs. From there to the pad a vehicle flies straight."""
+    """Return where a path ends among pads of others: before its own, if none leads past their
+    columns. From there to the pad a vehicle flies straight."""
     pad = setting.fence.inside(vehicle.pad)
     if setting.whole_fence is None:
         return pad
@@ -95,10 +94,10 @@ def chart_of(
     team: Mapping[int, VehicleState],
     home_s: float | None = None,
 ) -> Known:
-    """Return what is known around the region, as it lies at a time; without a `root` of the box.
+    """Return the known map around the region at a time; without a `root`, of the box.
 
-    `home_s` is when our vehicle of a fleet will be over its pad. Lanes that are still to be flown
-    are closed; what is behind their vehicles, as `BEHIND`.
+    `home_s` is the time when our vehicle of a fleet will be over its pad. Lanes that are still to
+    be flown are closed; the ground behind their vehicles is `BEHIND`.
     """
     setting = state.setting
     belief, cell_m = state.belief, setting.mission.grid.cell_m
@@ -128,7 +127,7 @@ def chart_of(
 
 
 def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) -> list[Cell]:
-    """Where vehicles are and will end, in the frame of the region: outside of a chart is closed."""
+    """Return the cells where vehicles are and will end; the chart must contain them."""
     grid, cell_m = setting.grid, setting.mission.grid.cell_m
     cells = []
     for vehicle in team.values():
@@ -152,10 +151,10 @@ def _fence(
     home_s: float,
     team: Mapping[int, VehicleState],
 ) -> None:
-    """Close what lies outside of the fence, half a cell inside its margin.
+    """Close the cells outside the fence, half a cell inside its margin.
 
-    The chart drifts with the region. The fence is taken as it lies now, the columns over the pads
-    of others as they lie when ours comes home.
+    The chart drifts with the region. The fence is taken as it lies now. The columns over others'
+    pads are taken as they lie when our vehicle returns.
     """
     cell_m = chart.cell_m
     whole = setting.fence if setting.whole_fence is None else setting.whole_fence
@@ -168,7 +167,7 @@ def _fence(
         column &= ~shapely.contains_xy(setting.fence.inner, x, y)
         allowed[column] = 0
         ours = next((v for n, v in team.items() if setting.team.controls(n)), None)
-        if ours is not None:  # the way to its own is free, wherever the middle of a cell lies
+        if ours is not None:  # the way to its own pad is free, wherever the middle of a cell lies
             way = LineString([setting.fence.inside(ours.pad), gate_of(setting, ours)])
             allowed[shapely.dwithin(shapely.points(x, y), way, cell_m)] = 1
     low = (in_map_layer(setting, vehicle) for vehicle in team.values())

@@ -1,7 +1,7 @@
-"""Flying straight to what is left, where the planner of paths finds no way.
+"""Direct flights to the rest of the map, where the path planner finds no way.
 
-Its plans are improved by small changes, which seldom lead round a hole of the fence. So when all
-vehicles wait and cells are still needed, one flies to the nearest observation point.
+The planner improves its plans by small changes, which seldom lead round a hole of the fence. So
+when all vehicles wait and cells are still needed, one flies to the nearest observation point.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from missions.planning.sweep.paths import Tuning
 from missions.units import Cell, GridPoint
 
 MOST_ROUTES: Final = 12
-"""So many places, the nearest first, are tried for a way inside the fence."""
+"""Number of places, nearest first, that are tried for a route inside the fence."""
 
 
 class Fetch(NamedTuple):
-    """Who flies to see what is left, from where, and how."""
+    """A direct flight to an observation point."""
 
     vehicle: int
     vantage: Cell
@@ -35,7 +35,7 @@ class Fetch(NamedTuple):
 def fetch(
     state: State, team: Mapping[int, VehicleState], known: Known, tried: Collection[Cell]
 ) -> Fetch | None:
-    """Return the shortest way of a team to a needed cell, not by way of places that were tried."""
+    """Return the shortest flight of a team to a needed cell, not to places that were tried."""
     needed, mission = _needed(state.setting, known), state.setting.mission
     found: list[tuple[float, int, Cell, tuple[GridPoint, ...]]] = []
     for number, vehicle in sorted(team.items()):
@@ -56,7 +56,7 @@ def fetch(
 
 
 def _needed(setting: Setting, known: Known) -> list[Cell]:
-    """The cells that have to be decided, and are not."""
+    """Return the undecided cells that have to be decided."""
     votes = setting.mission.votes
     worth, need, candidates, _ = valued(known, votes.frames, votes.positive)
     least_s = 0.5 * Tuning().penalty_s
@@ -70,7 +70,7 @@ def _vantages(
     needed: Collection[Cell],
     tried: Collection[Cell],
 ) -> list[tuple[float, Cell, GridPoint]]:
-    """From where a vehicle sees a needed cell: how far, the cell below, the place by then."""
+    """Return the observation points of needed cells: distance, cell below, place at arrival."""
     setting, grid, chart = state.setting, state.setting.grid, known.chart
     flown = setting.kinematics(vehicle.cruise_height_m, vehicle.wind_m_s)
     reach_e, reach_n = flown.reach(grid.cell_m)

@@ -1,9 +1,9 @@
-"""`swath` with `find = "all"`, and `survey`: fly all lanes, then sweep over what is left.
+"""`swath` with `find = "all"`, and `survey`: fly all lanes, then sweep over the rest.
 
-Lanes decide nearly all of what their pictures show. What is left is flown to: with `survey` all
-cells of the box that are not decided. With `find = "all"` what no frame has shown, what some frame
-took for region, and what lies beside a patch, in the box or beyond it; a cell that every frame so
-far took for no region is no part of a patch unless one reaches it.
+Lanes decide nearly all cells that their pictures show. Vehicles then fly to the rest. With `survey`
+the rest is all undecided cells of the box. With `find = "all"` it is the cells that no frame has
+shown, those that some frame shows as region, and those beside a patch, in the box or beyond it. A
+cell that every frame so far shows as no region is no part of a patch unless one reaches it.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from missions.planning.sweep.strategies import SURVEY, SWATH
 from missions.units import Cell, GridPoint
 
 READY_S: Final = 30.0
-"""Time before the first lanes are flown at which a vehicle without any takes off to map, s."""
+"""Time before the first lanes are flown at which a vehicle without lanes takes off to map, s."""
 
 
 class Covering(Paths):
-    """What is common to strategies whose vehicles fly all lanes, whatever they see on the way."""
+    """The common part of strategies whose vehicles fly all lanes, whatever frames show."""
 
     flies_all_lanes = True
     lanes_drift = True
-    least_lane_cells = 10.0  # what is shorter is flown to, in the best order that is found
+    least_lane_cells = 10.0  # shorter parts are flown to, in the best order that is found
 
     def first_target(self, state: State, vehicle: VehicleState) -> GridPoint | None:
-        """Return where its lanes begin, or the nearest open cell once no vehicle has lanes."""
+        """Return the start of its lanes, or the nearest open cell once no vehicle has lanes."""
         target = super().first_target(state, vehicle)
         if target is None:
             target = self.beside_lanes(state, vehicle)
@@ -45,17 +45,18 @@ class Covering(Paths):
         return target
 
     def beside_lanes(self, state: State, vehicle: VehicleState) -> GridPoint | None:
-        """Where one without lanes maps while others fly theirs; None where it does not."""
+        """Return where a vehicle without lanes maps meanwhile; None if it does not."""
         return None
 
     def without_target(self, state: State, vehicle: VehicleState) -> State:
-        """The rest is given up once no vehicle has lanes."""
+        """Give up the rest once no vehicle has lanes."""
         if any(v.lanes for v in state.vehicles.values()):
             return super().without_target(state, vehicle)
         return give_up_rest(state)
 
     def concluded(self, state: State, left: tuple[Lane, ...]) -> State:
-        """What is open stays undecided; lanes matter only while something is."""
+        """Return the state at the end: open cells stay undecided; lanes matter only while some are
+        open."""
         open_ = self.open_cells(state)
         state = replace(state, exhausted=True, surveyed=not open_, undecided=open_)
         return replace(state, unreachable_lanes=left if open_ else ())
@@ -66,14 +67,14 @@ class EveryPatch(Covering):
 
     about = SWATH
     patches = True
-    replan_frames = 2.0  # more than that is flown before it is known what they show
+    replan_frames = 2.0  # more frames are taken before their votes are known
     shares_work = True
 
     def lay(self, area: Area) -> Lanes:
         """Lay lanes along the side of the box along which the team is done sooner.
 
-        With a prior, or for one vehicle, along the longer one. A row or two that no frame has shown
-        are flown to: they are not worth a lane.
+        With a prior, or for one vehicle, that is the longer side. A row or two that no frame has
+        shown are flown to: they are not worth a lane.
         """
         mission, grid, pads = area.mission, area.grid, area.pads
         longer = along_east(area.box)
@@ -88,16 +89,16 @@ class EveryPatch(Covering):
         return min(laid, key=lambda one: longest_m(share_by_time(one.lanes, pads), pads))
 
     def shares(self, setting: Setting) -> Blocks:
-        """The lanes by pad; by the prior where there is one."""
+        """Return the lanes by pad; by the prior if there is one."""
         if setting.likely or len(setting.pads) == 1:
             return super().shares(setting)
         return share_by_time(setting.lanes, setting.pads)
 
     def asked_for(self, state: State) -> list[Cell]:
-        """Cells of the box that no frame has shown, and those that a frame took for region.
+        """Return cells of the box that no frame shows, and cells that a frame shows as region.
 
-        And those beside what is region from on high: some frame may have taken one for ground
-        before it is known from below that a patch reaches it.
+        Also cells beside region seen from search height. Some frame may have shown one of those as
+        no region before it is known from below that a patch reaches it.
         """
         shown, belief = state.shown, state.belief
         tallies, verdicts = belief.open_tallies.as_dict(), belief.verdicts
@@ -110,13 +111,13 @@ class EveryPatch(Covering):
         return unseen + belief.undecided(asked | (around & tallies.keys()))
 
     def open_cells(self, state: State) -> frozenset[Cell]:
-        """Those, and the cells beside a patch."""
+        """Return the cells of `asked_for`, and the cells beside a patch."""
         belief = state.belief
         around = beside([cell for cell in belief.open_tallies if belief.provisional(cell)])
         return frozenset(belief.undecided(around.union(self.asked_for(state))))
 
     def beside_lanes(self, state: State, vehicle: VehicleState) -> GridPoint | None:
-        """Where lanes are flown from on high, others may map what they have found."""
+        """Return where to map the finds of lanes that others fly at search height."""
         if not state.setting.heights.maps_meanwhile(state, vehicle):
             return None
         belief = state.belief
@@ -128,7 +129,8 @@ class EveryPatch(Covering):
         return first.place_at(first.end_s)
 
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
-        """One that waits for members out of contact does so over its pad, where all are heard."""
+        """Have a vehicle that waits for members out of contact do so over its pad, in radio range
+        of all."""
         away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
         waits = vehicle.vehicle in pass_memory(state).waiting
         waits = waits and any(state.t_s < v.held_until_s for v in away)
@@ -138,7 +140,7 @@ class EveryPatch(Covering):
 
 
 def nearest(state: State, vehicle: VehicleState, cells: Collection[Cell]) -> GridPoint | None:
-    """Where the nearest of some cells is, of equal ones the lowest; None where there is none."""
+    """Return the place of the nearest cell, of equal ones the lowest; None without cells."""
     places = (state.setting.where(cell, state.t_s) for cell in sorted(cells))
     return min(places, key=vehicle.position.distance_to, default=None)
 
@@ -153,11 +155,11 @@ class Survey(Covering):
     whole_box = True
 
     def asked_for(self, state: State) -> list[Cell]:
-        """The cells of the box that are not decided; what lies beside a patch beyond it is not."""
+        """Return the undecided cells of the box; cells beside a patch beyond it do not count."""
         return state.belief.undecided(state.setting.box_cells)
 
     def lane_done(self, state: State) -> Callable[[Cell], bool]:
-        """Whether a cell is decided."""
+        """Return the predicate that a cell is decided."""
         verdicts = state.belief.verdicts
         return lambda cell: verdicts.get(cell) is not None
 

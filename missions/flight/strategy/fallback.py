@@ -1,13 +1,13 @@
-"""When paths have had their time: the rest is explored with stops.
+"""The end of the time for paths: the rest is explored with stops.
 
-Let B(C, D) be the seconds that `rdfs` takes at most for a tree of C cells and depth D (Lemma 1, a
-move being a leg between two cells and half a look). Paths may take `patience_s`. If the region is
-not decided by then, all vehicles fly to its root, and `rdfs` explores it; cells whose neighbours
+Let B(C, D) be the maximum time of `rdfs` for a tree of C cells and depth D in seconds (Lemma 1; a
+move is a leg between two cells and half an observation). Paths may take `patience_s`. If the region
+is not decided by then, all vehicles fly to its root, and `rdfs` explores it. Cells whose neighbours
 are all decided count as visited. B grows with C and D, so the exploration takes at most
 
     max(LEAST_PATIENCE_S, B(C, D)) + a leg to the root + B(C, D)
 
-seconds, ways home and battery swaps apart. Paths take a fifth of B or less.
+seconds, without returns and battery swaps. Paths take a fifth of B or less.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ LEAST_PATIENCE_S: Final = 120.0
 
 
 def bound_s(setting: Setting, cells: int, depth: int) -> float:
-    """Return B: the most seconds in which `rdfs` explores a tree."""
+    """Return B: the maximum time in which `rdfs` explores a tree, s."""
     return setting.moves_s(rdfs_bound_moves(cells, depth, len(setting.mission.vehicles)))
 
 
 def patience_s(state: State) -> float:
-    """Return for how long paths may explore what is known of a region, s."""
+    """Return the time that paths may take to explore the known part of a region, s."""
     if state.tree is None:
         return LEAST_PATIENCE_S
     known = max(len(state.tree), len(state.belief.roi))
@@ -36,7 +36,7 @@ def patience_s(state: State) -> float:
 
 
 def whole_bound_s(setting: Setting, cells: int, depth: int) -> float:
-    """Return the most seconds of an exploration by paths and what they fall back on."""
+    """Return the maximum time of an exploration by paths and their fallback, s."""
     stops_s = bound_s(setting, cells, depth)
     to_root_s = setting.energy.leg_s(cells * setting.grid.cell_m)
     return max(LEAST_PATIENCE_S, stops_s) + to_root_s + stops_s

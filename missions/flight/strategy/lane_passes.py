@@ -1,8 +1,8 @@
-"""Searching without a stop: one path along the lanes of a vehicle that no frame has judged yet.
+"""Searching without a stop: one path along a vehicle's lanes that no frame has judged yet.
 
-A lane is flown beside the middle of its rows: to windward, as a camera that tilts with the airframe
-looks to leeward; and beside rows that were judged already, so that what frames have missed is in
-the middle of the picture when the lane is flown again.
+A lane is flown beside the middle of its rows. It is flown to windward, as a camera that tilts with
+the airframe looks to leeward. It is also flown beside rows that were already judged, so that missed
+rows are in the middle of the picture when the lane is flown again.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from missions.planning.search.lanes import Lane, turned
 from missions.units import GridPoint
 
 WORTH_S: Final = 8.0
-"""Least remaining time of a path that is ended early, s."""
+"""Minimum remaining time of a path that is ended early, s."""
 
 
 def search_passes(state: State, vehicle: VehicleState) -> State:
-    """Give an idle vehicle a path along its lanes, as many as its battery is good for."""
+    """Give an idle vehicle a path along its lanes, as many as its battery allows."""
     setting = state.setting
     at = setting.to_lanes(vehicle.position, state.t_s)
     lanes = turned(at, still_open(state, vehicle.lanes), keep=setting.aimed_lanes)
@@ -35,7 +35,7 @@ def search_passes(state: State, vehicle: VehicleState) -> State:
     if not lanes:
         return state.holding(vehicle)
     points, corners = _way_along(state, vehicle)
-    if not points:  # a part of the box that no way inside the fence leads to
+    if not points:  # no path inside the fence leads to this part of the box
         return give_up_lane(state, vehicle)
     first = setting.over_ground(points[0], state.t_s)
     if not has_energy_for(setting, vehicle, first, REACTION_S):
@@ -49,10 +49,10 @@ def search_passes(state: State, vehicle: VehicleState) -> State:
 
     path = along(len(points))
     if any(corners) and not allowed(setting.fence, path):
-        # what drifts on its way round a corner may miss the rim of the fence by a little
+        # a path that drifts round a corner may miss the edge of the fence by a little
         round_at = corners.index(True)
         if round_at == 0:
-            # over ground, round the corners of the fence, to where the lane begins
+            # over ground, round the corners of the fence, to the start of the lane
             start = setting.over_ground(points[corners.index(False)], state.t_s)
             route = setting.fence.route(vehicle.position, start)
             if route is None:
@@ -64,7 +64,7 @@ def search_passes(state: State, vehicle: VehicleState) -> State:
 
 
 def give_up_lane(state: State, vehicle: VehicleState) -> State:
-    """Note that no way leads to the first lane of a vehicle, which waits."""
+    """Note that no path leads to a vehicle's first lane; the vehicle waits."""
     lost = (*state.unreachable_lanes, vehicle.lanes[0])
     state = replace(state, unreachable_lanes=lost)
     left = replace(vehicle, lanes=vehicle.lanes[1:], on_lane=False, lane_seen_m=())
@@ -72,10 +72,8 @@ def give_up_lane(state: State, vehicle: VehicleState) -> State:
 
 
 def _way_along(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], list[bool]]:
-    """The points of a way along the lanes of a vehicle, and which of them are the fence's corners.
-
-    A way round an obstacle is planned for the time when the vehicle will be there.
-    """
+    """Return the points of a way along a vehicle's lanes, and which of them are corners of the
+    fence. A way round an obstacle is planned for the time when the vehicle will be there."""
     setting = state.setting
     points: list[GridPoint] = []
     corners: list[bool] = []
@@ -109,8 +107,8 @@ def _way_along(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], li
 def still_open(state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
     """Return the parts of lanes that have a cell which no frame has judged.
 
-    A lane that lies still while the region drifts is flown as it is: other cells come below it.
-    Parts shorter than the strategy's `least_lane_cells` are left to the planner of paths.
+    A fixed lane over a region that drifts is flown whole: other cells come below it. Parts shorter
+    than the strategy's `least_lane_cells` are left to the path planner.
     """
     setting = state.setting
     if cells_drift_out(setting):
@@ -128,7 +126,7 @@ def still_open(state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
 
 
 def cells_drift_out(setting: Setting) -> bool:
-    """Return whether cells drift out of lanes that lie still."""
+    """Return whether cells drift out of lanes that are fixed over ground."""
     return setting.grid.drift_speed_m_s > 0.0 and not setting.lanes_drift
 
 
@@ -158,7 +156,7 @@ def drop_seen(state: State) -> State:
 
 
 def flown_along(state: State, vehicle: VehicleState, lane: Lane) -> Lane:
-    """Return where a lane is flown, as far beside the middle of its rows as the fence allows."""
+    """Return the line along which a lane is flown, beside its middle as far as the fence allows."""
     setting, grid = state.setting, state.setting.grid
     strip = setting.strip(lane, state.t_s)
     beside_m = beside_rows_m(

@@ -1,12 +1,12 @@
 """Leapfrog in flight: the first vehicle maps a box while the second one tracks it, by turns.
 
-The mapper flies a piece of the lanes while the tracker hovers above and sees the marker on its top;
-then the mapper hovers, and the tracker flies on (`missions.planning.leapfrog_geometry`). So both
-know where they are without satellites (`uavmap.aircraft.leapfrog_sight`).
+The mapper flies a piece of the lanes while the tracker hovers above and sees the marker on its top.
+Then the mapper hovers, and the tracker moves (`missions.planning.leapfrog_geometry`). So both know
+their positions without satellites (`uavmap.aircraft.leapfrog_sight`).
 
 A round leads along all lanes that have an undecided cell of the box, the last one back over the
-mapper's pad. Neither flies alone: they take off when both can, and when one comes home or is not
-under our control, the other comes home as well.
+mapper's pad. Neither flies alone: they take off when both can. When one returns or is not under our
+control, the other returns as well.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ TRACKER: Final = 2
 NEAR_M: Final = 0.7
 """Distance to the end of its way within which a vehicle has flown it, m."""
 REST_S: Final = 1.5
-"""Time at rest between two moves, s: what moves is not seen well."""
+"""Time at rest between two moves, s; pictures of a moving vehicle are less exact."""
 STALLED_S: Final = 60.0
-"""Time without a move after which what is left is given up, s."""
+"""Time without a move after which the rest is given up, s."""
 BESIDES_S: Final = 4.0
-"""About what a step takes besides its flight, s."""
+"""Time of a step besides its flight, about, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeapfrogMemory:
-    """Where the two stand in their round."""
+    """The position of the two vehicles in their round."""
 
     steps: tuple[Step, ...] = ()
     index: int = 0
     begun: bool = False
-    """Whether the mover has its order."""
+    """True if the mover has its order."""
     open: int | None = None
-    """How many cells were not decided when the round began."""
+    """Number of undecided cells at the beginning of the round."""
     homeward: bool = False
-    """Whether this is the way back over the mapper's pad."""
+    """True on the way back over the mapper's pad."""
     waits_since_s: float | None = None
     rests_until_s: float = float("-inf")
 
@@ -68,14 +68,14 @@ def _together(state: State) -> State:
     for number, other in ((MAPPER, TRACKER), (TRACKER, MAPPER)):
         vehicle, partner = state.vehicles[number], state.vehicles[other]
         if vehicle.works and _is_leaving(partner):
-            note = vehicle.note or f"vehicle {other} does not go on, and nobody maps alone"
+            note = vehicle.note or f"vehicle {other} does not continue, and leapfrog needs two"
             alone = replace(vehicle, note=note)
             state = send_home(state, alone, ReturnReason.BATTERY)
     return state
 
 
 def _is_leaving(vehicle: VehicleState) -> bool:
-    """Whether it comes home, was taken away, or is silent in the air."""
+    """Return whether it returns, was taken away, or is silent in the air."""
     if vehicle.phase is Phase.OFFLINE:
         return not vehicle.landed
     here = (Phase.AIRBORNE, Phase.GROUNDED)
@@ -83,12 +83,12 @@ def _is_leaving(vehicle: VehicleState) -> bool:
 
 
 def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
-    """The memory after the steps at whose end their mover is."""
+    """Return the memory after the steps whose mover has reached their end."""
     while memory.index < len(memory.steps):
         step = memory.steps[memory.index]
         at = state.vehicles[MAPPER if step.mover is Role.MAPPER else TRACKER].position
         is_there = at.distance_to(GridPoint(*step.end)) <= NEAR_M
-        # a way may lead back to near its beginning: it has to be begun to count
+        # a way may lead back to near its start: only a step that has begun counts
         if not (is_there and (memory.begun or step.length_m <= NEAR_M)):
             break
         rests_s = state.t_s + (REST_S if memory.begun else 0.0)
@@ -99,7 +99,7 @@ def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
 
 
 def _next_round(state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
-    """What is left of the lanes; the way home when that is nothing, or cannot be decided."""
+    """Return a round along the rest of the lanes; the way home if no more can be decided."""
     setting = state.setting
     mapper = state.vehicles[MAPPER]
     left = len(setting.strategy.open_cells(state))
@@ -130,14 +130,14 @@ def _move(state: State, memory: LeapfrogMemory) -> State:
         begin_s = round(state.t_s + NOTICE_S, 3)
         path = through(state.setting, mover, places, [False] * len(places), begin_s)
         state = give_path(state, mover, path)
-    if state.vehicles[mover.vehicle].idle:  # its air is not free, or the fence does not allow it
+    if state.vehicles[mover.vehicle].idle:  # its air is not clear, or the fence does not allow it
         return state
     return replace(state, memory=replace(memory, begun=True, waits_since_s=None))
 
 
 # --- the way ------------------------------------------------------------------------------------
 def lanes_left(state: State) -> tuple[Lane, ...]:
-    """The stretches of lanes with a column in which a cell of the box is not decided."""
+    """Return the parts of lanes with a column in which a cell of the box is not decided."""
     setting = state.setting
     box, belief = setting.in_box, state.belief
 
@@ -149,7 +149,7 @@ def lanes_left(state: State) -> tuple[Lane, ...]:
 
 
 def _way(state: State, mapper: VehicleState, lanes: Iterable[Lane]) -> list[GridPoint]:
-    """From where the mapper is along lanes, inside of the fence; what has no way is left out."""
+    """Return the way from the mapper along lanes, inside the fence; others are left out."""
     places, fence = [mapper.position], state.setting.fence
     for lane in turned(mapper.position, lanes, keep=state.setting.aimed_lanes):
         start, end = flown_along(state, mapper, lane)
@@ -160,7 +160,7 @@ def _way(state: State, mapper: VehicleState, lanes: Iterable[Lane]) -> list[Grid
 
 
 def steps_left_s(state: State) -> float:
-    """About how long the steps of this round, or of the first one, take from now on; seconds."""
+    """Return the time that the rest of this round, or the first one, takes, about, s."""
     setting = state.setting
     memory = state.memory if isinstance(state.memory, LeapfrogMemory) else LeapfrogMemory()
     steps = memory.steps[memory.index :]
@@ -180,11 +180,11 @@ class Leapfrog(Survey):
     lanes_drift = False
 
     def shares(self, setting: Setting) -> Blocks:
-        """All lanes are the mapper's."""
+        """Return all lanes for the mapper."""
         return (setting.lanes, *((),) * (len(setting.pads) - 1))
 
     def begins_with(self, setting: Setting) -> Blocks:
-        """None: the two fly rounds along what is left of the lanes."""
+        """Return no lanes: the two fly rounds along the rest of the lanes."""
         return ((),) * len(setting.pads)
 
     def search_s(self, setting: Setting) -> float:
@@ -192,18 +192,18 @@ class Leapfrog(Survey):
         return steps_left_s(setting.initial_state())
 
     def rest_s(self, state: State, lanes_m: float, cells: int, team: int) -> float:
-        """Return the time of the steps that are left of this round."""
+        """Return the time of the remaining steps of this round."""
         return steps_left_s(state)
 
     def may_take_off(self, state: State) -> bool:
-        """Whether both are in the air, or able to take off."""
+        """Return whether both are in the air, or able to take off."""
         return all(
             v.works or (v.phase is Phase.GROUNDED and v.cleared and v.return_reason is None)
             for v in state.vehicles.values()
         )
 
     def plan_paths(self, state: State) -> State:
-        """Have the one move whose turn it is, once both are at rest."""
+        """Have the vehicle move whose turn it is, once both are at rest."""
         if state.exhausted or state.recalled:
             return state
         state = _together(state)
@@ -212,14 +212,14 @@ class Leapfrog(Survey):
         if state.exhausted:
             return state
         if not (mapper.works and tracker.works):
-            # the next sortie begins anew, along what is left then
+            # the next sortie begins anew, along the rest by then
             fresh = LeapfrogMemory(open=memory.open)
             return state if memory == fresh else replace(state, memory=fresh)
         rest = all(v.idle and v.braking_until_s is None for v in (mapper, tracker))
         if not rest or any(is_outside(state.setting.fence, v.position) for v in (mapper, tracker)):
             return state
         before, memory = memory.index, _passed(memory, state)
-        if memory.index > before:  # a sortie on which somebody got on was not in vain
+        if memory.index > before:  # a sortie with a step counts as progress
             state = state.with_all(lambda vehicle: replace(vehicle, fruitless_sorties=0))
         if state.t_s < memory.rests_until_s:
             return replace(state, memory=memory)

@@ -1,7 +1,5 @@
-"""Searching the box with stops, visiting cells, and sharing what is left of the lanes.
-
-A search flies lanes and visits suspicions; an exploration visits vertices.
-"""
+"""Searching the box with stops, visiting cells, and sharing the rest of the lanes. A search flies
+lanes and visits suspicions; an exploration visits vertices."""
 
 from __future__ import annotations
 
@@ -19,16 +17,16 @@ from missions.orders import FlyTo, Look, Order, Sweep
 from missions.units import Cell, GridPoint
 
 EXTRA_FRAMES = 6
-"""Most frames of a look, in those of one ballot."""
+"""Maximum frames of an observation, in multiples of a ballot."""
 
 
 def visit(state: State, vehicle: VehicleState, cell: Cell, *, stop: bool) -> State:
-    """Fly to a cell, and look from it if nobody has."""
+    """Fly to a cell, and observe it if no vehicle has."""
     setting = state.setting
     if not vehicle.at_target:
         return _fly_to_cell(state, vehicle, cell, stop=stop)
     if setting.grid.drift_speed_m_s > 0.0:
-        # a wait may have let the cell drift away, or out of the fence
+        # the cell may have drifted away, or out of the fence, during a wait
         off_m = vehicle.position.distance_to(setting.where(cell, state.t_s))
         if off_m > setting.grid.cell_m / 4:
             return _fly_to_cell(state, replace(vehicle, at_target=False), cell, stop=stop)
@@ -62,7 +60,7 @@ def _stays_inside(
     *,
     look: bool = True,
 ) -> bool:
-    """Whether the fence still allows a drifting cell when it is reached, and looked from."""
+    """Return whether the fence still allows a drifting cell when it is reached and observed."""
     setting, mission = state.setting, state.setting.mission
     drift_m_s = setting.grid.drift_speed_m_s
     if drift_m_s == 0.0:
@@ -76,7 +74,7 @@ def _stays_inside(
 
 
 def drifts_out(state: State, cell: Cell) -> bool:
-    """Return whether a cell is outside of the fence, or will be within `REACTION_S`."""
+    """Return whether a cell is outside the fence, or will be within `REACTION_S`."""
     setting = state.setting
     now, soon = (setting.where(cell, state.t_s + ahead_s) for ahead_s in (0.0, REACTION_S))
     return setting.grid.drift_speed_m_s > 0.0 and not setting.fence.allows_leg(now, soon)
@@ -91,7 +89,7 @@ def give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:
 
 
 def mark_unreachable(state: State, vehicle: VehicleState, cell: Cell) -> State:
-    """Go on in the tree as if the vehicle had been at a vertex; the result is incomplete."""
+    """Continue in the tree as if the vehicle had been at a vertex; the result is incomplete."""
     if state.tree is not None and not state.tree.has_looked(cell):
         tree = state.tree.looked(cell, ())
         state = replace(state, tree=tree, abandoned=state.abandoned | {cell})
@@ -99,7 +97,7 @@ def mark_unreachable(state: State, vehicle: VehicleState, cell: Cell) -> State:
 
 
 def search(state: State, vehicle: VehicleState) -> State:
-    """Look at what may be ROI, else fly the next lane."""
+    """Observe a suspicion, else fly the next lane."""
     setting = state.setting
     if vehicle.candidate is not None:
         return visit(state, vehicle, vehicle.candidate, stop=True)
@@ -110,11 +108,11 @@ def search(state: State, vehicle: VehicleState) -> State:
             return state
         if vehicle.position.distance_to(vehicle.home) <= OVER_PAD_M:
             return state.holding(vehicle)
-        # it waits over its own pad, where it is not in the way of anybody who has to land
+        # it waits over its own pad, out of the way of vehicles that have to land
         return Airspace(state).reserve_or_wait(vehicle, home_order(setting, vehicle))
     start, end = vehicle.lanes[0]
     if vehicle.on_lane and setting.fence.allows_leg(vehicle.position, end):
-        # flown as far as the battery lasts; the next sortie takes up the rest
+        # flown as far as the battery lasts; the next sortie flies the rest
         order: Order = Sweep(end, setting.mission.grid.cell_m, vehicle.cruise_height_m)
         return Airspace(state).reserve_or_wait(vehicle, order)
     if vehicle.on_lane:  # it left the lane for a suspicion, and the fence lies between
@@ -123,7 +121,7 @@ def search(state: State, vehicle: VehicleState) -> State:
             return state.holding(vehicle)
         start, end = vehicle.lanes[0]
     route = setting.fence.route(vehicle.position, start)
-    if route is None:  # a part of the box that no way inside the fence leads to
+    if route is None:  # no path inside the fence leads to this part of the box
         return give_up_lane(state, vehicle)
     if not has_energy_for(setting, vehicle, start, REACTION_S):
         return go_home(state, vehicle, ReturnReason.BATTERY)
@@ -133,9 +131,7 @@ def search(state: State, vehicle: VehicleState) -> State:
 
 def find_work(state: State, vehicle: VehicleState) -> State:
     """Take over a suspicion of a vehicle that dropped out, or a lane of the one with most left.
-
-    Lanes are taken from the far end; a vehicle that dropped out leaves all of its lanes.
-    """
+    Lanes are taken from the far end; a vehicle that dropped out leaves all of its lanes."""
     for other in state.vehicles.values():
         gone = other.phase not in (Phase.AIRBORNE, Phase.GROUNDED)
         if gone and other.candidate is not None:
@@ -151,7 +147,7 @@ def find_work(state: State, vehicle: VehicleState) -> State:
         if state.setting.strategy.flies_all_lanes and other.on_lane and other.path is not None:
             return 0  # it is on a path along all of them
         if other.phase is Phase.APART and state.t_s < other.held_until_s:
-            return 0  # out of contact: it should still be at it
+            return 0  # out of contact: it should still be working
         active = other.phase in (Phase.AIRBORNE, Phase.GROUNDED)
         return len(other.lanes) - (1 if active else 0)
 

@@ -1,7 +1,7 @@
-"""`rdfs` and all others that stop to look: the explorer says which cell is next, this flies there.
+"""`rdfs` and all other strategies with stops: an explorer chooses the next cell, this flies there.
 
-The search flies lanes with stops for what looks like the region. Each explorer of
-`missions.planning.stepwise` is a strategy by this.
+The search flies lanes and stops at suspicions. Each explorer of `missions.planning.stepwise` is a
+strategy by this module.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from missions.planning.stepwise.interface import promised_moves, refuse_impossib
 from missions.units import Cell, GridPoint
 
 WAIT_S: Final = 20.0
-"""Time without news after which waiting for any is given up, s."""
+"""Maximum time that all vehicles wait without news, s."""
 
 
 def explore_moves(explorer: Explorer, state: State) -> State:
-    """Ask the explorer where robots move whose vertex is done. Raises `StrategyError`."""
+    """Ask the explorer for the moves of robots whose vertex is done. Raises `StrategyError`."""
     tree = state.tree
     if tree is None or tree.is_explored(tree.root):
         return state
@@ -72,7 +72,7 @@ def _end_in_vain(explorer: Explorer, state: State, waiting: frozenset[int]) -> S
 
 
 def _decides(vehicle: VehicleState, tree: Tree) -> bool:
-    """Whether a vehicle is at its vertex and has looked."""
+    """Return whether a vehicle is at its vertex and has observed it."""
     return (
         vehicle.idle
         and vehicle.return_reason is None
@@ -84,14 +84,14 @@ def _decides(vehicle: VehicleState, tree: Tree) -> bool:
 
 
 def _away(vehicle: VehicleState) -> bool:
-    """Whether a vehicle is on its way home, or on the ground and not taking off."""
+    """Return whether a vehicle is on its way home, or on the ground and not taking off."""
     return vehicle.return_reason is not None or (
         vehicle.landed and not isinstance(vehicle.order, TakeOff)
     )
 
 
 def _robots(state: State) -> dict[int, Cell]:
-    """The vertex of each vehicle that takes part in the exploration."""
+    """Return the vertex of each vehicle that takes part in the exploration."""
     return {
         number: v.vertex
         for number, v in state.vehicles.items()
@@ -100,7 +100,7 @@ def _robots(state: State) -> dict[int, Cell]:
 
 
 class Stepwise(Strategy):
-    """Search with stops, then explore cell by cell as an explorer says."""
+    """Search with stops, then explore cell by cell as an explorer decides."""
 
     stops = True
 
@@ -108,11 +108,11 @@ class Stepwise(Strategy):
         self.about = self.explorer = explorer
 
     def lay(self, area: Area) -> Lanes:
-        """Lay lanes as far apart as a look from above one shows, along the longer side."""
+        """Lay lanes as far apart as the view from above one allows, along the longer side."""
         return area.lanes(LANE_CELLS, along_east(area.box))
 
     def pace(self, setting: Setting) -> Pace:
-        """Return the speed of legs, and what a stop takes."""
+        """Return the speed of legs, and the time of a stop."""
         return Pace(setting.energy.speed_m_s, setting.energy.leg_s(0.0))
 
     def search_s(self, setting: Setting) -> float:
@@ -123,21 +123,21 @@ class Stepwise(Strategy):
         return longest_m / energy.speed_m_s + legs * energy.speed_m_s / energy.accel_m_s2
 
     def cell_s(self, setting: Setting) -> float:
-        """Return the time of a leg to the next cell, and of a look."""
+        """Return the time of a leg to the next cell, and of an observation."""
         return setting.look_s + setting.energy.leg_s(setting.grid.cell_m)
 
     def bound_s(self, setting: Setting, tree: Tree) -> float | None:
-        """What the explorer promises in moves, in seconds."""
+        """Return the explorer's bound in moves, as seconds."""
         robots = len(setting.mission.vehicles)
         moves = promised_moves(self.explorer, tree, robots, setting.metric)
         return None if moves is None else round(setting.moves_s(moves), 1)
 
     def plan(self, state: State) -> State:
-        """Ask the explorer for those who have looked from where they are."""
+        """Ask the explorer for the vehicles that have observed their cell."""
         return state if state.held else explore_moves(self.explorer, state)
 
     def next_order(self, state: State, vehicle: VehicleState) -> State:
-        """Search until there is a root, then fly to the vertex; look unless one has or does."""
+        """Search until there is a root; then fly to the vertex and observe it if need be."""
         if state.tree is None:
             return search(state, vehicle)
         assert vehicle.vertex is not None
@@ -150,7 +150,7 @@ class Stepwise(Strategy):
         return mark_unreachable(state, vehicle, vehicle.vertex)
 
     def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
-        """Its suspicion, or a vertex that is not looked from yet."""
+        """Return the vehicle's suspicion, or its vertex if that is not observed yet."""
         if state.tree is None:
             return vehicle.candidate
         at = vehicle.vertex
@@ -158,4 +158,4 @@ class Stepwise(Strategy):
 
 
 RDFS: Final = Stepwise(EXPLORERS["rdfs"])
-"""What strategies without stops fall back on."""
+"""Fallback of strategies without stops."""

@@ -1,7 +1,8 @@
-"""`swath` with `find = "first"`: search until the region is seen, and sweep over it without a stop.
+"""`swath` with `find = "first"`: search until the region is seen, then sweep over it without a
+stop.
 
-What is common to all strategies that fly paths is here, too (`Paths`). How they are planned and
-given is in `missions.flight.strategy.lane_passes` and `sweep_passes`.
+`Paths` is the common part of all strategies that fly paths. `missions.flight.strategy.lane_passes`
+and `sweep_passes` plan and give the paths.
 """
 
 from __future__ import annotations
@@ -36,10 +37,8 @@ from missions.units import GridPoint
 
 
 def change_layer(state: State, vehicle: VehicleState) -> State | None:
-    """Have a vehicle climb or descend to where it works; None where it is there.
-
-    While the air is not free it stays where it is, and tries again.
-    """
+    """Have a vehicle climb or descend to its layer; None if it is there. While the air is not clear
+    it stays, and tries again."""
     setting, heights = state.setting, state.setting.heights
     if heights.in_layer(state, vehicle):
         return None
@@ -47,7 +46,7 @@ def change_layer(state: State, vehicle: VehicleState) -> State | None:
     if changed is not None:
         return changed
     moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
-    if moved != vehicle and heights.in_layer(state, moved):  # on the way
+    if moved != vehicle and heights.in_layer(state, moved):  # on its way
         return state.holding(moved)
     air, begins = Airspace(state), replace(moved, at_target=False)
     for spot in (vehicle.position, *air.places_around(vehicle)):
@@ -58,12 +57,12 @@ def change_layer(state: State, vehicle: VehicleState) -> State | None:
 
 
 class Paths(Strategy):
-    """What is common to strategies whose vehicles do not stop."""
+    """The common part of strategies whose vehicles do not stop."""
 
     stops = False
 
     def in_force(self, state: State) -> Strategy:
-        """`rdfs` once paths have had their time (`missions.flight.strategy.fallback`)."""
+        """Return `rdfs` once the time for paths is over (`missions.flight.strategy.fallback`)."""
         return RDFS if state.falls_back else self
 
     def lay(self, area: Area) -> Lanes:
@@ -72,7 +71,7 @@ class Paths(Strategy):
         return area.lanes(rows_across(area.mission, area.grid, east_ahead=ahead), ahead)
 
     def pace(self, setting: Setting) -> Pace:
-        """Return the speed of paths, and what a corner takes."""
+        """Return the speed of paths, and the time of a corner."""
         speed_m_s = setting.path_speed_m_s(setting.mission.top_altitude_m(0), 0.0)
         return Pace(speed_m_s, corner_pause_s(speed_m_s, LANE_CUTS_M[0]))
 
@@ -93,23 +92,23 @@ class Paths(Strategy):
         return setting.grid.cell_m**2 / footprint.short_m / setting.energy.speed_m_s
 
     def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
-        """A frame counts for the lane that its vehicle flies."""
+        """Count a frame for the lane that its vehicle flies."""
         return on_a_lane(state, event)
 
     def plan(self, state: State) -> State:
-        """Stop those who meet reserved air or have nothing left on their lanes, and plan anew."""
+        """Stop vehicles that meet reserved air or have no lane left to see, and plan anew."""
         state = end_searched(keep_clear(state))
         return state if state.held else self.plan_paths(state)
 
     def plan_paths(self, state: State) -> State:
-        """Plan for all who have a region to explore, or no lanes left, until that is done."""
+        """Plan for all vehicles with a region to explore, or without lanes, until that is done."""
         if state.exploration_finished:
             return straighten_ways_home(state)
         begun = self.flies_all_lanes or state.tree is not None
         return explore_passes(self, state) if begun else state
 
     def next_order(self, state: State, vehicle: VehicleState) -> State:
-        """A path along the lanes; in an exploration paths are planned for all at once."""
+        """Give a path along the lanes; an exploration plans paths for all at once."""
         inside = come_inside(state, vehicle)
         if inside is not None:
             return inside
@@ -122,7 +121,7 @@ class Paths(Strategy):
         changed = change_layer(state, vehicle)
         if changed is not None:
             return changed
-        if vehicle.asks is not None:  # it is there: the air is the others' again
+        if vehicle.asks is not None:  # it is there: the air belongs to the others again
             vehicle = replace(vehicle, asks=None)
             state = state.with_vehicle(vehicle)
         if state.tree is None and vehicle.lanes:
@@ -141,16 +140,16 @@ class Paths(Strategy):
 
 
 class Sweep(Paths):
-    """Search until the region is seen, and sweep over what hangs together with that."""
+    """Search until the region is seen, then sweep over the patch that is connected with it."""
 
     about = SWATH
 
     def bound_s(self, setting: Setting, tree: Tree) -> float:
-        """Twice the bound of `rdfs`, a leg and two minutes."""
+        """Return twice the bound of `rdfs`, a leg and two minutes."""
         return round(whole_bound_s(setting, len(tree), tree.depth), 1)
 
     def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
-        """The first cell that is region is the root: everybody leaves the search."""
+        """Make the first cell that is region the root: all vehicles leave the search."""
         state = super().seen_in_passing(state, event, votes)
         root = next((cell for cell in votes if cell in state.belief.roi), None)
         if root is None:
@@ -161,7 +160,7 @@ class Sweep(Paths):
         )
 
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
-        """Others have lanes left, or it waits over its pad; in an exploration it is planned for."""
+        """Have a vehicle search while others have lanes, else wait; an exploration plans for it."""
         return search(state, vehicle) if state.tree is None else state.holding(vehicle)
 
 

@@ -1,11 +1,11 @@
 """Exploring without a stop: paths that are planned anew while they are flown.
 
-A path is an exact function of time, so where a vehicle will be when the next plan begins is known
+A path is an exact function of time, so a vehicle's place at the beginning of the next plan is known
 without telemetry. The planner (`missions.planning.sweep.sweep_planner`) is asked again whenever
-frames were judged since, and every plan begins `NOTICE_S` in the future, on the present path.
+frames were judged. Every plan begins `NOTICE_S` in the future, on the present path.
 
-A vehicle that has nothing to fly, or may not fly what was planned, is planned for again after
-`RETRY_S`. When no frame has added a vote for longer than the paths took, what is left is given up.
+A vehicle that has nothing to fly, or may not fly its plan, is planned for again after `RETRY_S`.
+When no frame has added a vote for longer than the paths took, the rest is given up.
 """
 
 from __future__ import annotations
@@ -34,49 +34,50 @@ from missions.planning.sweep.paths import Flyer, Plan, Route, Tuning, Waypoints
 from missions.units import Cell
 
 REPLAN_S: Final = 0.4
-"""Shortest time between two plans, s."""
+"""Minimum time between two plans, s."""
 RETRY_S: Final = 2.0
 """Time after which a waiting vehicle is planned for again without news, s."""
 STALLED_S: Final = 20.0
 STALLED_SHARE: Final = 1.2
-"""Time without a vote after which plans are stalled: s, and durations of the longest path."""
+"""Time without a vote after which plans are stalled: s, and multiples of the longest path."""
 STEP_M: Final = 1.0
-"""Shortest path that leads anywhere, m."""
+"""Minimum length of a path that leads anywhere, m."""
 MOST_PRIORITY: Final = 3
-"""How often work that a plan leaves undone gets a higher priority; then it is flown to straight."""
+"""Maximum number of rises of priority for work that a plan leaves undone, before a direct
+flight."""
 PRIORITY: Final = 4.0
 """Factor of the penalty of work left undone for each step of its priority."""
 ALONE_TIMES: Final = 2.0
-"""The same for a member's own part: no other vehicle maps it on its way."""
+"""Factor of that penalty for a member's own part: no other vehicle maps it on its way."""
 DETOUR_S: Final = 3.0
-"""How much longer than straight a path home may take once all is explored, s."""
+"""Excess over the straight path home that stays allowed once all is explored, s."""
 NEAR_PAD_M: Final = 10.0
 """Distance to its pad within which a vehicle waits for others, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class PassMemory:
-    """What the next plan has to know of the last."""
+    """Memory of the last plan for the next one."""
 
     planned_s: float = float("-inf")
     frames: int = -1
-    """How many frames were judged by then."""
+    """Number of frames that were judged by then."""
     waiting: frozenset[int] = frozenset()
-    """Vehicles that had nothing to fly after it."""
+    """Vehicles without a path after it."""
     routes: Mapping[int, Route] = field(default_factory=dict)
     paths: Mapping[int, Trajectory] = field(default_factory=dict)
     decisions: int = 0
     flown_s: float = 0.0
-    """For how long vehicles have explored."""
+    """Time that vehicles have explored, s."""
     priority: int = 0
     votes: int = 0
-    """How many votes counted by then."""
+    """Number of votes that counted by then."""
     stalled_s: float = 0.0
-    """For how long plans were flown since then without one more."""
+    """Time that plans were flown since the last added vote, s."""
     longest_s: float = 0.0
-    """How long the longest path of that time takes."""
+    """Duration of the longest path since then, s."""
     fetching: Mapping[int, Trajectory] = field(default_factory=dict)
-    """Vehicles that fly straight to what is left, and are not planned for until they are there."""
+    """Vehicles that fly straight to the rest; they are not planned for until they arrive."""
     tried: frozenset[Cell] = frozenset()
     """Their observation points since a vote was last added."""
     tour: TourMemory = field(default_factory=TourMemory)
@@ -130,14 +131,14 @@ def explore_passes(strategy: Strategy, state: State) -> State:
     times = 1.0 if others_part is None else ALONE_TIMES
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and lanes_left and known.chart.open_behind():
-        # nothing else to do: it maps behind those that still fly lanes
+        # without other work it maps behind the vehicles that still fly lanes
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None and setting.team.mark_unreported(state, known):
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
         votes = setting.mission.votes
-        # if others see to it, nothing stalls yet
+        # while others map it, no plan is stalled
         if valued(known, votes.frames, votes.positive)[3] > 0:
             state = replace(state, memory=replace(memory, waiting=waiting, stalled_s=0.0))
             return _homeward(state, waiting)
@@ -152,7 +153,7 @@ def explore_passes(strategy: Strategy, state: State) -> State:
     if idle != ours or blocked or others_can:
         return replace(state, memory=replace(memory, waiting=idle))
     if all(map(_nowhere, plan.paths)) and memory.priority < MOST_PRIORITY:
-        # once more, with more weight
+        # once more, with a higher priority
         memory = replace(memory, priority=memory.priority + 1, waiting=frozenset())
         return replace(state, memory=memory)
     return _fetch(state, memory, known, idle)
@@ -169,7 +170,7 @@ def _homeward(state: State, waiting: frozenset[int]) -> State:
 
 
 def _fetch(state: State, memory: PassMemory, known: Known, idle: frozenset[int]) -> State:
-    """Have the nearest waiting vehicle fly to what is left; give it up if none can."""
+    """Have the nearest waiting vehicle fly to the rest; give it up if none can."""
     waiting = {n: state.vehicles[n] for n in idle}
     found = fetch(state, waiting, known, memory.tried)
     if found is None:
@@ -188,7 +189,7 @@ def _fetch(state: State, memory: PassMemory, known: Known, idle: frozenset[int])
 
 
 def straighten_ways_home(state: State) -> State:
-    """Leave out of paths home what there is nothing left to see for."""
+    """Replace detours on the way home by straight paths once all is explored."""
     setting, memory = state.setting, pass_memory(state)
     if state.t_s < memory.planned_s + REPLAN_S:
         return state
@@ -209,18 +210,18 @@ def straighten_ways_home(state: State) -> State:
 
 
 def pass_memory(state: State) -> PassMemory:
-    """Return what the last plan has left for the next."""
+    """Return the memory of the last plan."""
     return state.memory if isinstance(state.memory, PassMemory) else PassMemory()
 
 
 def _able(vehicle: VehicleState) -> bool:
-    """Whether a vehicle explores, or may again after a battery swap."""
+    """Return whether a vehicle explores, or may again after a battery swap."""
     here = vehicle.phase in (Phase.AIRBORNE, Phase.GROUNDED)
     return here and vehicle.return_reason in (None, ReturnReason.BATTERY, ReturnReason.TRAFFIC)
 
 
 def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState]) -> PassMemory:
-    """The memory at a new plan: whether the last ones have added a vote."""
+    """Return the memory at a new plan: whether the last plans have added a vote."""
     votes = sum(total for _, total in state.belief.open_tallies.values())
     since_s = min(state.t_s - memory.planned_s, RETRY_S)
     stalled_s, flown_s = memory.stalled_s + since_s, memory.flown_s + since_s
@@ -244,7 +245,7 @@ def _takes_part(
     if path is not None:
         apart = memory.fetching.get(vehicle.vehicle) is path
     else:
-        # ours comes inside first; over the pad of another only that one may be
+        # our vehicle comes inside first; over another's pad only that vehicle may be
         whole = None if ours else state.setting.whole_fence
         apart = is_outside(whole or state.setting.fence, vehicle.position)
     if apart or (strategy.flies_all_lanes and vehicle.lanes):
@@ -273,13 +274,13 @@ def _plan(
 def _fly(
     state: State, team: Mapping[int, VehicleState], plan: Plan, memory: PassMemory
 ) -> tuple[State, PassMemory, bool]:
-    """Give the paths that are new and may be flown; and whether a vehicle waits for clear air."""
+    """Give the new paths that may be flown; return also whether a vehicle waits for clear air."""
     routes, paths = dict(memory.routes), dict(memory.paths)
     longest_s, blocked = memory.longest_s, False
     for number, path, route in zip(team, plan.paths, plan.routes, strict=True):
         vehicle = state.vehicles[number]
         if path is None or number not in state.our_numbers:
-            continue  # others report what they fly; theirs is planned for the sake of ours
+            continue  # others report their paths; theirs are planned for the sake of our vehicle
         if _nowhere(path) and _nowhere(vehicle.path):
             if vehicle.idle and (down := descent(state.setting, vehicle, path.begin_s)):
                 state = give_path(state, vehicle, down)
@@ -292,7 +293,7 @@ def _fly(
             routes[number], paths[number] = route, flown
             longest_s = max(longest_s, flown.end_s - state.t_s)
         elif vehicle.idle and allowed(state.setting.fence, flown):
-            blocked = True  # its air is reserved, which passes: nothing stalls yet
+            blocked = True  # its air is reserved, which passes: no plan is stalled yet
         elif vehicle.idle:
             state = state.setting.team.way_out(state, vehicle)
     stalled_s = 0.0 if blocked else memory.stalled_s
@@ -301,12 +302,12 @@ def _fly(
 
 
 def _nowhere(path: Trajectory | None) -> bool:
-    """Whether a path leads nowhere, but for a step to its end."""
+    """Return whether a path leads nowhere, but for a step to its end."""
     return path is None or path.length_m < STEP_M
 
 
 def give_up_rest(state: State) -> State:
-    """Give up what cannot be decided: what is known of it counts."""
+    """Give up cells that cannot be decided; they keep their present state."""
     tree = state.tree
     if tree is None:
         open_ = state.setting.strategy.open_cells(state)

@@ -1,12 +1,12 @@
-"""Searching high and mapping low: which vehicle changes its layer, where and when.
+"""Searching high and mapping low: where and when vehicles change their layer.
 
-With `search.altitude_m` lanes are flown in layers of their own above those from which the map is
+With `search.altitude_m` lanes are flown in layers of their own, above those from which the map is
 made. What such a frame shows of plain ground counts (`missions.mapping.overview`); all else is
 observed from below.
 
-A vehicle changes its layer where it is, or a few metres beside. If the mission says how fast the
-autopilot climbs and descends, it does so on its way: at take-off it leaves a part of the climb for
-the way to its first lane, and with no lanes left it descends on its way to what is to be mapped.
+A vehicle changes its layer at its place, or a few metres beside. If the mission gives the climb and
+descent rates of the autopilot, it does so on its way. At take-off it leaves a part of the climb for
+the way to its first lane. With no lanes left it descends on its way to the cells to map.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ from missions.planning.search.lanes import Lane, point_on
 from missions.units import Cell
 
 MOST_OFF: Final = 0.4
-"""Largest part of a lane that is left out at either end, because it is seen from before it."""
+"""Maximum share of a lane that is left out at either end: frames show it before it is reached."""
 ROUND: Final = 0.05
-"""Cut of corners between lanes of a search from on high, share of a lane's width."""
+"""Cut of corners between lanes at search height, share of a lane's width."""
 ON_THE_WAY: Final = 0.8
-"""Share of what a vehicle can climb on its way to its first lane that is left at take-off."""
+"""Share of the possible climb on the way to the first lane that is left at take-off."""
 
 
 class TwoHeights(OneHeight):
-    """Lanes are flown in layers of their own, above all those from which the map is made."""
+    """Flight of lanes in layers of their own, above all those from which the map is made."""
 
     def searched(self, state: State) -> Callable[[Cell], bool]:
-        """The same, from on high or from below."""
+        """Return the predicate that any frame, from search or map height, has judged a cell."""
         low, high = (b.open_tallies.as_dict() for b in (state.belief, state.overview))
         return lambda cell: cell in high or cell in low
 
     def in_layer(self, state: State, vehicle: VehicleState) -> bool:
-        """The rest of a climb or descent may be flown on the way."""
+        """Return whether a vehicle is in its layer; the rest of a climb or descent may be flown on
+        the way."""
         layer_m = self.layer_m(state.setting, vehicle)
         if vehicle.cruise_altitude_m != layer_m:
             return False
@@ -52,21 +53,24 @@ class TwoHeights(OneHeight):
         return 0.0 < rise_m <= climbed_on_the_way_m(state, vehicle)
 
     def take_off_height_m(self, state: State, vehicle: VehicleState) -> float:
-        """The rest is climbed on the way. Never lower than the layer from which it maps."""
+        """Return the height of a take-off; the rest is climbed on the way, m. It is never lower
+        than the layer in which the vehicle maps."""
         low_m = state.setting.mission.altitude_m(vehicle.vehicle - 1) - vehicle.home_level_m
         sure_m = ON_THE_WAY * climbed_on_the_way_m(state, vehicle)
         return min(vehicle.cruise_height_m, max(low_m, vehicle.cruise_height_m - sure_m))
 
     def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
-        """What lanes have found is mapped at once: it is looked for at each report."""
+        """Return whether to look for finds of lanes to map: at each report."""
         return vehicle.tracked_s == state.t_s
 
     def cuts_m(self, setting: Setting) -> tuple[float, ...]:
-        """Pictures from on high show the rim of a lane from farther inside."""
+        """Return larger cuts first: pictures from search height show a lane's edge from farther
+        inside."""
         return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
 
     def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
-        """The last column is in the picture for a verdict at full speed, and one frame more."""
+        """Return a lane without the ends that frames show before they are reached. At full speed
+        the last column stays in the picture for a verdict, and one frame more."""
         mission, height_m = setting.mission, vehicle.cruise_height_m
         halves_m = setting.seen_whole_m(height_m)
         ahead_m = halves_m[0] if setting.east_ahead else halves_m[1]
@@ -78,10 +82,8 @@ class TwoHeights(OneHeight):
 
 
 def climbed_on_the_way_m(state: State, vehicle: VehicleState) -> float:
-    """Return how far a vehicle climbs on its way to its first lane at full speed.
-
-    0 without `flight.climb_m_s`, and for a member of a fleet, which has to keep to its layer.
-    """
+    """Return the height that a vehicle climbs on its way to its first lane at full speed, m. 0
+    without `flight.climb_m_s`, and for a member of a fleet, which has to keep to its layer."""
     setting = state.setting
     climb_m_s = setting.mission.flight.climb_m_s
     if climb_m_s is None or not vehicle.lanes or not setting.team.climbs_on_path:

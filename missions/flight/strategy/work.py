@@ -1,4 +1,4 @@
-"""What strategies are given and answer: lanes over a box."""
+"""Input and output of strategies: lanes over a box."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from missions.units import GridPoint
 
 
 class Area(NamedTuple):
-    """Where lanes are laid."""
+    """The area over which lanes are laid."""
 
     mission: Mission
     grid: Grid
     box: Sequence[GridPoint]
     """The corners of the search box."""
     fence: Fence
-    """Where each vehicle may fly."""
+    """The fence of each vehicle."""
     pads: Sequence[GridPoint]
-    """Where the vehicles start."""
+    """Starting places of the vehicles."""
 
     def lanes(self, rows: int, ahead: bool, spare: int = 0) -> Lanes:
-        """Lay lanes of so many rows along grid east (`ahead`) or north, `spare` rows left out."""
+        """Lay lanes of `rows` rows along grid east (`ahead`) or north, `spare` rows left out."""
         laid = lanes(self.box, self.grid.cell_m, self.fence, rows, ahead, spare)
         return Lanes(laid, ahead, rows)
 
@@ -35,6 +35,6 @@ class Lanes(NamedTuple):
 
     lanes: tuple[Lane, ...]
     east_ahead: bool
-    """Whether they lie along grid east, else along north."""
+    """True if they lie along grid east, else along north."""
     rows: int
-    """How many rows of cells a lane decides."""
+    """Number of rows of cells that a lane decides."""

@@ -1,11 +1,11 @@
-"""What members of a fleet report to each other: each has a reducer that commands one vehicle.
+"""Reports between members of a fleet: each member has a reducer that commands one vehicle.
 
-Each member runs the same rules on its own events and on what it has received. Another's vehicle
-stands in the state as its member reports it (`Heard`). Parts of the map are laid out by one of the
-members that hear each other (`missions.flight.team.work_shares`). A member out of contact (`Apart`)
-goes on with its own share, leaves others theirs for as long as that should take, and then does what
-they have left. What others have decided (`Shared`) counts as votes; the map of the results is made
-of all facts (`missions.mapping.joined_map`). Separation does not depend on any of this:
+Each member runs the same rules on its own events and on the reports that it has received. Another
+member's vehicle is in the state as that member reports it (`Heard`). One of the members that are in
+contact lays out parts of the map (`missions.flight.team.work_shares`). A member out of contact
+(`Apart`) continues with its own share. It leaves the others theirs for as long as that should take,
+and then takes over the rest. Decisions of others (`Shared`) count as votes. The map of the results
+is made of all facts (`missions.mapping.joined_map`). Separation does not depend on any of this:
 `missions.geo.columns`.
 """
 
@@ -28,7 +28,7 @@ from missions.orders import FlyPath
 from missions.planning.search.lanes import number_among
 
 LEAST_STEP_M: Final = 1.0
-"""Places of a path that lie nearer to each other are one."""
+"""Minimum distance of two places of a path; nearer places are one, m."""
 _PHASES: Final = {
     "stands": Phase.GROUNDED,
     "flies": Phase.AIRBORNE,
@@ -40,11 +40,11 @@ _PHASES: Final = {
 }
 ON_GROUND: Final = ("stands", "ended", "down")
 FLY_LANES: Final = ("stands", "flies", "returns")
-"""What members do that will fly the lanes they hold; lanes of others may be taken."""
+"""Reported activities of members that will fly the lanes they hold; other lanes may be taken."""
 
 
 def heard(state: State, event: Heard) -> State:
-    """The state after another member has told what its vehicle does."""
+    """Return the state after another member's report on its vehicle."""
     before = state.vehicles[event.vehicle]
     flies = event.does not in ON_GROUND
     order = _path(state.setting, event) if event.does == "flies" else None
@@ -70,7 +70,7 @@ def heard(state: State, event: Heard) -> State:
 
 
 def apart(state: State, event: Apart) -> State:
-    """Return the state with a member out of contact, whose work is left to it for a time."""
+    """Return the state with a member out of contact; its work stays reserved for it for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
@@ -87,13 +87,13 @@ def apart(state: State, event: Apart) -> State:
 
 
 def allotted(state: State, event: Allotted) -> State:
-    """The state after another member has laid out who is to map what."""
+    """Return the state after another member has laid out the parts of the map."""
     parts = {part.vehicle: part.places for part in event.parts}
     return replace(state, allotment=Allotment(event.vehicle, event.t_s, parts))
 
 
 def asked(state: State, event: Asked) -> State:
-    """The state with air closed to ours that another has asked for, or open again."""
+    """Return the state with air that another member closes to ours, or opens again."""
     closed = {n: c for n, c in state.closed.items() if n != event.vehicle and c.until_s > event.t_s}
     if event.until_s > event.t_s:
         closed[event.vehicle] = Column(
@@ -103,7 +103,7 @@ def asked(state: State, event: Asked) -> State:
 
 
 def leased(state: State, event: Leased) -> State:
-    """The state in which the air that ours asked for is its own for a time."""
+    """Return the state in which our vehicle has the air that it requested, for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.asks is None or vehicle.asks.place != event.place:
         return state
@@ -111,7 +111,7 @@ def leased(state: State, event: Leased) -> State:
 
 
 def shared(state: State, event: Shared) -> State:
-    """The state after what another member's frames have decided."""
+    """Return the state after the decisions of another member's frames."""
     votes = state.setting.mission.votes
     state = replace(state, shared_s=event.t_s)
     for fact in event.frames:
@@ -126,7 +126,7 @@ def shared(state: State, event: Shared) -> State:
 
 
 def _path(setting: Setting, event: Heard) -> FlyPath | None:
-    """The path that another flies, as nearly as its places tell it; None where it has none."""
+    """Return another vehicle's path, as nearly as its reported places allow; None without one."""
     places = [event.position]
     for place in event.path:
         if place.distance_to(places[-1]) >= LEAST_STEP_M:
@@ -139,11 +139,13 @@ def _path(setting: Setting, event: Heard) -> FlyPath | None:
 
 
 def _share_lanes(state: State, event: Heard) -> State:
-    """Give another the lanes that it holds, and leave it those of ours that it comes to sooner.
+    """Give another member the lanes that it holds; it also keeps those of ours that it reaches
+    sooner.
 
-    Of two that hold the same lane the one keeps it in whose order it stands earlier, at a tie the
-    one that flies, then the one with the lower number; the lane that a vehicle is on stays its own.
-    If they see it differently for a moment, both fly it, or the one that is done first takes it up.
+    Of two members with the same lane, the one in whose order it stands earlier keeps it. At a tie
+    the one that flies keeps it, then the one with the lower number. A vehicle keeps the lane that
+    it is on. If their views differ for a moment, both fly the lane, or the one that is done first
+    takes it over.
     """
     setting = state.setting
     if event.does not in FLY_LANES:
@@ -169,7 +171,7 @@ def _share_lanes(state: State, event: Heard) -> State:
             if their_place is None or mine < (their_place, they_stand, event.vehicle):
                 kept.append(lane)
         if len(kept) < len(ours.lanes):
-            # what was seen was seen of the first lane; on its path it comes to the others
+            # sightings belong to the first lane; the path leads to the others later
             same = kept[:1] == list(ours.lanes[:1])
             seen_m = ours.lane_seen_m if same else ()
             on_lane = ours.on_lane and bool(kept)
@@ -185,15 +187,15 @@ def facts_of(setting: Setting) -> Facts:
 
 
 def with_map(state: State, facts: Facts) -> State:
-    """Return a state with the map that facts make, in whatever order they became known."""
+    """Return a state with the map that facts make, in any order."""
     belief, overview, shown = facts.joined()
     return replace(state, belief=belief, overview=overview, shown=shown)
 
 
 def concluded(state: State) -> State:
-    """Return the state at the end, with what its map says of how far the mission has come.
+    """Return the state at the end, with the progress of the mission by its map.
 
-    It differs for a service that flies nothing, and for a member whose vehicle came home early:
+    It differs for a service that flies nothing, and for a member whose vehicle returned early:
     others may have done the rest.
     """
     strategy = state.setting.strategy

@@ -1,14 +1,14 @@
 """A service that commands all vehicles, a member of a fleet, and a station that only listens.
 
-A member keeps to a layer and to a column over its pad that are its own, and asks the others before
-it leaves them (`missions.flight.airspace.airspace`). One of the members lays out which vehicle maps
-what (`missions.flight.team.work_shares`).
+A member keeps to its own layer and to the column over its pad. It asks the others before it leaves
+them (`missions.flight.airspace.airspace`). One of the members lays out which vehicle maps what
+(`missions.flight.team.work_shares`).
 
-Where a radio does not reach over the box, each member knows after the search what it has seen
-itself. Members that mapped that at once would be out of contact again before the next is back, and
-several would map the same outline. So a member that has flown its lanes waits over its pad, where
-all are heard, for those that still fly lanes and are due, for what they report, and for its part of
-the map. It does not wait for a member that is late, and not while it maps.
+Where a radio does not reach across the box, each member knows after the search only what it has
+seen itself. Members that began to map would be out of contact again before the next one returns.
+Several would then map the same outline. So a member that has flown its lanes waits over its pad, in
+radio range of all. It waits for members that still fly lanes and are due, for their reports, and
+for its part of the map. It does not wait for a member that is late, and not while it maps.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from missions.planning.sweep.open_work import OpenWork, Work
 from missions.units import GridPoint
 
 LATE_S: Final = 45.0
-"""How long after it is due a member is waited for, s: turns and wind are in no estimate."""
+"""Maximum wait for a member beyond its estimated return, s; estimates ignore turns and wind."""
 SILENT_S: Final = 5.0
-"""A member that is heard again has reported what it knows after so long without news, s..."""
+"""Time without news after which a member that is back in contact has reported all, s."""
 TELLS_S: Final = 30.0
-"""... or after so long."""
+"""Maximum time that such a member takes to report all, s."""
 TOLD_S: Final = 15.0
-"""How much longer a vehicle waits for its part of the map, s."""
+"""Additional wait of a vehicle for its part of the map, s."""
 GATE_M: Final = 1.0
 """Distance from the gate of its pad within which a vehicle is out of its column, m."""
 
@@ -61,10 +61,10 @@ class Member(Team):
 
     number: int = field()
     shares_facts = True
-    climbs_on_path = False  # others are asked for a column, not for a way
+    climbs_on_path = False  # other members are asked for a column, not for a path
 
     def controls(self, number: int) -> bool:
-        """Return whether it is its own vehicle."""
+        """Return whether it is this member's vehicle."""
         return number == self.number
 
     def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
@@ -77,21 +77,21 @@ class Member(Team):
         return Fences(ours, everyones, whole)
 
     def refusal(self, setting: Setting, vehicle: VehicleState) -> str:
-        """It has to stand where its fleet keeps clear for it."""
+        """Return a refusal if the vehicle is not at the place that its fleet keeps clear."""
         off_m = setting.pad_of(vehicle.vehicle).distance_to(vehicle.position)
         if off_m <= PAD_M:
             return ""
         return (
             f"it stands {off_m:.1f} m from the place that its fleet keeps clear for it; move it, "
-            "or its home in the mission of everybody"
+            "or its home in every member's mission file"
         )
 
     def urgent_order(self, state: State, vehicle: VehicleState) -> State | None:
-        """Have a vehicle climb or descend where it is, if its layer may be another's.
+        """Have a vehicle climb or descend in place if its layer may belong to another.
 
-        It has been stopped on its way between two layers. While the air of that way is still its
-        own it goes on. Else it asks for the way to the nearer of its two layers; it goes without an
-        answer where the others cannot be asked, as it is in another's layer already.
+        It was stopped between two layers. While it has the air of its way it continues. Else it
+        asks for the way to the nearer of its two layers. If the others cannot be asked it goes
+        without an answer, as it is in another's layer already.
         """
         layer_m = vehicle.cruise_altitude_m
         if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M or vehicle.is_over_pad:
@@ -108,10 +108,10 @@ class Member(Team):
         return air.leave(replace(vehicle, cruise_altitude_m=layer_m), (vehicle.position,))
 
     def change_layer(self, state: State, vehicle: VehicleState) -> State | None:
-        """Ask the others for a column, for it crosses their layers, unless it is over its own pad.
+        """Ask for a column that crosses others' layers, unless the vehicle is over its own pad.
 
-        The vehicle has the air once all have promised to keep out of it. If a member is out of
-        contact, it goes where the air is its own anyway, over its pad.
+        The vehicle has the air once all have agreed to stay out of it. If a member is out of
+        contact, the vehicle changes its layer over its own pad, where it needs no agreement.
         """
         if vehicle.is_over_pad:
             return None
@@ -126,16 +126,16 @@ class Member(Team):
         return state.holding(vehicle) if given is None else given
 
     def way_out(self, state: State, vehicle: VehicleState) -> State:
-        """Have it fly straight out of its column where its way leads past those of others."""
+        """Have a vehicle leave its column straight where its way leads past those of others."""
         gate = gate_of(state.setting, vehicle)
         if not vehicle.is_over_pad or vehicle.position.distance_to(gate) < GATE_M:
             return state
         return fly_route(state, vehicle, [gate])
 
     def free_lane(self, state: State) -> Lane | None:
-        """What a member that dropped out held, and no other has taken up."""
+        """Return a lane of a member that dropped out, which no other has taken over."""
         if cells_drift_out(state.setting):
-            return None  # lanes that lie still are flown as they are, seen or not
+            return None  # fixed lanes are flown whole, seen or not
         held = {
             n for vehicle in state.vehicles.values() for n in lanes_held(state.setting, vehicle)
         }
@@ -143,13 +143,13 @@ class Member(Team):
         return next((part for lane in free for part in still_open(state, (lane,))), None)
 
     def gathers(self, state: State, vehicle: VehicleState) -> bool:
-        """Members without lanes wait until all that are due have reported what they know."""
+        """Return whether to wait: without lanes, for the reports of all members that are due."""
         if vehicle.lanes:
             return False
         if state.setting.heights.in_layer(state, vehicle) and not vehicle.is_over_pad:
             return False  # it maps
         others = [other for number, other in state.vehicles.items() if number != vehicle.vehicle]
-        # what it has seen may be known from a third, long before it is heard itself over its pad
+        # a third member may relay its sightings, long before it is in contact over its pad
         apart = (other for other in others if other.phase is Phase.APART)
         if any(state.t_s < other.due_s + LATE_S for other in apart):
             return True
@@ -158,13 +158,13 @@ class Member(Team):
         return _part_to_come(state, vehicle, others)
 
     def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
-        """Keep to its own part, and lay out all parts if that is its duty."""
+        """Keep to the member's own part, and lay out all parts if that is its duty."""
         state = share_parts(self.number, state, work)
         others, memory, tours = own_part(self.number, state, work.known.chart, work.memory)
         return state, Work(memory, tours, others)
 
     def mark_unreported(self, state: State, known: Known) -> bool:
-        """Votes that decide nothing are not reported: others may miss what ours takes for seen."""
+        """Mark cells whose votes decide nothing: such votes are not reported to others."""
         return mark_unreported(self.number, state, known)
 
 
@@ -176,19 +176,19 @@ class Listener(Member):
     knows_orders = False
 
     def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
-        """Return the whole fence: it flies nothing."""
+        """Return the whole fence: the station flies nothing."""
         return Fences(whole, whole, None)
 
 
 def _reports(state: State, other: VehicleState) -> bool:
-    """Whether a member that is heard again still reports what it knows."""
+    """Return whether a member that is back in contact is still reporting."""
     if state.t_s >= other.back_s + TELLS_S or other.phase is Phase.APART:
         return False
     return state.t_s < max(other.back_s, state.shared_s) + SILENT_S
 
 
 def _part_to_come(state: State, vehicle: VehicleState, others: Sequence[VehicleState]) -> bool:
-    """Whether another vehicle lays out parts, and has not since all were back."""
+    """Return whether another vehicle lays out parts, and has not since all were back."""
     back_s = max(other.back_s for other in others) if others else -math.inf
     if not back_s <= state.t_s < back_s + TELLS_S + TOLD_S:
         return False

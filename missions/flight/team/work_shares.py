@@ -1,16 +1,17 @@
-"""Which vehicle is to see what: tours past all that is left to map.
+"""Work shares: tours past the rest of the map for each vehicle.
 
 A plan is made for the vehicles that can fly it now. Without tours for all (`planning.sweep.tours`),
-one vehicle would set out to map all that four others have found, and leave that at every new plan.
-So tours begin where each will be when its lanes are flown, and what others are to see is left out
-of the plan. A service that commands all vehicles lays tours for all of them (`shared_out`).
+one vehicle would set out to map all that four others have found, and abandon that at every new
+plan. So tours begin where each vehicle will be when its lanes are flown. The cells of other
+vehicles are left out of the plan. A service that commands all vehicles lays tours for all of them
+(`shared_out`).
 
-Of a fleet, the member with the lowest number of those that map and hear each other lays them, and
-reports the places. From then on a cell belongs to the vehicle whose place is nearest, also a cell
-that was not known when the tours were laid: every member that received the same parts agrees.
-A member out of contact is left its part for as long as that should take it. One that returns, is
+In a fleet, the member with the lowest number of those that map and are in contact lays the tours,
+and reports their places. From then on a cell belongs to the vehicle whose place is nearest, also a
+cell that was unknown when the tours were laid. Every member with the same parts agrees on that. A
+member out of contact keeps its part for as long as that should take it. A member that returns, is
 down or is flown by its pilot has none. A member that has not received parts for `KNOWN_S` plans for
-all that it hears.
+all members that it is in contact with.
 """
 
 from __future__ import annotations
@@ -34,29 +35,29 @@ from missions.planning.sweep.paths import CUT_M, Flyer, Tour, Tours, Waypoints
 from missions.units import Cell, GridPoint
 
 Delayed = dict[int, tuple[Flyer, float]]
-"""Vehicles, and how long after the tours begin they will map, s."""
+"""Vehicles, and the time from the beginning of the tours until they map, s."""
 
 EVERY_S: Final = 4.0
-"""Shortest time between two decisions on which vehicle is to see what, s."""
+"""Minimum time between two shares of the work, s."""
 KEEP_S: Final = 8.0
-"""Least gain of a new share-out over the last one, s: a vehicle whose part changes flies there, and
+"""Minimum gain of a new share over the last one, s. A vehicle whose part changes flies there, and
 knows later what the other has seen."""
 KNOWN_S: Final = 30.0
-"""Time for which parts hold while their member is heard and reports nothing new, s."""
+"""Validity of parts while their member is in contact and reports nothing new, s."""
 SLOW_TIMES: Final = 1.3
-"""Time that a member out of contact is left what it was to do, in durations of that..."""
+"""Time that a member out of contact keeps its part, as a multiple of the estimate."""
 SPARE_S: Final = 30.0
-"""... and what it is left besides, s."""
+"""Additional time that it keeps its part, s."""
 AHEAD_S: Final = 5.0
-"""How far ahead the direction of a path is taken, s."""
+"""Time ahead at which the direction of a path is taken, s."""
 
 
 # --- a service that commands all vehicles -------------------------------------------------------
 def shared_out(state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
-    """Close what others are to see in the chart, and lay tours if it is time to.
+    """Close others' cells in the chart, and lay tours if that is due.
 
     Returns:
-        What is decided now, and waypoints for the team; none where the last plan goes on.
+        The new memory, and waypoints for the team; none where the last plan continues.
     """
     known, team, memory, _ = work
     waypoints: Waypoints = ()
@@ -77,12 +78,13 @@ def shared_out(state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
 
 
 def _begin_s(state: State) -> float:
-    """When the tours begin that are laid now, s."""
+    """Return the time when tours that are laid now begin, s."""
     return round(state.t_s + 1.0, 3)
 
 
 def _at_path_end(state: State, team: frozenset[int]) -> Delayed:
-    """The vehicles that fly lanes, and how long after the tours begin they will map, s."""
+    """Return the vehicles that fly lanes, and the time from the beginning of the tours to theirs,
+    s."""
     found, begin_s = {}, _begin_s(state)
     for number, vehicle in sorted(state.vehicles.items()):
         returns = vehicle.return_reason is not None
@@ -95,18 +97,15 @@ def _at_path_end(state: State, team: frozenset[int]) -> Delayed:
 
 
 def _at_once(team: Mapping[int, Flyer]) -> Delayed:
-    """The vehicles that can begin to map now."""
+    """Return the vehicles that can begin to map now."""
     return {number: (flyer, 0.0) for number, flyer in team.items()}
 
 
 def _tours(
     state: State, work: OpenWork, everyone: Delayed, before: Mapping[int, Tour], **how: float
 ) -> Tours | None:
-    """Lay a tour for each vehicle.
-
-    `before` are the tours that were laid last, `how` are options of `tours_once`. None where there
-    is too little to be seen.
-    """
+    """Lay a tour for each vehicle. `before` are the last tours, `how` are options of `tours_once`.
+    None if too little is left to see."""
     votes, last = state.setting.mission.votes, tuple(before.get(n, ()) for n in everyone)
     flyers, delays_s = zip(*everyone.values(), strict=True)
     return tours_once(
@@ -117,7 +116,7 @@ def _tours(
 
 # --- members of a fleet -------------------------------------------------------------------------
 def share_parts(mine: int, state: State, work: OpenWork) -> State:
-    """Return the state with new parts, if it is our member that lays them, and they are due."""
+    """Return the state with new parts, if our member lays them and they are due."""
     last, flyers = state.allotment, work.flyers
     if mine != min(flyers):
         return state
@@ -146,11 +145,11 @@ def share_parts(mine: int, state: State, work: OpenWork) -> State:
 def own_part(
     mine: int, state: State, chart: Chart, memory: TourMemory
 ) -> tuple[Bits | None, TourMemory, Waypoints]:
-    """Close what others are to map in a chart, for as long as ours keeps to its part.
+    """Close others' cells in a chart, while our vehicle keeps to its part.
 
     Returns:
-        The cells that were closed, None without a part; the memory; and what a plan for ours may
-        begin with, none where the last one goes on.
+        The cells that were closed, None without a part; the memory; and the beginning of a plan for
+        our vehicle, empty where the last one continues.
     """
     found = state.allotment
     if found is None or mine not in found.parts:
@@ -166,15 +165,15 @@ def own_part(
 
 
 def _tour(places: Sequence[GridPoint]) -> Tour:
-    """Observation points as the planner of tours has them."""
+    """Return observation points in the form of the tour planner."""
     return tuple((place.east_m, place.north_m, CUT_M) for place in places)
 
 
 def mark_unreported(mine: int, state: State, known: Known) -> bool:
-    """Mark what is undecided and seen from the places of our part; return whether there is any.
+    """Mark undecided cells that are seen from the places of our part; return whether there are any.
 
-    Votes that decide nothing are not reported: the member that has laid the parts may miss what
-    ours takes for seen, and no other vehicle looks there.
+    Votes that decide nothing are not reported. The member that lays the parts may miss such cells,
+    and no other vehicle observes them.
     """
     found, wanted = state.allotment, known.wanted
     if found is None or wanted is None:
@@ -195,7 +194,7 @@ def mark_unreported(mine: int, state: State, known: Known) -> bool:
 
 
 def held_until_s(state: State, vehicle: VehicleState, t_s: float) -> float:
-    """Return when a member that is out of contact since `t_s` should have done its work."""
+    """Return when a member that is out of contact since `t_s` should have done its work, s."""
     setting = state.setting
     left_s, place = _lanes_left(setting, vehicle)
     found = state.allotment
@@ -209,14 +208,14 @@ def held_until_s(state: State, vehicle: VehicleState, t_s: float) -> float:
 
 
 def back_from_lanes_s(setting: Setting, vehicle: VehicleState, t_s: float) -> float:
-    """Return when a member that is out of contact since `t_s` should be back from its lanes."""
+    """Return when a member that is out of contact since `t_s` should be back from its lanes, s."""
     left_s, place = _lanes_left(setting, vehicle)
     speed_m_s = setting.path_speed_m_s(setting.heights.layer_m(setting, vehicle), 0.0)
     return t_s + left_s + place.distance_to(vehicle.pad) / speed_m_s
 
 
 def _maps(state: State, number: int) -> bool:
-    """Whether a vehicle maps its part, or will when its lanes are flown."""
+    """Return whether a vehicle maps its part, or will when its lanes are flown."""
     vehicle = state.vehicles[number]
     if vehicle.phase is Phase.APART:
         return state.t_s < vehicle.held_until_s
@@ -226,7 +225,7 @@ def _maps(state: State, number: int) -> bool:
 def _of(
     chart: Chart, parts: Mapping[int, tuple[GridPoint, ...]], state: State, whose: frozenset[int]
 ) -> Bits:
-    """The cells to which a place of one of `whose` is nearest, of all that map."""
+    """Return the cells whose nearest place belongs to one of `whose`, of all that map."""
     mapping = tuple((n, places) for n, places in sorted(parts.items()) if _maps(state, n))
     half_east_m, half_north_m = state.setting.seen_whole_m(state.setting.mission.altitude_m(0))
     high = max(half_north_m, 0.1) / max(half_east_m, 0.1)
@@ -235,7 +234,7 @@ def _of(
 
 
 def _later(state: State, team: frozenset[int]) -> Delayed:
-    """The vehicles that will map once their lanes are flown: where, and how much later, s."""
+    """Return the vehicles that map once their lanes are flown: where, and how much later, s."""
     setting, found = state.setting, {}
     for number, vehicle in sorted(state.vehicles.items()):
         if number in team or not vehicle.works:
@@ -248,7 +247,7 @@ def _later(state: State, team: frozenset[int]) -> Delayed:
 
 
 def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoint]:
-    """How long a vehicle still flies lanes and changes its layer, s, and where it is then."""
+    """Return the time that a vehicle needs for lanes and layer change, s, and its place then."""
     high = replace(vehicle, cruise_altitude_m=setting.heights.layer_m(setting, vehicle))
     speed_m_s = setting.path_speed_m_s(high.cruise_height_m, 0.0)
     now_s = vehicle.tracked_s

@@ -290,7 +290,7 @@ def _place(view: VehicleView, setting: Layout, number: int) -> Iterator[Finding]
     found = f"{away_m:.0f} m from its place in the mission file"
     if not setting.fence.contains(here):
         yield bad(
-            "place", f"{found}, outside of the geofence", "inside of fence.polygon",
+            "place", f"{found}, outside the geofence", "inside of fence.polygon",
             "carry it there, or draw the fence around it",
         )  # fmt: skip
     elif away_m > PAD_M and view.on_ground:

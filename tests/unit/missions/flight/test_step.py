@@ -727,7 +727,7 @@ def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
 
 @pytest.mark.parametrize(
     ("east_m", "said"),
-    [(5000.0, "outside of the geofence"), (-59.6, "m from the edge of the geofence")],
+    [(5000.0, "outside the geofence"), (-59.6, "m from the edge of the geofence")],
 )
 def test_a_vehicle_that_stands_outside_of_the_fence_or_at_its_edge_stays_there(
     service: Service, east_m: float, said: str
