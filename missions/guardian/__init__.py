@@ -1,20 +1,20 @@
-"""The guardian of one aircraft: notices that what should happen does not, and says what must.
+"""The guardian of one aircraft: it notices that an order is not carried out, and says what to do.
 
     watch(limits, guard, seen) -> (guard, verdict)
 
-It knows the fence, the battery, what the vehicle was told last, and what its telemetry says; not
-the journal, the explorer, the camera or the other vehicles. So it goes on when they fail. Pure,
-as the reducer is: the driver feeds it once or twice a second and carries out its verdicts, and the
-tests feed it from a fleet of points.
+Its inputs are the fence, the battery, the last order and the telemetry. It knows nothing of the
+journal, the explorer, the camera or the other vehicles, so it continues when they fail. It is pure,
+as the reducer is. The driver calls it once or twice a second and carries out its verdicts; tests
+call it with a fleet of points.
 
-A verdict climbs a ladder, one rung at a time, and stops where it helps:
+A verdict climbs a ladder, one rung at a time, until a rung helps:
 
-    report   the mission is told that the order failed, and brings the vehicle home
-    rtl      the autopilot brings it home by itself
-    land     it lands where it is, before its energy is gone
-    crashed  it is down already
+    report   the mission receives that the order failed, and returns the vehicle
+    rtl      the autopilot returns by itself
+    land     the vehicle lands where it is, before its energy is used up
+    crashed  it is already down
 
-Nothing is done to a vehicle that a pilot or a failsafe flies (`mode` "other").
+The guardian sends no command to a vehicle that a pilot or a failsafe flies (`mode` "other").
 """
 
 from __future__ import annotations

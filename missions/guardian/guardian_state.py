@@ -1,4 +1,4 @@
-"""What the guardian is given, what it remembers, and what it says."""
+"""Input, memory and output of the guardian."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ Action = Literal["rtl", "land"]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the guardian holds a vehicle against: the same for a whole mission."""
+    """The limits of a vehicle: the same for a whole mission."""
 
     fence: Fence
     energy: EnergyModel
     slack_s: float = 0.0
-    """What every limit is longer, where a simulator runs faster than a busy machine reads, s."""
+    """Addition to every time limit for a simulator that is faster than the machine, s."""
     relief_m: float = 0.0
-    """From the lowest to the highest ground, m: so much more an autopilot may climb to return."""
+    """Highest ground above lowest ground, m: a return may climb by this much more."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What the vehicle was told to do last. Points are in the grid's fixed frame.
+    """The last order of a vehicle, with points in the grid's fixed frame.
 
-    `path` begins where the vehicle was when it was told; for a hover it is that one point.
-    It may stray besides as far as a target drifts. A `course` says where it is at each moment; then
-    there is no path.
+    `path` begins where the vehicle was at the order; for a hover it is that one point. The vehicle
+    may also stray as far as a target drifts. A `course` gives its position at each moment, without
+    a path.
     """
 
     doing: Doing
@@ -59,49 +59,51 @@ class Seen:
     home: GridPoint
     armed: bool
     airborne: bool
-    """Armed, and in the air by the autopilot's own landing detector."""
+    """True if it is armed, and in the air by the autopilot's own landing detector."""
     mode: Mode
     remaining_wh: float | None = None
-    """None where the charge is not known."""
+    """Charge, Wh; None if it is not known."""
     wind_m_s: float | None = None
     struck_m_s: float = 0.0
-    """How fast it came down at the touch-down since the last look; 0 if it flies, or stands."""
+    """Sink rate at a touch-down since the last call, m/s; 0 if it flies or is on the ground."""
     by_map: bool = False
-    """It knows better than its autopilot where it is: it is flown home by targets."""
+    """True if its position comes from its own map: it flies home by targets, not by RTL."""
     slews: bool = False
-    """Its position leapt just now, and still follows: how fast that moves is no speed."""
+    """True if its position has just jumped and still settles: its motion is no speed."""
     home_amsl_m: float = 0.0
-    """Height above the sea that `height_m` is counted from; a PX4 moves it when it has landed."""
+    """Height above the sea of the origin of `height_m`, m; a PX4 moves it after a landing."""
 
     @property
     def amsl_m(self) -> float:
-        """Its height above the sea."""
+        """Height above the sea, m."""
         return self.home_amsl_m + self.height_m
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What must happen now, and why, in words for the operator."""
+    """A measure that must be taken now, and its reason as text for the operator."""
 
     rung: Literal["report", "rtl", "land", "crashed"]
     reason: str
     hurry: bool = False
-    """Descend as fast as it flies to `QUICK_M`, and land only from there: a landing takes 20 s for
-    the last 10 m, in which a storm carries it 200 m."""
+    """True to descend quickly to `QUICK_M` before the landing.
+
+    A landing takes 20 s for the last 10 m; a storm carries the vehicle 200 m in that time.
+    """
     behind: bool = False
-    """It is on its path, and only later than planned: it may go on from where it is."""
+    """True if it is on its path and only later than planned: it may continue from its place."""
 
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """What the guardian remembers of one vehicle."""
+    """The guardian's memory of one vehicle."""
 
     task: Task = Task("ground", 0.0)
     action: Action | None = None
-    """What it has the autopilot do by itself; None while the mission flies the vehicle."""
+    """Action of the autopilot that it has commanded; None while the mission flies the vehicle."""
     acted_s: float = 0.0
     hurries: bool = False
-    """Its action is to land, and to descend as fast as it flies before."""
+    """True if its action is to land after a quick descent."""
     reported: bool = False
     reported_s: float = 0.0
     was_up: bool = False
@@ -109,9 +111,9 @@ class Guard:
     down: bool = False
     amsl_m: float = 0.0
     fell: bool = False
-    """It came down faster than anybody flies it."""
+    """True if it came down faster than any commanded descent."""
     along_m: float = 0.0
-    """How far along its path it has come."""
+    """Distance flown along its path, m."""
     best_m: float = float("inf")
     best_s: float = 0.0
     receding_since_s: float | None = None
@@ -123,28 +125,28 @@ class Guard:
     outside_since_s: float | None = None
     outside_m: float = 0.0
     leaves_fence: bool = False
-    """It is outside of the fence, or soon will be if it moves on like this."""
+    """True if it is outside the fence, or soon will be at its present motion."""
     low_since_s: float | None = None
     lowest_m: float = float("inf")
-    """Height above the sea that its landing has come down to, by steps of `SINKS_M`, m."""
+    """Lowest height above the sea in its landing, by steps of `SINKS_M`, m."""
     lowest_s: float = 0.0
     sunk_since_s: float | None = None
     spent_since_s: float | None = None
 
     @property
     def landing(self) -> bool:
-        """Whether it lands by our order, the mission's or its own."""
+        """True if it lands by an order of the mission or of the guardian."""
         return self.action == "land" or (self.action is None and self.task.doing == "land")
 
     def told(self, task: Task) -> Guard:
-        """This guard after a new order; a vehicle that it has taken over it keeps."""
+        """Return this guard after a new order; it keeps a vehicle that it has taken over."""
         if self.action is not None:
             return self
         if task.doing == "ground" and self.task.doing == "land" and self.was_up:
-            return self  # it has landed, and stands by: when its motors stop, that is no crash
-        again = task.doing == "climb"  # from the ground: what was before is over
+            return self  # it has landed and waits: stopped motors are no crash
+        again = task.doing == "climb"  # a new flight from the ground
         climbs = task.height_m > self.task.height_m + HEIGHT_LOST_M / 2  # to another layer
-        # plans of a path follow one another faster than a vehicle is seen to be off it
+        # plans of a path follow one another faster than a deviation is seen
         goes_on = task.course is not None and self.task.course is not None
         return replace(
             self,
@@ -162,7 +164,7 @@ class Guard:
         )
 
     def acting(self, action: Action, t_s: float, *, hurry: bool = False) -> Guard:
-        """This guard after it had the autopilot return or land by itself."""
+        """Return this guard after it has commanded the autopilot to return or land."""
         return replace(
             self, action=action, acted_s=t_s, hurries=hurry,
             along_m=0.0, best_m=float("inf"), best_s=t_s,
@@ -170,5 +172,5 @@ class Guard:
         )  # fmt: skip
 
     def released(self) -> Guard:
-        """This guard after a pilot took the vehicle, or after it stands on the ground."""
+        """Return this guard after a pilot took the vehicle, or after its landing."""
         return Guard()

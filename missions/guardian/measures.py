@@ -1,4 +1,4 @@
-"""What is measured of a vehicle at every look: progress, path, fence, height, and since when."""
+"""Measurements of a vehicle at every call: progress, path, fence, height, and since when."""
 
 from __future__ import annotations
 
@@ -34,31 +34,31 @@ from missions.guardian.thresholds import (
 from missions.units import GridPoint
 
 _REMEMBERED: Final = 32
-"""Paths of vehicles: each is looked at many times on its way."""
+"""Number of remembered paths of vehicles: each is needed many times during its flight."""
 
 
 def near_height(task: Task, seen: Seen) -> bool:
-    """Whether a vehicle on a leg or in a hover has reached the height of its task."""
+    """Return whether a vehicle on a leg or in a hover has reached the height of its task."""
     return (
         task.doing in ("leg", "path", "hold") and seen.height_m >= task.height_m - HEIGHT_LOST_M / 2
     )
 
 
 def falling(guard: Guard, seen: Seen) -> Guard:
-    """The guard with the height, and with whether the vehicle falls."""
+    """Return the guard with the height, and with whether the vehicle falls."""
     fell = guard.fell
     if guard.last_s is not None and seen.t_s > guard.last_s:
         sink_m_s = (guard.amsl_m - seen.amsl_m) / (seen.t_s - guard.last_s)
         climbs = guard.task.doing == "climb" and not guard.hurries
         limit_m_s = FALL_M_S / 2 if climbs else FALL_M_S
-        # above the sea: a home that is moved makes no fall
+        # above the sea: a home that moves makes no fall
         in_air = guard.was_up or seen.airborne
         fell = in_air and (sink_m_s > limit_m_s or (fell and sink_m_s > -UP_M))
     return replace(guard, amsl_m=seen.amsl_m, fell=fell)
 
 
 def _goal(guard: Guard, seen: Seen, place: GridPoint | None) -> tuple[GridPoint, ...]:
-    """The way that it should be on, its goal the last point; none where it lands or stands."""
+    """Return the path that it should be on, its goal last; empty in a landing or on ground."""
     if guard.action == "rtl":
         return (seen.position, seen.home)
     if guard.action == "land" or guard.task.doing in ("land", "ground"):
@@ -67,13 +67,15 @@ def _goal(guard: Guard, seen: Seen, place: GridPoint | None) -> tuple[GridPoint,
 
 
 def planned(task: Task, seen: Seen) -> GridPoint | None:
-    """Where a course has it by now; None where there is no course."""
+    """Return the planned position by its course; None without a course."""
     return None if task.course is None else task.course.at(seen.t_s).place
 
 
 def is_behind(guard: Guard, seen: Seen) -> bool:
-    """Whether a vehicle is where its path had it a while ago, inside of the fence: it flies slower
-    than planned against the wind, or was not commanded for some seconds."""
+    """Return whether a vehicle is where its path was a while ago, inside the fence.
+
+    It is slower than planned against the wind, or got no setpoints for some seconds.
+    """
     course = guard.task.course
     if course is None or guard.outside_m > 0.0:
         return False
@@ -88,12 +90,12 @@ def is_behind(guard: Guard, seen: Seen) -> bool:
 
 
 def off_plan_m(seen: Seen) -> float:
-    """Maximum distance from where its plan has it, m."""
+    """Return the maximum distance from its planned position, m."""
     return OFF_PLAN_M + OFF_PLAN_WIND_S * (seen.wind_m_s or 0.0)
 
 
 def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
-    """The guard with distances to the goal, the path and the fence taken in."""
+    """Return the guard with new distances to the goal, the path and the fence."""
     task = guard.task
     place = None if guard.action else planned(task, seen)
     path = _goal(guard, seen, place)
@@ -106,7 +108,7 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         outside_since_s=since(guard.outside_since_s, outside_m > 0.0, seen.t_s),
     )
     swept_m_s = max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
-    if guard.landing:  # straight down: whatever it moves is away
+    if guard.landing:  # straight down: any motion is away
         swept = _speed_m_s(guard, seen) > swept_m_s and not seen.slews
         guard = replace(guard, swept_since_s=since(guard.swept_since_s, swept, seen.t_s))
     if not path:
@@ -114,9 +116,9 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     along_m = 0.0 if guard.action == "rtl" else _along_m(guard, seen, path)
     gap_m = _left_m(seen.position, path, along_m)
     if place is not None and guard.last_position is not None:
-        # the place moves on: what counts is what the vehicle itself has done
+        # the place moves on: only the vehicle's own motion counts
         guard = replace(guard, last_gap_m=guard.last_position.distance_to(place))
-    # a new order does not bring it to rest; without a look for long nobody knows
+    # a new order does not stop it; after a long gap its motion is unknown
     recent = guard.last_s is None or seen.t_s - guard.last_s <= UNSEEN_S
     receding = guard.receding_since_s is not None and recent
     swept = guard.swept_since_s is not None and recent
@@ -125,7 +127,7 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         receding = away_m_s > RECEDING_M_S
         swept = away_m_s > swept_m_s
     elif guard.last_position is not None and guard.action is None:
-        # orders may follow one another faster than looks: what it did before the new one counts
+        # orders may follow faster than calls: the motion before the new one counts
         before_m = _left_m(guard.last_position, path, 0.0)
         swept = swept or (_away_m_s(guard, seen, before_m, gap_m) or 0.0) > swept_m_s
     swept = swept and not seen.slews
@@ -150,7 +152,7 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
 
 
 def _soon(guard: Guard, seen: Seen) -> GridPoint:
-    """Where it will be in `LEAVES_S` if it moves on as since the last look."""
+    """Return its position in `LEAVES_S` at its motion since the last call."""
     before = guard.last_position
     if before is None or guard.last_s is None or seen.t_s <= guard.last_s:
         return seen.position
@@ -162,14 +164,14 @@ def _soon(guard: Guard, seen: Seen) -> GridPoint:
 
 
 def _away_m_s(guard: Guard, seen: Seen, before_m: float | None, gap_m: float) -> float | None:
-    """How fast the way to the goal has become longer since the last look; None: not known."""
+    """Return the growth of the way to the goal since the last call, m/s; None if not known."""
     if before_m is None or guard.last_s is None or seen.t_s <= guard.last_s:
         return None
     return (gap_m - before_m) / (seen.t_s - guard.last_s)
 
 
 def _speed_m_s(guard: Guard, seen: Seen) -> float:
-    """Its speed over ground since the last look; 0 at the first."""
+    """Return its speed over ground since the last call, m/s; 0 at the first."""
     if guard.last_position is None:
         return 0.0
     moved_m = guard.last_position.distance_to(seen.position)
@@ -177,7 +179,7 @@ def _speed_m_s(guard: Guard, seen: Seen) -> float:
 
 
 def since(since_s: float | None, holds: bool, t_s: float) -> float | None:
-    """Since when something holds, in seconds of mission time; None while it does not.
+    """Return the time since which something holds, mission seconds; None while it does not.
 
     >>> since(None, True, 7.0), since(5.0, True, 7.0), since(5.0, False, 7.0)
     (7.0, 5.0, None)
@@ -188,7 +190,7 @@ def since(since_s: float | None, holds: bool, t_s: float) -> float | None:
 
 
 def lasted(limits: Limits, since_s: float | None, t_s: float, limit_s: float) -> bool:
-    """Whether something holds for `limit_s` seconds by now, and what a fast clock adds."""
+    """Return whether something has held for `limit_s` seconds and the slack of a fast clock."""
     return since_s is not None and t_s - since_s >= limit_s + limits.slack_s
 
 
@@ -198,7 +200,7 @@ def _line(path: tuple[GridPoint, ...]) -> LineString | None:
 
 
 def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
-    """How far along its path a vehicle is, near where it was last: a path may cross itself."""
+    """Return the distance along its path, m, near the last one: a path may cross itself."""
     line = _line(tuple(path))
     if line is None:
         return 0.0
@@ -208,7 +210,7 @@ def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
     here = Point(seen.position)
     near = begin_m + float(substring(line, begin_m, end_m).project(here))
     within_m = float(line.interpolate(near).distance(here)) + REACH_M / 2
-    # where it turns back nearly the way it came, the farther of two places is the likelier
+    # where the path turns back on itself, the farther of two places is more likely
     places, ahead, step_m = [], near, REACH_M / 5
     while ahead + step_m <= end_m:
         ahead += step_m
@@ -220,7 +222,7 @@ def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
 
 
 def _left_m(position: GridPoint, path: Sequence[GridPoint], along_m: float) -> float:
-    """How far it is to the end of a path: back to it, and then along what is left of it."""
+    """Return the distance to the end of a path, m: back to it, then along the rest."""
     line = _line(tuple(path))
     if line is None:
         return position.distance_to(path[-1])
@@ -228,7 +230,7 @@ def _left_m(position: GridPoint, path: Sequence[GridPoint], along_m: float) -> f
 
 
 def off_path_m(position: GridPoint, path: Sequence[GridPoint]) -> float:
-    """How far a place is from a path of one or more points, in metres on the ground.
+    """Return the distance of a place from a path of one or more points, on the ground, m.
 
     >>> off_path_m(GridPoint(5.0, 3.0), (GridPoint(0.0, 0.0), GridPoint(10.0, 0.0)))
     3.0

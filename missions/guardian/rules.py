@@ -1,4 +1,4 @@
-"""What must happen: the rung of the ladder that follows from what was measured."""
+"""The rules of the guardian: the rung of the ladder that follows from the measurements."""
 
 from __future__ import annotations
 
@@ -50,7 +50,10 @@ from missions.mission.energy import EnergyModel
 
 
 def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
-    """Down without having landed: it fell, struck, motors off away from home, or no height."""
+    """Return a verdict on a vehicle that is down without a landing.
+
+    It fell, struck the ground, stopped its motors away from home, or has no height.
+    """
     if guard.down:
         return guard, None
     if guard.fell and low(seen):
@@ -77,7 +80,7 @@ def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | 
     if seen.mode != "land" or moves:
         return replace(guard, lowest_m=seen.amsl_m, lowest_s=seen.t_s), None
     if guard.was_up and lasted(limits, guard.lowest_s, seen.t_s, STANDS_S):
-        # the ground can be higher there than its home is
+        # the ground there can be higher than at its home
         return replace(guard, down=True), Verdict("crashed", f"it sinks no more, {_off_home(seen)}")
     return guard, None
 
@@ -87,13 +90,15 @@ def _off_home(seen: Seen) -> str:
 
 
 def low(seen: Seen) -> bool:
-    """Whether it has no height, and does not move."""
+    """Return whether it has no height, and does not move."""
     return seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
 
 
 def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
-    """The guard after a look at the vehicle, and what must happen; call it once or twice a second.
-    A verdict of `rtl` or `land` is in force at once, as the guard's action."""
+    """Return the guard after a new report of the vehicle, and its verdict; call it at 1 to 2 Hz.
+
+    A verdict of `rtl` or `land` is in force at once, as the guard's action.
+    """
     guard = falling(guard, seen)
     is_down = (guard.fell and low(seen)) or seen.struck_m_s > HARD_M_S
     if seen.mode == "other" and seen.armed and not is_down:
@@ -122,7 +127,7 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
 
 
 def quick_aim_m(height_m: float) -> float | None:
-    """How high a vehicle that is carried away has to aim, to descend quickly; None: it lands.
+    """Return the target height for a quick descent of a vehicle that is carried away; None to land.
 
     >>> quick_aim_m(9.0), quick_aim_m(0.5), quick_aim_m(-3.0)
     (-1.0, None, -7.0)
@@ -133,7 +138,7 @@ def quick_aim_m(height_m: float) -> float | None:
 
 
 def landing_wh(energy: EnergyModel, height_m: float) -> float:
-    """Energy to land from a height, here and now, the reserve not counted."""
+    """Return the energy of a landing from a height, here and now, without the reserve, Wh."""
     return energy.hover_wh(energy.descent_s(max(height_m, 0.0)) + 8.0)
 
 
@@ -155,7 +160,7 @@ def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
 
 
 def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
-    """The next rung of the ladder, if something is wrong for too long."""
+    """Return the next rung of the ladder, if something has been wrong for too long."""
     if _carried_off_landing(limits, guard, seen):
         return Verdict("land", "it is carried off while it lands", hurry=True)
     if guard.action == "land":
@@ -164,15 +169,15 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         hovers = (
             seen.mode == "follow" and seen.t_s - guard.task.since_s > NO_PROGRESS_S + limits.slack_s
         )
-        return Verdict("land", "it was told to land, and hovers") if hovers else None
+        return Verdict("land", "it hovers, and was commanded to land") if hovers else None
     reason = _wrong(limits, guard, seen)
     if guard.action == "rtl" and seen.mode == "follow" and not seen.by_map:
-        # it did not take the command, or was told something else
+        # it did not take the command, or received another one
         due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
         return Verdict("land", "it does not return by its autopilot") if due else None
     swept_s = AT_ONCE_S if guard.leaves_fence else SWEPT_S
     if lasted(limits, guard.swept_since_s, seen.t_s, swept_s):
-        # nothing that it flies helps, and a climb would cost the time to land near
+        # no control helps, and a climb would cost time for a landing nearby
         return Verdict("land", "it is carried off faster than it flies", hurry=True)
     climbs = guard.task.doing == "climb" and seen.ground_speed_m_s > SWEPT_M_S
     if climbs and lasted(limits, guard.receding_since_s, seen.t_s, AT_ONCE_S):
@@ -187,7 +192,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         settled = seen.t_s - guard.acted_s >= RECOVERY_S + limits.slack_s
         return Verdict("land", f"{reason}, returning by its autopilot") if settled else None
     if guard.outside_m > 0.0 and lasted(limits, guard.receding_since_s, seen.t_s, RECEDING_S):
-        # what leads it astray would lead its autopilot astray, too, and a climb costs the time
+        # the same cause would mislead its autopilot, and a climb costs time
         return Verdict("land", f"{reason}, outside the geofence", hurry=True)
     if guard.task.homeward:
         return Verdict("rtl", f"{reason}, on its way home")
@@ -199,14 +204,14 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
 
 
 def _carried_off_landing(limits: Limits, guard: Guard, seen: Seen) -> bool:
-    """Whether it lands, at the pace of a landing, and is carried away meanwhile."""
+    """Return whether it is carried away during a landing at normal descent rate."""
     if guard.hurries or not guard.landing or seen.height_m <= 2.0 * QUICK_M:
         return False
     return lasted(limits, guard.swept_since_s, seen.t_s, BLOWN_S)
 
 
 def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
-    """Wind that the airframe cannot hold: returning by itself would only carry it farther."""
+    """Return a reason if the airframe cannot hold the wind: a return would carry it farther."""
     limit_m_s = limits.energy.max_airspeed_m_s
     if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
         return None
@@ -237,7 +242,7 @@ def _wrong(limits: Limits, guard: Guard, seen: Seen) -> str | None:
 
 
 def _coming_back(limits: Limits, guard: Guard, seen: Seen) -> bool:
-    """Whether a vehicle outside of the fence is on its way back, with progress."""
+    """Return whether a vehicle outside the fence is on its way back, with progress."""
     homeward = guard.action == "rtl" or guard.task.homeward
     recent = seen.t_s - guard.best_s < RECOVERY_S + limits.slack_s
     return homeward and recent and guard.receding_since_s is None

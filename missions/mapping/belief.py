@@ -1,36 +1,35 @@
-"""What the frames say about each cell: a ballot by cell and vantage, or an open one by cell.
+"""The votes of frames on each cell: a ballot by cell and vantage, or an open one by cell.
 
-Section 7 of Sung and Tokekar: five frames are taken over a cell, each votes for the cell below
-(the *vantage*) and for its four neighbours, and three positive votes from one vantage mark a cell
-as ROI. A vehicle that does not stop takes its frames from wherever it is just then. Such a frame
-has no vantage (None): its votes on a cell go into the cell's *open* ballot, whoever took it and
-from where. Every other rule is the same for both.
+Section 7 of Sung and Tokekar: five frames are taken over a cell. Each votes for the cell below (the
+*vantage*) and for its four neighbours. Three positive votes from one vantage mark a cell as ROI. A
+vehicle that does not stop takes its frames anywhere. Such a frame has no vantage (None): its votes
+on a cell go into the cell's *open* ballot, whatever vehicle took it and from where. Every other
+rule is the same for both.
 
-More frames than that may be taken from a vantage: by a second vehicle, in a search, or because a
-neighbour was not in every picture. If every vote counted, three of thirty would do, and noise would
-make ROI of anything: with the paper's 27 false detections in 483, 23 % of the cells instead of
-0.16 %. So a ballot (the votes on one cell from one vantage) counts its first `frames` votes, in the
-order of their exposure. Which these are depends on the times alone and not on what the votes say,
-so the chance of a false ROI cell is that of `positive` of `frames`, whatever else is taken. (That
-is of a ballot: a cell on which two ballots are full has two chances.)
+More frames may be taken from a vantage: by a second vehicle, in a search, or because a neighbour
+was not in every picture. If every vote counted, three of thirty would be enough, and noise would
+make ROI of anything. With the paper's 27 false detections in 483, that is 23 % of the cells instead
+of 0.16 %. So a ballot (the votes on one cell from one vantage) counts its first `frames` votes, in
+the order of exposure. The choice depends on the times alone and not on the votes. So the chance of
+a false ROI cell is that of `positive` of `frames`, whatever else is taken. (That holds for a
+ballot: a cell on which two ballots are full has two chances.)
 
-A ballot may be *decided* before it is full: with three positives of five, or with three negatives,
-the frames left could not change the verdict. Whoever stops looking then has the verdict that the
-full ballot would have had, so the chance is not raised by that, nor by any other rule of when to
-stop: a ballot that is left undecided elects nobody.
+A ballot may be *decided* before it is full: after three positives of five, or three negatives, the
+rest of the frames could not change the verdict. A vehicle that stops then has the verdict of the
+full ballot, so the chance is not raised. No other rule on when to stop raises it either: a ballot
+that is left undecided elects no cell.
 
-What is stored are votes by vantage and by frame, and everything follows from them. So a belief is a
+Stored are votes by vantage and by frame; all else follows from them. So a belief is a
 join-semilattice: frames may arrive in any order, twice, or in batches from several vehicles, and
 the map is the same.
 
-Frames that arrive in the order of their exposure only ever add to `roi`: what comes after a full
-ballot is not counted. A frame that comes late, taken before some that a full ballot has counted,
-would push out the last of these, and might take a positive back. No rule on votes alone avoids this
-and keeps the bound: with five negative votes the cell is not ROI, with five later ones of which
-three are positive it is; a rule by which votes only add would let any five of thirty decide. So
-whoever acts on the map as it grows, and must not see a cell taken back, adds only what `in_time`
-leaves of a frame: then ballots that are full are closed, `roi` only grows, and the bound holds for
-every cell that ever was in it.
+Frames that arrive in the order of exposure only ever add to `roi`: votes after a full ballot do not
+count. A late frame, taken before some that a full ballot has counted, would push out the last of
+these, and might take a positive back. No rule on votes alone avoids this and keeps the bound. With
+five negative votes the cell is not ROI; with five later ones of which three are positive it is. A
+rule by which votes only add would let any five of thirty decide. A user of a growing map who must
+not see a cell taken back adds only what `in_time` leaves of a frame. Then full ballots are closed,
+`roi` only grows, and the bound holds for every cell that ever was in it.
 """
 
 from __future__ import annotations
@@ -44,26 +43,26 @@ from missions.units import Cell
 
 
 class FrameId(NamedTuple):
-    """A picture: who took it, and when (mission seconds); nobody takes two at one instant."""
+    """A picture: its vehicle and its time, mission seconds; a vehicle takes one at a time."""
 
     vehicle: int
     t_s: float
 
     @property
     def exposed(self) -> tuple[float, int]:
-        """What frames are ordered by: the time of exposure; at one instant, the vehicle."""
+        """The order of frames: the time of exposure; at one instant, the vehicle."""
         return self.t_s, self.vehicle
 
 
 class Tally(NamedTuple):
-    """Votes on one cell: how many said yes, of how many."""
+    """Votes on one cell: positive ones, of all."""
 
     positive: int
     total: int
 
 
 Verdicts = Mapping[Cell, bool]
-"""What one frame says: each cell that it shows, and whether it looks like ROI."""
+"""The verdicts of one frame: for each cell that it shows, whether it looks like ROI."""
 
 Ballot = tuple[tuple[FrameId, bool], ...]
 """The votes on a cell that count, of one vantage or of none, in the order of exposure."""
@@ -91,28 +90,28 @@ class Belief:
     _ballots: PersistentMap[Vantage, PersistentMap[Cell, Ballot]] = field(
         default_factory=PersistentMap
     )
-    """By vantage and by cell: follows from `looks`, kept because it is asked for at every frame."""
+    """Ballots by vantage and cell: derived from `looks`, kept because every frame needs them."""
     open_tallies: PersistentMap[Cell, Tally] = field(
         default_factory=PersistentMap, compare=False, repr=False
     )
-    """The votes of every open ballot, in the order of their first votes: follows from them."""
+    """The votes of every open ballot, in the order of their first votes; derived."""
     _verdicts: PersistentMap[Cell, bool | None] = field(
         default_factory=PersistentMap, compare=False, repr=False
     )
-    """What is decided, of every cell with a ballot: follows from them, too."""
+    """The verdict on every cell with a ballot; derived."""
 
     def with_frame(self, vantage: Vantage, frame: FrameId, verdicts: Verdicts) -> Belief:
-        """This belief and one frame taken over `vantage`; the same frame twice counts once.
+        """Return this belief with one frame taken over `vantage`; the same frame twice counts once.
 
-        A frame belongs to one vantage, or to none: told of both, it votes in two ballots.
+        A frame belongs to one vantage, or to none: added to both, it votes in two ballots.
         """
         return self.with_frames(vantage, {frame: verdicts})
 
     def in_time(self, vantage: Vantage, frame: FrameId, verdicts: Verdicts) -> Verdicts:
-        """Of a frame that has just arrived, the verdicts that do not come too late.
+        """Return the verdicts of a new frame that are not too late.
 
-        A verdict is too late when its ballot is full and counts a frame that was taken later. Who
-        adds only these to a belief never sees a cell leave `roi`.
+        A verdict is too late when its ballot is full and counts a frame that was taken later. If
+        only these are added to a belief, no cell ever leaves `roi`.
         """
         found = self._ballots.get(vantage)
         if found is None:
@@ -126,10 +125,10 @@ class Belief:
         return kept
 
     def join(self, other: Belief) -> Belief:
-        """What two vehicles know once they have met: the least upper bound of their votes.
+        """Return the joint knowledge of two vehicles: the least upper bound of their votes.
 
         Where the two have more votes on a cell from one vantage than count, the first of both
-        decide, and the cell may be no ROI although one of them took it for ROI.
+        decide. Then the cell may be no ROI although it was for one of them.
         """
         joined = self
         for vantage, frames in other.looks.items():
@@ -137,37 +136,38 @@ class Belief:
         return joined
 
     def tally(self, cell: Cell, vantage: Vantage) -> Tally:
-        """The votes that count on a cell from one vantage, or the open ones; at most `frames`."""
+        """Return the counted votes on a cell from one vantage, or the open ones; at most
+        `frames`."""
         return _tally(self._ballot(cell, vantage))
 
     def verdict(self, cell: Cell) -> bool | None:
-        """Whether a cell is ROI, as far as that is decided: True, False, or None for not yet.
+        """Return whether a cell is ROI: True, False, or None while it is not decided.
 
         True for the cells of `roi`. False when the cell's open ballot is decided against it: with
         the frames that it still lacks it could not elect the cell. Ballots by vantage decide for a
-        cell and never against it, since another vantage may see what one does not.
+        cell and never against it, since another vantage may show more.
 
-        What is decided stays, as long as frames come in the order of exposure or only what
-        `in_time` leaves of them is added, and no vantage elects a cell that the open ballot has
-        decided against.
+        A verdict stays as long as frames come in the order of exposure or only the rest by
+        `in_time` is added, and no vantage elects a cell that the open ballot has decided against.
         """
         return self._verdicts.get(cell)
 
     @property
     def verdicts(self) -> Mapping[Cell, bool | None]:
-        """The verdict on every cell with a ballot, to be read at once (`PersistentMap.as_dict`)."""
+        """The verdict on every cell with a ballot, read at once (`PersistentMap.as_dict`)."""
         return self._verdicts.as_dict()
 
     def undecided(self, cells: Iterable[Cell]) -> list[Cell]:
-        """Those of some cells that are not decided, in their order."""
+        """Return the undecided ones of some cells, in their order."""
         verdicts = self._verdicts.as_dict()
         return [cell for cell in cells if verdicts.get(cell) is None]
 
     def provisional(self, cell: Cell) -> bool | None:
-        """What to take a cell for while it is not decided; None if no open vote was cast on it.
+        """Return the provisional verdict on an undecided cell; None if no open vote was cast on it.
 
-        The verdict, where there is one; else whether its open ballot would elect it if the votes
-        to come were as those so far. For three of five that is the majority, and a tie is a no.
+        It is the verdict, if there is one. Else it says whether the open ballot would elect the
+        cell if the votes to come were as those so far. For three of five that is the majority, and
+        a tie is a no.
         """
         verdict, tally = self.verdict(cell), self.open_tallies.get(cell)
         if verdict is not None or tally is None:
@@ -185,7 +185,7 @@ class Belief:
         return self._ballots
 
     def first_seen_s(self) -> dict[Cell, float]:
-        """When each cell was seen first, of the frames whose votes count."""
+        """Return the time of the first counted frame of each cell."""
         first: dict[Cell, float] = {}
         for ballots in self._ballots.values():
             for cell, ballot in ballots.items():
@@ -194,23 +194,24 @@ class Belief:
         return first
 
     def fully_voted(self, vantage: Cell) -> bool:
-        """Whether the cell and its four neighbours have all their votes from this vantage."""
+        """Return whether the cell and its four neighbours have all votes from this vantage."""
         return all(self.tally(cell, vantage).total >= self.frames for cell in vantage.cross())
 
     def frames_taken(self, vantage: Vantage) -> int:
-        """How many frames were taken over a cell; None: how many were taken anywhere."""
+        """Return the number of frames taken over a cell; with None, of those taken anywhere."""
         return len(self.looks.get(vantage, {}))
 
     @property
     def cells_searched(self) -> int:
-        """How many cells frames were taken over, and how many the frames from anywhere showed."""
+        """Number of cells below frames, plus cells that frames from anywhere show."""
         over = len(self.looks) - (None in self.looks)
         return over + len(self.open_ballots)
 
     def detections(self) -> list[tuple[Vantage, Cell, bool]]:
-        """Every (vantage, cell, verdict) of a ballot that has spoken, in a fixed order.
+        """Return every (vantage, cell, verdict) of a decided ballot, in a fixed order.
 
-        Of a vantage a ballot with a full set of votes; last the open ballots that are decided.
+        For a vantage these are ballots with a full set of votes; last come the decided open
+        ballots.
         """
         by_vantage: list[tuple[Vantage, Cell, bool]] = [
             (vantage, cell, self._elects(ballot))
@@ -224,9 +225,9 @@ class Belief:
         return by_vantage
 
     def cells(self) -> dict[Cell, Tally]:
-        """Every cell that any frame has voted on, with all its votes, in a fixed order.
+        """Return every cell with any vote, and all its votes, in a fixed order.
 
-        Votes from all vantages, and those that no ballot counts any more.
+        Included are votes from all vantages, and those that no ballot counts any more.
         """
         counts: dict[Cell, list[int]] = {}
         for frames in self.looks.values():
@@ -238,7 +239,7 @@ class Belief:
         return {cell: Tally(*counts[cell]) for cell in sorted(counts)}
 
     def with_frames(self, vantage: Vantage, frames: Mapping[FrameId, Verdicts]) -> Belief:
-        """This belief and several frames taken over `vantage`; the same frame twice counts once."""
+        """Return this belief with frames taken over `vantage`; the same frame twice counts once."""
         if not frames:
             return self
         at_vantage: PersistentMap[FrameId, Verdicts] = self.looks.get(vantage, PersistentMap())
@@ -261,11 +262,11 @@ class Belief:
         taken_back = {
             cell for cell in counted if cell not in elected and self._elects(before.get(cell, ()))
         }
-        # here the maps change hands: what they were must have been read before
+        # here the maps pass to the new version: their old content must have been read before
         looks = self.looks.updated({vantage: at_vantage.updated(taken)})
         all_ballots = self._ballots.updated({vantage: ballots.updated(counted)})
         roi = self.roi.added(elected)
-        if taken_back:  # by a frame that came late: another vantage may still say yes
+        if taken_back:  # by a late frame: another vantage may still elect the cell
             still = all_ballots.values()
             roi = roi.without(
                 {
@@ -287,7 +288,7 @@ class Belief:
         )  # fmt: skip
 
     def with_verdicts(self, verdicts: Mapping[Cell, bool]) -> Belief:
-        """Return this belief with verdicts that hold whatever ballots say: of a finished map."""
+        """Return this belief with verdicts that hold against all ballots: for a finished map."""
         region = [cell for cell, is_region in verdicts.items() if is_region]
         roi = self.roi.added(region)
         if none := {cell for cell, is_region in verdicts.items() if not is_region and cell in roi}:
@@ -299,7 +300,7 @@ class Belief:
         return () if at_vantage is None else at_vantage.get(cell, ())
 
     def _counted(self, ballot: Ballot, frame: FrameId, says_roi: bool) -> Ballot:
-        """A ballot with one more vote: the first `frames` by their time of exposure."""
+        """Return a ballot with one more vote: the first `frames` by their time of exposure."""
         others = [vote for vote in ballot if vote[0] != frame]
         votes = sorted([*others, (frame, says_roi)], key=lambda vote: vote[0].exposed)
         return tuple(votes[: self.frames])
@@ -308,7 +309,7 @@ class Belief:
         return _tally(ballot).positive >= self.positive
 
     def _says(self, tally: Tally) -> bool | None:
-        """What a ballot says, whatever votes it still lacks; None while these could change it."""
+        """Return the verdict of a ballot, whatever votes it lacks; None while these matter."""
         positive, total = tally
         if positive >= self.positive:
             return True
@@ -323,7 +324,7 @@ def _tally(ballot: Ballot) -> Tally:
 
 
 def _either(one: Verdicts, other: Verdicts) -> Verdicts:
-    """Two reports of one frame: what either says; a positive outweighs a negative."""
+    """Return two reports of one frame as one; a positive outweighs a negative."""
     if not one:
         return {cell: other[cell] for cell in sorted(other)}
     both = {**one, **other}
@@ -331,11 +332,12 @@ def _either(one: Verdicts, other: Verdicts) -> Verdicts:
 
 
 def judging_frames(belief: Belief) -> dict[Cell, FrameId]:
-    """The frame that decided each cell; a cell that is not decided is absent.
+    """Return the frame that decided each cell; an undecided cell is absent.
 
-    A cell of the region is decided when the first of its ballots elects it, any other one when its
-    open ballot is decided against it, or a ballot of a look at it is full and does not elect it.
-    What a finished map decides by all frames (`with_verdicts`) counts from its latest vote.
+    A cell of the region is decided when the first of its ballots elects it. Another cell is decided
+    when its open ballot is decided against it, or when a ballot of an observation of it is full and
+    does not elect it. A verdict of a finished map by all frames (`with_verdicts`) counts from its
+    latest vote.
 
     >>> belief, here, beside = Belief(frames=3, positive=2), Cell(0, 0), Cell(0, 1)
     >>> for t_s in (0.0, 1.0, 2.0):
@@ -364,9 +366,9 @@ def judging_frames(belief: Belief) -> dict[Cell, FrameId]:
 
 
 def _spoken(belief: Belief, ballot: Ballot, *, is_open: bool) -> tuple[bool, FrameId] | None:
-    """What a ballot says and by which frame; None while it says nothing.
+    """Return the verdict of a ballot and its deciding frame; None while there is none.
 
-    A look goes on until it has all of its frames, so one against a cell counts when it is full.
+    An observation continues until it has all of its frames, so a verdict against counts when full.
     """
     positive = 0
     for count, (frame, vote) in enumerate(ballot, start=1):

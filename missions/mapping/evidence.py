@@ -1,14 +1,14 @@
-"""What recorded pictures say of each cell, weighed: the belief of a map by evidence.
+"""The weighted evidence of recorded pictures on each cell: the belief of a map by evidence.
 
 In flight, as in the paper, votes count alike and the first few decide. Recorded pictures are all
-there before anything is decided, and differ in aspect, pixels and what they show of a cell. So each
-picture has a weight on each cell (`vision.projection`), and the belief in a cell is the weighed
-mean of the shares of region that pictures saw in it. It is a mean and no product of odds: a cell
-of which a third is region is a third region in every picture, and ten of them do not make it less.
+there before any decision. They differ in aspect, pixels and the visible part of a cell. So each
+picture has a weight on each cell (`vision.projection`), and the belief in a cell is the weighted
+mean of the shares of region that pictures saw in it. It is a mean and no product of odds: a cell of
+which a third is region is a third region in every picture, and ten of them do not make it less.
 
-A belief begins with what is usual in the whole set, at the weight `PRIOR_WEIGHT`: one look aslant
-moves it less than three from above. All sums are of whole numbers, so the belief does not depend on
-the order of the pictures, not in its last bit.
+A belief begins with the mean of the whole set, at the weight `PRIOR_WEIGHT`: one oblique view moves
+it less than three from above. All sums are of whole numbers, so the belief does not depend on the
+order of the pictures, not in its last bit.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from missions.events import Event, FrameSeen, Vote, Weighed
 from missions.units import Cell
 
 PRIOR_WEIGHT: Final = 0.15
-"""Of what is usual in the set, beside a picture from straight above, which has about 1."""
+"""Weight of the mean of the set; a picture from straight above has about 1."""
 LEAST_WEIGHT: Final = 0.05
-"""A cell on which all pictures together weigh less is left undecided: no region."""
-_STEPS: Final = 1000  # shares and weights are told in thousandths
+"""Weight of all pictures below which a cell is left undecided: no region."""
+_STEPS: Final = 1000  # shares and weights are stored in thousandths
 _HALF: Final = 1 << 31
 _LOW: Final = (1 << 32) - 1
-_FEW: Final = 4096  # votes that wait at least, before they are added to the sums
+_FEW: Final = 4096  # minimum number of votes that wait before they are added to the sums
 
 Cells = NDArray[np.int32]
 """Columns and rows of cells, shape (n, 2)."""
@@ -42,8 +42,8 @@ class Weighings(NamedTuple):
         cells: Shape (n, 2).
         belief: The part of each that is believed to be region, 0 to 1.
         decided: Whether there is weight enough on it.
-        positive: How many pictures say region.
-        pictures: How many show it.
+        positive: Number of pictures that vote for region.
+        pictures: Number of pictures that show it.
     """
 
     cells: Cells
@@ -53,7 +53,7 @@ class Weighings(NamedTuple):
     pictures: NDArray[np.int64]
 
     def roi(self, share: float) -> NDArray[np.bool_]:
-        """Which are believed to be region in at least that share (`detector.share`)."""
+        """Return which cells are believed to be region in at least `share` (`detector.share`)."""
         return self.decided & (self.belief >= share)
 
 
@@ -81,7 +81,7 @@ class CellSums:
             self._settle()
 
     def _settle(self) -> None:
-        """Take in what waits: seldom, since all cells are sorted for it."""
+        """Add waiting votes to the sums; this is rare, since it sorts all cells."""
         if not self._new:
             return
         keys = np.concatenate([self._keys, *(keys for keys, _ in self._new)])
@@ -125,12 +125,12 @@ class Evidence:
     """
 
     def __init__(self) -> None:
-        # in thousandths of thousandths: weight, weight times share; and pictures that say region,
-        # and all
+        # in thousandths of thousandths: weight, weight times share; and pictures that vote for
+        # region, and all
         self._sums = CellSums(4)
 
     def add(self, votes: Iterable[Vote], weights: Sequence[float]) -> None:
-        """The votes of one more picture and their weights, 0 to 1, in the same order."""
+        """Add the votes of one more picture and their weights, 0 to 1, in the same order."""
         said = list(votes)
         if len(said) != len(weights):
             raise ValueError(f"{len(said)} votes have {len(weights)} weights")
@@ -148,13 +148,13 @@ class Evidence:
         shares: NDArray[np.float64],
         weights: NDArray[np.float64],
     ) -> None:
-        """The same, column by column."""
+        """Add the votes of one more picture, column by column."""
         weight = np.rint(weights * _STEPS).astype(np.int64)
         region = weight * np.rint(shares * _STEPS).astype(np.int64)
         self._sums.add(cells, np.column_stack([weight, region, positive, np.ones_like(weight)]))
 
     def weighings(self) -> Weighings:
-        """What is known of every cell that was seen."""
+        """Return the evidence on every cell that was seen."""
         cells, sums = self._sums.table()
         weight, _, positive, pictures = sums.T
         decided = weight >= LEAST_WEIGHT * _STEPS
@@ -163,31 +163,31 @@ class Evidence:
     def _beliefs(self, sums: NDArray[np.int64]) -> NDArray[np.float64]:
         prior = round(PRIOR_WEIGHT * _STEPS)
         weight, region = self._sums.table()[1][:, :2].sum(axis=0).tolist()
-        usual = region / (_STEPS * weight) if weight else 0.0  # in the whole set
+        usual = region / (_STEPS * weight) if weight else 0.0  # mean of the whole set
         found: NDArray[np.float64] = (sums[:, 1] / _STEPS + prior * usual) / (sums[:, 0] + prior)
         return found
 
     def belief(self, cell: Cell) -> float:
-        """The part of a cell that is believed to be region, 0 to 1; what is usual, if unseen."""
+        """Return the part of a cell that is believed to be region, 0 to 1; the mean if unseen."""
         return float(self._beliefs(self._sums.of_cell(cell))[0])
 
     def weight(self, cell: Cell) -> float:
-        """The weight of all pictures on a cell, at least 0."""
+        """Return the weight of all pictures on a cell, at least 0."""
         return float(self._sums.of_cell(cell)[0, 0]) / _STEPS
 
     def is_roi(self, cell: Cell, share: float) -> bool:
-        """Whether there is weight enough on a cell, and it is region in at least that share."""
+        """Return whether a cell has weight enough and is region in at least that share."""
         return self.weight(cell) >= LEAST_WEIGHT and self.belief(cell) >= share
 
     def cells(self) -> dict[Cell, tuple[int, int]]:
-        """Every cell that was seen, sorted: pictures that say region, and all that show it."""
+        """Return every cell that was seen, sorted: pictures that vote for region, and all."""
         found = self.weighings()
         told = zip(found.positive.tolist(), found.pictures.tolist(), strict=True)
         return dict(zip(_named(found.cells), told, strict=True))
 
 
 def _keys(cells: NDArray[np.integer]) -> NDArray[np.int64]:
-    """A whole number for each cell, in the order of the cells."""
+    """Return a whole number for each cell, in the order of the cells."""
     wide = cells.astype(np.int64)
     return (wide[:, 0] << 32) + (wide[:, 1] + _HALF)
 
@@ -197,7 +197,7 @@ def _named(cells: Cells) -> list[Cell]:
 
 
 def evidence_of(events: Iterable[Event]) -> Evidence | None:
-    """The evidence of a replay's journal; None of a flight's, or a replay's that counts votes."""
+    """Return the evidence of a replay's journal; None for a flight or a replay by votes."""
     found, seen = None, None
     for event in events:
         if isinstance(event, FrameSeen):

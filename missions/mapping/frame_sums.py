@@ -1,6 +1,6 @@
-"""Sums over the frames that show a cell: how many leave it unsure, how much of each class they saw.
+"""Sums over the frames of a cell: frames that leave it unsure, and the share of each class.
 
-A frame leaves a cell unsure if most of it looks like nothing that the detector knows.
+A frame leaves a cell unsure if most of it resembles nothing that the detector knows.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Doubts:
 
 
 class FrameSums:
-    """Counts by cell the frames that show it, and those that leave it unsure; sums of shares.
+    """Counts by cell of the frames that show it and of those that leave it unsure; sums of shares.
 
     >>> sums = FrameSums()
     >>> cells = np.array([[0, 0], [0, 1]])
@@ -68,7 +68,7 @@ class FrameSums:
         self._classes: dict[int, CellSums] = {}
 
     def note(self, event: FrameSeen | Shared) -> None:
-        """Count a frame; one from the height of a search only suspects.
+        """Count a frame; a frame from search height only raises suspicions and does not count.
 
         A fact of another member with classes counts as one frame, which knows its cells. Cells that
         a member leaves unsure are unsure.
@@ -138,7 +138,7 @@ class FrameSums:
         return found
 
     def classes(self, cells: NDArray[np.integer], numbers: Sequence[int]) -> NDArray[np.uint8]:
-        """Return the class, of some numbers, that frames saw most of in each cell; 0: of none."""
+        """Return the class, of some numbers, with the largest share in each cell; 0 without any."""
         shares = self.shares(cells, numbers)
         best = np.array(numbers, np.uint8)[shares.argmax(axis=1)]
         return np.where(shares.max(axis=1) > 0.0, best, np.uint8(0))

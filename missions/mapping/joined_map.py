@@ -1,8 +1,8 @@
-"""The map that all facts make, in whatever order they became known.
+"""The map that all facts make, in any order.
 
-A member acts on the map as it grows, by votes of its own frames and by what it hears of others,
-and what comes first depends on the radio. Its results do not: of each cell the decision counts that
-was made first, whoever made it, so members that know the same facts have the same region.
+A member acts on the map as it grows, by votes of its own frames and by reports of others. The radio
+decides what comes first. Its results do not depend on that. For each cell the earliest decision
+counts, of whatever vehicle, so members with the same facts have the same region.
 """
 
 from __future__ import annotations
@@ -19,23 +19,25 @@ from missions.mapping.own_cells import OwnCells, as_frames
 from missions.units import Cell
 
 Decision = tuple[float, int, bool]
-"""When, by whom, and what."""
+"""Time, vehicle and verdict of a decision."""
 
 
 class JoinedMap(NamedTuple):
-    """The votes that all facts come to."""
+    """The votes that result from all facts."""
 
     belief: Belief
-    """Of frames from the map's height, and of plain cells."""
+    """Votes of frames from map height, and of plain cells."""
     overview: Belief
-    """Of frames from the height of a search."""
+    """Votes of frames from search height."""
     shown: frozenset[Cell]
-    """What frames have shown, and took for no region without a decision."""
+    """Cells that frames showed as no region, without a decision."""
 
 
 class Facts:
-    """The facts in a journal of a fleet, as they come: of vehicles whose frames it holds, and of
-    those that it has heard."""
+    """The facts in a journal of a fleet, as they come.
+
+    They are of vehicles whose frames it holds, and of those whose reports it has received.
+    """
 
     def __init__(
         self, none_seen: Belief, box: Container[Cell], explored: tuple[int, ...] = ()
@@ -49,7 +51,7 @@ class Facts:
         self.doubts = Doubts()
 
     def take(self, event: Event) -> list[Fact]:
-        """Take in what an event says of cells; returns the facts that it adds."""
+        """Add what an event reports of cells; return the new facts."""
         if not isinstance(event, Shared | FrameSeen | Tracked):
             return []
         if isinstance(event, Shared):
@@ -75,24 +77,24 @@ class Facts:
             decided[cell] = min(new, decided.get(cell, new))
 
     def joined(self) -> JoinedMap:
-        """Return the map of all facts; what no vehicle has decided has our votes on it."""
+        """Return the map of all facts; a cell that no vehicle has decided has our votes."""
         for vehicle, own in sorted(self._own.items()):
             for fact in own.passed(float("1e9")):
                 self._take(vehicle, fact)
         high, low = self._belief(overview=True), self._belief(overview=False)
         low = with_plain(low, high, self._box, list(high.open_ballots))
-        # our own votes come last: others have not heard them, and the map is to be the same
+        # our own votes come last: other members do not know them, and their maps must be the same
         low, high = self._with_open(low, overview=False), self._with_open(high, overview=True)
         return JoinedMap(low, high, frozenset(self._shown))
 
     def _with_open(self, belief: Belief, *, overview: bool) -> Belief:
-        """A belief with the votes of one vehicle on each cell that nothing has decided."""
+        """Return a belief with one vehicle's votes on each undecided cell."""
         found: dict[FrameId, dict[Cell, bool]] = {}
         told: set[Cell] = set()
         for _, own in sorted(self._own.items()):
             known = own.high if overview else own.low
             for cell, ballot in known.open_ballots.items():
-                # (of one vehicle only, and only what decides nothing: votes of several might)
+                # (of one vehicle only, and only votes that decide nothing: those of several might)
                 new = cell not in told and known.verdict(cell) is None
                 if new and not belief.tally(cell, None).total:
                     told.add(cell)
@@ -101,7 +103,7 @@ class Facts:
         return belief.with_frames(None, _by_exposure(found))
 
     def _belief(self, *, overview: bool) -> Belief:
-        """The votes that made each decision, as far as they are known, else as few as could."""
+        """Return the votes that made each decision, as far as known, else the fewest possible."""
         beliefs = {v: own.high if overview else own.low for v, own in sorted(self._own.items())}
         ballots = {vehicle: belief.open_ballots for vehicle, belief in beliefs.items()}
         found: dict[FrameId, dict[Cell, bool]] = {}
@@ -111,7 +113,7 @@ class Facts:
                 found.setdefault(frame, {})[cell] = vote
 
         for cell, (t_s, vehicle, says) in sorted(self._decided[overview].items()):
-            # (a frame that came late may have changed what was told already, which stays)
+            # (a late frame may have changed a verdict that was reported already, which stays)
             if vehicle in beliefs and beliefs[vehicle].verdict(cell) is says:
                 put(cell, ballots[vehicle][cell])
                 continue

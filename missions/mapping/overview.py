@@ -1,17 +1,15 @@
-"""What is plain from on high: cells that frames of a search decide for good.
+"""Plain cells: those that frames of a search decide for good from their height.
 
-What a frame from the height of a search (an *overview*) shows is coarse, so its votes are kept
-apart. A cell is *plain* when the overview has decided it and all eight around it alike: then its
-votes count as any others, and no vehicle flies there again. All else, which is what lies along
-outlines, is observed from below. If each vote is wrong with probability e, independently of the
-others, three of five are with 10 e^3 at most: a patch or a hole of a single cell is taken for plain
-ground so often, which is the chance of any verdict. Amid nine cells that are alike in truth, all
-nine have to be wrong at once.
+A frame from search height (an *overview*) is coarse, so its votes are kept apart. A cell is *plain*
+when the overview has decided it and all eight around it alike. Then its votes count as any others,
+and no vehicle flies there again. All other cells, those along outlines, are observed from below. If
+each vote is wrong with probability e, independently of the others, three of five are wrong with 10
+e^3 at most. That is the chance that a patch or a hole of a single cell is taken for plain ground,
+and the chance of any verdict. Amid nine cells that are alike, all nine have to be wrong at once.
 
-An error of the heading moves them alike: one of 5 degrees moves an outline 60 m away by 5 m, so
-that it lies in plain ground. From the height of the map the same error moves it by 1 m. So when a
-flight is over, the frames from below that show a plain cell decide on it in place of those from
-on high (`from_below`).
+A heading error moves them alike: one of 5 degrees moves an outline 60 m away by 5 m, so that it
+lies in plain ground. From map height the same error moves it by 1 m. So when a flight is over, the
+frames from below that show a plain cell decide on it in place of the overview (`from_below`).
 """
 
 from __future__ import annotations
@@ -31,9 +29,8 @@ def with_plain(
 ) -> Belief:
     """Return `belief` with the votes on cells that are plain since `fresh` ones got votes.
 
-    What was decided from below stays as it is. Beyond the
-    `box` nobody searches: there a cell that no overview shows stands in the way of region only,
-    which may go on there.
+    Decisions from below stay. No vehicle searches beyond the `box`: there a cell that no overview
+    shows only prevents region, which may continue there.
     """
     found: dict[FrameId, dict[Cell, bool]] = {}
     verdicts, ballots = overview.verdicts, overview.open_ballots
@@ -48,12 +45,12 @@ def with_plain(
 def from_below(belief: Belief, overview: Belief) -> dict[Cell, bool]:
     """Return the verdicts of frames from below on plain cells, where they differ from `belief`.
 
-    A cell is added to the region only if the four cells beside it are decided: it is as explored
-    as without.
+    A cell is added to the region only if the four cells beside it are decided: then the region is
+    as explored as without it.
 
     Args:
-        belief: What all votes have decided, with those on plain cells.
-        overview: What frames from the height of a search have decided.
+        belief: The verdicts by all votes, including those on plain cells.
+        overview: The verdicts by frames from search height.
     """
     high = overview.looks.get(None, PersistentMap()).as_dict()
     ballots = belief.open_ballots.items()
@@ -88,6 +85,6 @@ def _is_plain(verdicts: Mapping[Cell, bool | None], box: Container[Cell], cell: 
 
 
 def _around(cell: Cell) -> list[Cell]:
-    """A cell and the eight around it."""
+    """Return a cell and the eight around it."""
     steps = (-1, 0, 1)
     return [Cell(cell.east + east, cell.north + north) for east in steps for north in steps]

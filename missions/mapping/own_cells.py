@@ -1,16 +1,16 @@
-"""Which cells our own frames have decided: what the others have to know, and no more.
+"""Cells that our own frames have decided: the facts for other members, and no more.
 
-Five votes on each of a thousand cells would fill a narrow radio; what they decide is a bit a cell.
-So a fact is what one vehicle's frames alone have decided within a second. Of several vehicles that
-have decided the same cell the one that was first counts. That raises no chance of an error: whoever
-is first has mostly needed three frames that were alike, which are wrong more seldom than four or
-five that were not (for votes that err with probability e each: e^3 against 10 e^3 in all).
+Five votes on each of a thousand cells would fill a narrow radio; decisions are a bit a cell. So a
+fact is the decisions of one vehicle's frames within a second. If several vehicles have decided the
+same cell, the first counts. That raises no chance of an error. The first has mostly needed three
+frames that were alike. These are wrong more rarely than four or five that were not (for votes that
+err with probability e each: e^3 against 10 e^3 in all).
 
-A cell that is seen in passing, and lies beside nothing, needs no decision. That it was seen is a
-fact, too, or another would fly there to see it.
+A cell that is seen in passing, and lies beside no patch, needs no decision. That it was seen is a
+fact as well, or another vehicle would fly there to see it.
 
-Whether a cell is unsure follows from all frames of a pass. So it is a fact once the vehicle has
-passed, and again if a later pass changes it.
+All frames of a pass decide whether a cell is unsure. So it is a fact once the vehicle has passed,
+and again if a later pass changes it.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell
 
 PASSED_S: Final = 4.0
-"""What no frame has shown for so long the vehicle has passed."""
+"""Time without a frame of a cell after which the vehicle has passed it, s."""
 _TENTHS: Final = 10
 
 
 @dataclass(slots=True)
 class OwnCells:
-    """What the frames of one vehicle have decided, from the map's height and from a search's.
+    """The decisions of one vehicle's frames, from map height and from search height.
 
     >>> own = OwnCells(Belief(5, 3), Belief(5, 3))
     >>> seen = (Vote(Cell(0, 0), True, 1.0),)
@@ -50,25 +50,27 @@ class OwnCells:
     low: Belief
     high: Belief
     explored: tuple[int, ...] = ()
-    """Numbers of the classes that are explored; none where the detector knows the region only."""
+    """Numbers of the explored classes; empty if the detector knows the region only."""
     _sums: FrameSums = field(default_factory=FrameSums)
     _second: int = 0
     _decided: dict[bool, dict[Cell, bool]] = field(default_factory=dict)
-    """In the second that is not over: by whether from a search's height."""
+    """Decisions of the current second, by whether they are from search height."""
     _shown: dict[Cell, float] = field(default_factory=dict)
-    """When a frame last took what is not decided for no region, if all from below did."""
+    """Time of the last frame that showed an undecided cell as no region, if all from below did."""
     _done: set[Cell] = field(default_factory=set)
-    """Of what is decided or was taken for region by a frame nothing is told but a decision, and
-    that a cell was seen once."""
+    """Cells that are decided or that a frame showed as region.
+
+    Reported of them is only a decision, and once that a cell was seen.
+    """
     _unsure: dict[Cell, bool] = field(default_factory=dict)
-    """Of each cell that a frame from below left unsure: what was reported of it last."""
+    """The last reported doubt of each cell that a frame from below left unsure."""
     _doubted: dict[Cell, float] = field(default_factory=dict)
-    """When a frame last showed such a cell, until the vehicle has passed."""
+    """Time of the last frame that showed such a cell, until the vehicle has passed."""
 
     def take(self, event: FrameSeen) -> list[Fact]:
-        """Take in a frame; returns the facts of seconds that are over.
+        """Add a frame; return the facts of seconds that are over.
 
-        Raises ValueError for a frame of a look from a vantage, which a fleet does not fly.
+        Raises ValueError for a frame from a vantage, which a fleet does not take.
         """
         if event.vantage is not None:
             raise ValueError("a frame from a vantage is no fact of a fleet")
@@ -99,7 +101,7 @@ class OwnCells:
         return facts
 
     def passed(self, t_s: float) -> list[Fact]:
-        """The facts of the seconds before `t_s` that were not told yet."""
+        """Return the facts of the seconds before `t_s` that were not reported yet."""
         second = math.floor(t_s)
         if second <= self._second:
             return []
@@ -119,9 +121,9 @@ class OwnCells:
         return facts + self._doubts(float(at_s), second - PASSED_S)
 
     def _doubts(self, at_s: float, until_s: float) -> list[Fact]:
-        """The facts on cells that were last shown before `until_s`, and are unsure or sure anew.
+        """Return the facts on cells last shown before `until_s` whose doubt has changed.
 
-        What no decision reports of their classes comes along.
+        The facts carry the classes that no decision reports.
         """
         passed = sorted(cell for cell, last_s in self._doubted.items() if last_s < until_s)
         if not passed:
@@ -141,7 +143,7 @@ class OwnCells:
         ]
 
     def _classes(self, cells: Sequence[Cell]) -> tuple[ClassShare, ...]:
-        """The mean shares of the explored classes so far, in tenths."""
+        """Return the mean shares of the explored classes so far, in tenths."""
         shares = self._sums.shares(np.array(cells, np.int32), self.explored)
         return tuple(
             ClassShare(cell, number, tenths / _TENTHS)
@@ -152,7 +154,7 @@ class OwnCells:
 
 
 def as_frames(vehicle: int, fact: Fact, frames: int, positive: int) -> list[FrameSeen]:
-    """A fact as the fewest frames that decide its cells: what the map can take in.
+    """Return a fact as the fewest frames that decide its cells, for the map.
 
     >>> fact = Fact(7.0, ((Cell(0, 0), True), (Cell(1, 0), False)))
     >>> [len(frame.votes) for frame in as_frames(2, fact, 5, 4)]

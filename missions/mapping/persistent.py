@@ -1,14 +1,13 @@
-"""Maps and sets of which every version stays what it is, at the cost of what is changed.
+"""Immutable maps and sets whose versions share a table: a change costs as much as it changes.
 
-A map that is copied for each change costs what it holds. Here the versions share one table, which
-belongs to the newest; each older version keeps what has to be put back to have it again (Baker,
-*Shallow binding makes functional arrays fast*, 1991). So the newest is read from a `dict`, in the
-order in which its keys came; a change costs as much as it changes; and who reads an older version
-pays for a copy of its own, once. The reducer reads the newest.
+A map that is copied for each change costs its whole size. Here the versions share one table, which
+belongs to the newest. Each older version keeps the changes that restore it (Baker, *Shallow binding
+makes functional arrays fast*, 1991). So the newest is read from a `dict`, in the order in which its
+keys came. A reader of an older version pays for a copy, once. The reducer reads the newest.
 
-An older version refers to newer ones and never the other way round: what nobody holds any more is
-freed. Reading an older version moves it to its own table, so versions that share one belong to one
-thread at a time.
+An older version refers to newer ones and never the other way round: an unused version is freed.
+Reading an older version moves it to its own table, so versions that share one belong to one thread
+at a time.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ class PersistentMap(Mapping[K, V]):
         self._undo: tuple[tuple[K, V | object], ...] = ()
 
     def updated(self, items: Mapping[K, V]) -> PersistentMap[K, V]:
-        """This map with other values for some keys, and with keys that are new."""
+        """Return this map with other values for some keys, and with new keys."""
         if not items:
             return self
         table = self._whole()
@@ -58,7 +57,7 @@ class PersistentMap(Mapping[K, V]):
         newer._table, newer._newer, newer._undo = table, None, ()
         self._undo = tuple((key, table.get(key, _ABSENT)) for key in items)
         self._newer, self._table = newer, None
-        # last, so that whatever breaks in before leaves this version as it was
+        # last, so that an interruption before leaves this version as it was
         table.update(items)
         return newer
 
@@ -71,7 +70,7 @@ class PersistentMap(Mapping[K, V]):
         return self._whole()
 
     def _whole(self) -> dict[K, V]:
-        """The table of this version, which belongs to nobody else."""
+        """Return the table of this version, which belongs to no other."""
         if self._table is not None:
             return self._table
         older, at = [], self
@@ -102,27 +101,27 @@ class PersistentMap(Mapping[K, V]):
     @overload
     def get(self, key: K, /, default: V | D) -> V | D: ...
     def get(self, key: K, /, default: V | D | None = None) -> V | D | None:
-        """The value of a key, or another."""
+        """Return the value of a key, or another."""
         table = self._table
         return (self._whole() if table is None else table).get(key, default)
 
     def __len__(self) -> int:
         return len(self._whole())
 
-    # Copies, at the speed of a `dict`: newer versions may be made while somebody iterates.
+    # Copies, at the speed of a `dict`: newer versions may be made during an iteration.
     def __iter__(self) -> Iterator[K]:
         return iter(list(self._whole()))
 
     def keys(self) -> KeysView[K]:
-        """The keys, in the order in which they came."""
+        """Return the keys, in the order in which they came."""
         return self._whole().copy().keys()
 
     def values(self) -> ValuesView[V]:
-        """The values, in the order of the keys."""
+        """Return the values, in the order of the keys."""
         return self._whole().copy().values()
 
     def items(self) -> ItemsView[K, V]:
-        """Keys and values, in the order of the keys."""
+        """Return keys and values, in the order of the keys."""
         return self._whole().copy().items()
 
     def __eq__(self, other: object) -> bool:
@@ -140,7 +139,7 @@ class PersistentMap(Mapping[K, V]):
 
 
 class PersistentSet(Set[K]):
-    """An immutable set to which adding costs what is added."""
+    """An immutable set in which an addition costs only what it adds."""
 
     __slots__ = ("_members",)
 
@@ -148,7 +147,7 @@ class PersistentSet(Set[K]):
         self._members: PersistentMap[K, None] = PersistentMap(dict.fromkeys(members))
 
     def added(self, members: Iterable[K]) -> PersistentSet[K]:
-        """This set and some members more."""
+        """Return this set with more members."""
         new = dict.fromkeys(member for member in members if member not in self._members)
         if not new:
             return self
@@ -161,7 +160,7 @@ class PersistentSet(Set[K]):
         return self._members.as_dict()
 
     def without(self, members: Collection[K]) -> PersistentSet[K]:
-        """This set and some members less, which costs what the set holds."""
+        """Return this set without some members, which costs the size of the set."""
         return PersistentSet(member for member in self._members if member not in members)
 
     def __contains__(self, member: object) -> bool:

@@ -1,10 +1,10 @@
-"""Cells at the rim of the region that the map adds to those that votes have elected.
+"""Cells at the edge of the region that the map adds to those that votes have elected.
 
-The first few votes on a cell decide where the exploration goes on. They come within a second from
+The first few votes on a cell decide where the exploration continues. They come within a second from
 one vehicle, so they all err alike by the error of its pose, and a cell of which half is region may
-be voted down. When a flight is over, all frames that were taken in passing have shown their shares
-of the cell: from other sides, at other times, by other vehicles. Their mean decides about cells
-beside the region, and allows for what an error of the pose hides.
+be voted down. When a flight is over, all frames in passing have shown their shares of the cell:
+from other sides, at other times, by other vehicles. Their mean decides on cells beside the region,
+and allows for errors of the pose.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ _STEPS: Final = 1000  # shares have three digits; whole numbers add up alike in 
 
 
 def rim_verdicts(events: Iterable[Event], belief: Belief, share: float) -> dict[Cell, bool]:
-    """Return the cells at the rim that votes have left out of the region, and that are region.
+    """Return the cells at the edge of the region that votes left out although they are region.
 
     Such a cell lies beside a cell of the region, and votes decided against it. All four cells
-    beside it are decided, or frames show them to be no region: then their verdicts are returned,
-    too, and the region is as explored with the cell as without. Frames from the height of a search
-    do not count.
+    beside it are decided, or frames show them to be no region. In the second case their verdicts
+    are returned as well, and the region is as explored with the cell as without. Frames from search
+    height do not count.
 
     Args:
         events: The journal of a flight.
-        belief: What its votes have decided.
-        share: Least mean of the shares of a cell that frames in passing showed, 0 to 1.
+        belief: The verdicts by its votes.
+        share: Minimum mean of the shares of a cell that frames in passing showed, 0 to 1.
     """
     asked = {near for cell in belief.roi for near in cell.neighbours()}
     asked = {cell for cell in asked if belief.verdict(cell) is False}
@@ -59,5 +59,5 @@ def rim_verdicts(events: Iterable[Event], belief: Belief, share: float) -> dict[
 
 
 def is_in_passing(event: FrameSeen) -> bool:
-    """Return whether a frame was taken without a stop, and not from the height of a search."""
+    """Return whether a frame was taken without a stop, and not from search height."""
     return event.vantage is None and not event.overview

@@ -1,16 +1,16 @@
 """The exploration tree of Algorithm 1: vertices, states, and the cycle check.
 
-A vertex is a ROI cell; its parent is the cell from which it was first seen. States are the
-paper's (section 4.1):
+A vertex is a ROI cell; its parent is the cell from which it was first seen. States are the paper's
+(section 4.1):
 
-* *unexplored*: known, but nobody has looked from it;
-* *under exploration*: looked from, but something below it is still unexplored;
-* *explored*: looked from, and so is everything below it.
+* *unexplored*: known, but not observed from above;
+* *under exploration*: observed, but something below it is still unexplored;
+* *explored*: observed, and so is everything below it.
 
-What is stored are facts that only grow: which cells are vertices, under which parent, and which
-were looked from. The state follows from them. So two trees can be joined in any order: a vertex
-that two vehicles hung under different parents keeps the one of smaller depth, ties by cell.
-Depth falls strictly from child to parent, also after a join, so there is never a cycle.
+Stored are facts that only grow: which cells are vertices, under which parent, and which were
+observed. The state follows from them. So two trees can be joined in any order: a vertex that two
+vehicles placed under different parents keeps the one of smaller depth, ties by cell. Depth falls
+strictly from child to parent, also after a join, so there is never a cycle.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class VertexState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Vertex:
-    """A vertex: where it hangs, how deep, and whether anybody looked from it."""
+    """A vertex: its parent, its depth, and whether a vehicle has observed it."""
 
     parent: Cell | None
     depth: int
@@ -56,18 +56,20 @@ class Tree:
     vertices: PersistentMap[Cell, Vertex]
     _children: PersistentMap[Cell, tuple[Cell, ...]]
     _unfinished: PersistentMap[Cell, int]
-    """Of each vertex how many of itself and its children are not done: looked from the one,
-    explored the others. So what is found below a vertex changes it, and those above it only as
-    far as it makes them unfinished or done."""
+    """Number of unfinished items by vertex: itself until observed, and each unexplored child.
+
+    A find below a vertex changes it, and those above it, only as far as it makes them unfinished or
+    done.
+    """
 
     @classmethod
     def rooted(cls, root: Cell) -> Tree:
-        """The tree of a single unexplored vertex."""
+        """Return the tree of a single unexplored vertex."""
         return cls.of(root, {root: Vertex(None, 0)})
 
     @classmethod
     def of(cls, root: Cell, vertices: Mapping[Cell, Vertex]) -> Tree:
-        """A tree from its facts."""
+        """Return a tree from its facts."""
         facts = vertices.items()
         children: dict[Cell, set[Cell]] = {cell: set() for cell in vertices}
         unfinished: dict[Cell, int] = {}
@@ -91,23 +93,23 @@ class Tree:
         return len(self.vertices)
 
     def children(self, cell: Cell) -> tuple[Cell, ...]:
-        """The children of a vertex, in the order north, east, south, west."""
+        """Return the children of a vertex, in the order north, east, south, west."""
         return self._children[cell]
 
     def parent(self, cell: Cell) -> Cell | None:
-        """The parent of a vertex, None for the root."""
+        """Return the parent of a vertex, None for the root."""
         return self.vertices[cell].parent
 
     def has_looked(self, cell: Cell) -> bool:
-        """Whether somebody looked from a vertex."""
+        """Return whether a vehicle has observed a vertex."""
         return self.vertices[cell].looked
 
     def is_explored(self, cell: Cell) -> bool:
-        """Whether a vertex and everything below it is done."""
+        """Return whether a vertex and everything below it is done."""
         return self._unfinished[cell] == 0
 
     def state(self, cell: Cell) -> VertexState:
-        """The state of a vertex."""
+        """Return the state of a vertex."""
         if self.is_explored(cell):
             return VertexState.EXPLORED
         looked = self.vertices[cell].looked
@@ -115,21 +117,21 @@ class Tree:
 
     @property
     def depth(self) -> int:
-        """depth_T: the greatest depth of a vertex."""
+        """Maximum depth of a vertex: depth_T."""
         return max(vertex.depth for vertex in self.vertices.values())
 
     def path_up(self, cell: Cell) -> Iterator[Cell]:
-        """The vertex and its ancestors, up to the root."""
+        """Yield the vertex and its ancestors, up to the root."""
         at: Cell | None = cell
         while at is not None:
             yield at
             at = self.vertices[at].parent
 
     def looked(self, cell: Cell, roi_neighbours: Iterable[Cell]) -> Tree:
-        """The tree after somebody looked from `cell` and saw which neighbours are ROI.
+        """Return the tree after an observation of `cell` that saw which neighbours are ROI.
 
-        Neighbours that hang in the tree already are left where they are: the cycle check of
-        Algorithm 1, lines 9 to 13.
+        Neighbours that are in the tree already stay where they are: the cycle check of Algorithm 1,
+        lines 9 to 13.
         """
         vertex = self.vertices[cell]
         new = dict.fromkeys(c for c in roi_neighbours if c not in self.vertices)
@@ -147,7 +149,7 @@ class Tree:
         )
 
     def _unfinished_after(self, cell: Cell, gained: int) -> dict[Cell, int]:
-        """What changes when so many become unfinished below a vertex: up to where none does."""
+        """Return the changed counts after `gained` more unfinished items below a vertex."""
         changed: dict[Cell, int] = {}
         at: Cell | None = cell
         while at is not None and gained:
@@ -158,7 +160,7 @@ class Tree:
         return changed
 
     def join(self, other: Tree) -> Tree:
-        """What two vehicles know of the tree once they have met.
+        """Return the joint knowledge of two vehicles on the tree.
 
         Raises ValueError when the two grew from different roots.
         """
@@ -177,8 +179,9 @@ class Tree:
 def reached(
     near: Callable[[Cell], Iterable[Cell]], start: Cell, until: Collection[Cell] = ()
 ) -> dict[Cell, int]:
-    """Steps from `start` to every cell that is reached, nearest first, by the neighbours that
-    `near` tells; with `until` no farther than to the nearest of these.
+    """Return the steps from `start` to every reached cell, nearest first, by the neighbours `near`.
+
+    With `until` the search ends at the nearest of these.
 
     >>> reached(lambda cell: [Cell(cell.east + 1, 0)], Cell(0, 0), until=[Cell(2, 0)])[Cell(2, 0)]
     2
@@ -198,18 +201,19 @@ def reached(
 
 
 def neighbours_in(known: Container[Cell]) -> Callable[[Cell], list[Cell]]:
-    """The rule to be handed to `reached` that keeps to `known` cells."""
+    """Return the rule for `reached` that keeps to `known` cells."""
     return lambda cell: [near for near in cell.neighbours() if near in known]
 
 
 def distances(known: Container[Cell], start: Cell) -> dict[Cell, int]:
-    """Steps from `start` to every cell that is reached over `known` cells, nearest first."""
+    """Return the steps from `start` to every cell reached over `known` cells, nearest first."""
     return reached(neighbours_in(known), start)
 
 
 def step_towards(known: Container[Cell], start: Cell, goal: Cell) -> Cell:
-    """The first cell on a shortest way from `start` to `goal`; of several the first in the order
-    north, east, south, west.
+    """Return the first cell on a shortest way from `start` to `goal`.
+
+    Of several it is the first in the order north, east, south, west.
     """
     if start == goal:
         return start
@@ -218,12 +222,12 @@ def step_towards(known: Container[Cell], start: Cell, goal: Cell) -> Cell:
 
 
 def step_home(tree: Tree, start: Cell) -> Cell | None:
-    """The next cell on a shortest known way to the root, None at the root."""
+    """Return the next cell on a shortest known way to the root, None at the root."""
     return None if start == tree.root else step_towards(tree, start, tree.root)
 
 
 def patches(cells: Collection[Cell]) -> tuple[frozenset[Cell], ...]:
-    """The patches of some cells, the largest first; of equal ones that with the lowest cell.
+    """Return the patches of some cells, largest first; of equal ones that with the lowest cell.
 
     >>> found = patches([Cell(0, 0), Cell(5, 5), Cell(5, 6), Cell(1, 1)])
     >>> [sorted(patch)[0] for patch in found]
@@ -267,8 +271,10 @@ def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
 
 
 def left_out(tree: Tree, belief: Belief) -> tuple[Tree, set[Cell]]:
-    """Return the tree with every vertex visited, and region beside one a vertex as well; and the
-    vertices from which nobody has looked."""
+    """Return the tree with every vertex visited, and region beside one a vertex as well.
+
+    Return also the vertices that no vehicle has observed.
+    """
     given_up: set[Cell] = set()
     left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]
     while left:
