@@ -11,14 +11,14 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from missions.units import Cell
 
 MOST_NUMBER: Final = 254
-"""Largest number of a class; 0 is not region, and 255 undecided."""
+"""Maximum number of a class; 0 means no region, and 255 undecided."""
 
 ClassNumber = Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBER)]
 _Micrometres = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 
 
 class ClassShare(NamedTuple):
-    """How much of a cell is of a class, by its number; 0 to 1."""
+    """The part of a cell that is of a class, by the number of the class; 0 to 1."""
 
     cell: Cell
     number: int
@@ -26,7 +26,7 @@ class ClassShare(NamedTuple):
 
 
 class RegionClass(BaseModel):
-    """A class; `thickness_um` is the least, and the greatest unless there is no bound above."""
+    """A class; `thickness_um` is the minimum, and the maximum unless there is no bound above."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -43,7 +43,7 @@ class RegionClass(BaseModel):
 
 
 class Classes(BaseModel):
-    """The classes that a detector tells apart, by name; `region` names those that are explored.
+    """The classes that a detector distinguishes, by name; `region` names the explored ones.
 
     >>> some = Classes.model_validate({"oil": {"number": 2}, "weed": {"number": 1}})
     >>> some.names, some.explored
@@ -54,7 +54,7 @@ class Classes(BaseModel):
     __pydantic_extra__: dict[str, RegionClass] = Field(init=False)
 
     region: tuple[str, ...] = ()
-    """Names of the classes that are explored; none: all of them."""
+    """Names of the explored classes; none means all of them."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Classes:

@@ -1,15 +1,18 @@
-"""The errors of the project, one tree: what a user can cause or mend, a line each, exit code 2. A
-defect of the program is none of these: it keeps its traceback."""
+"""The errors of the project, one tree: faults that a user can cause or correct.
+
+Each prints one line and has exit code 2. A defect of the program is none of these: it keeps its
+traceback.
+"""
 
 from __future__ import annotations
 
 
 class UavmapError(Exception):
-    """Base of every error whose cause lies with the input or the surroundings."""
+    """Base of every error whose cause is the input or the environment."""
 
 
 class MissionFileError(UavmapError):
-    """A mission file that cannot be flown, with the key that is to blame."""
+    """A mission file that cannot be flown; the text names the key."""
 
 
 class GeodesyError(UavmapError):
@@ -17,7 +20,7 @@ class GeodesyError(UavmapError):
 
 
 class WorldError(UavmapError):
-    """A file from which no simulated ground can be made, or one that lies elsewhere."""
+    """A file from which no simulated ground can be made, or one for another place."""
 
 
 class ImageError(UavmapError):
@@ -25,7 +28,7 @@ class ImageError(UavmapError):
 
 
 class StrategyError(UavmapError):
-    """An explorer that breaks its protocol: it jumps, never ends, or leaves everybody waiting."""
+    """An explorer that breaks its protocol: it jumps, never ends, or leaves all robots waiting."""
 
 
 class RoiError(UavmapError):
@@ -33,11 +36,11 @@ class RoiError(UavmapError):
 
 
 class LocalizationError(UavmapError):
-    """A map without a place to be, a rate that is none, or a look that fits no cell."""
+    """A map without a possible position, an invalid rate, or an observation that fits no cell."""
 
 
 class AreaError(UavmapError):
-    """A file without a usable area, or options that do not fit what was drawn."""
+    """A file without a usable area, or options that do not fit the drawing."""
 
 
 class StudyError(UavmapError):
@@ -49,7 +52,7 @@ class JournalError(UavmapError):
 
 
 class EventError(UavmapError, ValueError):
-    """An event that cannot be written down: a NaN, an infinity, a text that is no Unicode."""
+    """An event that cannot be recorded: a NaN, an infinity, a text that is no Unicode."""
 
 
 class ResultsError(UavmapError):
@@ -57,11 +60,11 @@ class ResultsError(UavmapError):
 
 
 class OutputError(UavmapError):
-    """A file that cannot be written: no folder, no permission, a kind that is not written."""
+    """A file that cannot be written: no folder, no permission, an unknown format."""
 
 
 class PreflightError(UavmapError):
-    """A mission that does not begin: something was found, or the operator did not want it."""
+    """A mission that does not begin: a check failed, or the operator declined."""
 
 
 class NotFlownError(PreflightError):
@@ -73,7 +76,7 @@ class NotFlownError(PreflightError):
 
 
 class AircraftError(UavmapError):
-    """A flight ended with an aircraft down away from home, or left to its autopilot."""
+    """A flight that ended with an aircraft down away from home, or left to its autopilot."""
 
 
 class LinkError(UavmapError):
@@ -81,11 +84,11 @@ class LinkError(UavmapError):
 
 
 class CommandRefusedError(LinkError):
-    """A command that the vehicle denied; the text holds what the vehicle said."""
+    """A command that the vehicle denied; the text holds the vehicle's answer."""
 
 
 def leaves(group: BaseExceptionGroup[BaseException]) -> list[BaseException]:
-    """The single errors of a group, however nested.
+    """Return the single errors of a group, however nested.
 
     >>> leaves(BaseExceptionGroup("", [ExceptionGroup("", [LinkError("a")]), LinkError("b")]))
     [LinkError('a'), LinkError('b')]

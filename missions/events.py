@@ -1,7 +1,7 @@
 """Everything that happens, as values: the journal is a list of these.
 
-Positions are in the grid's fixed frame, rounded to a centimetre, times in mission seconds to a
-millisecond: the journal has exactly what the service acted on, in the order of the fields.
+Positions are in the grid's fixed frame, rounded to a centimetre; times are mission seconds, rounded
+to a millisecond. The journal has exactly the input of the service, in the order of the fields.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from missions.units import Cell, GridPoint
 
 
 class Vote(NamedTuple):
-    """What one frame says of one cell; `share` is the part of it that looks like ROI."""
+    """The vote of one frame on one cell; `share` is the part of it that looks like ROI."""
 
     cell: Cell
     positive: bool
@@ -31,25 +31,25 @@ class Vote(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Connected(OfVehicle):
-    """A vehicle answered. Posted at the start, after a resume, and when a lost link is back."""
+    """A vehicle answered: at the start, after a resume, or when a lost link is back."""
 
     home: GridPoint
     position: GridPoint
     height_m: float
     airborne: bool
     ours: bool
-    """Whether its mode follows our commands."""
+    """True if its mode follows our commands."""
     remaining_wh: float
     kind: Literal["connected"] = "connected"
     home_amsl_m: float | None = None
-    """Height of home above the sea, None where the vehicle has not said."""
+    """Height of home above the sea, m; None if the vehicle has not reported it."""
     mode: Literal["follow", "rtl", "land", "other"] | None = None
-    """What its autopilot does in the air: follow us, return, land, or something else."""
+    """Activity of its autopilot in the air: follows us, returns, lands, or other."""
 
 
 @dataclass(frozen=True, slots=True)
 class LiftedOff(OfVehicle):
-    """The vehicle left the ground with its motors on, ordered or not."""
+    """The vehicle left the ground with its motors on, by an order or not."""
 
     kind: Literal["lifted_off"] = "lifted_off"
 
@@ -60,25 +60,25 @@ class Airborne(OfVehicle):
 
     kind: Literal["airborne"] = "airborne"
     home: GridPoint | None = None
-    """Where home is now: arming moves it to where the vehicle stands."""
+    """Present home; arming moves it to the vehicle's position."""
     home_amsl_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Tracked(OfVehicle):
-    """Where a vehicle is and what is left in its battery, about once a second."""
+    """Position and battery of a vehicle, about once a second."""
 
     position: GridPoint
     height_m: float
     remaining_wh: float
     kind: Literal["tracked"] = "tracked"
     wind_m_s: float | None = None
-    """Wind measured in flight, None where nothing can be said of it."""
+    """Wind measured in flight, m/s; None if it is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arrived(OfVehicle):
-    """The leg that was ordered is flown."""
+    """The ordered leg is flown."""
 
     position: GridPoint
     kind: Literal["arrived"] = "arrived"
@@ -86,23 +86,25 @@ class Arrived(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class FrameSeen(OfVehicle):
-    """A picture was judged: taken over `vantage`, or (None) from wherever the vehicle was."""
+    """A picture was judged: taken over `vantage`, or (None) anywhere."""
 
     vantage: Cell | None
     votes: tuple[Vote, ...]
     kind: Literal["frame_seen"] = "frame_seen"
     overview: Literal[True] | None = None
-    """Taken from the height of a search, where a cell has few pixels."""
+    """Taken from search height, where a cell has few pixels."""
     unsure: tuple[Cell, ...] | None = None
-    """Cells that look like nothing that the detector knows; their votes say no region."""
+    """Cells that resemble nothing that the detector knows; their votes are negative."""
     classes: tuple[ClassShare, ...] | None = None
-    """Shares above 0 of its cells by class, of a detector that tells several apart."""
+    """Shares above 0 of its cells by class, from a detector that distinguishes several."""
 
 
 @dataclass(frozen=True, slots=True)
 class Weighed(OfVehicle):
-    """What the votes of the picture just judged weigh, 0 to 1 each, in their order: of a recorded
-    one, whose cells are decided by evidence (`missions.mapping.evidence`)."""
+    """Weights of the votes of the last judged picture, 0 to 1 each, in their order.
+
+    It is a recorded picture, whose cells are decided by evidence (`missions.mapping.evidence`).
+    """
 
     weights: tuple[float, ...]
     kind: Literal["weighed"] = "weighed"
@@ -110,7 +112,7 @@ class Weighed(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class FrameLost(OfVehicle):
-    """A picture that was asked for is missing or cannot be read."""
+    """A requested picture is missing or cannot be read."""
 
     reason: str
     kind: Literal["frame_lost"] = "frame_lost"
@@ -118,24 +120,24 @@ class FrameLost(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class LookEnded(OfVehicle):
-    """All the pictures that an order allowed were taken; some cells may lack votes."""
+    """All pictures of an observation were taken; some cells may lack votes."""
 
     kind: Literal["look_ended"] = "look_ended"
 
 
 @dataclass(frozen=True, slots=True)
 class Landed(OfVehicle):
-    """A vehicle stands on the ground, motors off."""
+    """A vehicle is on the ground, motors off."""
 
     remaining_wh: float
     kind: Literal["landed"] = "landed"
     position: GridPoint | None = None
-    """Where it stands; None in old journals, which do not say."""
+    """Position on the ground; None in old journals, which do not record it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Crashed(OfVehicle):
-    """A vehicle is down where it was not told to land: somebody has to fetch it."""
+    """A vehicle is down without a command to land: the crew has to fetch it."""
 
     position: GridPoint
     reason: str
@@ -144,7 +146,8 @@ class Crashed(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class Guarded(OfVehicle):
-    """The guardian of a vehicle has it return or land by its autopilot, and keeps it until down."""
+    """The guardian of a vehicle has its autopilot return or land, and keeps control until it is
+    down."""
 
     action: Literal["rtl", "land"]
     reason: str
@@ -153,14 +156,16 @@ class Guarded(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class Navigated(OfVehicle):
-    """What a vehicle navigates by, when that changes, and from time to time without satellites.
-    Nothing acts on it: positions of other events are corrected already."""
+    """The source of a vehicle's navigation: at changes, and regularly without satellites.
+
+    No rule acts on it: positions of other events are corrected already.
+    """
 
     gnss: Literal["good", "lost", "wrong"]
     sigma_m: float | None = None
-    """How well its place is known by its own pictures, one standard deviation; None: not so."""
+    """Standard deviation of its position by its own pictures, m; None if that is unknown."""
     off_m: GridPoint | None = None
-    """By how much the place that its autopilot tells is off, along the grid's axes."""
+    """Error of the position that its autopilot reports, along the grid's axes, m."""
     kind: Literal["navigated"] = "navigated"
 
 
@@ -173,22 +178,22 @@ class BatterySwapped(OfVehicle):
 
 
 UNTOLD: Final = "a failsafe; the autopilot has not said which"
-"""The cause of an `Overridden` whose vehicle says that a failsafe flies, and no more yet."""
+"""Cause of an `Overridden` whose vehicle reports only that a failsafe flies it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Overridden(OfVehicle):
-    """The mode changed without us: a pilot or a failsafe flies the vehicle now."""
+    """The mode changed without our command: a pilot or a failsafe flies the vehicle now."""
 
     mode: str
     kind: Literal["overridden"] = "overridden"
     cause: str | None = None
-    """Why, if the vehicle has said it: "battery failsafe: Battery 1 is low 9.90V"."""
+    """Cause as the vehicle reports it: "battery failsafe: Battery 1 is low 9.90V"."""
 
 
 @dataclass(frozen=True, slots=True)
 class Released(OfVehicle):
-    """The vehicle was given back: it is in the mode in which it follows us."""
+    """The vehicle is back under our control: it is in the mode in which it follows us."""
 
     position: GridPoint
     height_m: float
@@ -197,14 +202,14 @@ class Released(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class LinkLost(OfVehicle):
-    """No heartbeat for too long."""
+    """No heartbeat arrived for too long."""
 
     kind: Literal["link_lost"] = "link_lost"
 
 
 @dataclass(frozen=True, slots=True)
 class GivenUp(OfVehicle):
-    """A silent vehicle is not waited for any longer; it is taken up again when it speaks."""
+    """A silent vehicle is not waited for any longer; it takes part again when its link is back."""
 
     reason: str
     kind: Literal["given_up"] = "given_up"
@@ -212,8 +217,10 @@ class GivenUp(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class OrderFailed(OfVehicle):
-    """An order failed; the vehicle comes home and takes no further part. One that is only `behind`
-    its path may go on from where it is."""
+    """An order failed; the vehicle returns and takes no further part.
+
+    One that is only `behind` its path may continue from its place.
+    """
 
     order: str
     reason: str
@@ -223,17 +230,17 @@ class OrderFailed(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class Recalled:
-    """The operator calls everybody home."""
+    """The operator recalls all vehicles."""
 
     t_s: float
     kind: Literal["recalled"] = "recalled"
     stamp: int | None = None
-    """Number of an operator's word to a fleet; None of an order given here."""
+    """Number of an operator's order to a fleet; None for an order given here."""
 
 
 @dataclass(frozen=True, slots=True)
 class Paused:
-    """The operator has everybody hold where they are; who is on its way home goes on."""
+    """The operator has all vehicles hold; those on their way home continue."""
 
     t_s: float
     kind: Literal["paused"] = "paused"
@@ -242,7 +249,7 @@ class Paused:
 
 @dataclass(frozen=True, slots=True)
 class Continued:
-    """The operator lets a mission go on that was paused."""
+    """The operator continues a paused mission."""
 
     t_s: float
     kind: Literal["continued"] = "continued"
@@ -251,7 +258,7 @@ class Continued:
 
 @dataclass(frozen=True, slots=True)
 class VehicleRecalled(OfVehicle):
-    """The operator calls one vehicle home; it takes no further part until a resume."""
+    """The operator recalls one vehicle; it takes no further part until a resume."""
 
     kind: Literal["vehicle_recalled"] = "vehicle_recalled"
     stamp: int | None = None
@@ -259,7 +266,7 @@ class VehicleRecalled(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class CellSkipped(OfVehicle):
-    """The operator has nobody look from a cell: the one that a vehicle was at, or on its way to."""
+    """The operator skips a cell: the one that a vehicle observed, or was on its way to."""
 
     cell: Cell
     kind: Literal["cell_skipped"] = "cell_skipped"
@@ -267,16 +274,16 @@ class CellSkipped(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class Told(OfVehicle):
-    """What a vehicle said in words (STATUSTEXT). It changes nothing that anybody acts on."""
+    """A text of a vehicle (STATUSTEXT). No decision depends on it."""
 
     severity: int
     """MAV_SEVERITY: 0 is an emergency, 7 for debugging."""
     text: str
     kind: Literal["told"] = "told"
     times: int = 1
-    """How often it was said in the same words since it was last noted."""
+    """Number of times that it was received since it was last recorded."""
     cause: str | None = None
-    """Of a failsafe that has taken the vehicle already: why."""
+    """Cause of a failsafe that has already taken control."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +297,7 @@ class TrafficSeen:
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """The operator goes on with a mission that was interrupted."""
+    """The operator continues an interrupted mission."""
 
     t_s: float
     kind: Literal["resumed"] = "resumed"
@@ -331,13 +338,13 @@ AnyEvent = Annotated[Event, Field(discriminator="kind")]
 
 _ADAPTER: TypeAdapter[Event] = TypeAdapter(AnyEvent)
 _MAY_OVERFLOW: Final = re.compile(r"NaN|Infinity|\d[eE]\+?\d{2}|\d{300}")
-"""What a text has in which a number may be no finite one."""
+"""Text in which a number may not be finite."""
 
 
 def to_json(event: Event) -> str:
-    """The text of an event in the journal. Raises `EventError` for what no journal can hold."""
+    """Return the text of an event in the journal. Raises `EventError` if no journal can hold it."""
     try:
-        # without a vantage is something that a frame says; elsewhere None is what nobody has said
+        # a frame without a vantage records that; elsewhere None means that nothing was reported
         if isinstance(event, FrameSeen):
             unsaid = {
                 key for key in ("overview", "unsure", "classes") if getattr(event, key) is None
@@ -354,7 +361,8 @@ def to_json(event: Event) -> str:
 
 
 def from_json(text: str) -> Event:
-    """The inverse of `to_json`. Raises ValueError for anything else."""
+    """Return the event of a text: the inverse of `to_json`. Raises ValueError for any other
+    text."""
     event = _ADAPTER.validate_json(text, strict=True)
     if _MAY_OVERFLOW.search(text):
         _refuse_what_json_cannot_hold(event)

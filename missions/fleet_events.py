@@ -1,4 +1,4 @@
-"""What members of a fleet report to each other, as events of the journal (`missions.events`)."""
+"""Reports between members of a fleet, as events of the journal (`missions.events`)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from missions.units import Cell, GridPoint
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """From `begin` to `end` only members of one group hear each other; without groups none do.
-    Times are those of the caller: seconds, or the unit of a simulation.
+    """A time from `begin` to `end` in which only members of one group are in contact.
+
+    Without groups none are. Times are those of the caller: seconds, or the unit of a simulation.
 
     >>> Partition(10.0, 20.0, (frozenset({0, 1}),)).parts(0, 1, 15.0)
     False
@@ -25,7 +26,7 @@ class Partition:
     groups: tuple[frozenset[int], ...] = ()
 
     def parts(self, one: int, other: int, t: float) -> bool:
-        """Whether two cannot hear each other at a time."""
+        """Return whether two members are out of contact at a time."""
         if not self.begin <= t < self.end:
             return False
         return not any(one in group and other in group for group in self.groups)
@@ -41,7 +42,7 @@ class OfVehicle:
 
 @dataclass(frozen=True, slots=True)
 class Heard(OfVehicle):
-    """What another member of a fleet said of its vehicle: where it is, and what it will do."""
+    """Another member's report on its vehicle: where it is, and what it will do."""
 
     position: GridPoint
     height_m: float
@@ -49,35 +50,42 @@ class Heard(OfVehicle):
     does: Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
     home: GridPoint
     lanes: tuple[int, ...] = ()
-    """Which lanes of the mission it holds, in the order of flight, by number from 0."""
+    """Lanes of the mission that it holds, in the order of flight, by number from 0."""
     path: tuple[GridPoint, ...] = ()
-    """Where its path leads from here."""
+    """Places along the rest of its path."""
     layer_m: float | None = None
-    """The altitude that it works in, where that is not the one from which it maps."""
+    """Its working altitude if that differs from the altitude of the map, m."""
     kind: Literal["heard"] = "heard"
 
 
 class Fact(NamedTuple):
-    """What a vehicle's frames have decided within a second: each cell, and whether it is region."""
+    """Decisions of a vehicle's frames within a second: cells, and whether each is region."""
 
     t_s: float
     votes: tuple[tuple[Cell, bool], ...]
     overview: bool = False
-    """Whether from the height of a search."""
+    """True if it is from search height."""
     seen: bool = False
-    """Whether nothing is decided: all frames took these cells for no region, too few of them for a
-    decision, and the vehicle has passed."""
+    """True if it decides nothing: all frames showed these cells as no region.
+
+    They were too few for a decision, and the vehicle has passed.
+    """
     classes: tuple[ClassShare, ...] = ()
-    """Mean shares of the explored classes in these cells over the vehicle's frames: whole tenths
-    above 0, by number and cell."""
+    """Mean shares of the explored classes in these cells over the vehicle's frames.
+
+    Whole tenths above 0, by number and cell.
+    """
     doubt: bool = False
-    """Whether nothing is decided: the vehicle has passed, and votes say of each cell whether its
-    frames leave it unsure, or are sure of it again."""
+    """True if it decides nothing, and votes give the doubt of each cell.
+
+    The vehicle has passed. A vote is True if its frames leave the cell unsure, and False once they
+    are sure of it again.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Shared(OfVehicle):
-    """What another member of a fleet has decided, in facts numbered from `first` on."""
+    """Decisions of another member, in facts numbered from `first` on."""
 
     first: int
     frames: tuple[Fact, ...]
@@ -85,7 +93,7 @@ class Shared(OfVehicle):
 
 
 class Part(NamedTuple):
-    """What a vehicle of a fleet is to map: observation points, in order, as at mission time 0."""
+    """The part of a vehicle of a fleet: observation points, in order, as at mission time 0."""
 
     vehicle: int
     places: tuple[GridPoint, ...]
@@ -93,7 +101,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Allotted(OfVehicle):
-    """A member of a fleet has said who is to map what: what lies near to its places."""
+    """A member of a fleet has laid out the parts of the map: cells near to the places of each."""
 
     parts: tuple[Part, ...]
     kind: Literal["allotted"] = "allotted"
@@ -101,17 +109,17 @@ class Allotted(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class Apart(OfVehicle):
-    """Another member of a fleet has not been heard for some time: it goes on alone, as we do."""
+    """Another member of a fleet is out of contact: each continues alone."""
 
     kind: Literal["apart"] = "apart"
 
 
 @dataclass(frozen=True, slots=True)
 class Asked(OfVehicle):
-    """Another member asks for the air above and below a place: it is closed to us from now on.
+    """Another member requests the air above and below a place: it is closed to us from now on.
 
-    It is open again after `until_s`, or once another question of the same member is heard; one
-    that ends when it is asked gives it back.
+    It is open again after `until_s`, or at the next request of the same member. A request that ends
+    at once returns the air.
     """
 
     place: GridPoint
@@ -123,7 +131,7 @@ class Asked(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class Leased(OfVehicle):
-    """Everybody else has closed the air that our vehicle asked for to themselves."""
+    """All others have closed to themselves the air that our vehicle requested."""
 
     place: GridPoint
     until_s: float

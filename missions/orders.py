@@ -1,5 +1,7 @@
-"""What the mission commands a vehicle to do: one order at a time, a new one replaces the last.
-Points are in the grid's fixed frame; a cell drifts with the ROI."""
+"""Orders of the mission to a vehicle: one at a time, a new one replaces the last.
+
+Points are in the grid's fixed frame; a cell drifts with the ROI.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ class TakeOff:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """Fly a search lane to its end and take a frame every so often. Ends with `Arrived`."""
+    """Fly a search lane to its end and take frames regularly. Ends with `Arrived`."""
 
     end: GridPoint
     every_m: float
@@ -32,8 +34,10 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True)
 class FlyTo:
-    """Fly the points of a route, then to the cell if one is named; `stop` to rest. Ends with
-    `Arrived`."""
+    """Fly the points of a route, then to the cell if one is given; `stop` to rest.
+
+    Ends with `Arrived`.
+    """
 
     route: tuple[GridPoint, ...]
     cell: Cell | None
@@ -44,7 +48,7 @@ class FlyTo:
 
 @dataclass(frozen=True, slots=True)
 class FlyPath:
-    """Fly a path without stopping, a frame every so often all along. Ends with `Arrived`, at rest.
+    """Fly a path without stopping, with frames regularly all along. Ends with `Arrived`, at rest.
 
     The path holds the vehicle's place at each moment of the mission. One that replaces another
     begins in the future, at a state of the older one, without a halt.
@@ -53,14 +57,14 @@ class FlyPath:
     trajectory: Trajectory
     height_m: float
     yaw_deg: float | None
-    """True bearing at which the nose is held; None: as the autopilot chooses."""
+    """True bearing of the nose, degrees; None: the autopilot chooses."""
     every_s: float
     kind: Literal["fly_path"] = "fly_path"
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Hover over a cell and take frames, at most `frames`. Ends with `LookEnded`."""
+    """Observe a cell: hover over it and take at most `frames` frames. Ends with `LookEnded`."""
 
     cell: Cell
     frames: int
@@ -70,7 +74,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Stay where you are; a new order will come."""
+    """Hold the position until a new order comes."""
 
     kind: Literal["hold"] = "hold"
 
@@ -84,21 +88,22 @@ class Land:
 
 @dataclass(frozen=True, slots=True)
 class ReturnToLaunch:
-    """Let the autopilot bring the vehicle home: when our own way home fails. Ends with `Landed`."""
+    """Let the autopilot bring the vehicle home: when our own return fails. Ends with `Landed`."""
 
     kind: Literal["return_to_launch"] = "return_to_launch"
 
 
 @dataclass(frozen=True, slots=True)
 class AwaitBattery:
-    """Wait on the ground for a fresh battery and the crew's word. Ends with `BatterySwapped`."""
+    """Wait on the ground for a fresh battery and the crew's clearance. Ends with
+    `BatterySwapped`."""
 
     kind: Literal["await_battery"] = "await_battery"
 
 
 @dataclass(frozen=True, slots=True)
 class StandDown:
-    """Nothing more to do."""
+    """Do nothing more."""
 
     kind: Literal["stand_down"] = "stand_down"
 

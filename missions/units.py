@@ -1,11 +1,11 @@
-"""Values with their units and frames in the name: the vocabulary of every room.
+"""Values with their units and frames in the name: the vocabulary of every package.
 
 Frames used throughout:
 
 * **WGS84**: `LatLon`, degrees.
 * **grid frame**: `GridPoint`, metres *on the ground* along UTM grid east and grid north from the
   centre of cell (0, 0). It is fixed to the ground, or it moves with a drifting ROI; the name of
-  the function says which (`missions.geo.grid`).
+  the function gives the frame (`missions.geo.grid`).
 * **NED**: the vehicle's north-east-down, true north; attitudes are quaternions from the camera's
   forward-right-down axes to NED, as in CAMERA_IMAGE_CAPTURED.
 """
@@ -28,12 +28,12 @@ class Cell(NamedTuple):
     north: int
 
     def neighbours(self) -> tuple[Cell, Cell, Cell, Cell]:
-        """The four neighbours in the order north, east, south, west."""
+        """Return the four neighbours in the order north, east, south, west."""
         e, n = self
         return (Cell(e, n + 1), Cell(e + 1, n), Cell(e, n - 1), Cell(e - 1, n))
 
     def cross(self) -> tuple[Cell, Cell, Cell, Cell, Cell]:
-        """The cell itself and its four neighbours: what one frame votes on."""
+        """Return the cell itself and its four neighbours: the cells of one frame's votes."""
         return (self, *self.neighbours())
 
 
@@ -46,8 +46,8 @@ class LatLon:
 
 
 class PadHeight(NamedTuple):
-    """What the receiver of a vehicle on its pad reports, above the sea, with its standard
-    deviation."""
+    """The height of a vehicle's receiver on its pad above the sea, with its standard deviation,
+    m."""
 
     amsl_m: float
     sigma_m: float
@@ -60,11 +60,11 @@ class GridPoint(NamedTuple):
     north_m: float
 
     def distance_to(self, other: GridPoint) -> float:
-        """Straight distance in metres."""
+        """Return the straight distance, m."""
         return math.hypot(self.east_m - other.east_m, self.north_m - other.north_m)
 
     def towards(self, other: GridPoint, distance_m: float) -> GridPoint:
-        """The point so far from here on the line to another."""
+        """Return the point at `distance_m` from here on the line to another."""
         share = distance_m / max(self.distance_to(other), 1e-9)
         return GridPoint(
             self.east_m + share * (other.east_m - self.east_m),
@@ -82,7 +82,7 @@ class Quaternion(NamedTuple):
 
     @classmethod
     def from_euler(cls, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
-        """From aerospace angles (yaw about down, then pitch, then roll).
+        """Return the rotation by aerospace angles (yaw about down, then pitch, then roll).
 
         >>> Quaternion.from_euler(0.0, 0.0, 0.0)
         Quaternion(w=1.0, x=0.0, y=0.0, z=0.0)
@@ -100,7 +100,7 @@ class Quaternion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a camera was and how it was turned when it took a picture.
+    """The position and attitude of a camera when it took a picture.
 
     `height_m` is above the ground plane, taken to be the level of home. `attitude` turns the
     camera's forward-right-down axes (forward is the optical axis, down the lower edge of the

@@ -1,4 +1,4 @@
-"""Paths that are flown without stopping: how one comes to rest, how plans replace one another."""
+"""Braking on paths that are flown without stopping, and the replacement of plans."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Final
 from missions.geo.trajectory import Motion, Piece, Trajectory
 
 ARC_BRAKE_M_S2: Final = 1.0
-"""On an arc most of what a vehicle can do goes into the turn."""
+"""Maximum braking on an arc, m/s^2: the turn needs most of the acceleration."""
 _TINY_S: Final = 1e-6
 
 
 def braked(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
-    """The path from `t_s` on that comes to rest along `path`; where that is slower, as slow."""
+    """Return the path from `t_s` on that comes to rest along `path`, never faster than it."""
     pieces: list[Piece] = []
     now_s, speed = max(t_s, path.begin_s), -1.0
     for piece in path.pieces:
@@ -50,7 +50,7 @@ def braked(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
 
 
 def cut_short(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
-    """A path from its beginning to where `braked` comes to rest that begins to brake at `t_s`.
+    """Return the path to where it comes to rest if it begins to brake at `t_s` (`braked`).
 
     `t_s` lies after the beginning.
 
@@ -73,7 +73,7 @@ def cut_short(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
 
 
 KEPT_S: Final = 2.0
-"""Of the past: telemetry is older than now, and the stream is smoothed over some of it."""
+"""Kept part of the past, s: telemetry is older than now, and the stream is smoothed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,24 +94,24 @@ class Course:
     """
 
     parts: tuple[Trajectory, ...]
-    """At least one, in the order of their beginnings."""
+    """Trajectories, at least one, in the order of their beginnings."""
 
     @property
     def end_s(self) -> float:
-        """When it is at rest, mission seconds."""
+        """Time when it is at rest, mission seconds."""
         return self.parts[-1].end_s
 
     def at(self, t_s: float) -> Motion:
-        """The motion at mission time `t_s`, fixed frame."""
+        """Return the motion at mission time `t_s`, fixed frame."""
         for part in reversed(self.parts):
             if part.begin_s <= t_s:
                 return part.at(t_s)
         return self.parts[0].at(t_s)
 
     def then(self, plan: Trajectory, now_s: float) -> Course:
-        """This course with a new plan from its beginning on.
+        """Return this course with a new plan from its beginning on.
 
-        What was to begin later is dropped, and what ended `KEPT_S` ago.
+        Parts that were to begin later are dropped, and those that ended `KEPT_S` ago.
         """
         parts = [part for part in self.parts if part.begin_s < plan.begin_s]
         while len(parts) > 1 and parts[1].begin_s <= now_s - KEPT_S:

@@ -1,4 +1,4 @@
-"""The air over the pads of a fleet: each member climbs and comes down in a column of its own.
+"""The air over the pads of a fleet: each member climbs and descends in its own column.
 
 Members out of contact cannot ask each other. So each has air that no other ever enters: its layer,
 and the column over its pad, which is a hole in the geofence of all others.
@@ -19,22 +19,22 @@ from missions.geo.fence import Fence
 from missions.units import GridPoint
 
 STRAY_M: Final = 2.0
-"""So far a vehicle strays from its column while it climbs or comes down."""
+"""Maximum distance of a vehicle from its column in a climb or descent, m."""
 PAD_M: Final = 2.0
-"""So far from its pad it may stand."""
+"""Maximum distance of a vehicle from its pad on the ground, m."""
 _CORNERS: Final = 12
 GATE_STEP_M: Final = 4.0
 GATE_STEPS: Final = 15
-"""So far from its pad a gate is looked for."""
+"""Number of steps from the pad in which a gate is searched."""
 ROW_TIMES: Final = 1.5
-"""Pads that reach so many times farther in one direction than across it stand in a row."""
+"""Ratio of length to width from which on pads count as a row."""
 WAY_M: Final = 120.0
 WAYS_RAD: Final = tuple(math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0, 25.0, 50.0, 75.0))
-"""These ways from a gate lead past no column."""
+"""Directions from a gate that must lead past all columns."""
 
 
 def column_radius_m(separation_m: float) -> float:
-    """Return how far from a pad all others stay, m.
+    """Return the distance from a pad that all others keep, m.
 
     >>> column_radius_m(4.0)
     8.0
@@ -43,13 +43,13 @@ def column_radius_m(separation_m: float) -> float:
 
 
 def columns_over(pads: Sequence[GridPoint], separation_m: float) -> list[list[GridPoint]]:
-    """A ring around each pad (not closed), no nearer to it anywhere than `column_radius_m`."""
+    """Return a ring around each pad (not closed), at least `column_radius_m` from it everywhere."""
     reach_m = column_radius_m(separation_m) / math.cos(math.pi / _CORNERS)
     return [ring(pad, reach_m, _CORNERS) for pad in pads]
 
 
 def ring(centre: GridPoint, radius_m: float, places: int) -> list[GridPoint]:
-    """Return places all around a centre, from north on, to the centimetre.
+    """Return places all around a centre, north first, to the centimetre.
 
     >>> ring(GridPoint(1.0, 0.0), 2.0, places=4)[1]
     GridPoint(east_m=3.0, north_m=0.0)
@@ -65,7 +65,7 @@ def ring(centre: GridPoint, radius_m: float, places: int) -> list[GridPoint]:
 
 
 def fence_without(fence: Fence, columns: Sequence[Sequence[GridPoint]], margin_m: float) -> Fence:
-    """A fence without the columns of others; one that reaches over the rim takes a bite of it."""
+    """Return a fence without others' columns; a column across its edge removes that part."""
     area: BaseGeometry = fence.outer
     for column in columns:
         area = area.difference(Polygon(column))
@@ -84,7 +84,7 @@ def _points(coordinates: Sequence[Sequence[float]]) -> list[GridPoint]:
 def gate_past_columns(fence: Fence, whole: Fence, pad: GridPoint, cell_m: float) -> GridPoint:
     """Return a place before a pad from which ways lead past all columns, the holes of `fence`.
 
-    `whole` is the fence without them; the pad itself where no such place is found.
+    `whole` is the fence without them. If no such place is found it is the pad itself.
     """
     # (a plan looks at whole cells)
     columns = whole.inner.difference(fence.inner).buffer(cell_m * math.sqrt(0.5))
@@ -105,7 +105,7 @@ def gate_past_columns(fence: Fence, whole: Fence, pad: GridPoint, cell_m: float)
 
 
 def _across(row: BaseGeometry, ahead: float) -> float:
-    """The direction across the longer side of a rectangle that is nearest to another."""
+    """Return the direction across the longer side of a rectangle that is nearest to another."""
     if not isinstance(row, Polygon):
         return ahead
     corners = [GridPoint(x, y) for x, y in row.exterior.coords[:3]]

@@ -1,7 +1,7 @@
-"""The geofence: where a vehicle may be, and how to get from A to B without leaving it.
+"""The geofence: its limits, and routes from A to B inside it.
 
 All points are in the grid's fixed frame (ground metres). Planning uses the fence shrunk by a
-margin, so that what a vehicle strays from its leg stays inside the fence itself.
+margin, so that a vehicle which strays from its leg stays inside the fence itself.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from missions.units import GridPoint
 
 _TOLERANCE_M = 0.01
 _REMEMBERED = 10_000
-"""Number of kept answers: rules ask for a way several times in one step of a mission."""
+"""Number of kept answers: rules ask for a route several times in one step of a mission."""
 
 Way = tuple[GridPoint, ...]
 
@@ -39,7 +39,7 @@ class Fence:
     inner: Polygon | shapely.MultiPolygon
     corners: tuple[GridPoint, ...]
     _seen: dict[tuple[GridPoint, GridPoint], bool] = field(default_factory=dict)
-    """Which corners see each other, as far as anybody has asked."""
+    """Pairs of corners with a clear line between them, as far as they were asked for."""
 
     @classmethod
     def of(
@@ -48,7 +48,7 @@ class Fence:
         holes: Sequence[Sequence[GridPoint]],
         margin_m: float,
     ) -> Fence:
-        """A fence from its rings (not closed) and the margin that legs keep from it."""
+        """Return a fence from its rings (not closed) and the margin that legs keep from it."""
         outer = Polygon(polygon, holes)
         inner = outer.buffer(-margin_m, join_style="mitre")
         parts = inner.geoms if isinstance(inner, shapely.MultiPolygon) else [inner]
@@ -63,58 +63,62 @@ class Fence:
         return cls(outer, inner, corners)
 
     def shrunk(self, by_m: float) -> shapely.Geometry:
-        """What is left of the inside of the margin so far from its rim, prepared."""
+        """Return the inside of the margin at this distance from its edge, prepared."""
         return _shrunk(self, by_m)
 
     def contains(self, point: GridPoint) -> bool:
-        """Whether a point is inside the fence itself, margin or not."""
+        """Return whether a point is inside the fence itself, margin or not."""
         return bool(shapely.intersects_xy(self.outer, point.east_m, point.north_m))
 
     def allows(self, point: GridPoint) -> bool:
-        """Whether a leg may end here."""
+        """Return whether a leg may end here."""
         return _allows(self, point)
 
     def allows_leg(self, start: GridPoint, end: GridPoint) -> bool:
-        """Whether a straight leg stays inside the margin."""
+        """Return whether a straight leg stays inside the margin."""
         leg = LineString([start, end])
-        # a leg along an edge misses it by roundings: all of its length is outside then, by nothing
+        # a leg along an edge misses it by rounding errors: all of its length is outside then, by
+        # nothing
         if bool(self.inner.covers(leg)):
             return True
         forgiven = self.shrunk(-_TOLERANCE_M)
         return bool(shapely.covers(forgiven, leg)) and self.allows(start) and self.allows(end)
 
     def route(self, start: GridPoint, end: GridPoint) -> Way | None:
-        """The points of the shortest way to `end` inside the margin; None where there is none.
+        """Return the points of the shortest route to `end` inside the margin; None without one.
 
         A start outside the margin (blown there) goes to the nearest allowed point first.
         """
         return _route(self, start, end)
 
     def route_near(self, start: GridPoint, end: GridPoint) -> Way | None:
-        """The way to an `end` in the margin, straight from the nearest allowed place; None where
-        that cannot be reached or `end` lies outside of the fence."""
+        """Return the route to an `end` in the margin, straight from the nearest allowed place.
+
+        None if that cannot be reached or `end` lies outside the fence.
+        """
         if not self.contains(end):
             return None
         way = self.route(start, self.nearest(end))
         return None if way is None else (*way, end)
 
     def inside(self, point: GridPoint) -> GridPoint:
-        """The point itself where a leg may end there, else the nearest place inside the margin."""
+        """Return the point itself if a leg may end there, else the nearest place inside the
+        margin."""
         return point if self.allows(point) else self.nearest(point)
 
     def nearest(self, point: GridPoint, inside_m: float = 0.0) -> GridPoint:
-        """The place inside the margin that is nearest to a point, `inside_m` from the rim if there
-        is any so deep."""
+        """Return the nearest place inside the margin, `inside_m` from its edge if any is so
+        deep."""
         deep = self.shrunk(inside_m) if inside_m else self.inner
         near = nearest_points(self.inner if shapely.is_empty(deep) else deep, Point(point))[0]
         return GridPoint(float(near.x), float(near.y))
 
     def _shortest(self, start: GridPoint, end: GridPoint) -> Way | None:
-        """A* over the corners that see each other."""
+        """Return the shortest route by A* over the corners with clear lines between them."""
         if self.allows_leg(start, end):
             return (end,)
         counter = itertools.count()
-        # at least so far in all, so far until here, the place, the way to it
+        # lower bound of the total, distance so far, the place, the route to it
         queue: list[tuple[float, int, float, GridPoint, Way]] = [
             (start.distance_to(end), next(counter), 0.0, start, ())
         ]
@@ -136,7 +140,7 @@ class Fence:
         return None
 
     def _sees(self, one: GridPoint, other: GridPoint) -> bool:
-        """Whether a leg is allowed; remembered between corners."""
+        """Return whether a leg is allowed; remembered between corners."""
         if one not in self.corners or other not in self.corners:
             return self.allows_leg(one, other)
         if (one, other) not in self._seen:
@@ -153,7 +157,7 @@ def _shrunk(fence: Fence, by_m: float) -> shapely.Geometry:
 
 @lru_cache(_REMEMBERED)
 def _allows(fence: Fence, point: GridPoint) -> bool:
-    # a point that was computed to lie on the edge may miss it by a rounding
+    # a point that was computed to lie on the edge may miss it by a rounding error
     inside = shapely.intersects_xy(fence.inner, point.east_m, point.north_m)
     return bool(inside or fence.inner.dwithin(Point(point), _TOLERANCE_M))
 
@@ -168,7 +172,7 @@ def _route(fence: Fence, start: GridPoint, end: GridPoint) -> Way | None:
 
 
 def route_length_m(start: GridPoint, route: Sequence[GridPoint]) -> float:
-    """Length of the way from `start` through the points of a route."""
+    """Return the length of the way from `start` through the points of a route, m."""
     return sum(a.distance_to(b) for a, b in itertools.pairwise((start, *route)))
 
 
@@ -189,10 +193,10 @@ def beginning_of(start: GridPoint, route: Way, length_m: float) -> Way:
 
 
 def corners_home(fence: Fence, position: GridPoint, home: GridPoint) -> tuple[GridPoint, ...]:
-    """Where to turn until home lies straight ahead: an autopilot that returns knows no fence.
+    """Return the places to turn at until home lies straight ahead: an RTL knows no fence.
 
-    Empty where nothing is in the way, and where no way is known: outside of the fence already,
-    or with a home that cannot be reached.
+    Empty if nothing is in the way, or if no route is known: outside the fence already, or with a
+    home that cannot be reached.
 
     >>> yard = [GridPoint(0, 0), GridPoint(50, 0), GridPoint(50, 50), GridPoint(0, 50)]
     >>> house = [GridPoint(20, 10), GridPoint(30, 10), GridPoint(30, 40), GridPoint(20, 40)]

@@ -1,6 +1,6 @@
-"""What a camera that looks straight down shows of flat ground, and how finely.
+"""The footprint of a camera that looks straight down on flat ground, and its resolution.
 
-The level case, which planning needs: a camera on a tilted vehicle sees the ground through a
+Planning needs only the level case. A camera on a tilted vehicle sees the ground through a
 homography (`vision.camera`).
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 TOUCH_M = 1e-6
-"""A cell on the very edge of a footprint is inside, whatever the last bits of its corners say."""
+"""Tolerance at the edge of a footprint, m, whatever the rounding of a cell's corners."""
 
 
 class Footprint(NamedTuple):
@@ -41,7 +41,7 @@ class Optics:
     height_px: int
 
     def __post_init__(self) -> None:
-        """Refuse what is not a camera with `ValueError`."""
+        """Raise `ValueError` for values that are no camera."""
         if not 0.0 < self.hfov_rad < math.pi:
             raise ValueError(f"hfov_rad is {self.hfov_rad:g}, expected 0 to pi, open")
         if self.width_px < 1 or self.height_px < 1:
@@ -53,18 +53,18 @@ class Optics:
         return self.width_px / 2.0 / math.tan(self.hfov_rad / 2.0)
 
     def gsd_m(self, height_m: float) -> float:
-        """Ground sample distance: metres of ground to a pixel, from `height_m` above it."""
+        """Return the ground sample distance from `height_m` above the ground, m per pixel."""
         return height_m / self.focal_px
 
     def footprint(self, height_m: float) -> Footprint:
-        """What the level camera shows from `height_m` above the ground."""
+        """Return the footprint of the level camera from `height_m` above the ground."""
         gsd_m = self.gsd_m(height_m)
         return Footprint(self.width_px * gsd_m, self.height_px * gsd_m)
 
     def pixels_per_cell(self, height_m: float, cell_m: float) -> float:
-        """Pixels of a cell's edge, from `height_m` above the ground."""
+        """Return the pixels of a cell's edge, from `height_m` above the ground."""
         return cell_m / self.gsd_m(height_m)
 
     def height_m(self, cell_m: float, pixels_per_cell: float) -> float:
-        """The inverse of `pixels_per_cell`."""
+        """Return the height for a number of pixels: the inverse of `pixels_per_cell`."""
         return self.focal_px * cell_m / pixels_per_cell

@@ -1,8 +1,8 @@
 """WGS84 to and from UTM, and a true-north plane around a place.
 
-PROJ (through pyproj) does the projecting; what is written here is the choice of the zone, the
-meridian convergence and the scale factor, which tie metres on the ground and true north (what a
-vehicle measures) to metres in the projection and grid north (what the grid is aligned with).
+PROJ (through pyproj) does the projection. This module chooses the zone, and computes the meridian
+convergence and the scale factor. These connect metres on the ground and true north (which a vehicle
+measures) with metres in the projection and grid north (with which the grid is aligned).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class UtmZone:
 
     @classmethod
     def of(cls, position: LatLon) -> UtmZone:
-        """The zone of a position, with the exceptions for south-west Norway and Svalbard.
+        """Return the zone of a position, with the exceptions for south-west Norway and Svalbard.
 
         Raises `GeodesyError` outside 80 S to 84 N and for longitudes beyond 180 degrees.
         """
@@ -73,27 +73,28 @@ class UtmZone:
         return (32700 if self.south else 32600) + self.number
 
     def to_utm(self, position: LatLon) -> Utm:
-        """Project; exact also for places a little outside the zone."""
+        """Return the UTM position; exact also a little outside the zone."""
         east, north = _proj(self)(position.lon_deg, position.lat_deg)
         return Utm(float(east), float(north))
 
     def to_wgs84(self, point: Utm) -> LatLon:
-        """The inverse of `to_utm`."""
+        """Return the WGS84 position: the inverse of `to_utm`."""
         lon, lat = _proj(self)(point.east_m, point.north_m, inverse=True)
         return LatLon(float(lat), float(lon))
 
     def lon_lat(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Longitudes and latitudes, shape (n, 2), of UTM eastings and northings, shape (n, 2)."""
+        """Return longitudes and latitudes, shape (n, 2), of UTM eastings and northings, shape (n,
+        2)."""
         east, north = np.ascontiguousarray(points.T)
         return np.column_stack(_proj(self)(east, north, inverse=True))
 
     def utm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The inverse of `lon_lat`."""
+        """Return UTM eastings and northings: the inverse of `lon_lat`."""
         lon, lat = np.ascontiguousarray(points.T)
         return np.column_stack(_proj(self)(lon, lat))
 
     def convergence_rad(self, position: LatLon) -> float:
-        """Angle from true north to grid north at a place, clockwise positive.
+        """Return the angle from true north to grid north at a place, clockwise positive, rad.
 
         East of the central meridian (northern hemisphere) grid north points east of true north.
         """
@@ -101,7 +102,8 @@ class UtmZone:
         return math.radians(factors.meridian_convergence)
 
     def scale(self, position: LatLon) -> float:
-        """Metres of the projection for a metre on the ground, 0.9996 on the central meridian."""
+        """Return metres of the projection per metre on the ground, 0.9996 on the central
+        meridian."""
         factors = _proj(self).get_factors(position.lon_deg, position.lat_deg)
         return float(factors.meridional_scale)
 
@@ -115,14 +117,14 @@ def _proj(zone: UtmZone) -> pyproj.Proj:
 class LocalPlane:
     """A plane of metres along true east and true north around an origin.
 
-    From the radii of curvature of the ellipsoid at the origin: good to a centimetre within two
-    kilometres away from the poles. Independent of UTM, so that each can check the other.
+    It uses the radii of curvature of the ellipsoid at the origin: good to a centimetre within two
+    kilometres away from the poles. It is independent of UTM, so that each can check the other.
     """
 
     origin: LatLon
 
     def to_plane(self, position: LatLon) -> tuple[float, float]:
-        """Metres (true east, true north) of a position."""
+        """Return the metres (true east, true north) of a position."""
         lat0 = math.radians(self.origin.lat_deg)
         dlat = math.radians(position.lat_deg) - lat0
         dlon = math.remainder(math.radians(position.lon_deg - self.origin.lon_deg), math.tau)
@@ -133,24 +135,24 @@ class LocalPlane:
         return east, north
 
     def to_wgs84(self, east_m: float, north_m: float) -> LatLon:
-        """The inverse of `to_plane`, to below a tenth of a millimetre."""
+        """Return the position: the inverse of `to_plane`, to below a tenth of a millimetre."""
         lat0 = math.radians(self.origin.lat_deg)
         dlat, dlon = 0.0, 0.0
         for _ in range(4):
             lat, last = lat0 + dlat, dlat
             dlon = east_m / (_prime_vertical_m(lat) * math.cos(lat))
             dlat = (north_m - 0.5 * east_m * dlon * math.sin(lat)) / _meridian_m(lat0 + dlat / 2)
-            if dlat == last:  # a further round would be the same
+            if dlat == last:  # another round would change nothing
                 break
         lon = math.remainder(self.origin.lon_deg + math.degrees(dlon), 360.0)
         return LatLon(math.degrees(lat0 + dlat), lon)
 
 
 def _meridian_m(lat_rad: float) -> float:
-    """Radius of curvature along the meridian."""
+    """Return the radius of curvature along the meridian, m."""
     return _A_M * (1.0 - _E2) / math.pow(1.0 - _E2 * math.sin(lat_rad) ** 2, 1.5)
 
 
 def _prime_vertical_m(lat_rad: float) -> float:
-    """Radius of curvature across it."""
+    """Return the radius of curvature across the meridian, m."""
     return _A_M / math.sqrt(1.0 - _E2 * math.sin(lat_rad) ** 2)

@@ -48,7 +48,8 @@ class Grid:
         drift_speed_m_s: float = 0.0,
         drift_toward_deg: float = 0.0,
     ) -> Grid:
-        """A grid whose cell (0, 0) is centred on `start`; the ROI drifts towards a true bearing.
+        """Return a grid whose cell (0, 0) is centred on `start`; the ROI drifts towards a true
+        bearing.
 
         Raises `GeodesyError` outside 80 S to 84 N.
         """
@@ -77,7 +78,7 @@ class Grid:
 
     # --- WGS84 and the fixed frame -------------------------------------------------------
     def fixed(self, position: LatLon) -> GridPoint:
-        """A position in ground metres along the grid's axes."""
+        """Return a position in ground metres along the grid's axes."""
         utm = self.zone.to_utm(position)
         return GridPoint(
             (utm.east_m - self.origin.east_m) / self.scale,
@@ -85,7 +86,7 @@ class Grid:
         )
 
     def position(self, point: GridPoint) -> LatLon:
-        """The inverse of `fixed`."""
+        """Return the WGS84 position: the inverse of `fixed`."""
         return self.zone.to_wgs84(
             Utm(
                 self.origin.east_m + point.east_m * self.scale,
@@ -95,39 +96,39 @@ class Grid:
 
     # --- fixed and moving frame ----------------------------------------------------------
     def to_moving(self, point: GridPoint, t_s: float) -> GridPoint:
-        """A point of the ground, as seen from the ROI at time `t_s`."""
+        """Return a point of the ground in the frame of the ROI at time `t_s`."""
         return GridPoint(
             point.east_m - self.drift_east_m_s * t_s, point.north_m - self.drift_north_m_s * t_s
         )
 
     def to_fixed(self, point: GridPoint, t_s: float) -> GridPoint:
-        """Where over ground a point of the ROI is at time `t_s`."""
+        """Return a point of the ROI over ground at time `t_s`."""
         return GridPoint(
             point.east_m + self.drift_east_m_s * t_s, point.north_m + self.drift_north_m_s * t_s
         )
 
     # --- cells ---------------------------------------------------------------------------
     def cell_of(self, point: GridPoint) -> Cell:
-        """The cell that holds a point of the moving frame."""
+        """Return the cell that holds a point of the moving frame."""
         return Cell(
             math.floor(point.east_m / self.cell_m + 0.5),
             math.floor(point.north_m / self.cell_m + 0.5),
         )
 
     def centre_of(self, cell: Cell) -> GridPoint:
-        """The centre of a cell in the moving frame."""
+        """Return the centre of a cell in the moving frame."""
         return GridPoint(cell.east * self.cell_m, cell.north * self.cell_m)
 
     def cell_at(self, position: LatLon, t_s: float) -> Cell:
-        """The cell over which a position lies at time `t_s`."""
+        """Return the cell over which a position lies at time `t_s`."""
         return self.cell_of(self.to_moving(self.fixed(position), t_s))
 
     def centre(self, cell: Cell, t_s: float) -> LatLon:
-        """Where the centre of a cell is at time `t_s`."""
+        """Return the centre of a cell at time `t_s`."""
         return self.position(self.to_fixed(self.centre_of(cell), t_s))
 
     def cells_in(self, area: Polygon) -> list[Cell]:
-        """The cells whose centre an area of the moving frame covers, by column."""
+        """Return the cells whose centre an area of the moving frame covers, by column."""
         west, south, east, north = area.bounds
         columns = range(math.ceil(west / self.cell_m), math.floor(east / self.cell_m) + 1)
         rows = range(math.ceil(south / self.cell_m), math.floor(north / self.cell_m) + 1)
@@ -135,7 +136,7 @@ class Grid:
         return [cell for cell in cells if area.covers(Point(self.centre_of(cell)))]
 
     def corners_of(self, cell: Cell) -> tuple[GridPoint, GridPoint, GridPoint, GridPoint]:
-        """South-west, south-east, north-east, north-west corner in the moving frame."""
+        """Return the south-west, south-east, north-east, north-west corner in the moving frame."""
         (e, n), h = self.centre_of(cell), self.cell_m / 2
         return (
             GridPoint(e - h, n - h),

@@ -1,4 +1,4 @@
-"""Whether a path without a stop leads where the fence allows it, at the time when it is flown."""
+"""Checks of a path without a stop against the fence, at the time when it is flown."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from missions.geo.trajectory import Trajectory
 from missions.units import GridPoint
 
 ROUNDING_M: Final = 0.02
-"""Distance by which a path along the rim of the margin may miss it, m."""
+"""Distance by which a path along the edge of the margin may miss it, m."""
 OUTSIDE_M: Final = 1.0
-"""Distance outside of the margin at which a path may begin, for a gust may blow a vehicle, m."""
+"""Distance outside the margin at which a path may begin, m: a gust may move a vehicle."""
 INSIDE_S: Final = 4.0
-"""Time within which such a path has to lead inside, on the way no farther out, s."""
+"""Time in which such a path has to lead inside, on its way no farther out, s."""
 BEFORE_S: Final = (4.0, 6.0, 9.0, 13.0)
-"""Times before a path would leave the fence at which it may be braked, s; the shortest first."""
+"""Times before a path would leave the fence at which it may be braked, s; shortest first."""
 WORTH_S: Final = 5.0
-"""Shortest part of a path that is worth to be begun, s."""
+"""Minimum duration of a path, s."""
 _STEP_S: Final = 0.25
 
 
 def as_far_as_allowed(fence: Fence, path: Trajectory, accel_m_s2: float) -> Trajectory | None:
     """Return a path that is not allowed as a whole, braked before it would lead outside.
 
-    Plans are made anew every other second, so what matters is where a path leads next. Its last
-    part is the way home as the planner sees it, past whatever stands around the pads: that is no
-    reason not to fly the first part. None where that is not worth to be begun.
+    New plans follow every other second, so only the next part of a path matters. Its last part is
+    the planner's way home, past the columns around the pads: that is no reason to refuse the first
+    part. None if the allowed part is too short.
     """
     places = _places(path)
     inside = _inside(fence, places)
@@ -54,7 +54,7 @@ def as_far_as_allowed(fence: Fence, path: Trajectory, accel_m_s2: float) -> Traj
 def allowed(fence: Fence, path: Trajectory) -> bool:
     """Return whether the margin of the fence holds all of a path, at the time when it is flown.
 
-    A vehicle may begin a little outside of it if it goes inside from there, and no farther out.
+    A vehicle may begin a little outside it if it goes inside from there, and no farther out.
     """
     places = _places(path)
     inside = _inside(fence, places)
@@ -82,7 +82,7 @@ def _inside(fence: Fence, places: list[GridPoint]) -> NDArray[np.bool_]:
 
 
 def _comes_in(fence: Fence, places: list[GridPoint]) -> bool:
-    """Whether a path that begins outside of the margin goes straight in, inside of the fence."""
+    """Return whether a path that begins outside the margin goes straight in, inside the fence."""
     if len(places) * _STEP_S > INSIDE_S or not all(map(fence.contains, places)):
         return False
     out_m = [float(fence.inner.distance(Point(place))) for place in places]
@@ -92,5 +92,5 @@ def _comes_in(fence: Fence, places: list[GridPoint]) -> bool:
 
 
 def is_outside(fence: Fence, place: GridPoint) -> bool:
-    """Return whether a place is too far outside of the margin for a path to begin there."""
+    """Return whether a place is too far outside the margin for a path to begin there."""
     return not fence.inner.dwithin(Point(place), OUTSIDE_M)

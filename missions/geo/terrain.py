@@ -1,8 +1,8 @@
-"""Ground that is not flat: its heights on a regular lattice, and what follows for a flight.
+"""Ground that is not flat: its heights on a regular lattice, and their effects on a flight.
 
-All else in `missions` reckons in heights above the ground below. The terrain converts between
-these and heights above home, which autopilots understand: `uavmap.mavlink.vehicle_view` adds it to
-what is sent and subtracts it from what is received. Flat ground is the absence of a terrain.
+All else in `missions` uses heights above the ground below. The terrain converts between these and
+heights above home, which autopilots understand. `uavmap.mavlink.vehicle_view` adds it to commands
+and subtracts it from reports. Flat ground is the absence of a terrain.
 
 Points are in the grid's fixed frame; heights are in metres above the ground at the start.
 """
@@ -27,22 +27,27 @@ from missions.units import GridPoint
 Heights = NDArray[np.float64]
 
 FOLLOW_M = 1.0
-"""Greatest height of a vehicle above its layer on a leg: over the way to the next target the ground
-varies by no more."""
+"""Maximum variation of the ground on the way to the next target, m.
+
+On a leg a vehicle is at most this far above its layer.
+"""
 LEAST_AHEAD_M = 1.0
-"""Least distance of a target, however steep the ground is."""
+"""Minimum distance of a target, m, however steep the ground is."""
 CLEAR_M = 5.0
-"""A vehicle that clears the ground by less climbs before it flies on."""
+"""Minimum clearance of a vehicle over the ground, m; a lower one climbs before it flies on."""
 LEG_CLIMB_M_S = 0.45
-"""Rate of climb on a leg over steep ground, where targets lie within `FOLLOW_M` and a vehicle slows
-down before each. Simulated: an ArduCopter 0.6, a PX4 0.46."""
+"""Rate of climb on a leg over steep ground, m/s.
+
+Targets there lie within `FOLLOW_M`, and a vehicle slows down before each. Simulated: an ArduCopter
+0.6, a PX4 0.46.
+"""
 _AHEAD_M = 60.0
-"""Greatest distance of a target."""
+"""Maximum distance of a target, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terrain:
-    """Heights at the points of a lattice, bilinear between them; beyond its rim as on the rim.
+    """Heights at the points of a lattice, bilinear between them; beyond its edge as on the edge.
 
     `heights_m[row, column]` is the height at (west_m + column * step_m, south_m + row * step_m).
     At least 2 x 2 finite heights; `step_m` is above 0.
@@ -58,7 +63,7 @@ class Terrain:
     heights_m: Heights
 
     def height_m(self, point: GridPoint) -> float:
-        """The height of the ground at a point."""
+        """Return the height of the ground at a point."""
         rows, columns = self.heights_m.shape
         column = min(max((point.east_m - self.west_m) / self.step_m, 0.0), columns - 1.0)
         row = min(max((point.north_m - self.south_m) / self.step_m, 0.0), rows - 1.0)
@@ -69,7 +74,7 @@ class Terrain:
         return float(south + (c + (d - c) * right - south) * up)
 
     def at(self, east_m: Heights, north_m: Heights) -> Heights:
-        """The heights of the ground at many points: arrays of one shape."""
+        """Return the heights of the ground at many points: arrays of one shape."""
         rows, columns = self.heights_m.shape
         column = np.clip((east_m - self.west_m) / self.step_m, 0.0, columns - 1.0)
         row = np.clip((north_m - self.south_m) / self.step_m, 0.0, rows - 1.0)
@@ -81,7 +86,8 @@ class Terrain:
         return np.asarray(south + (north - south) * up, dtype=np.float64)
 
     def along(self, start: GridPoint, end: GridPoint) -> Heights:
-        """The heights along a straight leg, no farther apart than half a step of the lattice."""
+        """Return the heights along a straight leg, no farther apart than half a step of the
+        lattice."""
         count = max(2, math.ceil(2.0 * start.distance_to(end) / self.step_m) + 1)
         return self.at(
             np.linspace(start.east_m, end.east_m, count),
@@ -91,8 +97,10 @@ class Terrain:
     def ups_and_downs_m(
         self, points: Sequence[GridPoint], speed_m_s: float = math.inf, climb_m_s: float = 0.0
     ) -> float:
-        """Metres that a way climbs and descends in all; at least what a vehicle climbs in the time
-        by which steep legs take longer (`LEG_CLIMB_M_S`)."""
+        """Return the metres that a way climbs and descends in all.
+
+        At least it is the climb in the extra time of steep legs (`LEG_CLIMB_M_S`).
+        """
         in_all_m = 0.0
         for a, b in itertools.pairwise(points):
             if a == b:
@@ -103,11 +111,10 @@ class Terrain:
         return in_all_m
 
     def next_target(self, here: GridPoint, end: GridPoint) -> tuple[GridPoint, float]:
-        """The point to aim at on a straight leg, and the height of the highest ground up to it.
+        """Return the next target on a straight leg, and the height of the highest ground up to it.
 
-        So a vehicle clears the ground in whatever order it climbs and flies, also if it receives
-        nothing more and stops there. The point is as far ahead as the ground keeps within
-        `FOLLOW_M`.
+        So a vehicle clears the ground in whatever order it climbs and flies, also if its link is
+        lost and it stops there. The target is as far ahead as the ground varies within `FOLLOW_M`.
         """
         whole_m = here.distance_to(end)
         reach_m = min(whole_m, _AHEAD_M)
@@ -129,10 +136,11 @@ class Terrain:
     def told(
         self, here: GridPoint, above_m: float, target: GridPoint, height_m: float
     ) -> tuple[GridPoint, float]:
-        """The command for a vehicle `above_m` above the ground on a leg to `target` at `height_m`:
-        a point, and the height above the ground there.
+        """Return the target and height that are sent to a vehicle `above_m` above the ground on a
+        leg.
 
-        One that is too low to clear the ground until there climbs first.
+        The leg leads to `target` at `height_m` above the ground there. A vehicle that is too low to
+        clear the ground on its way climbs first.
 
         >>> slope = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 10.0], [0.0, 10.0]]))
         >>> slope.told(GridPoint(0.0, 0.0), 3.0, GridPoint(0.0, 9.0), 12.0)
@@ -145,7 +153,7 @@ class Terrain:
         return aim, height_m + highest_m - self.height_m(aim)
 
     def within(self, area: BaseGeometry) -> Terrain:
-        """The part of the lattice that holds an area; of what lies beyond it, its rim."""
+        """Return the part of the lattice that holds an area; beyond the lattice, its edge."""
         rows, columns = self.heights_m.shape
         west, south, east, north = area.bounds
         j0 = min(max(math.floor((west - self.west_m) / self.step_m), 0), columns - 2)
@@ -162,17 +170,17 @@ class Terrain:
 
 @dataclass(frozen=True, slots=True)
 class Relief:
-    """What matters of the ground in an area, in metres above the start."""
+    """The extremes of the ground in an area, in metres above the start."""
 
     lowest_m: float
     highest_m: float
     steepest: float
-    """The steepest slope, as rise over way: 0.1 is 10 %."""
+    """Steepest slope, as rise over run: 0.1 is 10 %."""
     steepest_at: GridPoint
 
 
 def relief_of(terrain: Terrain, area: BaseGeometry) -> Relief:
-    """The relief of an area: of all meshes of the lattice that touch it."""
+    """Return the relief of an area: of all meshes of the lattice that touch it."""
     part = terrain.within(area)
     z, step_m = part.heights_m, part.step_m
     rows, columns = z.shape
@@ -202,7 +210,7 @@ def relief_of(terrain: Terrain, area: BaseGeometry) -> Relief:
 
 # --- as text ------------------------------------------------------------------------------------
 def encoded(heights_m: Heights) -> str:
-    """Heights as text: centimetres, the difference of each to the one before, packed.
+    """Return heights as text: centimetres, the difference of each to the one before, compressed.
 
     >>> decoded(encoded(np.array([[0.0, 1.254], [2.0, -3.0]])), 2, 2).tolist()
     [[0.0, 1.25], [2.0, -3.0]]
@@ -212,7 +220,7 @@ def encoded(heights_m: Heights) -> str:
 
 
 def decoded(text: str, rows: int, columns: int) -> Heights:
-    """The heights that `encoded` has written. Raises ValueError where they are not so many."""
+    """Return the heights of a text of `encoded`. Raises ValueError if their number differs."""
     try:
         packed = zlib.decompressobj()
         content = packed.decompress(base64.b64decode(text, validate=True), 4 * rows * columns + 1)

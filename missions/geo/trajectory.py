@@ -19,10 +19,10 @@ from typing import Final, NamedTuple
 from missions.units import GridPoint
 
 ACCELERATION_M_S2: Final = 2.0
-"""Along and across; 2.5 (ArduCopter's own limit by default) is followed nearly as well."""
+"""Maximum acceleration along and across, m/s^2; 2.5 (ArduCopter's default) is nearly as good."""
 CUT_M: Final = 1.0
 LANE_CUTS_M: Final = (2.0, 0.5)
-"""By how much corners between the lanes of a search are cut, as long as the fence allows it."""
+"""Cuts of corners between lanes of a search, m: the first that the fence allows."""
 _AHEAD_STEP_S: Final = 0.5
 _REMEMBERED: Final = 256
 _TINY_M: Final = 1e-9
@@ -41,7 +41,7 @@ class Motion(NamedTuple):
 
     @property
     def place(self) -> GridPoint:
-        """Where it is."""
+        """Position, m."""
         return GridPoint(self.east_m, self.north_m)
 
 
@@ -62,16 +62,16 @@ class Piece:
     accel_m_s2: float
 
     def way_m(self, time_s: float) -> float:
-        """How far along it a vehicle is `time_s` after it began, 0 to `duration_s`."""
+        """Return the distance along it `time_s` after its beginning, 0 to `duration_s`, m."""
         return (self.speed_m_s + 0.5 * self.accel_m_s2 * time_s) * time_s
 
     @property
     def length_m(self) -> float:
-        """From end to end, along it."""
+        """Length from end to end, along it, m."""
         return self.way_m(self.duration_s)
 
     def place_after(self, time_s: float) -> tuple[float, float]:
-        """East and north of where it is `time_s` after this piece began, 0 to `duration_s`."""
+        """Return the east and north position `time_s` after its beginning, 0 to `duration_s`."""
         way_m = self.way_m(time_s)
         begin, bend = self.heading_rad, self.curvature_1_m
         if bend == 0.0:
@@ -83,7 +83,7 @@ class Piece:
         )
 
     def after(self, time_s: float) -> Motion:
-        """The motion `time_s` after this piece began, 0 to `duration_s`."""
+        """Return the motion `time_s` after its beginning, 0 to `duration_s`."""
         speed = max(self.speed_m_s + self.accel_m_s2 * time_s, 0.0)
         bend = self.curvature_1_m
         east, north = self.place_after(time_s)
@@ -105,7 +105,7 @@ _BEGIN_S = attrgetter("begin_s")
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Where a vehicle is at each moment from `begin_s` to `end_s`, mission seconds.
+    """The position of a vehicle at each moment from `begin_s` to `end_s`, mission seconds.
 
     >>> flown = rounded_path([GridPoint(0, 0), GridPoint(0, 30)], begin_s=10.0, speed_m_s=6.0)
     >>> round(flown.end_s - flown.begin_s, 3)
@@ -116,19 +116,21 @@ class Trajectory:
 
     begin_s: float
     end_s: float
-    """When it is at rest at its end."""
+    """Time when it is at rest at its end, s."""
     pieces: tuple[Piece, ...]
     drift_m_s: tuple[float, float] = (0.0, 0.0)
-    """Of the region over ground, east and north: the pieces are in the region's frame."""
+    """Velocity of the region over ground, east and north: pieces are in the region's frame."""
 
     @property
     def length_m(self) -> float:
-        """How long it is in the frame of the region."""
+        """Length in the frame of the region, m."""
         return sum(piece.length_m for piece in self.pieces)
 
     def at(self, t_s: float) -> Motion:
-        """The motion at time `t_s`, fixed frame; before the beginning that at the beginning,
-        after the end at rest there, or moving with the drift."""
+        """Return the motion at time `t_s`, fixed frame.
+
+        Before the beginning it is that at the beginning; after the end it is at rest, or drifts.
+        """
         t_s = max(t_s, self.begin_s)
         if t_s < self.end_s:
             piece = self._piece(t_s)
@@ -147,7 +149,7 @@ class Trajectory:
         )
 
     def place_at(self, t_s: float) -> GridPoint:
-        """`at(t_s).place`, but quicker."""
+        """Return the position at time `t_s`: `at(t_s).place`, but faster."""
         t_s = max(t_s, self.begin_s)
         if t_s < self.end_s:
             piece = self._piece(t_s)
@@ -164,7 +166,7 @@ class Trajectory:
         return [self.place_at(begin_s + k * step_s) for k in range(steps + 1)]
 
     def goes_on(self, planned: Trajectory | None, t_s: float) -> bool:
-        """Whether this is what was planned, or still the same at a time: a fence may cut it."""
+        """Return whether this is the planned path, or the same at a time: a fence may cut it."""
         if planned is None or planned is self:
             return planned is self
         return self.begin_s == planned.begin_s and self.at(t_s) == planned.at(t_s)
@@ -190,7 +192,7 @@ class Trajectory:
 
 
 class _Stretch(NamedTuple):
-    """A line or an arc before its speeds are known; `most_m_s` is what its curvature allows."""
+    """A line or an arc before its speeds are known; `most_m_s` is the limit by its curvature."""
 
     length_m: float
     east_m: float
@@ -199,16 +201,16 @@ class _Stretch(NamedTuple):
     curvature_1_m: float
     most_m_s: float
     halts: bool = False
-    """Whether it is come to rest at its beginning: the path turns back there."""
+    """True if the path comes to rest at its beginning, to turn back."""
 
 
 _PLACES: Final[dict[tuple[int, float, float], tuple[Trajectory, tuple[GridPoint, ...]]]] = {}
-"""Where paths lead. A path is kept with its answer, so that no other can have its id."""
+"""Known places of paths. A path is kept with its answer, so that no other can have its id."""
 
 
 def places_ahead(path: Trajectory, t_s: float, ahead_s: float) -> tuple[GridPoint, ...]:
     """Return places, half a second apart, where a path leads in the next `ahead_s` seconds."""
-    question = (id(path), t_s, ahead_s)  # to hash or compare whole paths would take as long
+    question = (id(path), t_s, ahead_s)  # hashing or comparing whole paths would take as long
     known = _PLACES.get(question)
     if known is not None and known[0] is path:
         return known[1]
@@ -237,7 +239,7 @@ def rounded_path(
     begin_speed_m_s: float = 0.0,
     drift_m_s: tuple[float, float] = (0.0, 0.0),
 ) -> Trajectory:
-    """A polyline with its corners cut, flown as fast as the limits allow, to rest at its end.
+    """Return a polyline with its corners cut, as fast as the limits allow, to rest at its end.
 
     It begins at the first of `points` (frame of the region) with `begin_speed_m_s` towards the
     second, and comes to rest where it turns back. `cut_m` is the cut of all corners, or one for
@@ -275,14 +277,14 @@ def rounded_path(
 
 
 def least_s(length_m: float, speed_m_s: float, accel_m_s2: float) -> float:
-    """Return the least time of a way from rest to rest, seconds."""
+    """Return the minimum time of a way from rest to rest, s."""
     if length_m < speed_m_s**2 / accel_m_s2:
         return 2.0 * math.sqrt(length_m / accel_m_s2)
     return length_m / speed_m_s + speed_m_s / accel_m_s2
 
 
 def corner_pause_s(speed_m_s: float, cut_m: float) -> float:
-    """What a right-angled corner that is cut takes longer than its arc at full speed, seconds.
+    """Return the extra time of a cut right-angled corner over its arc at full speed, s.
 
     >>> round(corner_pause_s(6.0, 2.0), 2), corner_pause_s(2.0, 2.0)
     (0.7, 0.0)
@@ -295,8 +297,8 @@ def corner_pause_s(speed_m_s: float, cut_m: float) -> float:
 def _stretches(
     points: Sequence[GridPoint], speed_m_s: float, cuts_m: Sequence[float], accel_m_s2: float
 ) -> list[_Stretch]:
-    """Lines and the arcs between them; points that lie on one another count once."""
-    # where it begins, length, heading, by how much the corner at its end is cut
+    """Return lines and the arcs between them; points that lie on one another count once."""
+    # start, length, heading, cut of the corner at its end
     legs: list[tuple[GridPoint, float, float, float]] = []
     for a, b, cut_m in zip(points, points[1:], cuts_m[1:], strict=False):
         if (length_m := a.distance_to(b)) > _TINY_M:
@@ -326,7 +328,7 @@ def _stretches(
 
 
 def _tangent_m(turn_rad: float, cut_m: float, most_m: float) -> float:
-    """How far before its corner an arc begins; 0: no arc, straight on or back."""
+    """Return the distance of an arc's beginning from its corner; 0 without an arc, m."""
     cos = math.cos(turn_rad / 2.0)
     if turn_rad < _STRAIGHT_RAD or cos < _STRAIGHT_RAD:
         return 0.0
@@ -335,7 +337,8 @@ def _tangent_m(turn_rad: float, cut_m: float, most_m: float) -> float:
 
 
 def _speeds(stretches: Sequence[_Stretch], accel_m_s2: float, begin_m_s: float) -> list[float]:
-    """Speeds between the stretches, at the beginning and the end: forward pass, backward pass."""
+    """Return the speeds between stretches, at the beginning and the end: forward, then backward
+    pass."""
     speeds = [begin_m_s]
     for index, stretch in enumerate(stretches):
         most = stretch.most_m_s
@@ -350,7 +353,7 @@ def _speeds(stretches: Sequence[_Stretch], accel_m_s2: float, begin_m_s: float) 
 
 
 def _reached(stretch: _Stretch, speed_m_s: float, accel_m_s2: float) -> float:
-    """The speed at the other end of a stretch: an arc is flown at one speed."""
+    """Return the speed at the other end of a stretch: an arc is flown at one speed."""
     if stretch.curvature_1_m:
         return speed_m_s
     return math.sqrt(speed_m_s**2 + 2.0 * accel_m_s2 * stretch.length_m)
@@ -359,7 +362,7 @@ def _reached(stretch: _Stretch, speed_m_s: float, accel_m_s2: float) -> float:
 def _profile(
     stretch: _Stretch, begin_m_s: float, end_m_s: float, accel_m_s2: float
 ) -> list[tuple[float, float, float]]:
-    """Length, first and last speed of its pieces: faster, level, slower."""
+    """Return length, first and last speed of its pieces: faster, level, slower."""
     if stretch.length_m <= _TINY_M:
         return []
     if stretch.curvature_1_m:
@@ -376,7 +379,7 @@ def _profile(
 def _piece(
     stretch: _Stretch, done_m: float, begin_s: float, duration_s: float, speed: float, accel: float
 ) -> Piece:
-    """A part of a stretch that begins `done_m` after it; only lines have more than one."""
+    """Return a part of a stretch that begins `done_m` after it; only lines have several."""
     heading = stretch.heading_rad
     east = stretch.east_m + done_m * math.cos(heading)
     north = stretch.north_m + done_m * math.sin(heading)

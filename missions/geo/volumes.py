@@ -1,8 +1,8 @@
-"""Reservations of airspace: layers, and columns over the pads.
+"""Volumes of reserved airspace: layers, and columns over the pads.
 
-Every vehicle flies in a layer of its own height, so two legs never meet. Only a vehicle that
-climbs or descends over its pad crosses the layers below its own. So a column is closed to legs
-while a vehicle is in it, and none enters a column while a leg passes through it.
+Every vehicle flies in a layer of its own height, so two legs never meet. Only a vehicle that climbs
+or descends over its pad crosses the layers below its own. So a column is closed to legs while a
+vehicle is in it, and no vehicle enters a column while a leg passes through it.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from shapely.geometry import LineString, Point
 from missions.units import GridPoint
 
 _ROUNDING_M = 1e-6
-"""Heights of layers are sums; two layers that lie just far enough apart must not seem nearer."""
+"""Tolerance of heights, m: heights of layers are sums, and must not seem closer than they are."""
 
 
 @dataclass(frozen=True, slots=True)
 class Volume:
-    """The air that a vehicle claims: a path over ground, and the heights it may have there.
+    """The air that a vehicle reserves: a path over ground, and its heights there.
 
-    `stray_m` is how far it may be from its path.
+    `stray_m` is the maximum distance of the vehicle from its path.
 
     >>> column = Volume((GridPoint(0, 0),), 0.0, 18.0)
     >>> leg = Volume((GridPoint(-20, 1), GridPoint(20, 1)), 12.0, 12.0)
@@ -37,9 +37,9 @@ class Volume:
     stray_m: float = 0.0
 
     def meets(self, other: Volume, distance_m: float, layer_m: float = math.inf) -> bool:
-        """Whether the two come nearer to each other than a distance.
+        """Return whether the two come nearer to each other than a distance.
 
-        In height layers that lie `layer_m` apart are far enough from each other.
+        Layers whose heights differ by `layer_m` are far enough apart.
         """
         gap_m = max(self.low_m - other.high_m, other.low_m - self.high_m)
         if gap_m >= min(distance_m, layer_m) - _ROUNDING_M:
@@ -48,7 +48,7 @@ class Volume:
         return bool(gap_m < distance_m)
 
     def parts_from(self, other: Volume) -> bool:
-        """Whether its path is nowhere nearer to the other's than at its beginning, over ground."""
+        """Return whether its path is nearest to the other's at its beginning, over ground."""
         there = _line(other.path)
         nearest_m = float(_line(self.path).distance(there))
         return nearest_m >= float(Point(self.path[0]).distance(there)) - _ROUNDING_M

@@ -1,4 +1,4 @@
-"""What must hold between the values of a mission file, and a reader that checks it all.
+"""Rules between the values of a mission file, and a reader that checks all of them.
 
 Names, vehicles and speeds are checked here, places and the fence in `missions.mission.places`,
 wind, camera and battery in `missions.mission.flyable`. Every fault is a line with key, value and
@@ -27,9 +27,9 @@ FLOWN: Final = ("swath", "survey", "rdfs", "horizon", "leapfrog")
 """Strategies for real aircraft; the others serve comparisons in papers, in simulation."""
 DETECTORS = ("threshold", "paved")
 LEAST_REACH_M: Final = 1.5
-"""Hops of twice this length take more time to begin and to end than to fly."""
+"""Minimum half length of a hop, m: shorter ones take longer to start and stop than to fly."""
 LEAST_EDGE_PX: Final = 10.0
-"""Of the marker from the tracker: what is found in every picture."""
+"""Minimum length of the marker's edge in the tracker's picture for reliable detection, px."""
 
 
 def parse_mission(text: str, source: str) -> Mission:
@@ -54,11 +54,11 @@ def with_strategy(mission: Mission, strategy: str) -> Mission:
 def check(mission: Mission, source: str, *, detectors: Collection[str] = DETECTORS) -> None:
     """Raise `MissionFileError`, with a line for each fault, for a mission that cannot be flown.
 
-    While a place is not near the start, or a polygon is none, lengths and areas mean nothing, and
-    the geometry is not checked.
+    The geometry is not checked while a place is far from the start or a polygon is invalid: lengths
+    and areas then mean nothing.
     """
     where = list(places.positions_near(mission))
-    # how high the ground is depends on where the fence is
+    # the height of the ground depends on the position of the fence
     placeless = bool(where) and mission.surveyed is not None
     faults = [
         *_names(mission, detectors),
@@ -82,7 +82,8 @@ def check(mission: Mission, source: str, *, detectors: Collection[str] = DETECTO
 
 
 def _moving_ground(mission: Mission) -> Iterator[str]:
-    """A region that drifts is ground that moves: by it satellites would seem to lie."""
+    """Yield a fault of a drifting region with navigation by map: it would make satellites seem
+    wrong."""
     if mission.navigation.watches and mission.drift.speed_m_s > 0.0:
         key = "watch = true" if mission.navigation.watch else 'gnss_loss = "map"'
         yield (
@@ -137,7 +138,7 @@ def _edge_px(mission: Mission) -> float:
 
 
 def _leapfrog(mission: Mission) -> Iterator[str]:
-    """What keeps two vehicles from a leapfrog; of other strategies, what is for it alone."""
+    """Yield the faults of a leapfrog; for other strategies, keys that only a leapfrog uses."""
     navigation, layer_m = mission.navigation, mission.team.layer_m
     if mission.strategy != LEAPFROG.name:
         if navigation.gnss_loss == "leapfrog":
@@ -167,7 +168,7 @@ def _leapfrog(mission: Mission) -> Iterator[str]:
                 "out"
             )
     if layer_m <= mission.team.separation_m:
-        return  # told already
+        return  # reported already
     try:
         reach_m = tracker_view(mission).reach_m
     except ValueError:

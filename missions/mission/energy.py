@@ -1,5 +1,8 @@
-"""The energy of legs and landings: an airborne vehicle always holds what the return path takes
-against the worst wind known, the landing, and the reserve."""
+"""The energy of legs and landings.
+
+An airborne vehicle always keeps the energy of its return against the worst known wind, of the
+landing, and its reserve.
+"""
 
 from __future__ import annotations
 
@@ -8,23 +11,23 @@ from dataclasses import dataclass, replace
 from missions.mission.schema import Mission
 
 LANDING_SPEED_M_S = 0.5
-"""ArduCopter's final descent rate, m/s, taken for the whole descent where no other is given."""
+"""ArduCopter's final descent rate, m/s; used for the whole descent if no other is given."""
 FINAL_M = 10.0
 """Height below which a landing is slow: ArduCopter's LAND_ALT_LOW and PX4's MPC_LAND_ALT1, m."""
 CLIMB_SPEED_M_S = 1.5
 LANDING_OVERHEAD_S = 12.0
-"""Braking, turning, and touch-down detection."""
+"""Time for braking, turning, and touch-down detection, s."""
 CLIMB_OVERHEAD_S = 5.0
-"""Arming, spinning up, and levelling out at the top."""
+"""Time for arming, spinning up, and levelling out at the top, s."""
 AIRSPEED_LIMIT_M_S = 12.0
-"""Airspeed that a mapping multicopter can hold; ArduCopter's tilt limit allows more to most."""
+"""Airspeed that a mapping multicopter can hold, m/s; ArduCopter's tilt limit mostly allows more."""
 LEAST_HEADWAY_M_S = 0.5
-"""Least speed over ground with which a vehicle must come home against the wind."""
+"""Minimum ground speed of a return against the wind, m/s."""
 NOMINAL_MARGIN = 1.15
-"""Flying draws more than hovering."""
+"""Power of forward flight as a multiple of hovering."""
 MEASURED_MARGIN = 1.1
 FRESH = 0.9
-"""From this part of its capacity on a battery counts as fresh."""
+"""Share of its capacity from which on a battery counts as fresh."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +48,7 @@ class EnergyModel:
     max_airspeed_m_s: float = AIRSPEED_LIMIT_M_S
     climb_m_s: float = CLIMB_SPEED_M_S
     descent_m_s: float = LANDING_SPEED_M_S
-    """Above `FINAL_M`; below it is `LANDING_SPEED_M_S`."""
+    """Descent rate above `FINAL_M`, m/s; below it is `LANDING_SPEED_M_S`."""
 
     def in_wind(self, measured_m_s: float) -> EnergyModel:
         """Return the model in the given or a measured wind, whichever is stronger."""
@@ -55,40 +58,46 @@ class EnergyModel:
 
     @property
     def reserve_wh(self) -> float:
-        """What must be left at touch-down."""
+        """Energy that must be left at touch-down, Wh."""
         return self.reserve * self.capacity_wh
 
     def power_w(self, drawn_w: float) -> float:
-        """The power to reckon with, given what the vehicle drew lately (0: not known)."""
+        """Return the power for estimates, given the recent consumption (0: not known), W."""
         return max(NOMINAL_MARGIN * self.hover_power_w, MEASURED_MARGIN * drawn_w)
 
     def leg_s(self, distance_m: float) -> float:
-        """Return the time for a leg from rest to rest. A multicopter holds its ground speed against
-        a head wind by tilting, at a higher power, up to its greatest airspeed."""
+        """Return the time for a leg from rest to rest, s.
+
+        A multicopter keeps its ground speed against a head wind by tilting, at a higher power, up
+        to its maximum airspeed.
+        """
         against_wind = max(self.max_airspeed_m_s - self.wind_m_s, LEAST_HEADWAY_M_S)
         speed = min(self.speed_m_s, against_wind)
-        # speeding up and braking are reckoned for still air, so that wind never shortens a leg
+        # acceleration and braking are computed for still air, so that wind never shortens a leg
         return distance_m / speed + self.speed_m_s / self.accel_m_s2
 
     def leg_wh(self, distance_m: float, drawn_w: float = 0.0) -> float:
-        """Energy for a leg."""
+        """Return the energy for a leg, Wh."""
         return self.power_w(drawn_w) * self.leg_s(distance_m) / 3600.0
 
     def hover_wh(self, duration_s: float, drawn_w: float = 0.0) -> float:
-        """Energy for staying up for a while."""
+        """Return the energy for hovering, Wh."""
         return self.power_w(drawn_w) * duration_s / 3600.0
 
     def climb_wh(self, height_m: float) -> float:
-        """Energy to take off and climb."""
+        """Return the energy to take off and climb, Wh."""
         return self.hover_wh(height_m / self.climb_m_s + CLIMB_OVERHEAD_S)
 
     def relief_wh(self, ups_and_downs_m: float, drawn_w: float = 0.0) -> float:
-        """Return what ups and downs cost besides the length of a path, as if climbed apart from it:
-        on steep ground a vehicle flies slower."""
+        """Return the energy for ups and downs besides the length of a path, Wh.
+
+        They count as climbed separately: on steep ground a vehicle flies slower.
+        """
         return self.hover_wh(ups_and_downs_m / self.climb_m_s, drawn_w)
 
     def sortie_wh(self, out_m: float, home_m: float, height_m: float, hover_s: float) -> float:
-        """Energy of a whole flight: climb, fly out, hover, fly home, land, reserve left."""
+        """Return the energy of a whole flight: climb, fly out, hover, return, land, reserve left,
+        Wh."""
         return (
             self.climb_wh(height_m)
             + self.leg_wh(out_m)
@@ -97,14 +106,14 @@ class EnergyModel:
         )
 
     def home_wh(self, distance_m: float, height_m: float, drawn_w: float = 0.0) -> float:
-        """Energy to fly home, land, and have the reserve left."""
+        """Return the energy to fly home, land, and have the reserve left, Wh."""
         landing_s = self.descent_s(height_m) + LANDING_OVERHEAD_S
         return (
             self.leg_wh(distance_m, drawn_w) + self.hover_wh(landing_s, drawn_w) + self.reserve_wh
         )
 
     def descent_s(self, height_m: float) -> float:
-        """How long it takes to come down from a height to the ground, without any pause.
+        """Return the time of a descent from a height to the ground, without any pause, s.
 
         >>> model = EnergyModel(300, 60, 0.1, speed_m_s=5, wind_m_s=3, descent_m_s=3.0)
         >>> model.descent_s(100.0), model.descent_s(4.0)
@@ -115,7 +124,7 @@ class EnergyModel:
 
 
 def energy_model(mission: Mission) -> EnergyModel:
-    """The model of a mission's battery and wind."""
+    """Return the model of a mission's battery and wind."""
     return EnergyModel(
         mission.battery.hover_power_w,
         mission.battery.capacity_wh,

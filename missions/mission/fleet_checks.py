@@ -1,4 +1,4 @@
-"""What a mission needs for a team: a service for each vehicle, or a leapfrog of two."""
+"""Requirements on a mission for a team: a service for each vehicle, or a leapfrog of two."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from missions.planning.leapfrog_geometry import TrackerView
 from missions.units import GridPoint
 
 SWAY_RAD: Final = math.radians(3.0)
-"""How far a hovering vehicle tilts beside its lean into the wind."""
+"""Tilt of a hovering vehicle besides its lean into the wind, rad."""
 
 
 def tracker_view(mission: Mission) -> TrackerView:
-    """What the tracker sees of the mapper. Raises `ValueError` where that is nothing."""
+    """Return the tracker's view of the mapper. Raises `ValueError` if it cannot see it."""
     optics = mission.camera.optics
     half = math.tan(optics.hfov_rad / 2.0) * optics.height_px / optics.width_px
-    return TrackerView(  # not by `optics.focal_px`, which rounds otherwise
+    return TrackerView(  # not by `optics.focal_px`, which rounds differently
         hfov_rad=optics.hfov_rad,
         vfov_rad=2.0 * math.atan(half),
         above_m=mission.altitude_m(1) - mission.altitude_m(0),
@@ -38,7 +38,7 @@ STRATEGIES = ("swath", "survey")
 
 
 def check_fleet(mission: Mission, source: str) -> None:
-    """Raise `MissionFileError` for a mission that members cannot fly each by its own service."""
+    """Raise `MissionFileError` for a mission that members with a service each cannot fly."""
     if mission.strategy not in STRATEGIES:
         raise MissionFileError(
             f"{source}: strategy = {mission.strategy!r} needs one service for all vehicles; with "
@@ -63,7 +63,7 @@ def check_fleet(mission: Mission, source: str) -> None:
 
 
 def with_vehicles(mission: Mission, count: int) -> Mission:
-    """Return the mission with so many vehicles: its first ones, and more without an entry."""
+    """Return the mission with `count` vehicles: its first ones, and more without an entry."""
     spare = tuple(VehicleSection() for _ in range(count - len(mission.vehicles)))
     return mission.model_copy(update={"vehicles": (mission.vehicles + spare)[:count]})
 
@@ -71,8 +71,8 @@ def with_vehicles(mission: Mission, count: int) -> Mission:
 def with_own_air(mission: Mission) -> Mission:
     """Return the mission as a fleet flies it: pads apart, and a layer of its own for every member.
 
-    One service keeps vehicles that share a layer (`vehicles.layer`, `search.layer_m`) apart in it;
-    members out of contact cannot. Their layers lie below the highest one of the mission.
+    One service separates vehicles that share a layer (`vehicles.layer`, `search.layer_m`). Members
+    out of contact cannot. Their layers lie below the highest one of the mission.
     """
     mission = with_pads_apart(mission)
     last, apart_m = len(mission.vehicles) - 1, mission.team.layer_m
@@ -90,12 +90,12 @@ def with_own_air(mission: Mission) -> Mission:
 
 
 def with_pads_apart(mission: Mission) -> Mission:
-    """The mission with vehicles without a home in a row, as far apart as a fleet needs."""
+    """Return the mission with vehicles without a home in a row, as far apart as a fleet needs."""
     grid = grid_of(mission)
     gap_m = math.ceil(_least_apart_m(mission) + 1.0)
     placed = []
     for k, vehicle in enumerate(mission.vehicles):
-        if k and vehicle.home is None:  # the first stands at the start
+        if k and vehicle.home is None:  # the first is at the start
             place = grid.position(GridPoint(float(k * gap_m), 0.0))
             vehicle = vehicle.model_copy(update={"home": (place.lat_deg, place.lon_deg)})
         placed.append(vehicle)

@@ -1,5 +1,7 @@
-"""Whether what a mission asks for can be flown: wind, camera, battery, and ground to search.
-`values` and `search` yield faults for which it is refused, `warnings` is for its crew."""
+"""Checks whether a mission can be flown: wind, camera, battery, and ground to search.
+
+`values` and `search` yield faults that refuse the mission; `warnings` are for its crew.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +34,11 @@ from missions.planning.search.lanes import LANE_CELLS, Lane, lanes
 from missions.units import GridPoint
 
 SEEN_SHARE = 0.9
-"""Least part of a cell that a frame must show to judge it."""
+"""Minimum part of a cell that a frame must show to judge it."""
 POSITION_ERROR_M = 0.8
-"""Distance of a look from the middle of its cell: 0.7 m at arrival, and some wavering."""
+"""Distance of an observation from the middle of its cell: 0.7 m at arrival, plus drift, m."""
 SETTLING_S = 2.0
-"""Time of a look besides its frames."""
+"""Time of an observation besides its frames, s."""
 
 # drag of a small multicopter, by its mass: it leans 4 degrees at 3.6 m/s and 26 at 12 m/s
 _DRAG_LINEAR_1_S = 0.10
@@ -47,7 +49,7 @@ _TOUCH_M = 0.01
 
 # --- values ----------------------------------------------------------------------------------
 def values(mission: Mission) -> Iterator[str]:
-    """Faults of wind, height and camera."""
+    """Yield faults of wind, height and camera."""
     too_strong = [*_wind(mission), *layer_faults(mission), *search_layer_faults(mission)]
     too_strong += home_height_faults(mission)
     yield from too_strong or _camera(mission)
@@ -65,9 +67,11 @@ def _wind(mission: Mission) -> Iterator[str]:
 
 
 def lean_rad(mission: Mission) -> float:
-    """Return the lean of the camera while the vehicle hovers in the wind of the mission. It leans
-    more only while it brakes, for a second or two, and a look takes frames until all cells have
-    votes."""
+    """Return the lean of the camera while the vehicle hovers in the wind of the mission, rad.
+
+    It leans more only while it brakes, for a second or two. An observation takes frames until all
+    cells have votes.
+    """
     if mission.camera.mounting == "gimbal":
         return 0.0
     wind_m_s = mission.wind.speed_m_s
@@ -76,11 +80,10 @@ def lean_rad(mission: Mission) -> float:
 
 
 def _camera(mission: Mission) -> Iterator[str]:
-    """Yield a fault where a frame shows too little of a cell and its four neighbours to vote on
-    them.
+    """Yield a fault if a frame shows too little of a cell and its neighbours to vote on them.
 
-    The nearest edge of the picture decides. Yaw costs nothing more: of a turned picture the corners
-    of a neighbour are missing first, which it may lack.
+    The nearest edge of the picture decides. Yaw costs nothing more: a turned picture first lacks
+    corners of a neighbour, which are not needed.
     """
     camera, cell_m = mission.camera, mission.grid.cell_m
     height_m = mission.altitude_m(0)
@@ -97,7 +100,7 @@ def _camera(mission: Mission) -> Iterator[str]:
         remedies.append(_higher(mission, enough_m))
     wider_rad = math.atan((need_m + POSITION_ERROR_M) / height_m) + lean
     rise = 0.0 if mission.ground is None or mission.relief is None else mission.relief.steepest
-    seen_uphill = 1.0 - rise * math.tan(wider_rad)  # the inverse of what a slope takes away
+    seen_uphill = 1.0 - rise * math.tan(wider_rad)  # the inverse of the reduction by a slope
     if wider_rad < math.radians(85) and seen_uphill > 0.0:
         level_m = camera.optics.footprint(height_m)
         ratio = level_m.across_m / level_m.short_m
@@ -145,8 +148,7 @@ def _up(value: float) -> str:
 # --- the search ------------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class SearchArea:
-    """The lanes that can be reached inside the fence, and the ground of the box that they leave
-    out."""
+    """The lanes that can be reached inside the fence, and the rest of the box."""
 
     lanes: tuple[Lane, ...]
     box_m2: float
@@ -154,14 +156,14 @@ class SearchArea:
 
 
 def search_area(mission: Mission, grid: Grid) -> SearchArea:
-    """What of the box can be searched."""
+    """Return the part of the box that can be searched."""
     cell_m = mission.grid.cell_m
     box = drawn(mission.search.box, grid)
     corners = [grid.fixed(place) for place in positions(mission.search.box)]
     fence = fence_of(mission, grid)
     pads = [Point(grid.fixed(place)) for place in homes(mission)]
     parts = shapely.get_parts(fence.inner)
-    # a part of the fence is one piece: from anywhere in it a way leads to everywhere in it
+    # a part of the fence is connected: a route leads from anywhere in it to everywhere in it
     near = [part for part in parts if any(part.dwithin(pad, _TOUCH_M) for pad in pads)]
     flown = tuple(
         lane
@@ -176,7 +178,7 @@ def search_area(mission: Mission, grid: Grid) -> SearchArea:
 
 
 def fence_of(mission: Mission, grid: Grid) -> Fence:
-    """The fence of a mission, in ground metres."""
+    """Return the fence of a mission, in ground metres."""
     return Fence.of(
         [grid.fixed(place) for place in positions(mission.fence.polygon)],
         [[grid.fixed(place) for place in positions(hole)] for hole in mission.fence.holes],
@@ -185,13 +187,13 @@ def fence_of(mission: Mission, grid: Grid) -> Fence:
 
 
 def _judged(flown: tuple[Lane, ...], cell_m: float) -> BaseGeometry:
-    """The ground that frames along lanes judge: the cell below and its neighbours."""
+    """Return the ground that frames along lanes judge: the cell below and its neighbours."""
     reach_m = LANE_CELLS / 2 * cell_m
     return unary_union([LineString(lane).buffer(reach_m, cap_style="square") for lane in flown])
 
 
 def search(mission: Mission, grid: Grid) -> Iterator[str]:
-    """Faults of a search of which nothing can be flown."""
+    """Yield the faults of a search without any lane that can be flown."""
     if not search_area(mission, grid).lanes:
         yield (
             f"search.box: fence.margin_m ({mission.fence.margin_m:g}) and {holes_named(mission)} "
@@ -233,15 +235,14 @@ def _battery(mission: Mission, grid: Grid) -> Iterator[str]:
 
 
 def look_s(mission: Mission) -> float:
-    """About how long a vehicle hovers over a cell."""
+    """Return the time that a vehicle hovers over a cell, about, s."""
     return SETTLING_S + mission.votes.frames * mission.camera.interval_s
 
 
 # --- what the crew should know ---------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class FarthestCorner:
-    """The corner of the box that costs a vehicle (from 0) most, and the energy of a sortie
-    there."""
+    """The corner of the box that costs a vehicle (from 0) most energy, and that energy."""
 
     vehicle: int
     away_m: float
@@ -249,7 +250,7 @@ class FarthestCorner:
 
 
 def farthest_corner(mission: Mission, grid: Grid) -> FarthestCorner:
-    """The costliest corner of the box for any vehicle."""
+    """Return the costliest corner of the box for any vehicle."""
     energy, fence = energy_model(mission), fence_of(mission, grid)
     found = []
     for i, place in enumerate(homes(mission)):
@@ -265,7 +266,7 @@ def farthest_corner(mission: Mission, grid: Grid) -> FarthestCorner:
 
 
 def _ups_and_downs_m(mission: Mission, home: GridPoint, route: tuple[GridPoint, ...]) -> float:
-    """What the ups and downs of a way come to, there and back, in metres of climbing."""
+    """Return the ups and downs of a way, there and back, as metres of climbing."""
     if mission.ground is None:
         return 0.0
     way, speed_m_s = (home, *route), mission.flight.speed_m_s
@@ -273,7 +274,7 @@ def _ups_and_downs_m(mission: Mission, home: GridPoint, route: tuple[GridPoint, 
 
 
 def warnings(mission: Mission, grid: Grid) -> list[str]:
-    """What a checked mission can be flown with, but will show in its map."""
+    """Return properties of a checked mission that will show in its map."""
     found = list(far_homes(mission, grid))
     area = search_area(mission, grid)
     if area.cut_off_m2 >= _SMALLEST_LOSS_M2:

@@ -3,11 +3,11 @@
 Height: the detector needs `camera.pixels_per_cell`, the law sets `fence.ceiling_m`; both hold for
 the highest layer.
 
-Speed: while the shutter is open the picture moves over the sensor (`camera.max_blur_px`); and a
-cell needs `votes.frames` frames, `camera.interval_s` apart, while it is wholly in the picture. A
-region that drifts towards the vehicle lowers both limits.
+Speed: while the shutter is open the picture moves over the sensor (`camera.max_blur_px`). A cell
+needs `votes.frames` frames, `camera.interval_s` apart, while it is wholly in the picture. A region
+that drifts towards the vehicle lowers both limits.
 
-Ground: whether it can be followed, and what the crew should know of it.
+Ground: whether it can be followed, and warnings for the crew.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from missions.mission.sections import AUTO
 from missions.planning.sweep.strategies import LEAPFROG, ON_PATHS
 
 LEAST_HEIGHT_M = 3.0
-"""The least height of a layer above the pad of its vehicle."""
+"""Minimum height of a layer above the pad of its vehicle, m."""
 CLIMB_M_S = 1.2
-"""Uphill and downhill: an ArduCopter and a PX4 descend at 1.5 m/s by their own parameters."""
+"""Rate uphill and downhill, m/s; by default an ArduCopter and a PX4 descend at 1.5 m/s."""
 
 
 # --- height ----------------------------------------------------------------------------------
 def altitude_reason(mission: Mission) -> str:
-    """The key of the mission file that sets the height of the layers."""
+    """Return the key of the mission file that sets the height of the layers."""
     if mission.flight.altitude_m != AUTO:
         return "flight.altitude_m"
     fine_m = mission.camera.optics.height_m(mission.grid.cell_m, mission.camera.pixels_per_cell)
@@ -45,7 +45,7 @@ def altitude_reason(mission: Mission) -> str:
 
 
 def layer_faults(mission: Mission) -> Iterator[str]:
-    """Layers that are too high or too low, whatever the camera."""
+    """Yield faults of layers that are too high or too low, for any camera."""
     last = mission.layer_number(len(mission.vehicles) - 1)
     lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(len(mission.vehicles) - 1)
     ceiling_m, team = mission.fence.ceiling_m, mission.team
@@ -67,7 +67,7 @@ def layer_faults(mission: Mission) -> Iterator[str]:
 
 
 def home_height_faults(mission: Mission) -> Iterator[str]:
-    """Homes that lie so high above the start that their layer is too near to them."""
+    """Yield homes so high above the start that their layer is too near to them."""
     for i, vehicle in enumerate(mission.vehicles):
         layer_m, home_m = mission.altitude_m(i), vehicle.home_height_m
         if mission.ground is None and home_m and layer_m - home_m < LEAST_HEIGHT_M:
@@ -78,7 +78,7 @@ def home_height_faults(mission: Mission) -> Iterator[str]:
 
 
 def search_layer_faults(mission: Mission) -> Iterator[str]:
-    """Layers of the search that are not above all those of the map, or too high."""
+    """Yield layers of the search that are not above all those of the map, or too high."""
     lowest_m, last = mission.search_altitude_m(0), len(mission.vehicles) - 1
     if lowest_m is None:
         return
@@ -113,8 +113,10 @@ def _over_hills(mission: Mission) -> str:
 
 
 def footprint_over(mission: Mission, height_m: float) -> Footprint:
-    """Return what a level picture shows for certain from `height_m` above the ground: less uphill,
-    by the steepest slope in the fence."""
+    """Return the certain footprint of a level picture from `height_m`: less uphill.
+
+    It is reduced by the steepest slope in the fence.
+    """
     across_m, along_m = mission.camera.optics.footprint(height_m)
     if mission.ground is None or mission.relief is None:
         return Footprint(across_m, along_m)
@@ -130,19 +132,20 @@ class SpeedLimits:
     flight_m_s: float
     blur_m_s: float
     frames_m_s: float
-    """For a cell to be wholly in `votes.frames` frames."""
+    """Limit for a cell to be wholly in `votes.frames` frames, m/s."""
     headway_m_s: float
     climb_m_s: float = math.inf
-    """Where vehicles climb and descend as fast as the steepest ground does."""
+    """Limit by the climb and descent rates over the steepest ground, m/s."""
 
     @property
     def least_m_s(self) -> float:
-        """The lowest of them; 0 where no speed does: the picture shows no cell whole."""
+        """Lowest of the limits, m/s; 0 if no speed is low enough: the picture shows no cell
+        whole."""
         return min(self._by_key.values())
 
     @property
     def reason(self) -> str:
-        """The key of the mission file that sets the lowest."""
+        """Key of the mission file that sets the lowest limit."""
         return min(self._by_key, key=self._by_key.__getitem__)
 
     @property
@@ -178,7 +181,7 @@ def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
 
 
 def headway_m_s(mission: Mission, wind_m_s: float) -> float:
-    """The speed over ground straight against a wind, at least 0."""
+    """Return the ground speed straight against a wind, at least 0, m/s."""
     return max(mission.flight.max_airspeed_m_s - wind_m_s, 0.0)
 
 
@@ -208,13 +211,13 @@ def picture_warnings(mission: Mission) -> Iterator[str]:
 
 # --- ground that is not flat -----------------------------------------------------------------
 STEEPEST: Final = 0.6
-"""Steeper ground is not followed: targets on it would lie less than two metres apart."""
+"""Maximum slope that is followed: on steeper ground targets would be less than 2 m apart."""
 WORTH_TELLING: Final = 0.1
-"""Error of cells, by their edge, were the ground taken as flat, from which on a warning is due."""
+"""Error of cells by flat ground, as a share of their edge, from which on a warning is due."""
 
 
 def terrain_faults(mission: Mission, grid: Grid) -> Iterator[str]:
-    """Why a mission cannot be flown over its ground."""
+    """Yield faults of a mission over its ground."""
     follows, relief = mission.flight.height_above == "ground", mission.relief
     if follows and mission.terrain is None:
         yield (
@@ -238,7 +241,7 @@ def terrain_faults(mission: Mission, grid: Grid) -> Iterator[str]:
 
 
 def refuse_unknown_ground(mission: Mission, source: str) -> None:
-    """Raise `MissionFileError` for a mission above ground that nobody has asked for yet."""
+    """Raise `MissionFileError` for a mission above ground that is not known yet."""
     if mission.flight.height_above == "ground" and mission.ground is None:
         raise MissionFileError(
             f'{source}: terrain.source = "autopilot": only `uavmap fly` asks an ArduPilot for the '
@@ -247,7 +250,7 @@ def refuse_unknown_ground(mission: Mission, source: str) -> None:
 
 
 def _beyond(mission: Mission, grid: Grid) -> Iterator[str]:
-    """Heights that were kept for another fence: beyond them nobody knows the ground."""
+    """Yield the part of the fence beyond the known heights, which were kept for another fence."""
     known = mission.surveyed
     if known is None:
         return
@@ -274,7 +277,8 @@ def _into_the_ground(mission: Mission, relief: Relief) -> Iterator[str]:
 
 
 def _layers_apart(mission: Mission, relief: Relief) -> Iterator[str]:
-    """On a slope layers are nearer to each other, and on legs a vehicle may be above its layer."""
+    """Yield a fault of layers over a slope: they are closer, and vehicles may be above their
+    layer."""
     team = mission.team
     if len(mission.vehicles) < 2:
         return
@@ -290,8 +294,10 @@ def _layers_apart(mission: Mission, relief: Relief) -> Iterator[str]:
 
 
 def off_if_flat_m(mission: Mission, relief: Relief) -> float:
-    """Return the error of cells at the edge of what frames judge, were the ground taken as flat: a
-    point at distance d is taken for one at d times height above ground over height above home."""
+    """Return the error of cells at the edge of a frame if the ground were taken as flat, m.
+
+    A point at distance d appears at d times height above ground over height above home.
+    """
     layer_m, cell_m = mission.altitude_m(0), mission.grid.cell_m
     footprint = mission.camera.optics.footprint(layer_m)
     half_m = math.hypot(*footprint) / 2.0

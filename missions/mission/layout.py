@@ -1,4 +1,4 @@
-"""What is laid out on the ground of a mission: its grid, fence, lanes and pads."""
+"""The layout of a mission on the ground: its grid, fence, lanes and pads."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ class Layout:
     fence: Fence
     lanes: tuple[Lane, ...]
     member: int | None = None
-    """The one vehicle that is commanded, 0 for none of a fleet; None: all are."""
+    """Number of the only commanded vehicle, 0 for a fleet without any; None commands all."""
     east_ahead: bool = True
-    """Whether the noses of vehicles that do not stop point along grid east, else along north."""
+    """True if vehicles that do not stop point along grid east, else along north."""
     lane_rows: int = LANE_CELLS
-    """How many rows of cells a lane decides."""
+    """Number of rows of cells that a lane decides."""
     lanes_drift: bool = False
-    """Whether lanes drift with the cells; else they lie still over ground."""
+    """True if lanes drift with the cells; else they are fixed over ground."""
     whole_fence: Fence | None = None
-    """Of a member: the fence without the columns over others' pads, which are holes of `fence`."""
+    """A member's fence without the columns over others' pads, which are holes of `fence`."""
 
     @cached_property
     def energy(self) -> EnergyModel:
@@ -50,12 +50,12 @@ class Layout:
 
     @property
     def ground(self) -> Terrain | None:
-        """What layers are above; None: flat ground at the level of the start."""
+        """Ground below the layers; None means flat ground at the level of the start."""
         return self.mission.ground
 
     @cached_property
     def likely(self) -> tuple[LikelyLane, ...]:
-        """The lanes with what the prior says of them; empty without a prior."""
+        """Lanes with their weight in the prior; empty without a prior."""
         prior = prior_of(self.mission, self.grid) if self.lanes else ()
         if not prior:
             return ()
@@ -64,16 +64,18 @@ class Layout:
 
     @cached_property
     def path_speed_m_s(self) -> Callable[[float, float], float]:
-        """The speed of paths in the frame of the region by height and measured wind, m/s."""
+        """Speed of paths in the frame of the region by height and measured wind, m/s."""
         return cache(partial(path_speed_m_s, self.mission))
 
     @cached_property
     def seen_whole_m(self) -> Callable[[float], tuple[float, float]]:
-        """How far east and north of the middle of a picture cells are whole, by height, m."""
+        """Distance east and north of the middle of a picture up to which cells are whole, by
+        height, m."""
         return cache(partial(seen_whole_m, self.mission, east_ahead=self.east_ahead))
 
     def kinematics(self, height_m: float, wind_m_s: float) -> Kinematics:
-        """Return what a vehicle can fly and see at a height in a measured wind, along the grid."""
+        """Return the kinematics and view of a vehicle at a height in a measured wind, along the
+        grid."""
         mission, grid = self.mission, self.grid
         half_east_m, half_north_m = self.seen_whole_m(height_m)
         fixed = mission.camera.mounting == "fixed"
@@ -92,35 +94,35 @@ class Layout:
 
     @cached_property
     def wind_m_s(self) -> tuple[float, float]:
-        """The wind of the mission file, to where it blows along grid east and north, m/s."""
+        """Wind of the mission file: its direction of motion along grid east and north, m/s."""
         return wind_toward(self.mission, self.grid)
 
     def pad_of(self, number: int) -> GridPoint:
-        """Return where a vehicle stands by the mission file."""
+        """Return the position of a vehicle's pad in the mission file."""
         return self.pads[number - 1]
 
     def home_level_m(self, number: int) -> float:
-        """Return the height of a vehicle's home above what its layers are counted from, m."""
+        """Return the height of a vehicle's home above the origin of its layers, m."""
         return 0.0 if self.ground is not None else home_heights_m(self.mission)[number - 1]
 
     @cached_property
     def pads(self) -> tuple[GridPoint, ...]:
-        """Where the vehicles stand by the mission file."""
+        """Positions of the vehicles' pads in the mission file."""
         return tuple(self.grid.fixed(place) for place in homes(self.mission))
 
     @property
     def relief_m(self) -> float:
-        """Height of the ground that straight ways home cross, from lowest to highest, m."""
+        """Height of the ground below straight returns, from lowest to highest, m."""
         return self.mission.ground_span_m
 
     def ups_and_downs_m(self, points: Sequence[GridPoint]) -> float:
-        """Return what the ups and downs of a way come to, in metres of climbing."""
+        """Return the ups and downs of a way, as metres of climbing."""
         if self.ground is None:
             return 0.0
         return self.ground.ups_and_downs_m(points, self.energy.speed_m_s, self.energy.climb_m_s)
 
     def where(self, cell: Cell, t_s: float) -> GridPoint:
-        """Return where the centre of a cell is at a time, in the fixed frame."""
+        """Return the centre of a cell at a time, in the fixed frame."""
         return self.grid.to_fixed(self.grid.centre_of(cell), t_s)
 
     @cached_property
@@ -161,16 +163,16 @@ class Layout:
 
     @property
     def yaw_deg(self) -> float:
-        """The true bearing at which vehicles that do not stop hold their noses."""
+        """True bearing of the noses of vehicles that do not stop, degrees."""
         grid_deg = 90.0 if self.east_ahead else 0.0
         return (grid_deg + math.degrees(self.grid.convergence_rad)) % 360.0
 
     @property
     def metric(self) -> Metric:
-        """What a leg between two cells costs in seconds, in the frame of the region.
+        """Cost of a leg between two cells in seconds, in the frame of the region.
 
-        A vehicle flies straight from rest to rest. A look costs its frames: what `look_s` has
-        besides is reckoned for the battery, and seldom needed.
+        A vehicle flies straight from rest to rest. An observation costs its frames. The other parts
+        of `look_s` are reserved in the battery, and seldom needed.
         """
         grid, votes = self.grid, self.mission.votes
         return Metric(
@@ -186,7 +188,7 @@ class Layout:
         """Return a bound in moves of an exploration with stops as a bound in seconds.
 
         A move takes at most a leg between two cells. Tours are closed and each vertex is visited
-        once, so at most every second move ends with a look, and the root has one besides.
+        once, so at most every second move ends with an observation. The root has one more.
         """
         move_s = self.energy.leg_s(self.grid.cell_m) + self.look_s / 2.0
         factor = drift_factor(self.mission.flight.speed_m_s, self.mission.drift.speed_m_s)
@@ -194,5 +196,5 @@ class Layout:
 
     @property
     def look_s(self) -> float:
-        """About how long a vehicle hovers over a cell."""
+        """Time that a vehicle hovers over a cell, about, s."""
         return look_s(self.mission)

@@ -1,4 +1,4 @@
-"""What is wrong with the values of a mission file, in the words of someone who writes them."""
+"""Faults of the values of a mission file, in the words of its author."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LONGEST_SHOWN = 60
 
 
 def explain(error: ValidationError, model: type[BaseModel]) -> list[str]:
-    """A line for each fault of a file of this `model`: key, value and what was expected.
+    """Return a line for each fault of a file of this `model`: key, value and expectation.
 
     >>> class Wind(BaseModel, extra="forbid"):
     ...     speed_m_s: float = 0.0
@@ -27,7 +27,7 @@ def explain(error: ValidationError, model: type[BaseModel]) -> list[str]:
 
 
 def _causes(faults: list[ErrorDetails]) -> list[ErrorDetails]:
-    """The faults without those that follow from others: a faulty item makes its list short."""
+    """Return the faults that follow from no other: a faulty item makes its list short."""
     places = [fault["loc"] for fault in faults]
     return [
         fault
@@ -72,7 +72,7 @@ def _describe(fault: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _lower(message: str) -> str:
-    # what pydantic calls a tuple is a list in TOML
+    # a tuple of pydantic is a list in TOML
     message = message.removeprefix("Value error, ").replace("tuple", "list")
     return message[:1].lower() + message[1:]
 
@@ -89,7 +89,7 @@ def _keys_beside(loc: tuple[int | str, ...], model: type[BaseModel]) -> list[str
 
 
 def section_of(annotation: Any) -> type[BaseModel] | None:
-    """The table that a key of this type stands for, or a list of them, if it is one."""
+    """Return the table that a key of this type stands for, or a list of them, if it is one."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for inner in getattr(annotation, "__args__", ()):

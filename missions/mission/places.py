@@ -1,4 +1,4 @@
-"""Where a mission's places lie: near the start, in polygons that are polygons, inside the fence."""
+"""The places of a mission: near the start, in valid polygons, inside the fence."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from missions.planning.search.prior import Area, Spot
 from missions.units import GridPoint, LatLon
 
 SMALLEST_GAP_M = 8.0
-"""Least gap between vehicles in a row: room for a person to swap a battery."""
+"""Minimum gap between vehicles in a row: room for a person to swap a battery, m."""
 
 
 def grid_of(mission: Mission) -> Grid:
@@ -49,8 +49,10 @@ def homes(mission: Mission) -> tuple[LatLon, ...]:
 
 
 def home_heights_m(mission: Mission) -> tuple[float, ...]:
-    """Return the height of every vehicle's home above the start, m, by the mission or its elevation
-    model. Receivers on level ground differ by metres."""
+    """Return the height of every vehicle's home above the start, m.
+
+    It is from the mission or its elevation model. Receivers on level ground differ by metres.
+    """
     grid, surveyed = grid_of(mission), mission.surveyed
     return tuple(
         vehicle.home_height_m
@@ -61,14 +63,14 @@ def home_heights_m(mission: Mission) -> tuple[float, ...]:
 
 
 FARTHEST_M = 50_000.0
-"""Largest distance of a place from its mission's start."""
+"""Maximum distance of a place from its mission's start, m."""
 
 FAR_M = 2000.0
-"""Distance from the box from which on a home is asked about: a vehicle is not seen from there."""
+"""Distance of a home from the box beyond which the crew is warned, m: it cannot be seen."""
 
 _SMALLEST_AREA_M2 = 0.01
 _TOUCH_M = 0.01
-"""Tolerance where a box shares an edge with the fence: decimals in the file are coarser."""
+"""Tolerance where a box shares an edge with the fence, m: decimals in the file are coarser."""
 
 
 def _rings(mission: Mission) -> Iterator[tuple[str, tuple[Vertex, ...]]]:
@@ -89,7 +91,7 @@ def _rings(mission: Mission) -> Iterator[tuple[str, tuple[Vertex, ...]]]:
 
 
 def positions_near(mission: Mission) -> Iterator[str]:
-    """Positions that no mission from this start can reach: one fault a key."""
+    """Yield positions that no mission from this start can reach: one fault a key."""
     lat_deg, lon_deg = mission.start.position
     if not SOUTH_LIMIT_DEG <= lat_deg <= NORTH_LIMIT_DEG:
         yield _polar("start.position", (lat_deg, lon_deg))
@@ -126,12 +128,12 @@ def _show(vertex: Vertex) -> str:
 
 
 def drawn(ring: tuple[Vertex, ...], grid: Grid) -> Polygon:
-    """A ring of the file as a polygon in ground metres."""
+    """Return a ring of the file as a polygon in ground metres."""
     return Polygon([grid.fixed(place) for place in positions(ring)])
 
 
 def polygons(mission: Mission, grid: Grid) -> Iterator[str]:
-    """Rings that cross themselves or have no area."""
+    """Yield rings that cross themselves or have no area."""
     for key, ring in _rings(mission):
         polygon = drawn(ring, grid)
         if not polygon.is_valid and (polygon.area > 0 or len(set(ring)) > 3):
@@ -143,7 +145,7 @@ def polygons(mission: Mission, grid: Grid) -> Iterator[str]:
 
 
 def invalidity(polygon: Polygon, grid: Grid) -> tuple[str, LatLon | None]:
-    """Why a polygon is none, and near which place, if that is known."""
+    """Return why a polygon is invalid, and near which place, if that is known."""
     reason, bracket, coordinates = explain_validity(polygon).partition("[")
     if not bracket:
         return reason, None
@@ -153,7 +155,7 @@ def invalidity(polygon: Polygon, grid: Grid) -> tuple[str, LatLon | None]:
 
 # --- inside the fence ------------------------------------------------------------------------
 def inside_fence(mission: Mission, grid: Grid) -> Iterator[str]:
-    """Box, homes and the holes of a simulated region that do not lie where they must."""
+    """Yield the box, homes and holes of a simulated region that are in a wrong place."""
     polygon = drawn(mission.fence.polygon, grid)
     holes = [drawn(hole, grid) for hole in mission.fence.holes]
     box = drawn(mission.search.box, grid)
@@ -196,7 +198,7 @@ def holes_named(mission: Mission) -> str:
 
 
 def home_key(mission: Mission, vehicle: int) -> str:
-    """What the file calls the home of a vehicle (from 0)."""
+    """Return the name of the home of a vehicle (from 0) in the file."""
     if mission.vehicles[vehicle].home is not None:
         return f"vehicles[{vehicle}].home"
     return "start.position" if vehicle == 0 else f"vehicles[{vehicle}] (in the row from the start)"
@@ -228,7 +230,7 @@ def _standing(
 
 
 def homes_apart(mission: Mission, grid: Grid) -> Iterator[str]:
-    """Vehicles take off and land side by side, so their homes keep the separation too."""
+    """Yield homes closer than the separation: vehicles take off and land side by side."""
     points = [grid.fixed(place) for place in homes(mission)]
     for i, point in enumerate(points):
         for k in range(i):
@@ -241,7 +243,7 @@ def homes_apart(mission: Mission, grid: Grid) -> Iterator[str]:
 
 
 def far_homes(mission: Mission, grid: Grid) -> Iterator[str]:
-    """Homes so far from the box that somebody has perhaps mistaken the place."""
+    """Yield homes so far from the box that their position may be a mistake."""
     box = drawn(mission.search.box, grid)
     for i, place in enumerate(homes(mission)):
         away_m = float(box.distance(Point(grid.fixed(place))))
@@ -254,11 +256,11 @@ def far_homes(mission: Mission, grid: Grid) -> Iterator[str]:
 
 # --- the prior -------------------------------------------------------------------------------
 FARTHEST_SPREADS: Final = 3.0
-"""Distance from the box, in spreads, from which on a point says next to nothing of it."""
+"""Distance from the box, in spreads, beyond which a point does not affect it."""
 
 
 def prior_of(mission: Mission, grid: Grid) -> tuple[Spot | Area, ...]:
-    """The places where the region may be, in the fixed frame; empty without a prior."""
+    """Return the places where the region may be, in the fixed frame; empty without a prior."""
     west, south, east, north = drawn(mission.search.box, grid).bounds
     spread_m = min(east - west, north - south) / 2.0
     return tuple(_on_ground(place, grid, spread_m) for place in mission.search.prior)
@@ -274,7 +276,7 @@ def _on_ground(place: PriorPlace, grid: Grid, spread_m: float) -> Spot | Area:
 
 
 def prior_faults(mission: Mission, grid: Grid) -> Iterator[str]:
-    """Of a prior that says nothing of the box, and of holes that do not lie in their polygon."""
+    """Yield faults of a prior outside the box, and of holes outside their polygon."""
     if not mission.search.prior:
         return
     box, outside = drawn(mission.search.box, grid), True

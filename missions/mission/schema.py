@@ -1,6 +1,6 @@
-"""The mission file: TOML in, a `Mission` out. docs/reference/missions.md says what each key means.
+"""The mission file: TOML in, a `Mission` out. docs/missions.md describes each key.
 
-Unknown keys are errors, and every message names the file, the key, the value and what was expected.
+Unknown keys are errors. Every message names the file, the key, the value and the expected value.
 Checks that need geometry are in `missions.mission.checks`; `parse_mission` runs both. Defaults are
 the field values of Sung and Tokekar, section 7: 4 m cells, 12 m altitude, intensity 150, 7
 dilations, 5 frames, 3 votes. Positions are `[latitude, longitude]` in degrees.
@@ -51,16 +51,16 @@ from missions.units import LatLon
 
 MAX_VEHICLES = 50
 WANDERS_M = 1.5
-"""How far a vehicle may be above its layer."""
+"""Maximum height of a vehicle above its layer, m."""
 
 
 def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
-    """The vertices of a ring as positions."""
+    """Return the vertices of a ring as positions."""
     return tuple(LatLon(lat, lon) for lat, lon in ring)
 
 
 class Start(Section):
-    """Where the first vehicle stands: home, and the centre of cell (0, 0)."""
+    """The start: home of the first vehicle, and centre of cell (0, 0)."""
 
     position: Vertex
     amsl_m: Annotated[Number, Field(ge=-500, le=9000)] = 0.0
@@ -96,7 +96,7 @@ class Fence(Section):
     allowed_zones: tuple[str, ...] = ()
     margin_m: NotNegative = 2.0
     ceiling_m: Annotated[Number, Field(gt=0, le=1000)] = 120.0
-    """The default is the limit of most countries."""
+    """Maximum height, m; the default is the limit of most countries."""
 
 
 class GridSection(Section):
@@ -106,7 +106,7 @@ class GridSection(Section):
 
 
 class Flight(Section):
-    """How the vehicles fly. `speed_m_s` is over ground."""
+    """The flight of the vehicles. `speed_m_s` is over ground."""
 
     altitude_m: Altitude = 12.0
     height_above: Literal["home", "ground"] = "home"
@@ -115,9 +115,10 @@ class Flight(Section):
     max_airspeed_m_s: Annotated[Number, Field(gt=0, le=60)] = 12.0
     accel_m_s2: Annotated[Number, Field(ge=0.5, le=5)] = 2.0
     climb_m_s: Annotated[Number, Field(ge=0.5, le=10)] | None = None
-    """WPNAV_SPEED_UP, MPC_Z_V_AUTO_UP; without it 1.5 m/s, less than either by default."""
+    """Climb rate, m/s: WPNAV_SPEED_UP, MPC_Z_V_AUTO_UP; without it 1.5, less than both defaults."""
     descent_m_s: Annotated[Number, Field(ge=0.5, le=5)] | None = None
-    """WPNAV_SPEED_DN, MPC_Z_V_AUTO_DN; without it a whole landing takes the 0.5 m/s of its end."""
+    """Descent rate, m/s: WPNAV_SPEED_DN, MPC_Z_V_AUTO_DN; without it a landing takes 0.5
+    throughout."""
 
 
 class CameraSection(Section):
@@ -130,32 +131,35 @@ class CameraSection(Section):
     yaw_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
     pitch_deg: Annotated[Number, Field(ge=-45, le=45)] = 0.0
     roll_deg: Annotated[Number, Field(ge=-45, le=45)] = 0.0
-    """For a camera that does not report its attitude: how it is bolted to the aircraft."""
+    """Mounting angle of a camera that does not report its attitude, degrees."""
     latency_s: Annotated[Number, Field(ge=-1, le=10)] = 0.0
     interval_s: Annotated[Number, Field(gt=0, le=60)] = 1.0
-    """Time between two frames of a cell."""
+    """Time between two frames of a cell, s."""
     pixels_per_cell: Positive = 80.0
-    """From the highest layer."""
+    """Pixels of a cell's edge from the highest layer."""
     pose_error_m: NotNegative = 0.5
-    """Frames that judge all they show leave out cells nearer than this to the rim."""
+    """Error of the pose, m: frames that judge all they show leave out cells this near to the
+    edge."""
     exposure_s: Annotated[Number, Field(gt=0, le=1)] = 0.002
-    """The default is 1/500 s, for daylight."""
+    """Exposure time, s; the default is 1/500 s, for daylight."""
     max_blur_px: Positive = 1.5
-    """The detector's dilations must be well above: so wide is the ROI's border."""
+    """Maximum motion blur, px; the detector's dilations, the width of the ROI's border, must be
+    larger."""
     hosts: tuple[HostName, ...] = ()
     calibration: Annotated[str, Field(strict=True, min_length=1, max_length=4096)] | None = None
-    """For recorded pictures (`uavmap replay`, `uavmap look`); a flight reckons with `hfov_deg`."""
+    """Calibration for recorded pictures (`uavmap replay`, `uavmap look`); a flight uses
+    `hfov_deg`."""
     noiseless: bool = False
     """Accept pictures that are uniform or repeat."""
 
     @property
     def optics(self) -> Optics:
-        """The pinhole that is reckoned with."""
+        """Pinhole camera of the mission."""
         return Optics(math.radians(self.hfov_deg), self.width_px, self.height_px)
 
 
 class Battery(Section):
-    """The battery: what it holds and what must be left of it at touch-down."""
+    """The battery: its capacity, and the reserve at touch-down."""
 
     capacity_wh: Positive = 60.0
     hover_power_w: Positive = 300.0
@@ -168,35 +172,39 @@ class Battery(Section):
 
 
 class NavigationSection(Section):
-    """What happens when satellites do not say where a vehicle is, or do not tell the truth."""
+    """Behaviour when satellites give no position, or a false one."""
 
     gnss_loss: Literal["map", "leapfrog", "rtl", "land"] = "rtl"
-    """On loss in flight: go on by the vehicle's own map, or by what two vehicles see of each other
-    (strategy "leapfrog"); return or land by the autopilot, whose own failsafe has the last word."""
+    """Behaviour on loss in flight, by map, by leapfrog, or by the autopilot.
+
+    "map" continues by the vehicle's own map, "leapfrog" by the two vehicles' views of each other
+    (strategy "leapfrog"). Others return or land by the autopilot, whose failsafe has priority.
+    """
     watch: Annotated[bool, Field(strict=True)] | None = None
-    """Whether a false position is noticed, by pictures; by default with `gnss_loss = "map"`."""
+    """True to detect a false position by pictures; by default with `gnss_loss = "map"`."""
     tolerated_m: Positive = 0.6
-    """Beyond what chance explains."""
+    """Tolerated error beyond chance, m."""
     tag_m: Annotated[Number, Field(gt=0, le=5)] = 0.4
-    """Of the black square on its top (strategy "leapfrog")."""
+    """Edge of the black square on the mapper's top (strategy "leapfrog"), m."""
     tag_dictionary: TagDictionary = "DICT_4X4_50"
 
     @property
     def watches(self) -> bool:
-        """Whether positions are held against pictures."""
+        """True if positions are compared with pictures."""
         return self.gnss_loss == "map" if self.watch is None else self.watch
 
 
 class VehicleSection(Section):
-    """One vehicle: where to reach it, its camera, and where it stands if not at the start."""
+    """One vehicle: its link, its camera, and its home if that is not the start."""
 
     url: str | None = None
     camera: str | None = None
-    """Not for a simulated flight, whose cameras are simulated as well."""
+    """Camera; not for a simulated flight, whose cameras are simulated as well."""
     home: Vertex | None = None
     home_height_m: Annotated[Number, Field(ge=-1000, le=1000)] | None = None
     layer: Annotated[Count, Field(ge=0)] | None = None
-    """By default each has its own, in their order. Vehicles that share one wait for each other."""
+    """Number of its layer; by default each has its own. Vehicles in one layer wait for each
+    other."""
 
 
 class Mission(Section):
@@ -227,14 +235,14 @@ class Mission(Section):
 
     @property
     def by_evidence(self) -> bool:
-        """Whether cells of recorded pictures are decided by evidence; flights count votes."""
+        """True if evidence decides cells of recorded pictures; flights count votes."""
         if self.votes.recorded is None:
             return self.detector.view == "all"
         return self.votes.recorded == "evidence"
 
     @property
     def surveyed(self) -> Terrain | None:
-        """The ground as far as it is known, whether it is followed or not."""
+        """Known ground, whether it is followed or not."""
         return None if self._lattice is None else terrain_in(self._lattice)
 
     @property
@@ -243,35 +251,36 @@ class Mission(Section):
 
     @property
     def ground(self) -> Terrain | None:
-        """The ground above which layers are; None: above the start, the ground being flat."""
+        """Ground below the layers; None means that they are above the start, and the ground is
+        flat."""
         return self.surveyed if self.flight.height_above == "ground" else None
 
     @property
     def relief(self) -> Relief | None:
-        """Of the known ground inside the fence."""
+        """Relief of the known ground inside the fence."""
         if self._lattice is None:
             return None
         return relief_in(self._lattice, self.start.position, self.fence.polygon)
 
     @property
     def highest_ground_m(self) -> float:
-        """The highest ground in the fence above the start, at least 0; 0 where it is not followed.
+        """Highest ground in the fence above the start, at least 0; 0 if it is not followed, m.
 
         Ceilings and return heights, which are above home, are higher by it. An autopilot returns
-        straight, also over what lies between two arms of the fence.
+        straight, also over the ground between two arms of the fence.
         """
         crossed = self._crossed
         return 0.0 if crossed is None else max(crossed.highest_m, 0.0)
 
     @property
     def ground_span_m(self) -> float:
-        """From the lowest ground to that highest; 0 where it is not followed."""
+        """Height from the lowest ground to the highest, m; 0 if it is not followed."""
         crossed = self._crossed
         return 0.0 if crossed is None else self.highest_ground_m - min(crossed.lowest_m, 0.0)
 
     @property
     def _crossed(self) -> Relief | None:
-        """The relief of what straight ways in the fence cross, where ground is followed."""
+        """Relief below straight ways in the fence, if ground is followed."""
         if self.ground is None or self._lattice is None:
             return None
         return relief_in(self._lattice, self.start.position, self.fence.polygon, hull=True)
@@ -282,21 +291,26 @@ class Mission(Section):
         return LatLon(*self.start.position)
 
     def search_altitude_m(self, vehicle: int) -> float | None:
-        """Return the layer from which a vehicle (from 0, the lowest) searches; None: from that of
-        the map. "auto" as in `altitude_m`, with the pixels of a suspicion."""
+        """Return the search layer of a vehicle (from 0, the lowest); None: it searches in its map
+        layer.
+
+        "auto" as in `altitude_m`, with the pixels of a suspicion.
+        """
         if self.search.altitude_m is None:
             return None
         apart_m = self.team.layer_m if self.search.layer_m is None else self.search.layer_m
         return self._layer_m(self.search.altitude_m, self.search.pixels_per_cell, vehicle, apart_m)
 
     def top_altitude_m(self, vehicle: int) -> float:
-        """The highest layer that a vehicle (from 0) flies in."""
+        """Return the highest layer of a vehicle (from 0), m."""
         return max(self.altitude_m(vehicle), self.search_altitude_m(vehicle) or 0.0)
 
     @property
     def overview_above_m(self) -> float | None:
-        """From this height on a frame is one of the search alone, for a cell has less than
-        `camera.pixels_per_cell`; None where there is none."""
+        """Height above which a frame is one of the search alone, m; None without search height.
+
+        From there a cell has less than `camera.pixels_per_cell`.
+        """
         low_m, top_m = self.search_altitude_m(0), self.altitude_m(len(self.vehicles) - 1)
         if low_m is None:
             return None
@@ -306,8 +320,8 @@ class Mission(Section):
     def altitude_m(self, vehicle: int) -> float:
         """Return the layer of a vehicle (from 0) above home, or above the ground.
 
-        With `flight.altitude_m = "auto"` the highest layer is at the greatest height, in tenths of
-        a metre, from which a cell still has its pixels, or at the ceiling if that is lower; the
+        With `flight.altitude_m = "auto"` the highest layer is at the maximum height, in tenths of a
+        metre, from which a cell still has its pixels, or at the ceiling if that is lower. The
         others lie below it.
         """
         apart_m = self.team.layer_m
@@ -329,7 +343,7 @@ class Mission(Section):
         return lowest_m + self.layer_number(vehicle) * layer_m
 
     def layer_number(self, vehicle: int) -> int:
-        """In which layer a vehicle (from 0) flies, from 0, the lowest."""
+        """Return the number of a vehicle's layer (both from 0), 0 being the lowest."""
         if vehicle >= len(self.vehicles):
             return vehicle
         layer = self.vehicles[vehicle].layer
@@ -350,7 +364,7 @@ class Mission(Section):
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """The tables of a mission file. Raises `MissionFileError` where it is not TOML."""
+    """Return the tables of a mission file. Raises `MissionFileError` if it is not TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -358,10 +372,9 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
 
 
 def parse_fields(text: str, source: str) -> Mission:
-    """A mission whose single values are right; `missions.mission.checks` looks at the whole.
+    """Return a mission whose single values are valid; `missions.mission.checks` checks the whole.
 
-    Raises `MissionFileError` with a line a fault, each naming the file, the key, the value and
-    what was expected.
+    Raises `MissionFileError` with a line for each fault: file, key, value and expectation.
 
     >>> parse_fields("grid.cell_m = 0", "x.toml")
     Traceback (most recent call last):

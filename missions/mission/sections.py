@@ -1,4 +1,4 @@
-"""The sections of a mission file: what single fields may hold, and tables of their own."""
+"""The sections of a mission file: types of single fields, and their tables."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Relief, Terrain, decoded, relief_of
 from missions.units import LatLon
 
-# strict: "4" and true are not numbers, although Python could make some of them
+# strict: "4" and true are no numbers, although Python could convert them
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Count = Annotated[int, Field(strict=True)]
 Degrees = Number
@@ -85,30 +85,29 @@ def _altitude_schema(_: object, schema_of: GetCoreSchemaHandler) -> core_schema.
     return core_schema.no_info_wrap_validator_function(_number_or_auto, number)
 
 
-# not a union: its messages would speak of both kinds at once
+# not a union: its messages would name both types at once
 Altitude = Annotated[float | Literal["auto"], GetPydanticSchema(_altitude_schema)]
 
 
 class Section(BaseModel):
-    """A table of a mission file: no other keys than its own."""
+    """A table of a mission file, without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 # --- [detector] -----------------------------------------------------------------------------------
 LATER: Final = "later"
-"""Name in place of a detector's, until one is chosen: no real pictures are judged by it."""
+"""Name in place of a detector's until one is chosen: it judges no real pictures."""
 _SHARED: Final[Mapping[str, tuple[str, ...]]] = {
     "threshold": ("intensity", "dilations", "polarity"),
     "paved": ("greenness", "intensity", "dilations"),
     LATER: ("intensity", "dilations", "polarity"),
 }
-"""The parameters that stand in `[detector]` itself, as before there were tables."""
+"""Parameters that stand in `[detector]` itself, as before there were tables."""
 
 
 class DetectorSection(Section):
-    """Which detector judges pictures, and its parameters, in a table of its own:
-    `[detector.paved]`.
+    """The detector of pictures, with its parameters in a table of its own: `[detector.paved]`.
 
     Parameters of `threshold` and `paved` may stand in `[detector]` itself, where those of both are
     one set with the defaults of the paper.
@@ -116,23 +115,26 @@ class DetectorSection(Section):
 
     name: str = "threshold"
     model: Annotated[str | None, Field(min_length=1, max_length=4096)] = None
-    """The file of a model, of the detectors that have one: from the folder of the mission file."""
+    """File of a model, relative to the folder of the mission file; only for detectors with a
+    model."""
     model_sha256: Annotated[str | None, Field(pattern=r"^[0-9a-f]{64}$")] = None
-    """Of that file; another one is refused. Added when the mission file is read."""
+    """SHA-256 of that file; another one is refused. Added when the mission file is read."""
     intensity: Annotated[Count, Field(ge=0, le=255)] = 150
     dilations: Annotated[Count, Field(ge=0, le=100)] = 7
     polarity: Literal["dark", "bright"] = "dark"
     greenness: Annotated[Number, Field(ge=-1, le=2)] = 0.04
-    """Of the detector `paved`: what is greener than this grows."""
+    """Greenness above which the detector `paved` grows."""
     share: Annotated[Number, Field(gt=0, le=1)] = 0.3
-    """A cell is seen as ROI from this share of its pixels on."""
+    """Minimum share of its pixels for which a cell is seen as ROI."""
     view: Literal["cross", "all"] = "cross"
-    """`cross`: a frame votes on the cell below and its four neighbours; `all`: on every cell
-    that it shows whole (recorded imagery from a height)."""
+    """`cross`: a frame votes on the cell below and its four neighbours.
+
+    `all`: it votes on every cell that it shows whole (recorded imagery from a height).
+    """
     classes: Classes | None = None
-    """The classes that it tells apart; without them it knows one: the region."""
+    """Classes that it distinguishes; without them it knows one: the region."""
     tables: Mapping[str, Mapping[str, Any]] = {}
-    """The tables of the detectors, by name; what may be in them, the detectors say."""
+    """Tables of the detectors, by name; the detectors define their content."""
 
     @model_validator(mode="before")
     @classmethod
@@ -149,7 +151,7 @@ class DetectorSection(Section):
 
     @model_serializer(mode="wrap")
     def _as_written(self, fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """The section as it stands in a file: the detectors' tables in it."""
+        """Return the section as it stands in a file: the detectors' tables in it."""
         values: dict[str, Any] = fields(self)
         tables: dict[str, Any] = values.pop("tables", {})
         return values | tables
@@ -167,12 +169,12 @@ class DetectorSection(Section):
 
     @property
     def explored(self) -> tuple[int, ...]:
-        """The numbers of the classes that are explored; none where it knows the region only."""
+        """Numbers of the explored classes; empty if it knows the region only."""
         return () if self.classes is None else self.classes.explored
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters of the named detector: those of its table, or the shared ones.
+        """Parameters of the named detector: those of its table, or the shared ones.
 
         >>> DetectorSection(name="paved", greenness=0.1).parameters
         {'greenness': 0.1, 'intensity': 150, 'dilations': 7}
@@ -187,12 +189,14 @@ class DetectorSection(Section):
 
 # --- [terrain] ------------------------------------------------------------------------------------
 MOST_POINTS = 250_000
-"""Of a lattice: what a journal keeps of the ground stays small."""
+"""Maximum number of points of a lattice: the ground in a journal stays small."""
 
 
 class Lattice(Section):
-    """The heights of the ground as kept with a mission (by `uavmap.load.dem`), in metres along the
-    grid's axes around the start (`missions.geo.terrain`)."""
+    """The heights of the ground as kept with a mission (by `uavmap.load.dem`).
+
+    They are in metres along the grid's axes around the start (`missions.geo.terrain`).
+    """
 
     west_m: Number
     south_m: Number
@@ -218,12 +222,12 @@ def _lattice(value: object) -> object:
 
 
 class TerrainSection(Section):
-    """Where the heights of the ground come from: a digital elevation model, or the autopilot."""
+    """The source of the heights of the ground: a digital elevation model, or the autopilot."""
 
     dem: Annotated[Lattice | None, BeforeValidator(_lattice)] = None
-    """What is kept of the file is a lattice."""
+    """Lattice of the file's heights."""
     source: Literal["autopilot"] | None = None
-    """Asked before take-off."""
+    """Source of heights before take-off."""
 
     @model_validator(mode="after")
     def _one(self) -> TerrainSection:
@@ -234,7 +238,7 @@ class TerrainSection(Section):
 
 @lru_cache(maxsize=8)
 def terrain_in(lattice: Lattice) -> Terrain:
-    """The terrain of a lattice."""
+    """Return the terrain of a lattice."""
     heights = decoded(lattice.heights, lattice.rows, lattice.columns)
     heights.setflags(write=False)
     return Terrain(lattice.west_m, lattice.south_m, lattice.step_m, heights)
@@ -242,7 +246,8 @@ def terrain_in(lattice: Lattice) -> Terrain:
 
 @lru_cache(maxsize=8)
 def relief_in(lattice: Lattice, start: Vertex, fence: Ring, *, hull: bool = False) -> Relief:
-    """The relief of the ground inside a fence; `hull`: also of what straight ways in it cross."""
+    """Return the relief inside a fence; with `hull` also of the ground below straight ways in
+    it."""
     grid = Grid.at(LatLon(*start), 1.0)
     ring = [grid.fixed(LatLon(*vertex)) for vertex in fence]
     area = Polygon(ring)
@@ -274,7 +279,7 @@ class PriorPlace(Section):
 
 
 def _prior_places(value: object) -> object:
-    """A single position is a list of one place."""
+    """Return a single position as a list of one place."""
     if isinstance(value, str):
         raise PydanticCustomError(
             "prior_path",
@@ -288,7 +293,7 @@ def _prior_places(value: object) -> object:
 
 
 class Search(Section):
-    """The box that holds at least a part of the ROI, and where in it the ROI probably is."""
+    """The box that holds at least a part of the ROI, and the probable places of the ROI in it."""
 
     box: Ring
     prior: Annotated[
@@ -296,27 +301,33 @@ class Search(Section):
         Field(min_length=1, max_length=MAX_PRIOR_PLACES),
         BeforeValidator(_prior_places),
     ] = ()
-    """Orders the lanes so that the ROI is expected to be seen soonest."""
+    """Prior: it orders the lanes so that the ROI is expected to be seen soonest."""
     find: Literal["first", "all"] = "first"
-    """"first": the search ends where the ROI is seen, and what is connected with that is mapped.
-    "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
-    ("swath")."""
+    """"first": the search ends where the ROI is seen; the patch that is connected with it is
+    mapped.
+
+    "all": the whole box is seen, and every patch of the ROI that begins in it is mapped ("swath").
+    """
     altitude_m: Altitude | None = None
-    """Above the start; by default that of the map. "auto": as high as `search.pixels_per_cell` and
-    `fence.ceiling_m` allow."""
+    """Search altitude above the start; by default that of the map.
+
+    "auto": as high as `search.pixels_per_cell` and `fence.ceiling_m` allow.
+    """
     pixels_per_cell: Positive = 20.0
     layer_m: NotNegative | None = None
-    """By default `team.layer_m`. 0: one layer, as high as any; vehicles wait for each other."""
+    """Distance of search layers; by default `team.layer_m`. 0: one layer, where vehicles wait."""
 
 
 class Votes(Section):
-    """How many frames a cell gets, and how many of them must say yes."""
+    """The number of frames of a cell, and of positive votes for ROI."""
 
     frames: Annotated[Count, Field(ge=1, le=100)] = 5
     positive: Annotated[Count, Field(ge=1, le=100)] = 3
     recorded: Literal["evidence", "count"] | None = None
-    """`evidence`: by the weighed mean of all frames; `count`: by the first `frames`, as in every
-    flight. By default by evidence under the view "all", by counting under "cross"."""
+    """`evidence`: weighted mean of all frames; `count`: first `frames`, as in every flight.
+
+    By default evidence for the view "all", counting for "cross".
+    """
 
     @model_validator(mode="after")
     def _enough_frames(self) -> Votes:
@@ -342,7 +353,7 @@ class Drift(Section):
 
 
 class Guardian(Section):
-    """What the guardians of the aircraft do when the mission is gone."""
+    """Actions of the guardians of the aircraft when the mission is gone."""
 
     orphan_hold_s: Annotated[Number, Field(ge=0, le=600)] = 20.0
 
@@ -357,7 +368,7 @@ class Traffic(Section):
 
 
 class Team(Section):
-    """How several vehicles keep apart: a layer of height each."""
+    """The separation of several vehicles: a layer of height each."""
 
     separation_m: Positive = 4.0
     layer_m: Positive = 6.0

@@ -1,4 +1,5 @@
-"""The tables of a mission file of the simulator alone (docs/reference/missions.md)."""
+"""The tables of a mission file that only the simulator reads; docs/missions.md describes the
+keys."""
 
 from __future__ import annotations
 
@@ -28,15 +29,17 @@ class SimRegion(Section):
     polygon: Ring
     holes: tuple[Ring, ...] = ()
     rgb: tuple[Level, Level, Level] | None = None
-    """Red, green, blue in full light; later pieces lie on earlier ones. Without it gray, of
-    `sim.roi_intensity`."""
+    """Red, green, blue in full light; later pieces lie on earlier ones.
+
+    Without it the piece is gray, of `sim.roi_intensity`.
+    """
 
 
 class SimFault(Section):
-    """Something that goes wrong in the simulation; the kinds are those of `sitl.faults.faults`."""
+    """A fault in the simulation; the kinds are those of `sitl.faults.faults`."""
 
     vehicle: Annotated[Count, Field(ge=1, le=50)] = 1
-    """Nothing happens where it does not fly."""
+    """Number of the vehicle; no effect if it does not fly."""
     at_s: NotNegative
     for_s: Positive | None = None
     kind: Literal[
@@ -63,7 +66,7 @@ class SimFault(Section):
 
     @property
     def values(self) -> dict[str, float]:
-        """The kind's own numbers, as far as they are given."""
+        """Return the numbers of this kind of fault that are given."""
         everywhere = {"vehicle", "at_s", "for_s", "kind"}
         return self.model_dump(exclude=everywhere, exclude_none=True)
 
@@ -82,7 +85,7 @@ class SimFault(Section):
         return self
 
 
-# of a kind of fault: the keys it needs, and those it may have besides
+# for each kind of fault: the keys that it needs, and those that it may have
 _FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "gps_glitch": (("metres",), ("toward_deg",)),
     "gps_drift": (("m_s",), ("toward_deg",)),
@@ -120,7 +123,7 @@ class SimTerrain(Section):
 
 
 class SimQuirks(Section):
-    """What real aircraft do that a client would rather not know of; see `sitl.quirks`."""
+    """Properties of real aircraft that complicate a client; see `sitl.quirks`."""
 
     camera: Literal["component", "autopilot", "none"] = "component"
     camera_clock_s: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
@@ -152,11 +155,11 @@ class Sim(Section):
     odometry_drift: Annotated[Number, Field(ge=0, le=0.5)] = 0.02
     swap_s: NotNegative = 60.0
     tag_m: Annotated[Number, Field(ge=0, le=5)] | None = None
-    """By default `navigation.tag_m` in a leapfrog, and none otherwise."""
+    """Edge of the marker; by default `navigation.tag_m` in a leapfrog, else none."""
     tag_dictionary: TagDictionary | None = None
-    """By default `navigation.tag_dictionary`."""
+    """Dictionary of the marker; by default `navigation.tag_dictionary`."""
     terrain: SimTerrain | None = None
-    """Without it the ground is that of `terrain.dem`, or level."""
+    """Ground; by default that of `terrain.dem`, or level."""
     quirks: SimQuirks = SimQuirks()
     parameters: Mapping[str, Number] = Field(default_factory=dict)
     faults: tuple[SimFault, ...] = ()

@@ -1,4 +1,4 @@
-"""What frames of a vehicle that does not stop show whole, and how fast its paths are flown."""
+"""The view of a vehicle that does not stop, and the speed of its paths."""
 
 from __future__ import annotations
 
@@ -10,30 +10,32 @@ from missions.mission.height_and_speed import footprint_over, headway_m_s, speed
 from missions.mission.schema import Mission
 
 MOST_M_S: Final = 8.0
-"""Faster, a real ArduCopter leans by more than 22 degrees and follows a path worse."""
+"""Maximum speed of paths, m/s: faster, an ArduCopter leans over 22 degrees and follows worse."""
 TRACK_ERROR_M: Final = 0.3
-"""How far a vehicle is from its path nearly always, besides the error of its position."""
+"""Usual distance of a vehicle from its path, besides the error of its position, m."""
 G_M_S2: Final = 9.81
 DRAG_1_S: Final = 0.25
-"""Thrust by speed through the air of a quadcopter near 6 m/s, m/s^2 for each m/s."""
+"""Thrust of a quadcopter by airspeed near 6 m/s, m/s^2 for each m/s."""
 MOST_LEVEL_M_S: Final = 10.0
-"""... of a camera in a gimbal, which does not lean along, and looks from high up."""
+"""Maximum speed with a gimbal camera, which stays level and is higher up, m/s."""
 LEAST_M_S: Final = 0.3
-"""What cannot be mapped at this speed is not mapped without stopping."""
+"""Minimum speed of paths, m/s; slower maps need stops."""
 LEAST_PART: Final = 0.5
-"""Least part of `detector.share` that a cell on the map shows, whatever the error of the pose."""
+"""Minimum part of `detector.share` that a cell on the map shows, for any error of the pose."""
 
 
 def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> float:
-    """Return the speed of paths at a height, in the frame of the region, m/s. `wind_m_s` is the
-    measured wind; that of the mission file counts where it is stronger."""
+    """Return the speed of paths at a height, in the frame of the region, m/s.
+
+    `wind_m_s` is the measured wind; the mission file's counts if it is stronger.
+    """
     held = mission.camera.mounting == "gimbal"
     most_m_s = min(MOST_LEVEL_M_S if held else MOST_M_S, headway_m_s(mission, wind_m_s))
     return max(LEAST_M_S, min(most_m_s, speed_limits(mission, height_m).least_m_s))
 
 
 def rim_share(mission: Mission) -> float:
-    """Return the mean share of a cell's pixels from which it belongs on the map, at the rim.
+    """Return the mean share of a cell's pixels from which it belongs on the map, at the edge.
 
     An error of the pose moves the outline by `camera.pose_error_m`, in all frames of a pass alike.
     So it may hide a strip of that width of a cell that is region in `detector.share` of it.
@@ -48,7 +50,8 @@ def rim_share(mission: Mission) -> float:
 
 
 def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:
-    """Return how far east and north of the middle of a level picture a cell's centre may lie, m.
+    """Return the distance east and north of a level picture's middle up to which cells are whole,
+    m.
 
     The wide side of the picture is across the lanes: north of lanes along east (`east_ahead`).
     `camera.yaw_deg` turns it.
@@ -60,7 +63,7 @@ def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tupl
     reach_m = mission.grid.cell_m / 2.0 * (cos + sin) + margin_m
     across_m = footprint.across_m / 2.0 - reach_m
     along_m = footprint.along_m / 2.0 - reach_m
-    if sin > 1e-6 and cos > 1e-6:  # the square that fits whatever the turn
+    if sin > 1e-6 and cos > 1e-6:  # the square that fits at any turn
         across_m = along_m = min(across_m, along_m) / (cos + sin)
     elif sin > cos:
         across_m, along_m = along_m, across_m
@@ -68,7 +71,7 @@ def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tupl
 
 
 def wind_toward(mission: Mission, grid: Grid) -> tuple[float, float]:
-    """The wind of the mission file along the grid's axes: where it blows to, east and north."""
+    """Return the motion of the mission file's wind along the grid's axes, east and north, m/s."""
     toward = math.radians(mission.wind.from_deg) + math.pi - grid.convergence_rad
     return mission.wind.speed_m_s * math.sin(toward), mission.wind.speed_m_s * math.cos(toward)
 
@@ -76,10 +79,9 @@ def wind_toward(mission: Mission, grid: Grid) -> tuple[float, float]:
 def reaches_m(
     mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool
 ) -> tuple[float, float]:
-    """Return how far to either side (west, east or south, north) of a lane a cell's centre may lie,
-    m.
+    """Return the distance of whole cells to either side of a lane (west, east or south, north), m.
 
-    The cell is shown whole in calm air and in the wind of the mission: a camera that tilts with the
+    The cell is shown whole in calm air and in the wind of the mission. A camera that tilts with the
     airframe looks downwind, so the windward edge of the picture comes nearer.
     """
     halves = seen_whole_m(mission, height_m, east_ahead=east_ahead)
@@ -95,14 +97,16 @@ def reaches_m(
 
 
 def rows_across(mission: Mission, grid: Grid, vehicle: int = 0, *, east_ahead: bool) -> int:
-    """The rows of cells that a lane decides, from the search layer of a vehicle (from 0)."""
+    """Return the rows of cells that a lane decides, from the search layer of a vehicle (from 0)."""
     reaches = reaches_m(mission, grid, mission.top_altitude_m(vehicle), east_ahead=east_ahead)
     return max(1, math.floor(max(sum(reaches), 0.0) / mission.grid.cell_m) + 1)
 
 
 def beside_rows_m(mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool) -> float:
-    """Return how far east or north of the middle of its rows, to windward, a lane is flown, so that
-    the rows are in the picture whether the wind of the mission blows or not."""
+    """Return how far to windward of the middle of its rows a lane is flown, m east or north.
+
+    So the rows are in the picture whether the wind of the mission blows or not.
+    """
     low_m, high_m = reaches_m(mission, grid, height_m, east_ahead=east_ahead)
     most_m = max(low_m, high_m, 0.0)
     return min(max((low_m - high_m) / 2.0, -most_m), most_m)

@@ -1,8 +1,8 @@
-"""Error of the reported position, by what the ground itself says of the way that was flown.
+"""Error of the reported position, by pictures of the ground along the flight.
 
-Keyframes are moments at which a position was reported and a picture was taken; links are movements
-between two of them that their pictures show. From both follows the error of the reported position,
-and whether satellites can be believed. What it is for and how it does: docs/explanation/own-map.md.
+Keyframes are moments with a reported position and a picture. Links are movements between two of
+them that their pictures show. Both give the error of the reported position, and show whether
+satellites can be trusted. docs/own-map.md describes purpose and method.
 """
 
 from missions.navigation.network import Disagreement, Estimate, ToldErrors

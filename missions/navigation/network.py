@@ -1,8 +1,8 @@
-"""Least squares over errors that hang together: what each is alone, step by step, and by links.
+"""Least squares over correlated errors: each alone, step by step, and by links.
 
-East and north are one complex number, for all noise is alike in both; a scale and a rotation of
-what pictures show are one, too, and change slowly: they are known at a few knots in time. So the
-normal equations are real, but for a border of a column to a knot.
+East and north are one complex number, for noise is alike in both. Scale and rotation of pictures
+are one number as well, and change slowly: they are known at a few knots in time. So the normal
+equations are real, but for a border of one column per knot.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 UNEASE_M: Final = 0.3
-"""By how much a step errs that nothing vouches for, beyond what dead reckoning does."""
+"""Error of an unsupported step beyond that of dead reckoning, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,15 +23,15 @@ class ToldErrors:
     """Errors of reported positions; standard deviations in one direction.
 
     Attributes:
-        satellites_m: Of a position by satellites, above 0.
-        satellites_s: Over which time such an error stays alike, above 0.
-        reckoned_share: What dead reckoning errs by, as a share of the way.
-        reckoned_over_m: Over which way that share stays alike.
-        reckoned_m_sqrt_s: What it wanders by in a second, at rest too; it grows with the root.
-        common: Of the scale that pictures have (heights), as a share, and of their rotation in
+        satellites_m: Error of a position by satellites, above 0.
+        satellites_s: Time over which such an error stays alike, above 0.
+        reckoned_share: Error of dead reckoning, as a share of the way.
+        reckoned_over_m: Way over which that share stays alike.
+        reckoned_m_sqrt_s: Its drift in a second, at rest as well; it grows with the root.
+        common: Error of the scale of pictures (heights), as a share, and of their rotation in
             radians (headings); above 0.
-        common_s: Over which time both stay alike, above 0.
-        pointing_m: How far the place below the camera is off in each picture, by its attitude.
+        common_s: Time over which both stay alike, above 0.
+        pointing_m: Error of the place below the camera in each picture, by its attitude.
     """
 
     satellites_m: float = 0.7
@@ -44,7 +44,7 @@ class ToldErrors:
     pointing_m: float = 0.05
 
     def __post_init__(self) -> None:
-        """Refuse what is no standard deviation with `ValueError`."""
+        """Raise `ValueError` for a value that is no standard deviation."""
         for name in ("satellites_m", "satellites_s", "reckoned_m_sqrt_s", "common", "common_s"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} is {getattr(self, name):g}, expected above 0")
@@ -52,13 +52,13 @@ class ToldErrors:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What is known of the newest keyframe.
+    """The estimate at the newest keyframe.
 
     Attributes:
-        error_m: Told minus true position, east and north.
+        error_m: Reported minus true position, east and north.
         sigma_m: Its standard deviation in one direction.
-        scale: By how much its picture shows ways too long, as a share.
-        rotation_rad: By how much it is turned, counter-clockwise.
+        scale: Excess of ways in its picture, as a share.
+        rotation_rad: Rotation of its picture, counter-clockwise.
     """
 
     error_m: tuple[float, float]
@@ -69,14 +69,14 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
-    """How far satellites are off, if they began to lie at `since_s`.
+    """The error of satellites, if they began to be false at `since_s`.
 
     Attributes:
-        error_m: Told minus true position of the newest keyframe, east and north.
+        error_m: Reported minus true position of the newest keyframe, east and north.
         sigma_m: Its standard deviation in one direction.
-        since_s: When the lie began, as far as that can be known: rather too early.
-        leap_m: The farthest that the reported position leapt from one picture to another in the
-            last minute; 0 where it did not.
+        since_s: Beginning of the false positions, as far as known: rather too early.
+        leap_m: Largest jump of the reported position between two pictures in the last minute;
+            0 without one.
     """
 
     error_m: tuple[float, float]
@@ -90,9 +90,9 @@ class Disagreement:
         return math.hypot(*self.error_m) - 2.5 * self.sigma_m
 
     def wrong(self, tolerated_m: float) -> bool:
-        """Whether satellites are off by more than that, or have leapt so far, for certain.
+        """Return whether satellites are certainly off, or have jumped, by more than `tolerated_m`.
 
-        A leap is known far better than the error: it does not matter how good the map is.
+        A jump is known far better than the error: it does not depend on the quality of the map.
         """
         return max(self.least_m, self.leap_m - 2.5 * UNEASE_M) > tolerated_m
 
@@ -104,7 +104,7 @@ Numbers = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """`e[of] - keep * e[after]` is 0, with a variance; `keep` = 0 says what `e[of]` is alone."""
+    """`e[of] - keep * e[after]` is 0, with a variance; with `keep` = 0 it is `e[of]` alone."""
 
     of: Numbers
     after: Numbers
@@ -116,8 +116,8 @@ class Steps:
 class Links:
     """`excess + e[to] - e[begin] - c * moved` is 0, with a variance.
 
-    `moved` is the movement that the ground shows, `excess` what it is more than the reported
-    one; `c` is the sum of `share` times the turns at `knots` (both of shape (links, 4)).
+    `moved` is the movement that the ground shows, `excess` its excess over the reported one. `c` is
+    the sum of `share` times the turns at `knots` (both of shape (links, 4)).
     """
 
     begin: Numbers
@@ -129,16 +129,16 @@ class Links:
     share: Reals
 
     def turns(self, turns: Complexes) -> Complexes:
-        """The scale and rotation of each, as the knots have them."""
+        """Return the scale and rotation of each, by the knots."""
         return np.asarray((self.share * turns[self.knots]).sum(axis=1), dtype=np.complex128)
 
 
 @dataclass(frozen=True, slots=True)
 class Turns:
-    """What holds scale + i rotation at the knots: a process around 0, and pictures' zooms.
+    """Constraints of scale + i rotation at the knots: a process around 0, and pictures' zooms.
 
-    `prior` is the inverse covariance of all knots, shape (knots, knots). A zoom says that the sum
-    of `share` times the turns at `knots` (both of shape (zooms, 4)) is `zoom`, with a variance.
+    `prior` is the inverse covariance of all knots, shape (knots, knots). A zoom constrains the sum
+    of `share` times the turns at `knots` (both of shape (zooms, 4)) to `zoom`, with a variance.
     """
 
     prior: Reals
@@ -152,10 +152,10 @@ class Turns:
 class Solution:
     """The errors, metres; `turns` are scale + i rotation (radians, counter-clockwise) at the knots.
 
-    `inverse` is that of the normal matrix without the turns, `lean` how each error changes with
-    each of them (negative), `turns_variance` their covariance. Variances are of one component.
-    `evidence` is the logarithm of how probable the steps make all that was said, but for a constant
-    that is the same whatever the steps are.
+    `inverse` is that of the normal matrix without the turns. `lean` is the change of each error
+    with each turn (negative), `turns_variance` the covariance of turns. Variances are of one
+    component. `evidence` is the logarithm of the probability of all observations by the steps, but
+    for a constant that is the same for all steps.
     """
 
     errors_m: Complexes
@@ -166,12 +166,12 @@ class Solution:
     evidence: float = math.nan
 
     def variance_of(self, number: int) -> float:
-        """Of one error, m^2."""
+        """Return the variance of one error, m^2."""
         of = self._by_turns(self.lean[number][None])[0]
         return float(self.inverse[number, number] + of)
 
     def misfits(self, links: Links) -> tuple[Complexes, Reals]:
-        """By how much links miss what is expected, and its variance, their own included."""
+        """Return the misfits of links, and their variance, their own included."""
         i, j = links.begin, links.to
         turned = links.turns(self.turns) * links.moved_m
         off = links.excess_m + self.errors_m[j] - self.errors_m[i] - turned
@@ -183,23 +183,23 @@ class Solution:
         return off, np.asarray(links.variance_m2 + own + self._by_turns(lean), dtype=np.float64)
 
     def zoom_misfits(self, turns: Turns) -> tuple[Complexes, Reals]:
-        """By how much zooms miss what is expected, and its variance, their own included."""
+        """Return the misfits of zooms, and their variance, their own included."""
         off = turns.zoom - (turns.share * self.turns[turns.knots]).sum(axis=1)
         weights = np.zeros((len(off), len(self.turns)), np.complex128)
         np.add.at(weights, (np.arange(len(off))[:, None], turns.knots), turns.share)
         return off, np.asarray(turns.variance + self._by_turns(weights), dtype=np.float64)
 
     def _by_turns(self, lean: Complexes) -> Reals:
-        """The variance of sums of turns."""
+        """Return the variance of sums of turns."""
         return np.asarray(((lean @ self.turns_variance) * lean.conj()).sum(axis=1).real)
 
 
 def solve(
     count: int, steps: Steps, links: Links, turns: Turns, *, weighed: bool = False
 ) -> Solution:
-    """The most probable errors and their certainty, with the evidence where `weighed`.
+    """Return the most probable errors and their certainty, with the evidence if `weighed`.
 
-    Each of the `count` errors has a step, so that none is without any hold.
+    Each of the `count` errors has a step, so that none is unconstrained.
     """
     matrix = np.zeros((count, count))
     weight = 1.0 / steps.variance_m2
@@ -241,7 +241,7 @@ def solve(
 
 
 def _of_turns(links: Links, turns: Turns) -> tuple[Complexes, Complexes]:
-    """What holds the turns if no error changes: a matrix, and a right side."""
+    """Return the constraints of the turns if no error changes: a matrix, and a right side."""
     knots = len(turns.prior)
     matrix = turns.prior.copy()
     right = np.zeros(knots, np.complex128)

@@ -21,18 +21,19 @@ from missions.navigation.network import (
     Turns,
 )
 
-_ANYWHERE_M: Final = 1000.0  # the error of a first keyframe whose satellites are not trusted
-_LEAP_M: Final = 100.0  # how far a reported position may leap, once links have shown that it did
-_KNOT_S: Final = 3.0  # between times at which scale and rotation are known; longer if it must be
+_ANYWHERE_M: Final = 1000.0  # error of a first keyframe whose satellites are not trusted
+_LEAP_M: Final = 100.0  # possible jump of a reported position, once links have shown that it jumped
+_KNOT_S: Final = 3.0  # between times at which scale and rotation are known; longer if needed
 _MOST_KNOTS: Final = 40
-_BEND: Final = 0.1  # of what a process without inertia would do between knots: filters smooth
+# share of the variance of a process without inertia between knots: filters smooth
+_BEND: Final = 0.1
 
 
 @dataclass(slots=True)
 class Key:
-    """A keyframe; `way_m` is along all that was reported, from the first one on.
+    """A keyframe; `way_m` is along all reported positions, from the first one on.
 
-    `leapt`: the reported position leapt on the way here, as links have shown.
+    `leapt`: the reported position jumped on the way here, as links have shown.
     """
 
     t_s: float
@@ -58,10 +59,10 @@ class Tie:
 
 @dataclass(frozen=True, slots=True)
 class Knots:
-    """Times at which scale and rotation are unknowns; between two, those of both count in part.
+    """Times at which scale and rotation are unknowns; between two, both count in part.
 
-    For each keyframe: the knot before it (`at`), the part of the one after that (`share`), and what
-    the turn there may differ from that by (`variance`).
+    For each keyframe: the knot before it (`at`), the part of the one after that (`share`), and the
+    variance of its turn beside theirs (`variance`).
     """
 
     prior: Reals
@@ -70,7 +71,8 @@ class Knots:
     variance: Reals
 
     def between(self, begin: Numbers, to: Numbers, of_begin: float) -> tuple[Numbers, Reals]:
-        """Knots and shares, (n, 4): `of_begin` times the turn at `begin`, and |that| at `to`."""
+        """Return knots and shares, (n, 4): `of_begin` times the turn at `begin`, and |that| at
+        `to`."""
         knots = np.stack([self.at[begin], self.at[begin] + 1, self.at[to], self.at[to] + 1], axis=1)
         a, b, half = self.share[begin], self.share[to], abs(of_begin)
         share = np.stack([of_begin * (1 - a), of_begin * a, half * (1 - b), half * b], axis=1)
@@ -78,7 +80,7 @@ class Knots:
 
 
 def knots_of(keys: Sequence[Key], errors: ToldErrors) -> Knots:
-    """Knots that are far enough apart to be few."""
+    """Return knots that are far enough apart to be few."""
     times = np.array([key.t_s for key in keys])
     span_s = float(times[-1] - times[0])
     gap_s = max(_KNOT_S, span_s / (_MOST_KNOTS - 1))
@@ -99,13 +101,14 @@ def knots_of(keys: Sequence[Key], errors: ToldErrors) -> Knots:
 
 
 def indices(keys: Mapping[int, Key], numbers: Iterable[int]) -> Numbers:
-    """The places of keyframes in their order, by their numbers."""
+    """Return the places of keyframes in their order, by their numbers."""
     index = {number: k for k, number in enumerate(keys)}
     return np.array([index[number] for number in numbers], np.intp)
 
 
 def turns_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Turns:
-    """What is known of scale and rotation: their usual spread, and zooms between keyframes."""
+    """Return the knowledge of scale and rotation: their usual spread, and zooms between
+    keyframes."""
     zoomed = [tie for tie in ties if tie.zoom is not None]
     begin = indices(keys, (tie.begin for tie in zoomed))
     to = indices(keys, (tie.to for tie in zoomed))
@@ -118,7 +121,7 @@ def turns_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Turn
 
 
 def links_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Links:
-    """The rows of links between keyframes."""
+    """Return the rows of links between keyframes."""
     begin, to = indices(keys, (tie.begin for tie in ties)), indices(keys, (tie.to for tie in ties))
     moved = np.array([tie.moved for tie in ties], np.complex128)
     told = np.array([key.told for key in keys.values()], np.complex128)
@@ -130,7 +133,7 @@ def links_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Link
 
 
 def steps_of(keys: Sequence[Key], errors: ToldErrors, trusted_until_s: float) -> Steps:
-    """What each error is by itself, or after the one before it.
+    """Return the steps: each error by itself, or after the one before it.
 
     Satellites are trusted before `trusted_until_s` at most.
     """
@@ -152,9 +155,9 @@ def steps_of(keys: Sequence[Key], errors: ToldErrors, trusted_until_s: float) ->
 
 
 def sparse_steps_of(keys: Sequence[Key], errors: ToldErrors, every_s: float) -> Steps:
-    """The same where satellites are asked only so often: from one time to the next they err anew.
+    """Return the same if satellites count only every `every_s`: their errors are then independent.
 
-    What is between is held as if nothing vouched for it.
+    Keyframes between are treated as if nothing supported them.
     """
     loose = steps_of(keys, errors, -math.inf)
     some = [0]
@@ -173,24 +176,25 @@ def sparse_steps_of(keys: Sequence[Key], errors: ToldErrors, every_s: float) -> 
 
 
 def _wander_m2(before: Key, key: Key, errors: ToldErrors) -> float:
-    """How far the error may go from one keyframe to the next, with nothing vouching for it."""
+    """Return the possible change of the error between two keyframes without support, m^2."""
     if key.leapt:
         return _LEAP_M**2
-    way_m = key.way_m - before.way_m  # of those in between, which were removed, too
+    way_m = key.way_m - before.way_m  # includes removed keyframes in between
     share = errors.reckoned_share**2 * way_m * max(way_m, errors.reckoned_over_m)
     at_rest = errors.reckoned_m_sqrt_s**2 * (key.t_s - before.t_s)
     return share + at_rest + UNEASE_M**2
 
 
 _GATE: Final = 13.8  # chi-square, two degrees of freedom, 99.9 %
-_SUSPECT_S: Final = 15.0  # a link that nothing has confirmed by then is wrong
+_SUSPECT_S: Final = 15.0  # an unconfirmed link of this age is wrong
 
 
 def judged(ties: Sequence[Tie], keys: dict[int, Key], loose: Solution, knots: Knots) -> list[Tie]:
-    """The links that are believed, or may yet be; marks keyframes at which the position leapt.
+    """Return the links that are believed, or may yet be; marks keyframes at which the position
+    jumped.
 
-    A link is believed that misses what is known without it by no more than chance; of others, two
-    have to say the same of one step, or one has to be certain.
+    A link is believed if its misfit to the rest is no more than chance. Of others, two have to
+    agree on one step, or one has to be certain.
     """
     open_ties = [tie for tie in ties if tie.state != "held"]
     off, variance = loose.misfits(links_of(open_ties, keys, knots))
@@ -208,7 +212,7 @@ def judged(ties: Sequence[Tie], keys: dict[int, Key], loose: Solution, knots: Kn
     for (a, miss_a), (b, miss_b) in itertools.combinations(suspects, 2):
         after, until = max(a.begin, b.begin), min(a.to, b.to)
         noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * UNEASE_M**2
-        # two that say the same of one step: it is not the links that are wrong
+        # two agree on one step: the links are not wrong
         if after < until and abs(miss_a - miss_b) ** 2 <= _GATE * noise:
             a.state = b.state = "held"
             _leap(keys, after, until)
@@ -217,7 +221,7 @@ def judged(ties: Sequence[Tie], keys: dict[int, Key], loose: Solution, knots: Kn
 
 
 def _judge_zooms(ties: Sequence[Tie], keys: dict[int, Key], loose: Solution, knots: Knots) -> None:
-    """Those that do not fit are forgotten: nothing else can show that they were right."""
+    """Drop zooms that do not fit: nothing else can show that they were right."""
     zoomed = [tie for tie in ties if tie.zoom is not None]
     off, variance = loose.zoom_misfits(turns_of(zoomed, keys, knots))
     for tie, miss, spread in zip(zoomed, off.tolist(), variance.tolist(), strict=True):
@@ -232,9 +236,9 @@ def _leap(keys: dict[int, Key], after: int, until: int) -> None:
 
 
 def bridges(number: int, mine: Iterable[Tie], others: Iterable[Tie]) -> list[Tie]:
-    """Links between the partners of keyframe `number`, by way of the one that is known best.
+    """Return links between the partners of keyframe `number`, by way of the best known one.
 
-    `mine` are its links; what the `others` tie together needs no bridge.
+    `mine` are its links; partners that the `others` connect need no bridge.
     """
     held = sorted((tie for tie in mine if tie.state == "held"), key=lambda tie: tie.sigma_m)
     partners = [

@@ -43,21 +43,21 @@ from missions.navigation.rows import (
 )
 
 LATEST_S: Final = 30.0
-"""What is newer than this may be a lie that is not noticed yet."""
+"""Age up to which an unnoticed false position is possible, s."""
 
-_RATIOS: Final = (0.3, 0.45, 0.7, 1.0, 1.45)  # to what is assumed; without a word said, about 1
+_RATIOS: Final = (0.3, 0.45, 0.7, 1.0, 1.45)  # to the assumption; without any evidence, about 1
 _EVERY_S: Final = 10.0  # filters smooth: within seconds all satellites look steady
-_SPREAD: Final = 0.7  # of the logarithm of what a receiver may be off from that
+_SPREAD: Final = 0.7  # of the logarithm of a receiver's deviation from that
 _FEWEST: Final = 10
 _MOST: Final = 80  # keyframes, the newest of those that count
 
 
 def learned_m(keys: dict[int, Key], ties: Sequence[Tie], errors: ToldErrors) -> float:
-    """The standard deviation of satellites in one direction: at most what `errors` assumes.
+    """Return the standard deviation of satellites in one direction: at most that of `errors`.
 
-    The mean over several candidates, weighted by how probable each makes pictures and satellites.
-    Keyframes count from the first to the first untrusted one, without the newest: else a slow lie
-    would be taken for wander.
+    It is the mean over several candidates, weighted by their probability given pictures and
+    satellites. Keyframes count from the first to the first untrusted one, without the newest: else
+    a slow false drift would be taken for noise.
     """
     until_s = keys[next(reversed(keys))].t_s - LATEST_S if keys else 0.0
     calm = list(takewhile(lambda item: item[1].trusted and item[1].t_s <= until_s, keys.items()))
@@ -79,9 +79,9 @@ def learned_m(keys: dict[int, Key], ties: Sequence[Tie], errors: ToldErrors) -> 
     return min(sigma_m, errors.satellites_m)
 
 
-_LEARN_S: Final = 8.0  # between two times at which it is asked how good satellites are
+_LEARN_S: Final = 8.0  # between two estimates of the quality of satellites
 _LEAPS_S: Final = 60.0  # time for which a leap counts against satellites
-_BEGINNINGS_S: Final = (6.0, 15.0, 40.0, 80.0, 160.0)  # since when satellites might lie
+_BEGINNINGS_S: Final = (6.0, 15.0, 40.0, 80.0, 160.0)  # possible beginnings of false positions
 
 
 @dataclass(slots=True)
@@ -110,10 +110,10 @@ class Track:
 
     # --- what is told -----------------------------------------------------------------------
     def add(self, t_s: float, told_m: tuple[float, float], trusted: bool) -> int:
-        """Add a keyframe at a reported position, metres east and north; returns its number.
+        """Add a keyframe at a reported position, metres east and north; return its number.
 
         `trusted`: it comes from satellites, and there is no reason to doubt them. Raises ValueError
-        where it is not later than the newest one.
+        if it is not later than the newest one.
         """
         if self._keys and t_s <= self._keys[self.newest].t_s:
             raise ValueError(f"a keyframe at {t_s:g} s after one at {self._newest.t_s:g} s")
@@ -135,7 +135,7 @@ class Track:
         *,
         certain: bool = False,
     ) -> None:
-        """Add what the ground says of the movement from one keyframe to a later one.
+        """Add the movement from one keyframe to a later one, as the ground shows it.
 
         Args:
             begin: Number of a keyframe.
@@ -163,11 +163,11 @@ class Track:
         self._loose = None
 
     def trust_again(self) -> None:
-        """Believe satellites again, from the next keyframe on."""
+        """Trust satellites again, from the next keyframe on."""
         self._lying = False
 
     def remove(self, number: int, *, bridged: bool = True) -> None:
-        """Forget a keyframe; with `bridged`, what it tied together stays tied."""
+        """Remove a keyframe; with `bridged`, its neighbours stay connected."""
         after = next((k for k in self._keys if k > number), None)
         if after is not None and self._keys[number].leapt:
             self._keys[after].leapt = True
@@ -186,12 +186,12 @@ class Track:
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """Of all keyframes, oldest first."""
+        """Numbers of all keyframes, oldest first."""
         return tuple(self._keys)
 
     @property
     def links(self) -> int:
-        """How many links are believed."""
+        """Number of believed links."""
         return sum(link.state == "held" for link in self._links)
 
     @property
@@ -199,8 +199,10 @@ class Track:
         return self._keys[self.newest]
 
     def expected_m(self, numbers: Iterable[int]) -> list[tuple[float, float, float]]:
-        """From each keyframe to the newest: east, north, and the standard deviation, by links, and
-        by reported positions where there are none."""
+        """Return the way from each keyframe to the newest: east, north, standard deviation.
+
+        It is by links, and by reported positions where there are none.
+        """
         loose, begin = self._settled(), indices(self._keys, numbers)
         told, last = self._newest.told, len(self._keys) - 1
         told_m = told - np.array([self._keys[number].told for number in numbers], np.complex128)
@@ -216,7 +218,8 @@ class Track:
         ]
 
     def expected_zoom(self, numbers: Iterable[int]) -> list[tuple[complex, float]]:
-        """The zoom of the newest picture beside each of these, with its standard deviation."""
+        """Return the zoom of the newest picture beside each of these, with its standard
+        deviation."""
         loose, knots = self._settled(), self._knots()
         begin = indices(self._keys, numbers)
         at, share = knots.between(begin, np.full(len(begin), len(self._keys) - 1), -1.0)
@@ -229,14 +232,17 @@ class Track:
         ]
 
     def places_m(self) -> NDArray[np.float64]:
-        """Places of the keyframes, (n, 2), oldest first, by links more than by satellites: good to
-        find what is near; `estimate` says where it is."""
+        """Return places of the keyframes, (n, 2), oldest first, by links more than by satellites.
+
+        They are good for finding near ones; `estimate` gives the present position.
+        """
         told = np.array([key.told for key in self._keys.values()])
         places = told - self._settled().errors_m
         return np.column_stack([places.real, places.imag])
 
     def estimate(self) -> Estimate:
-        """The error of the newest reported position. Raises ValueError without a keyframe."""
+        """Return the error of the newest reported position. Raises ValueError without a
+        keyframe."""
         if not self._keys:
             raise ValueError("a track without keyframes has no estimate")
         self._settle()
@@ -251,14 +257,14 @@ class Track:
 
     @property
     def satellites_m(self) -> float:
-        """The error of satellites, as learned so far."""
+        """Error of satellites, as learned so far, m."""
         return self._satellites_m or self.errors.satellites_m
 
     def disagreement(self) -> Disagreement:
-        """How far satellites may be off, if they may have begun to lie at any time.
+        """Return the possible error of satellites, if they may have begun to be false at any time.
 
         Of several beginnings, from which on positions are held by links alone, the one with the
-        greatest certain error.
+        largest certain error counts.
         """
         self._settle()
         now_s, first_s = self._newest.t_s, next(iter(self._keys.values())).t_s
@@ -283,7 +289,8 @@ class Track:
         return Disagreement(told.error_m, told.sigma_m, since_s, leap_m)
 
     def _greatest_leap(self) -> tuple[float, float]:
-        """Return how far the reported position leapt in the last minute, and when; 0 and never."""
+        """Return the last minute's largest jump of the reported position, and its time; 0 and
+        never."""
         keys, errors = list(self._keys.values()), self._settled().errors_m
         leaps = [
             (float(abs(errors[k] - errors[k - 1])), keys[k].t_s)
@@ -293,12 +300,12 @@ class Track:
         return max(leaps, default=(0.0, math.inf))
 
     def _by_one_picture(self) -> bool:
-        """Only one picture, which may be wrong, shows that the newest reported position leapt."""
+        """Return whether a single picture shows that the newest reported position jumped."""
         mine = sum(link.to == self.newest and link.state == "held" for link in self._links)
         return self._newest.leapt and mine < 2
 
     def _began_s(self, found: Solution, earliest_s: float) -> float:
-        """The last time at which the reported position was still as good as satellites are."""
+        """Return the last time at which the reported position was as good as satellites are, s."""
         usual_m = self.satellites_m
         began_s = earliest_s
         for key, error in zip(self._keys.values(), found.errors_m, strict=True):
@@ -314,7 +321,7 @@ class Track:
             self._loose = None
 
     def _settled(self) -> Solution:
-        """The loose solution, once new links are believed or not."""
+        """Return the loose solution, once new links are believed or not."""
         self._settle()
         if self._loose is None:
             self._loose = self._solve(trusted_until_s=-math.inf)
@@ -329,7 +336,7 @@ class Track:
         return solve(len(self._keys), steps, links_of(held, self._keys, knots), turns)
 
     def _learn(self) -> None:
-        """Every few seconds: how good satellites are."""
+        """Learn every few seconds how good satellites are."""
         if self._newest.t_s - self._learnt_s < _LEARN_S or self._lying:
             return
         self._learnt_s = self._newest.t_s
