@@ -1,12 +1,12 @@
 """Two multicopters without satellites: one maps, the other hovers above and tracks it.
 
-The mapper flies a piece of its path while the tracker hovers above and sees the marker on its top;
-then the mapper hovers, and the tracker flies on, seeing it all the time. So an error is added with
-each hop and not with each metre.
+The mapper flies a piece of its path while the tracker hovers above and sees the marker on its top.
+Then the mapper hovers, and the tracker moves, with the marker always in view. So an error is added
+with each hop and not with each metre.
 
-The tracker hovers over the middle of the smallest circle around the next piece, and a piece is as
-long as this circle is within what the tracker sees. Both its old and its new place are then within
-reach of where the mapper hovers, and so is the straight way between them.
+The tracker hovers over the middle of the smallest circle around the next piece. A piece is as long
+as the tracker can see this circle. Then its old and its new place are both within reach of the
+hovering mapper, and so is the straight way between them.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TrackerView:
-    """What the tracker sees of a marker below, whatever its heading is.
+    """The tracker's view of a marker below, at any heading.
 
     Attributes:
         hfov_rad: Angle of view across the picture, 0 to pi, open.
-        vfov_rad: Along it.
-        above_m: How much higher the tracker flies than the mapper: it is in a layer of its own.
-        separation_m: Two vehicles never come nearer; `above_m` is at least that.
+        vfov_rad: Angle of view along it.
+        above_m: Height of the tracker above the mapper: it is in a layer of its own.
+        separation_m: Minimum distance of two vehicles; `above_m` is at least that.
         tag_m: Side of the marker's black square.
-        tilt_rad: How far the tracker's camera may tilt in flight.
-        margin_m: What is left to the rim for errors of both places.
+        tilt_rad: Maximum tilt of the tracker's camera in flight.
+        margin_m: Margin to the edge for errors of both places.
     """
 
     hfov_rad: float = math.radians(78.0)
@@ -64,7 +64,7 @@ class TrackerView:
     margin_m: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse with `ValueError` what cannot be flown or sees nothing."""
+        """Raise `ValueError` for a view that cannot be flown or sees nothing."""
         if not all(0.0 < angle < math.pi for angle in (self.hfov_rad, self.vfov_rad)):
             raise ValueError(f"hfov_rad and vfov_rad are 0 to pi, open: {self}")
         if not (self.tag_m > 0.0 and self.tilt_rad >= 0.0 and self.margin_m >= 0.0):
@@ -82,23 +82,23 @@ class TrackerView:
 
     @property
     def reach_m(self) -> float:
-        """How far aside of the tracker the marker's middle is surely seen."""
+        """Horizontal distance within which the marker's middle is certainly seen, m."""
         half_rad = min(self.hfov_rad, self.vfov_rad) / 2.0 - self.tilt_rad
         if half_rad <= 0.0:
             return 0.0
-        # the marker with its white margin, turned anyhow
+        # the marker with its white margin, at any turn
         corner_m = self.tag_m * (4.0 / 3.0) * math.sqrt(0.5)
         return self.above_m * math.tan(half_rad) - corner_m - self.margin_m
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One vehicle moves, the other hovers.
+    """A step: one vehicle moves, the other hovers.
 
     Attributes:
         mover: The vehicle that moves.
         way: Its places, metres east and north, from the first to the last.
-        hovering: Where the other one is.
+        hovering: Place of the other one.
     """
 
     mover: Role
@@ -107,17 +107,17 @@ class Step:
 
     @property
     def start(self) -> Point:
-        """Where the mover begins."""
+        """Start of the mover."""
         return self.way[0]
 
     @property
     def end(self) -> Point:
-        """Where it ends."""
+        """End of its way."""
         return self.way[-1]
 
     @property
     def length_m(self) -> float:
-        """How far it flies."""
+        """Length of its way, m."""
         return sum(map(math.dist, self.way, self.way[1:]))
 
 
@@ -130,19 +130,19 @@ class Leapfrog:
 
     @property
     def hops(self) -> int:
-        """How many pieces the mapper flies."""
+        """Number of pieces that the mapper flies."""
         return sum(step.mover is Role.MAPPER for step in self.steps)
 
     def length_m(self, role: Role) -> float:
-        """How far a vehicle flies in all."""
+        """Return the whole way of a vehicle, m."""
         return sum(step.length_m for step in self.steps if step.mover is role)
 
 
 def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
-    """The fewest hops along the mapper's path, two or more corners in metres east and north, such
-    that each vehicle is in view while it or the other moves.
+    """Return the plan with the fewest hops along the mapper's path.
 
-    Raises ValueError where the path is no path.
+    The path has two or more corners in metres east and north. Each vehicle is in view while it or
+    the other moves. Raises ValueError if the path is not valid.
 
     >>> plan = plan_leapfrog([(0.0, 0.0), (30.0, 0.0)], TrackerView())
     >>> [(str(step.mover), round(step.end[0], 1)) for step in plan.steps][:4]
@@ -171,7 +171,7 @@ def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
 
 
 def _farthest(line: LineString, flown_m: float, reach_m: float) -> float:
-    """How far along the path a piece from `flown_m` may go: its circle only grows with it."""
+    """Return the farthest end of a piece from `flown_m`: its circle only grows with it."""
 
     def fits(until_m: float) -> bool:
         piece = _piece(line, flown_m, until_m)
@@ -180,7 +180,7 @@ def _farthest(line: LineString, flown_m: float, reach_m: float) -> float:
     length_m = float(line.length)
     if fits(length_m):
         return length_m
-    # a piece as long as the circle is wide fits however it bends
+    # a piece as long as the circle is wide fits, whatever its bends
     low, high = min(length_m, flown_m + 2.0 * reach_m * (1.0 - 1e-9)), length_m
     for _ in range(_HALVINGS):
         middle = (low + high) / 2.0
@@ -196,9 +196,9 @@ def _piece(line: LineString, start_m: float, end_m: float) -> LineString:
 
 
 def steps_along(fence: Fence, view: TrackerView, way: list[GridPoint]) -> tuple[Step, ...]:
-    """Return the moves of both vehicles, in turn, for a mapper that flies `way` inside of a fence.
+    """Return the moves of both vehicles, in turn, for a mapper that flies `way` inside a fence.
 
-    Where the shortest ways of the tracker would leave the fence it flies along the mapper's way.
+    If the shortest ways of the tracker would leave the fence, it flies along the mapper's way.
     """
     path = [(float(east), float(north)) for east, north in way]
     length_m = sum(math.dist(a, b) for a, b in pairwise(path))
@@ -214,7 +214,8 @@ def steps_along(fence: Fence, view: TrackerView, way: list[GridPoint]) -> tuple[
 
 
 def _above_the_way(path: list[tuple[float, float]], view: TrackerView) -> tuple[Step, ...]:
-    """The tracker hovers above the middle of each piece, and flies along the path."""
+    """Return steps whose tracker hovers above the middle of each piece, and flies along the
+    path."""
     line = LineString(path)
     count = math.ceil(line.length / (2.0 * view.reach_m))
     piece_m = line.length / count

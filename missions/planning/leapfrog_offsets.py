@@ -2,14 +2,14 @@
 
 Without satellites an autopilot reports a place by dead reckoning. Its error grows with the way: by
 a scale and a rotation of the odometer, constant for an outage, and by a wander. A Kalman filter
-follows both errors at once; three things are measured:
+follows both errors at once, by three measurements:
 
     reported  the way that each reports to have flown: its error changes with that
-    sighted   where the tracker sees the mapper: the difference of both errors
-    held      how far one that hovers was moved over ground since it stopped, as its pictures show:
-              by how much its own error has changed since then
+    sighted   the tracker's view of the mapper: the difference of both errors
+    held      the drift over ground of a hovering vehicle since it stopped, as its pictures show:
+              the change of its own error since then
 
-The place of both together is not measured: it is lost a little with each hop, not each metre.
+The place of both together is not measured: it gets worse with each hop, not each metre.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ _HEADING: Final = 2 * _EACH
 _MOUNT: Final = 2 * _EACH + 1
 _STATES: Final = 2 * _EACH + 3
 _GATE: Final = 20.0
-"""Of two measured numbers, as chi square: by chance one in 20,000 is larger."""
+"""Limit for two measured numbers, as chi square: by chance one in 20,000 is larger."""
 
 
 @dataclass(frozen=True, slots=True)
 class OffsetNoise:
-    """Standard deviations of what the filter rests on: at least 0, `start_m` above 0.
+    """Standard deviations of the filter's inputs: at least 0, `start_m` above 0.
 
     Attributes:
         start_m: Of a place reported by satellites, in each direction.
         odometer: Of the odometer's scale and of its rotation, in radians: share of the distance.
-        changing: The share of the speed by which it errs besides, and not always alike.
+        changing: Additional, varying error, as a share of the speed.
         wander_m_s: The same at rest.
-        wander_s: For how long such an error lasts.
-        heading_rad: Of the tracker's camera: how well north is known.
-        mount_rad: By how much the tracker's camera is tilted otherwise than reported, always. It
-            shifts all sightings alike, so hops are not wrong by it.
-        alike_s: For how long the errors of sightings are alike: the attitude's, mostly.
+        wander_s: Time over which such an error lasts.
+        heading_rad: Of the heading of the tracker's camera: how well north is known.
+        mount_rad: Constant error of the tilt of the tracker's camera. It shifts all sightings
+            alike, so hops are not wrong by it.
+        alike_s: Time over which the errors of sightings are alike: the attitude's, mostly.
     """
 
     start_m: float = 0.3
@@ -74,8 +74,11 @@ class Offsets:
     def __init__(self, noise: OffsetNoise = OffsetNoise()) -> None:
         self._noise = noise
         self.mean: Array = np.zeros(_STATES)
-        """For the mapper, then the tracker: error (2), scale, rotation, error when it stopped (2);
-        then the heading error of the tracker's camera, against the clock; last its tilt (2)."""
+        """Errors of the mapper, then the tracker: error (2), scale, rotation, error when it stopped
+        (2).
+
+        Then the heading error of the tracker's camera, counter-clockwise; last its tilt (2).
+        """
         self.spread: Array = np.zeros((_STATES, _STATES))
         self.spread[_HEADING, _HEADING] = noise.heading_rad**2
         self.spread[_MOUNT, _MOUNT] = self.spread[_MOUNT + 1, _MOUNT + 1] = noise.mount_rad**2
@@ -88,17 +91,17 @@ class Offsets:
         return float(self.mean[i]), float(self.mean[i + 1])
 
     def covariance(self, role: Role) -> Array:
-        """Of that, (2, 2), m^2."""
+        """Return the covariance of that, (2, 2), m^2."""
         i = _INDEX[role]
         return self.spread[i : i + 2, i : i + 2].copy()
 
     def sigma_m(self, role: Role) -> float:
-        """Its largest standard deviation."""
+        """Return its largest standard deviation, m."""
         return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance(role))[-1]), 0.0))
 
     # --- what is measured ------------------------------------------------------------------------
     def restart(self, role: Role) -> None:
-        """Reset: its place is reported by satellites, and off by their error only."""
+        """Reset: its place is reported by satellites, and has only their error."""
         i, noise = _INDEX[role], self._noise
         own = slice(i, i + _EACH)
         self.mean[own] = 0.0
@@ -109,7 +112,7 @@ class Offsets:
             self.spread[i + 2 + k, i + 2 + k] = noise.odometer**2
 
     def moved(self, role: Role, told_m: tuple[float, float], passed_s: float) -> None:
-        """Take in how far it reports to have moved, east and north, in a time of at least 0 s."""
+        """Add its reported movement, east and north, in a time of at least 0 s."""
         i, noise = _INDEX[role], self._noise
         east, north = told_m
         step = np.eye(_STATES)
@@ -131,19 +134,19 @@ class Offsets:
         after_s: float,
         tilts_m: Array | None = None,
     ) -> bool:
-        """The tracker sees the mapper.
+        """Add a sighting of the mapper by the tracker.
 
         Args:
             told_m: From the tracker to the mapper by both reported places at the exposure.
             seen_m: The same as the picture shows it, by the camera's reported heading.
             covariance_m2: (2, 2), of `seen_m`, without the heading's error.
-            after_s: Since the sighting before; the errors of those soon after each other are alike.
+            after_s: Time since the sighting before; errors of close sightings are alike.
             tilts_m: (2, 2), metres that the mapper seems to move, east and north (rows), for each
                 radian that the camera tilts to the picture's right and downwards (columns); None:
                 the camera is tilted as reported.
 
         Returns:
-            False where it is not believed: it is farther off than chance explains.
+            False if it is rejected: it is farther off than chance explains.
         """
         rows = np.zeros((2, _STATES))
         for role, sign in ((Role.MAPPER, 1.0), (Role.TRACKER, -1.0)):
@@ -156,7 +159,7 @@ class Offsets:
         return self._take(rows, measured, np.asarray(covariance_m2) * alike)
 
     def stopped(self, role: Role) -> None:
-        """It hovers from now on: `held` compares with the place where it is now."""
+        """Start a hover: `held` compares with the present place."""
         i = _INDEX[role]
         copy = np.eye(_STATES)
         for k in (0, 1):
@@ -172,9 +175,9 @@ class Offsets:
         seen_m: tuple[float, float],
         sigma_m: float,
     ) -> bool:
-        """How far it was moved since `stopped`: by its own word, and as the ground shows it.
+        """Add its movement since `stopped`, as reported and as the ground shows it.
 
-        `sigma_m`, above 0, is that of each direction. False where that is not believed.
+        `sigma_m`, above 0, is that of each direction. False if the measurement is rejected.
         """
         i = _INDEX[role]
         rows = np.zeros((2, _STATES))

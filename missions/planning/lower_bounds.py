@@ -1,4 +1,4 @@
-"""Lower bounds: what no team can beat, however clever and whatever it knows beforehand.
+"""Lower bounds that no team can beat, with any method and any knowledge.
 
 `LowerBounds` is for steps from cell to neighbouring cell and takes the largest of three bounds,
 each valid by itself. A team of R robots begins and ends at the start; T is the largest number of
@@ -8,13 +8,13 @@ steps of a robot. The grid is bipartite, so a closed walk has an even number of 
 2. *Shell.* One robot visits at least ceil(N / R) of the N cells whose distance is at least d and
    has the parity of d. The way there and back takes 2 d steps, and from one of these cells to the
    next it is at least two: T >= 2 d - 2 + 2 ceil(N / R).
-3. *Blocks.* Contract all cells nearer than d to one vertex. What is left stays bipartite, and the
+3. *Blocks.* Contract all cells nearer than d to one vertex. The rest stays bipartite, and the
    closed walks of all robots together visit every vertex of every biconnected block. Within a
    block a closed walk alternates between the colours, so it takes at least 2 max(black, white)
-   steps; let L be their sum. Who gets so far walks 2 (d - 1) steps more inside of the contracted
-   ball: T >= 2 (d - 1) + L / R, rounded up to an even number.
+   steps; let L be their sum. A robot that gets so far walks 2 (d - 1) steps more inside the
+   contracted ball: T >= 2 (d - 1) + L / R, rounded up to an even number.
 
-`flight_lower_bound` is for robots that fly straight over whatever lies between.
+`flight_lower_bound` is for robots that fly straight over all cells between.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
 COMPILED_FROM = 5000
-"""From so many cells on the search for blocks takes longer than to load the compiler."""
+"""Number of cells from which on the search for blocks takes longer than loading the compiler."""
 
 _Ints = list[int] | NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
 class Shell:
-    """What lies at a distance from the start or farther."""
+    """The cells at a distance from the start or farther."""
 
     distance: int
     same_parity: int
     """Cells at this distance or farther, of the distance's parity."""
     block_steps: int
-    """Steps of the shortest closed walks over all blocks, with what is nearer contracted."""
+    """Steps of the shortest closed walks over all blocks, with nearer cells contracted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,18 +58,18 @@ class LowerBounds:
     """
 
     shells: tuple[Shell, ...]
-    """By distance, from 1 to the start's eccentricity."""
+    """Shells by distance, from 1 to the start's eccentricity."""
 
     @classmethod
     def of(cls, roi: Collection[Cell], start: Cell) -> LowerBounds:
-        """The bounds of what hangs together with `start` in a ROI."""
+        """Return the bounds of the cells that are connected with `start` in a ROI."""
         steps = distances(roi, start)
         names = {cell: i for i, cell in enumerate(steps)}  # nearest first
         near = [names.get(c, -1) for cell in steps for c in cell.neighbours()]
         return cls(_shells(near, list(steps.values())))
 
     def moves(self, robots: int) -> int:
-        """The largest of the three bounds, in steps."""
+        """Return the largest of the three bounds, in steps."""
         return max((self._at(shell, robots) for shell in self.shells), default=0)
 
     @staticmethod
@@ -83,22 +83,22 @@ class LowerBounds:
 
 
 def drift_lower_bound(static_moves: float, metric: Metric) -> float:
-    """Time that a team needs at least whose steps on a resting ROI number `static_moves`.
+    """Return the minimum time of a team that needs at least `static_moves` steps on a resting ROI.
 
-    Tours are closed, so a step costs on average at least what it costs across the drift:
-    1 / sqrt(Sr^2 - Sp^2).
+    Tours are closed, so a step costs on average at least its cost across the drift: 1 / sqrt(Sr^2 -
+    Sp^2).
     """
     return static_moves * metric.least_per_length
 
 
 def flight_lower_bound(roi: Collection[Cell], start: Cell, robots: int, metric: Metric) -> float:
-    """Time that the last robot needs at least to look from every cell and return in flight.
+    """Return the minimum time of the last robot to observe every cell and return in flight.
 
-    A cell's Euclidean distance from the start counts. Of the N cells at distance d or farther
-    one robot visits k >= ceil(N / R); it flies d out, d back, and in between k - 1 legs of at least
-    the length of a cell; and it looks k times. Over a closed tour a unit of length costs at least
-    1 / sqrt(Sr^2 - Sp^2). The largest of these over all d. The look from the start, which comes
-    before any move, is not counted.
+    A cell's Euclidean distance from the start counts. Of the N cells at distance d or farther one
+    robot visits k >= ceil(N / R). It flies d out, d back, and in between k - 1 legs of at least the
+    length of a cell; and it observes k times. Over a closed tour a unit of length costs at least 1
+    / sqrt(Sr^2 - Sp^2). The bound is the largest of these over all d. The observation from the
+    start, before any move, is not counted.
     """
     best = 0.0
     for distance, visits in _shares(roi, start, robots):
@@ -110,11 +110,11 @@ def flight_lower_bound(roi: Collection[Cell], start: Cell, robots: int, metric: 
 def one_way_lower_bound(
     roi: Collection[Cell], start: Cell, robots: int, metric: Metric, breaks: int = 0
 ) -> float:
-    """As `flight_lower_bound`, but no robot returns, and the way may be broken off.
+    """Return the bound of `flight_lower_bound` for robots that do not return, and may break off.
 
-    A way that does not close may lead with the drift all along: a unit of length costs at least
-    1 / (Sr + Sp). Who breaks off, as for a battery, goes on anywhere: every break is worth a leg,
-    and with the first one nothing is known of the way from the start.
+    A way that does not close may lead with the drift all along: a unit of length costs at least 1 /
+    (Sr + Sp). A robot that breaks off, as for a battery, continues anywhere: every break is worth a
+    leg, and after the first one the way from the start is unknown.
     """
     fastest = 1.0 / (metric.speed + metric.drift_speed)
     best = 0.0
@@ -125,7 +125,8 @@ def one_way_lower_bound(
 
 
 def _shares(roi: Collection[Cell], start: Cell, robots: int) -> Iterator[tuple[float, int]]:
-    """By Euclidean distance: how many cells so far or farther one robot has to visit."""
+    """Yield, by Euclidean distance, the number of such or farther cells that one robot has to
+    visit."""
     far = sorted(
         math.hypot(cell.east - start.east, cell.north - start.north)
         for cell in roi
@@ -136,12 +137,14 @@ def _shares(roi: Collection[Cell], start: Cell, robots: int) -> Iterator[tuple[f
 
 
 def _shells(near: list[int], steps: list[int]) -> tuple[Shell, ...]:
-    """Every shell, from the outermost in. Cells are numbered by their distance `steps`; `near` has
-    the four neighbours of each, -1 for none.
+    """Return every shell, from the outermost in.
 
-    With everything nearer than d contracted, the blocks of different components of the rest are
+    Cells are numbered by their distance `steps`; `near` has the four neighbours of each, -1 for
+    none.
+
+    With all cells nearer than d contracted, the blocks of different components of the rest are
     different blocks. A component that the contracted vertex touches at one cell only has a bridge
-    there, and what hangs on the cell has the blocks that it had with the cell contracted. So only
+    there, and the cells behind it have the blocks that they had with the cell contracted. So only
     components with several entries are searched.
     """
     shells: list[Shell] = []
@@ -179,7 +182,7 @@ def _shells(near: list[int], steps: list[int]) -> tuple[Shell, ...]:
 
 
 def _find(component: list[int], cell: int) -> int:
-    """The representative of a cell's component."""
+    """Return the representative of a cell's component."""
     while component[cell] != cell:
         component[cell] = component[component[cell]]
         cell = component[cell]
@@ -187,8 +190,10 @@ def _find(component: list[int], cell: int) -> int:
 
 
 class _Search:
-    """`_block_steps` again and again in one ROI, with room that is laid out once; compiled where
-    there is a compiler and enough to do."""
+    """Repeated `_block_steps` in one ROI, with buffers that are allocated once.
+
+    It is compiled if there is a compiler and enough to do.
+    """
 
     def __init__(self, near: list[int], steps: list[int]) -> None:
         self._count = 0
@@ -199,7 +204,7 @@ class _Search:
         self._room = room
 
     def block_steps(self, first: int, begin: int, end: int) -> int:
-        """The sum over the blocks of the component that has the cell `first`."""
+        """Return the sum over the blocks of the component that has the cell `first`."""
         total, self._count = self._blocks(first, begin, end, self._count, *self._room)
         return int(total)
 
@@ -226,11 +231,12 @@ def _block_steps(
     turn: _Ints,
     found: _Ints,
 ) -> tuple[int, int]:
-    """The sum of 2 max(black, white) over the blocks of one component and the contracted vertex.
+    """Return the sum of 2 max(black, white) over the blocks of one component and the contracted
+    vertex.
 
     Tarjan's search for biconnected components, begun at the contracted vertex, which touches the
     cells `begin` to `end`, of which `first` is one of the component. It numbers the contracted
-    vertex `count` and the cells from there on; the last number comes back, for the next search.
+    vertex `count` and the cells from there on. The last number is returned for the next search.
     """
     base, count = count, count + 1
     order[first], low[first], above[first], turn[first] = count, count, -1, 0
@@ -253,7 +259,7 @@ def _block_steps(
             continue
         top = above[cell]
         if top < 0 or low[cell] >= order[top]:
-            # the contracted vertex is of the colour that the cells next to it are not of
+            # the contracted vertex has the other colour than the cells next to it
             black = (steps[begin] - 1 if top < 0 else steps[top]) % 2
             for i in range(place[cell], size):
                 black += steps[found[i]] % 2
@@ -275,14 +281,16 @@ def passing_bound_s(
     *,
     turned: bool = False,
 ) -> float:
-    """Least seconds of the last vehicle, by the area bound (`missions.lab.arena.time_bounds`).
+    """Return the minimum seconds of the last vehicle, by the area bound.
+
+    The bound is that of `missions.lab.arena.time_bounds`.
 
     Args:
-        ground_m2: what was seen for the first time, N w^2.
+        ground_m2: ground that was seen for the first time, N w^2.
         robots: number of vehicles, at least 1.
         breaks: how often one of them left off and came back.
         footprint_m: the sides of a level picture on the ground, of the highest vehicle.
-        lean_m: how far a lean shifts it at most.
+        lean_m: maximum shift of it by the lean.
         speed_m_s: of the fastest vehicle, above 0.
         turned: whether pictures lie at any angle to the grid.
     """

@@ -1,4 +1,4 @@
-"""Known cells as arrays: neighbours, what is unobserved round them, steps and ways between them."""
+"""Known cells as arrays: neighbours, unobserved cells around them, steps and ways between them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ UNLOOKED, LOOKED, IMAGINED = 1, 2, 3
 
 @part
 def unobserved(picture: Picture, width: int, cell: int) -> bool:
-    """Whether nobody can say of a cell if it is ROI: not known, and next to none that was looked
-    from."""
+    """Return whether a cell is unobserved: not known, and beside no observed cell."""
     return bool(
         picture[cell] == 0
         and picture[cell + width] != LOOKED
@@ -28,7 +27,8 @@ def unobserved(picture: Picture, width: int, cell: int) -> bool:
 
 @part
 def is_compact(picture: Picture, width: int) -> bool:
-    """Whether of the 2 x 2 squares with three cells of ROI at least a third is ROI altogether."""
+    """Return whether at least a third of the 2 x 2 squares with three cells of ROI is ROI as a
+    whole."""
     whole, torn = 0, 0
     for cell in range(picture.size):
         if picture[cell] == 0:
@@ -46,8 +46,10 @@ def is_compact(picture: Picture, width: int) -> bool:
 
 @kernel
 def imagine(picture: Picture, width: int) -> None:
-    """Add the nooks to the picture, as if they were ROI: unobserved cells with at least two
-    neighbours that are in it. Not where the ROI has not been compact so far."""
+    """Add the nooks to the picture as ROI: unobserved cells with two or more neighbours in it.
+
+    Not where the ROI has not been compact so far.
+    """
     if not is_compact(picture, width):
         return
     for cell in range(picture.size):
@@ -65,10 +67,10 @@ def imagine(picture: Picture, width: int) -> None:
 
 @kernel
 def survey(picture: Picture, width: int) -> tuple[Ints, Ints, Ints]:
-    """The known cells, their four neighbours' numbers (-1: none), and how many of the neighbours of
-    each unlooked or imagined cell are unobserved.
+    """Return the known cells, their four neighbours' numbers (-1: none), and unobserved neighbours.
 
-    The outer three rows and columns of the picture are empty.
+    The last is a count for each unobserved or imagined cell. The outer three rows and columns of
+    the picture are empty.
     """
     number = np.full(picture.size, -1, np.int32)
     known = np.empty(picture.size, np.int32)
@@ -92,7 +94,8 @@ def survey(picture: Picture, width: int) -> tuple[Ints, Ints, Ints]:
 
 @kernel
 def spread(near: Ints, starts: Ints) -> Ints:
-    """Steps from each of `starts` to every cell, (starts, cells); -1 where it is not reached."""
+    """Return steps from each of `starts` to every cell, (starts, cells); -1 if it is not
+    reached."""
     distance = np.full((starts.size, near.shape[0]), -1, np.int32)
     queue = np.empty(near.shape[0], np.int32)
     for s in range(starts.size):
@@ -114,8 +117,11 @@ def spread(near: Ints, starts: Ints) -> Ints:
 
 @kernel
 def step_on(near: Ints, steps: Ints, fresh: NDArray[np.bool_], start: int) -> int:
-    """The neighbour of `start` on a shortest way to where `steps` is 0, of those ways the one that
-    leads over the most `fresh` cells; of equal ones the last in the order N, E, S, W."""
+    """Return the neighbour of `start` on a shortest way to where `steps` is 0.
+
+    Of those ways it is the one over the most `fresh` cells; of equal ones the last in the order N,
+    E, S, W.
+    """
     gain: Floats = np.full(steps.size, -1.0)
     queue = np.empty(steps.size, np.int32)
     queue[0] = start

@@ -1,4 +1,4 @@
-"""Compiled where numba is installed, plain Python where it is not: the same functions either way.
+"""The same functions compiled with numba, or as plain Python without it.
 
 A kernel takes and returns numbers and numpy arrays only, so both ways give the same results.
 """
@@ -19,19 +19,21 @@ try:
     from numba.extending import register_jitable
 except ImportError:
     COMPILED = False
-    """Whether kernels are compiled; without it they are some hundred times slower."""
+    """True if kernels are compiled; without it they are some hundred times slower."""
 else:
     COMPILED = True
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function of arrays if numba is there; a kernel may call others of its own module.
+    """Compile a function of arrays if numba is installed; a kernel may call others of its own
+    module.
 
-    Of another only what never changes (the end of this one): numba compiles anew when the file of a
-    kernel changes, but does not see that a callee in another file did.
+    A kernel may call functions of another module only if they never change (the end of this one).
+    Numba compiles anew when the file of a kernel changes, but does not see a change of a callee in
+    another file.
 
     The compiled code is kept beside the source, else in the user's cache, so that only the first
-    run on a machine compiles. Where neither can be written every run does.
+    run on a machine compiles. If neither can be written, every run compiles.
     """
     if not COMPILED:
         return function
@@ -65,20 +67,20 @@ Ints = NDArray[np.int64]
 
 @part
 def uniform(state: Ints) -> float:
-    """A number from 0 to 1 (Park and Miller's generator, multiplier 48271)."""
+    """Return a number from 0 to 1 (Park and Miller's generator, multiplier 48271)."""
     state[0] = state[0] * 48271 % 2147483647
     return float(state[0]) / 2147483647.0
 
 
 @part
 def draw(state: Ints, n: int) -> int:
-    """A whole number from 0 to n - 1."""
+    """Return a whole number from 0 to n - 1."""
     return int(uniform(state) * n) % n
 
 
 @part
 def team_s(total: Floats, last: float) -> float:
-    """Seconds of a team: the part `last` of the last vehicle's, the rest of the mean."""
+    """Return the seconds of a team: the part `last` of the last vehicle's, the rest of the mean."""
     most, both = 0.0, 0.0
     for v in range(total.shape[0]):
         most = max(most, total[v])

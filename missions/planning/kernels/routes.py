@@ -2,10 +2,10 @@
 
 Sites are numbered: 0 .. K-1 the nodes to visit, K .. K+R-1 the robots, K+R home. A route leads from
 its robot through its nodes and home; its length is the sum of its legs and of its nodes' loads.
-Minimised is the sum of (length + 1)^6 over the robots: nearly the longest, yet never blind to the
-others; and a part of the same of the tours that would end up longer, as more is found behind a
-node. So what is uncertain comes early on a route. `routes` has a row of nodes for each robot,
-`counts` says how many of a row are meant, `costs` what each route costs.
+Minimised is the sum of (length + 1)^6 over the robots: nearly the longest, but with some weight of
+the others. Added is a part of the same for the tours that would end up longer, as more is found
+behind a node. So uncertain nodes come early on a route. `routes` has a row of nodes for each robot,
+`counts` the number of valid nodes in a row, `costs` the cost of each route.
 """
 
 from __future__ import annotations
@@ -20,34 +20,35 @@ from missions.planning.kernels.jit import copy_piece, kernel, part
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
-"""Indices and counts, which add up with others; of both kinds a part would be compiled twice."""
+"""Indices and counts, which add up with others; a part for both kinds would be compiled twice."""
 
 NEAR, ONE_FAR = 8, 8
-"""How many nodes and robots are near a node; one attempt in so many takes any other instead."""
+"""Number of nodes and robots near a node; one attempt in `ONE_FAR` takes any other instead."""
 
 
 class Outlays(NamedTuple):
-    """What routes through K nodes cost."""
+    """The costs of routes through K nodes."""
 
     legs: Floats
-    """From site to site, (K+R+1, K+R+1), symmetric."""
+    """Leg costs from site to site, (K+R+1, K+R+1), symmetric."""
     loads: Floats
-    """Of a node besides, (K,)."""
+    """Additional cost of a node, (K,)."""
     behind: Floats
-    """How much longer a tour might get by what lies behind a node, (K,); 0 where nothing does."""
+    """Possible extension of a tour by finds behind a node, (K,); 0 without any."""
     share: float
-    """The weight of such a longer tour beside the tour as it is known."""
+    """Weight of such a longer tour beside the known tour."""
 
 
 @part
 def draw(state: int) -> int:
-    """The next state of a small congruential generator; its upper bits, `state >> 8`, are drawn."""
+    """Return the next state of a small congruential generator; its upper bits, `state >> 8`, are
+    drawn."""
     return (state * 1103515245 + 12345) & 0x7FFFFFFF
 
 
 @part
 def sixth(length: float) -> float:
-    """What a tour of a length costs: (length + 1)^6."""
+    """Return the cost of a tour of a length: (length + 1)^6."""
     square = (length + 1.0) * (length + 1.0)
     return square * square * square
 
@@ -59,7 +60,7 @@ def price(
     count: int,
     robot: int,
 ) -> float:
-    """What the route of a robot costs."""
+    """Return the cost of a robot's route."""
     legs, loads, behind, share = outlays
     last, home = loads.size + robot, legs.shape[0] - 1
     length, cost = 0.0, 0.0
@@ -81,7 +82,7 @@ def insert(
     costs: Floats,
     node: int,
 ) -> None:
-    """Put a node where it costs least."""
+    """Insert a node where it costs least."""
     trial = np.empty(outlays.loads.size + 1, np.int32)
     best, best_robot, best_place = np.inf, 0, 0
     for robot in range(counts.size):
@@ -103,7 +104,7 @@ def insert(
 
 @part
 def _without(route: Ints, count: int, i: int, many: int, out: Ints) -> int:
-    """Copy a route without its nodes i .. i+many-1."""
+    """Copy a route without its nodes i .. i+many-1; return the number of nodes."""
     copy_piece(route, 0, i, out, 0)
     copy_piece(route, i + many, count, out, i)
     return count - many
@@ -113,7 +114,7 @@ def _without(route: Ints, count: int, i: int, many: int, out: Ints) -> int:
 def _spliced(
     route: Ints, count: int, j: int, piece: Ints, many: int, turned: bool, out: Ints
 ) -> int:
-    """Copy a route with a piece of `many` nodes put before its place j, perhaps turned round."""
+    """Copy a route with a piece of `many` nodes before its place j, perhaps reversed."""
     copy_piece(route, 0, j, out, 0)
     for place in range(many):
         out[j + place] = piece[many - 1 - place] if turned else piece[place]
@@ -123,7 +124,7 @@ def _spliced(
 
 @part
 def _crossed(left: Ints, i: int, right: Ints, j: int, count: int, out: Ints) -> int:
-    """Copy the first i nodes of one route and what comes from place j of another."""
+    """Copy the first i nodes of one route and the nodes from place j of another."""
     copy_piece(left, 0, i, out, 0)
     copy_piece(right, j, count, out, i)
     return i + count - j
@@ -131,7 +132,7 @@ def _crossed(left: Ints, i: int, right: Ints, j: int, count: int, out: Ints) -> 
 
 @part
 def _reversed(route: Ints, count: int, i: int, j: int, out: Ints) -> int:
-    """Copy a route with its nodes i .. j turned round."""
+    """Copy a route with its nodes i .. j reversed."""
     for place in range(count):
         out[place] = route[i + j - place] if i <= place <= j else route[place]
     return count
@@ -151,7 +152,8 @@ def _take(
 
 @part
 def nearest(legs: Floats, nodes: int, starts: int, many: int) -> Ints:
-    """For each node the `many` nearest of the other nodes and the `starts` robots, nearest first.
+    """Return for each node the `many` nearest of the other nodes and the `starts` robots, nearest
+    first.
 
     `many` is less than `nodes + starts`.
     """
@@ -175,9 +177,11 @@ def nearest(legs: Floats, nodes: int, starts: int, many: int) -> Ints:
 
 @part
 def attempt(near: Ints, starts: int, state: int) -> tuple[int, int, bool, int, bool, float, int]:
-    """What the local search tries next: bring a node beside another one or a robot, by relocating
-    up to so many nodes, perhaps turned round, or else by turning or swapping pieces; the part of
-    the heat that it may cost; and the generator's next state."""
+    """Draw the next attempt of the local search: bring a node beside another one or a robot.
+
+    It relocates some nodes, perhaps reversed, or reverses or swaps pieces. Returned with it are the
+    part of the heat that it may cost, and the generator's next state.
+    """
     nodes = near.shape[0]
     state = draw(state)
     node = (state >> 8) % nodes
@@ -205,12 +209,12 @@ def improve(
     heat: float,
     state: int,
 ) -> None:
-    """Local search in place, `moves` attempts, from the generator's `state`.
+    """Improve routes in place by local search: `moves` attempts from the generator's `state`.
 
-    A move brings a node beside another, mostly one of the nearest: it relocates up to four nodes,
-    either way round, turns a piece of a route round, or swaps the tails of two. It is accepted
-    where it makes the whole dearer by less than a random part of `heat` times the whole, which
-    cools down to nothing after four fifths of the attempts.
+    A move brings a node beside another, mostly one of the nearest. It relocates up to four nodes,
+    either way round, reverses a piece of a route, or swaps the tails of two. It is accepted if it
+    adds less than a random part of `heat` times the whole. `heat` cools down to 0 after four fifths
+    of the attempts.
     """
     legs, nodes = outlays.legs, outlays.loads.size
     owner, place_of = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
@@ -268,10 +272,11 @@ def improve(
 def improve_alone(
     legs: Floats, route: Ints, length: float, moves: int, heat: float, state: int
 ) -> None:
-    """`improve` for a single robot, in place: with `behind` 0 everywhere the shortest route is the
-    cheapest, and how much an attempt saves shows in the few legs that it changes.
+    """Improve the route of a single robot in place, as `improve`.
 
-    `route` holds all nodes; `length` is the route's with the loads of its nodes.
+    With `behind` 0 everywhere the shortest route is the cheapest, and the gain of an attempt shows
+    in the few legs that it changes. `route` holds all nodes; `length` is the route's with the loads
+    of its nodes.
     """
     nodes = route.size
     way = np.empty(nodes + 2, np.int32)  # from the robot through the nodes home
@@ -303,13 +308,14 @@ def improve_alone(
             )
             begin, end = min(i, j), max(last + 1, j)
             if gain < allowed:
-                # the piece and what it changes places with: each turned round, and both together
+                # the piece and the nodes that it changes places with: each reversed, and both
+                # together
                 if not turned:
                     _turn(way, i, last)
                 _turn(way, last + 1, j - 1)
                 _turn(way, j, i - 1)
                 _turn(way, begin, end - 1)
-        else:  # the piece between the two turned round
+        else:  # the piece between the two reversed
             first, last = min(i + 1, j), max(i, j - 1)
             if first >= last:
                 continue
@@ -331,7 +337,7 @@ def improve_alone(
 
 @part
 def _turn(way: Ints, first: int, last: int) -> None:
-    """Turn the places first .. last round; nothing where last is before first."""
+    """Reverse the places first .. last; no change if last is before first."""
     while first < last:
         held = way[first]
         way[first] = way[last]
@@ -344,7 +350,7 @@ def _turn(way: Ints, first: int, last: int) -> None:
 def _begin(
     outlays: Outlays, last: Ints, last_counts: Longs, routes: Ints, counts: Longs, costs: Floats
 ) -> None:
-    """Take over the last routes, and insert the nodes that they lack."""
+    """Take over the last routes, and insert their missing nodes."""
     placed = np.zeros(outlays.loads.size, np.bool_)
     for robot in range(counts.size):
         counts[robot] = last_counts[robot]
@@ -366,14 +372,14 @@ def arrange(
     heat: float,
     state: int,
 ) -> tuple[Ints, Longs]:
-    """Routes through all nodes, and how many nodes each has.
+    """Return routes through all nodes, and the number of nodes of each.
 
     Args:
-        outlays: what routes cost.
-        last: routes to start from, (R, any); nodes that they lack are put where they cost least.
-        last_counts: how many nodes of each row of `last` are meant, (R,).
+        outlays: the costs of routes.
+        last: routes to start from, (R, any); missing nodes are put where they cost least.
+        last_counts: the number of valid nodes in each row of `last`, (R,).
         moves: attempts of the local search.
-        heat: how much dearer an attempt may make the whole at first, as a fraction.
+        heat: increase of the whole that an attempt may make at first, as a fraction.
         state: of the generator of random numbers, 0 .. 2^31 - 1.
     """
     nodes, robots = outlays.loads.size, last_counts.size

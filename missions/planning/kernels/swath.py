@@ -3,9 +3,9 @@
 A *path* is a list of pieces, lines and arcs. A *profile* turns it into segments of constant
 tangential acceleration, so place and speed are exact functions of time. *Frames* taken along it at
 even intervals show cells; each frame that a cell needs has a worth in seconds. `improve` searches
-the waypoints of a team that cost least: seconds of flight less the worth of what is seen.
+the cheapest waypoints of a team: seconds of flight less the worth of the frames.
 
-All in one module, as `missions.planning.kernels.jit` demands. Metres, seconds, radians from east
+All is in one module, as `missions.planning.kernels.jit` demands. Metres, seconds, radians from east
 towards north.
 """
 
@@ -43,21 +43,21 @@ MOST_SEGMENTS = 2048
 MOST_WAYPOINTS = 256
 MOST_HITS = 60_000
 
-_STRAIGHT = 0.01  # turns of less are none
-_REVERSAL = 2.9  # turns of more are a halt and a turn on the spot
-_LEG_SHARE = 0.45  # of a leg that an arc at either end may take
+_STRAIGHT = 0.01  # smaller turns count as straight
+_REVERSAL = 2.9  # larger turns are a halt and a turn on the spot
+_LEG_SHARE = 0.45  # of a leg, for an arc at either end
 _MOST_TURN = 3.6  # of an arc at the beginning
 _NEVER = 1e6
 _NOWHERE = 1e18
 _BLOCK = 4  # waypoints that are moved together, at most
 _LONGEST_REVERSAL = 12
-SLOW = 0.05  # slower is at rest
+SLOW = 0.05  # slower counts as at rest
 LEADS = 4
 """Ways to begin: at once, at two lower speeds, from a halt."""
 
 
 class Team(NamedTuple):
-    """The vehicles, a row each, and how each can begin."""
+    """The vehicles, a row each, and the ways in which each can begin."""
 
     pars: Floats
     """(vehicles, PARAMETERS)"""
@@ -68,36 +68,38 @@ class Team(NamedTuple):
     n_leads: Ints
     """(vehicles, LEADS): pieces of a lead-in; -1: the vehicle cannot begin so."""
     v0: Floats
-    """(vehicles,): the speed now."""
+    """(vehicles,): the present speed."""
 
 
 class Ways(NamedTuple):
-    """The waypoints of each vehicle: what is searched."""
+    """The waypoints of each vehicle, which the search changes."""
 
     points: Floats
-    """(vehicles, MOST_WAYPOINTS, 3): x, y, and how far the corner may be cut; the last is the end
-    and stays the last."""
+    """(vehicles, MOST_WAYPOINTS, 3): x, y, and the maximum cut of the corner.
+
+    The last is the end and stays the last.
+    """
     counts: Ints
     """(vehicles,): waypoints, at least 1."""
     choices: Ints
     """(vehicles,): the number of the lead-in."""
     total: Floats
-    """(vehicles,): the seconds it takes."""
+    """(vehicles,): the duration, s."""
 
 
 class Cells(NamedTuple):
-    """What frames are for, by cell of a window."""
+    """The need for frames, by cell of a window."""
 
     worth: Floats
-    """Seconds that a frame is worth."""
+    """Worth of a frame, s."""
     need: Ints
-    """Frames that are worth it."""
+    """Number of frames that are worth it."""
     cover: Ints
-    """Frames to come; those of a plan are added while it is weighed."""
+    """Frames to come; those of a plan are added while it is evaluated."""
     allowed: Flags
     """0 where no vehicle may be."""
     fenced: bool
-    """Whether there is any such place."""
+    """True if there is any such place."""
     grid: Grid
 
 
@@ -112,13 +114,13 @@ class Room(NamedTuple):
 
 
 class _Hits(NamedTuple):
-    """Which cells are shown when; a row for each vehicle and two for the trial."""
+    """The cells that frames show, and when; a row for each vehicle and two for the trial."""
 
     cells: Indices
     times: Singles
     counts: Ints
     row: Ints
-    """The row of each vehicle and of the trial's two sides."""
+    """Rows of each vehicle and of the trial's two sides."""
 
 
 class _Trial(NamedTuple):
@@ -147,7 +149,7 @@ def new_room() -> Room:
 
 @part
 def _wrap(angle: float) -> float:
-    """The same angle between -pi and pi."""
+    """Return the same angle between -pi and pi."""
     while angle > math.pi:
         angle -= 2.0 * math.pi
     while angle <= -math.pi:
@@ -157,13 +159,13 @@ def _wrap(angle: float) -> float:
 
 @part
 def _length(x: float, y: float) -> float:
-    """The length of a vector; a compiled `math.hypot` would round otherwise than Python's."""
+    """Return the length of a vector; a compiled `math.hypot` rounds differently from Python's."""
     return math.sqrt(x * x + y * y)
 
 
 @part
 def _append(rows: Floats, n: int, row: tuple[float, ...]) -> int:
-    """Write row `n` of pieces or segments, in the order of the columns; returns `n` + 1."""
+    """Write row `n` of pieces or segments, in the order of the columns; return `n` + 1."""
     for column in range(len(row)):
         rows[n, column] = row[column]
     return n + 1
@@ -190,9 +192,9 @@ def _turn_towards(
     to_x: float,
     to_y: float,
 ) -> tuple[int, float, float, float, float]:
-    """An arc onto the line to a point: (pieces, x, y, heading, length of the line).
+    """Append an arc onto the line to a point: (pieces, x, y, heading, length of the line).
 
-    -1 pieces where the point lies inside of the arc, or behind.
+    -1 pieces if the point lies inside the arc, or behind.
     """
     dx, dy = to_x - x, to_y - y
     side = 1.0 if math.cos(heading) * dy - math.sin(heading) * dx >= 0.0 else -1.0
@@ -211,7 +213,7 @@ def _turn_towards(
         turn -= 2.0 * math.pi
     if turn > _MOST_TURN:
         return -1, x, y, heading, 0.0
-    if turn <= 1e-4:  # the line is drawn from where it begins, or it ends beside the point
+    if turn <= 1e-4:  # the line is drawn from its beginning, or it ends beside the point
         return n, x, y, math.atan2(dy, dx), _length(dx, dy)
     n = _append(pieces, n, (x, y, heading, side / radius, radius * turn, turn_v, par[SPEED]))
     x = cx + side * radius * math.sin(toward)
@@ -233,7 +235,7 @@ def _cut_corner(
     turn: float,
     point: Floats,
 ) -> tuple[int, float, float, float]:
-    """A line and an arc around a waypoint: (pieces, x, y, length of the next line).
+    """Append a line and an arc around a waypoint: (pieces, x, y, length of the next line).
 
     The arc begins `ahead` of the corner: as far as the allowed cut demands, at most a part of
     either leg.
@@ -256,11 +258,11 @@ def _cut_corner(
 
 @part
 def _lay_pieces(team: Team, v: int, choice: int, way: Floats, m: int, room: Room) -> int:
-    """Lead-in, then waypoints: the number of pieces, or -1 where they cannot be flown.
+    """Append lead-in, then waypoints; return the number of pieces, or -1 if they cannot be flown.
 
-    After the lead-in the vehicle goes on with an arc; at rest it turns on the spot. `way` has
-    `m` >= 1 waypoints, the last is the end. `room.reached` gets for each waypoint the piece at
-    whose end it is passed.
+    After the lead-in the vehicle continues with an arc; at rest it turns on the spot. `way` has `m`
+    >= 1 waypoints, the last is the end. `room.reached` gets for each waypoint the piece at whose
+    end it is passed.
     """
     par, pieces, reached = team.pars[v], room.pieces, room.reached
     x, y, heading = team.starts[v, choice, 0], team.starts[v, choice, 1], team.starts[v, choice, 2]
@@ -292,7 +294,7 @@ def _lay_pieces(team: Team, v: int, choice: int, way: Floats, m: int, room: Room
         if n + 4 >= MOST_PIECES:
             return -1
         onward = math.atan2(dy, dx)
-        if before < 1e-6:  # the first waypoint is where the vehicle stands
+        if before < 1e-6:  # the first waypoint is the vehicle's place
             toward, before, length = onward, after, after
             continue
         turn = _wrap(onward - toward)
@@ -313,7 +315,7 @@ def _lay_pieces(team: Team, v: int, choice: int, way: Floats, m: int, room: Room
 # --- profiles -----------------------------------------------------------------------------------
 @part
 def _limit_speeds(par: Floats, pieces: Floats, n: int, caps: Floats) -> None:
-    """The highest speed before each piece, from which all that follows can be flown."""
+    """Compute the highest speed before each piece from which the rest can be flown."""
     for i in range(n):
         caps[i] = min(par[SPEED], pieces[i, P_SPEED])
         if i > 0:
@@ -330,7 +332,7 @@ def _limit_speeds(par: Floats, pieces: Floats, n: int, caps: Floats) -> None:
 def _fly_line(
     segs: Floats, n: int, t: float, piece: Floats, start: float, end: float, accel: float
 ) -> tuple[int, float]:
-    """Up, level, down, from the speed `start` to `end`: (segments, time)."""
+    """Append segments up, level, down, from the speed `start` to `end`: (segments, time)."""
     x, y, heading, length = piece[P_X], piece[P_Y], piece[P_HEADING], piece[P_LENGTH]
     cos, sin = math.cos(heading), math.sin(heading)
     peak = min(piece[P_SPEED], math.sqrt(0.5 * (start * start + end * end) + accel * length))
@@ -355,9 +357,10 @@ def _fly_line(
 def profile(
     par: Floats, pieces: Floats, n: int, v0: float, caps: Floats, segs: Floats
 ) -> tuple[int, float]:
-    """Segments of a path from the speed `v0`: (their number, seconds); (-1, 0) where impossible.
+    """Compute the segments of a path from the speed `v0`: (their number, seconds).
 
-    Arcs are flown at one speed, lines with even acceleration up and down; the end is a halt.
+    (-1, 0) if that is impossible. Arcs are flown at one speed, lines with even acceleration up and
+    down; the end is a halt.
     """
     if n == 0:
         return 0, 0.0
@@ -376,7 +379,7 @@ def profile(
             count, t = _fly_line(segs, count, t, pieces[i], start, end, accel)
             start = end
             continue
-        if start < SLOW:  # nothing flies an arc from rest
+        if start < SLOW:  # no vehicle flies an arc from rest
             return -1, 0.0
         heading = pieces[i, P_HEADING]
         x, y, cos, sin = pieces[i, P_X], pieces[i, P_Y], math.cos(heading), math.sin(heading)
@@ -387,7 +390,7 @@ def profile(
 
 @part
 def place(segs: Floats, i: int, dt: float, out: Floats) -> None:
-    """Into `out`: x, y, v_x, v_y, a_x, a_y in segment `i`, `dt` seconds after its begin."""
+    """Write into `out`: x, y, v_x, v_y, a_x, a_y in segment `i`, `dt` seconds after its begin."""
     v = segs[i, S_V] + segs[i, S_A] * dt
     s = (segs[i, S_V] + 0.5 * segs[i, S_A] * dt) * dt
     curve = segs[i, S_CURVE]
@@ -411,7 +414,7 @@ def place(segs: Floats, i: int, dt: float, out: Floats) -> None:
 
 @part
 def _along(piece: Floats, way: float) -> tuple[float, float, float]:
-    """(x, y, heading) `way` metres into a piece."""
+    """Return (x, y, heading) `way` metres into a piece."""
     x, y, h, curve = piece[P_X], piece[P_Y], piece[P_HEADING], piece[P_CURVE]
     if curve == 0.0:
         return x + way * math.cos(h), y + way * math.sin(h), h
@@ -433,10 +436,10 @@ def lead_in(
     lead: Floats,
     end: Floats,
 ) -> int:
-    """The rest of a path from `start` metres into piece `first` until the speed is `slow`.
+    """Compute the rest of a path from `start` metres into piece `first` until the speed is `slow`.
 
-    Pieces go into `lead`, their end (x, y, heading, speed) into `end`; returns their number, -1
-    where `lead` is too short.
+    Pieces go into `lead`, their end (x, y, heading, speed) into `end`. Return their number, -1 if
+    `lead` is too short.
     """
     accel = par[ACCEL]
     count = 0
@@ -467,7 +470,7 @@ def lead_in(
 
 @kernel
 def fly(team: Team, v: int, choice: int, way: Floats, m: int, room: Room) -> tuple[int, int, float]:
-    """Path and profile of vehicle `v`: (pieces, segments, seconds); seconds `_NEVER` where none.
+    """Return path and profile of vehicle `v`: (pieces, segments, seconds); `_NEVER` without one.
 
     `choice` is its lead-in: the last is a halt, from which all can be flown.
     """
@@ -492,7 +495,7 @@ def frames(
     times: Singles,
     out: Floats,
 ) -> int:
-    """Fill in which cells the frames along a profile show, and when; returns the number of both.
+    """Fill in the cells that the frames along a profile show, and the times; return their number.
 
     Frames farther in the future than FULL_RATE_S are computed one in two, and count twice.
     """
@@ -533,9 +536,9 @@ def frames(
 def _cover(
     shown: Indices, times: Singles, n: int, cells: Cells, urgent: float, fade: float, step: int
 ) -> float:
-    """Add frames to what is covered (`step` 1), or take back the last ones added (`step` -1).
+    """Add frames to the cover (`step` 1), or take back the last ones added (`step` -1).
 
-    Returns their worth in seconds; what is worth less than `urgent` fades with time.
+    Return their worth in seconds; a worth below `urgent` fades with time.
     """
     worth, need, cover = cells.worth, cells.need, cells.cover
     gain = 0.0
@@ -563,9 +566,9 @@ def worth_of_rest(
     cells: Cells,
     urgent: float,
 ) -> float:
-    """The worth of the frames on the rest of a path that was begun `since_s` ago.
+    """Return the worth of the frames on the rest of a path that was begun `since_s` ago.
 
-    They are added to what is covered.
+    They are added to the cover.
     """
     out = np.empty(6)
     shown, times = np.empty(MOST_HITS, np.int32), np.empty(MOST_HITS, np.float32)
@@ -581,7 +584,7 @@ def worth_of_rest(
 
 @part
 def _forbidden(segs: Floats, n: int, total_s: float, cells: Cells, out: Floats) -> bool:
-    """Whether a profile leads over a cell that is not allowed."""
+    """Return whether a profile leads over a cell that is not allowed."""
     west, south, width, height, cell_m = cells.grid
     i = 0
     t = 0.0
@@ -610,7 +613,7 @@ def _evaluate(
     hits: _Hits,
     row: int,
 ) -> float:
-    """Seconds of a vehicle's way; what it shows goes into a row of `hits`."""
+    """Return the duration of a vehicle's way, s; its frames go into a row of `hits`."""
     hits.counts[row] = 0
     _, count, total = fly(team, v, choice, way, m, room)
     if total >= _NEVER:
@@ -629,7 +632,7 @@ def _evaluate(
 def _cheapest(
     way: Floats, m: int, start_x: float, start_y: float, x: float, y: float
 ) -> tuple[int, float]:
-    """The waypoint of `m` before which a new one makes the least detour: (index, metres)."""
+    """Return the waypoint of `m` before which a new one makes the least detour: (index, metres)."""
     best, best_m = 0, _NOWHERE
     px, py = start_x, start_y
     for k in range(m):
@@ -669,7 +672,7 @@ def _begin_trial(trial: _Trial, side: int, v: int, ways: Ways) -> None:
 
 @part
 def _most_missed(cells: Cells, candidates: Ints, random: Ints) -> int:
-    """Of six drawn cells the one whose missing frames are worth most; -1 where none misses any."""
+    """Return the drawn cell of six with the most worth of missing frames; -1 without any."""
     worst, found = 0.0, -1
     if candidates.shape[0] == 0:
         return found
@@ -699,7 +702,7 @@ def _show(
             _, detour = _cheapest(
                 ways.points[w], ways.counts[w], team.starts[w, 1, 0], team.starts[w, 1, 1], x, y
             )
-            if vehicles > 1:  # about three quarters of what the seconds of its way are in metres
+            if vehicles > 1:  # about three quarters of the seconds of its way in metres
                 detour += 1.5 * ways.total[w]
             if detour < least and ways.counts[w] + 1 < MOST_WAYPOINTS:
                 v, least = w, detour
@@ -732,7 +735,7 @@ def _shift(trial: _Trial, lattice: float, random: Ints) -> bool:
 
 @part
 def _turn_round(trial: _Trial, random: Ints) -> bool:
-    """Fly a part of the way the other way round."""
+    """Reverse a part of the way."""
     m = trial.counts[0]
     k = draw(random, m - 1)
     end = min(k + 1 + draw(random, min(_LONGEST_REVERSAL, m - 1 - k)), m - 2)
@@ -811,9 +814,9 @@ def _propose(
     random: Ints,
     trial: _Trial,
 ) -> bool:
-    """Draw a change into the trial, first to show each candidate in its turn.
+    """Draw a change into the trial, at first one that shows each candidate in its turn.
 
-    Returns whether there is a change.
+    Return whether there is a change.
     """
     trial.who[1] = -1
     trial.choice[0] = -1
@@ -896,7 +899,7 @@ def _cover_row(hits: _Hits, row: int, cells: Cells, urgent: float, fade: float, 
 
 @part
 def _count_row(hits: _Hits, row: int, cover: Ints, step: int) -> None:
-    """Add the frames of a row to what is covered, or take them back, whatever they are worth."""
+    """Add the frames of a row to the cover, or take them back, whatever they are worth."""
     for k in range(hits.counts[row]):
         cover[hits.cells[row, k]] += step
 
@@ -930,7 +933,7 @@ def _weigh(
     urgent: float,
     after: Floats,
 ) -> float:
-    """How much more the trial shows than the plan, s; covers its frames instead of the plan's.
+    """Return the gain of the trial over the plan, s; cover its frames instead of the plan's.
 
     `after` gets the seconds by vehicle.
     """
@@ -982,12 +985,12 @@ def improve(
     last: float,
     random: Ints,
 ) -> float:
-    """Search waypoints that cost less, in place; returns the cost in seconds.
+    """Search cheaper waypoints, in place; return the cost in seconds.
 
-    First every cell of `candidates` whose frames are worth `urgent` or more is shown, if that is
-    worth it; then follow `moves` of annealing from the temperature `hot` to `cold` (seconds).
-    `last` is the share of the last vehicle in a team's time. `random` is the state of the random
-    numbers: the same state gives the same result.
+    First every cell of `candidates` whose frames are worth `urgent` or more is shown, if that pays.
+    Then follow `moves` of annealing from the temperature `hot` to `cold` (seconds). `last` is the
+    share of the last vehicle in a team's time. `random` is the state of the random numbers: the
+    same state gives the same result.
     """
     vehicles = ways.counts.shape[0]
     fade = team.pars[0, FADE_1_S]

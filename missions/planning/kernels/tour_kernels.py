@@ -1,9 +1,9 @@
-"""Tours of a team past places: observation points, their order, and which vehicle visits them.
+"""Tours of a team past places: observation points, their order, and the vehicle that visits them.
 
-Of a large region with an outline that is known the annealing of `missions.planning.kernels.swath`
-finds a good path only from a good beginning: each of its steps weighs every frame. Here a tour is
-no more than an order of places, and the time of a leg a formula, so thousands of orders are tried
-in milliseconds. Metres, seconds; places in the frame of the region.
+For a large region with a known outline, the annealing of `missions.planning.kernels.swath` finds a
+good path only from a good beginning: each of its steps weighs every frame. Here a tour is only an
+order of places, and the time of a leg a formula, so thousands of orders are tried in milliseconds.
+Metres, seconds; places in the frame of the region.
 """
 
 from __future__ import annotations
@@ -21,34 +21,34 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.uint8]
 
 _NOWHERE = 1e18
-_LEG_SHARE = 0.45  # of a leg that an arc at either end may take
+_LEG_SHARE = 0.45  # of a leg, for an arc at either end
 _BACK = -0.97  # the cosine of a turn beyond which a vehicle halts
-_LONGEST = 30  # places that are moved at once
-_NEAR = 8  # places that may follow one another
+_LONGEST = 30  # maximum number of places that are moved at once
+_NEAR = 8  # number of places that may follow one another
 
 
 class Crew(NamedTuple):
     """The vehicles; a row each."""
 
     start: Floats
-    """(vehicles, 2): where each begins."""
+    """(vehicles, 2): starting places."""
     heading: Floats
-    """(vehicles, 2): the unit vector along which it flies then; zeros where it stands."""
+    """(vehicles, 2): unit vector of the direction of flight at the start; zeros at rest."""
     end: Floats
-    """(vehicles, 2): where its tour ends."""
+    """(vehicles, 2): ends of tours."""
     begin_s: Floats
-    """(vehicles,): how long after the others it begins."""
+    """(vehicles,): delays of the starts, s."""
     blind_s: Floats
-    """(vehicles,): until when its frames do not count; it flies to its first place meanwhile."""
+    """(vehicles,): times until which frames do not count, s; a vehicle flies to its first place."""
     speed: Floats
     accel: float
     cut_m: float
-    """By how much corners are cut."""
+    """Cut of corners, m."""
 
 
 @part
 def _richest(row: Ints) -> int:
-    """The first place of the largest number."""
+    """Return the first place of the largest number."""
     best = 0
     for j in range(1, row.shape[0]):
         if row[j] > row[best]:
@@ -60,7 +60,8 @@ def _richest(row: Ints) -> int:
 def look_from(
     work: Flags, columns: int, rows: int, wide: int, high: int, most: int
 ) -> tuple[Floats, Ints]:
-    """At most so many places from which all work is seen, greedily: (places, place of each cell).
+    """Return at most `most` places from which all work is seen, greedily: (places, place of each
+    cell).
 
     `work` has a 1 for each cell of a window of `columns` by `rows`; from a place `wide` by `high`
     cells are seen. A place is the middle of such a rectangle, in cells from the middle of the first
@@ -118,7 +119,7 @@ def _corner_v(
     out_y: float,
     out_m: float,
 ) -> float:
-    """How fast a corner is flown between two legs, given by vectors and their lengths."""
+    """Return the speed of a corner between two legs, given by vectors and their lengths."""
     if in_m < 1e-6 or out_m < 1e-6:
         return speed
     cos = (in_x * out_x + in_y * out_y) / (in_m * out_m)
@@ -135,11 +136,11 @@ def _corner_v(
 
 @part
 def _leg_s(length: float, first: float, last: float, speed: float, accel: float) -> float:
-    """The time of a leg between two speeds, as if either could be reached."""
+    """Return the time of a leg between two speeds, as if either could be reached."""
     if length < 1e-6:
         return 0.0
     peak = math.sqrt(0.5 * (first * first + last * last) + accel * length)
-    if peak < max(first, last):  # too short to change its speed by so much
+    if peak < max(first, last):  # too short for such a change of speed
         return 2.0 * length / (first + last)
     peak = min(speed, peak)
     up = peak - first
@@ -150,7 +151,7 @@ def _leg_s(length: float, first: float, last: float, speed: float, accel: float)
 
 @part
 def tour_s(crew: Crew, v: int, places: Floats, order: Ints, m: int) -> float:
-    """How long a vehicle flies past `m` places, and to its end; its delay is counted."""
+    """Return the time of a vehicle past `m` places and to its end, including its delay, s."""
     speed, accel, cut = crew.speed[v], crew.accel, crew.cut_m
     x, y = crew.start[v, 0], crew.start[v, 1]
     in_x, in_y = crew.heading[v, 0], crew.heading[v, 1]
@@ -158,7 +159,7 @@ def tour_s(crew: Crew, v: int, places: Floats, order: Ints, m: int) -> float:
     in_x, in_y = 1000.0 * in_x, 1000.0 * in_y
     stands = in_m < 1e-6
     total = crew.begin_s[v]
-    before = 0.0  # the speed at the beginning of the leg in hand
+    before = 0.0  # speed at the beginning of the present leg
     length = 0.0
     for k in range(m + 1):
         if k < m:
@@ -185,7 +186,7 @@ def tour_s(crew: Crew, v: int, places: Floats, order: Ints, m: int) -> float:
 
 @kernel
 def begin_with(crew: Crew, places: Floats, n: int, order: Ints, counts: Ints) -> None:
-    """Lay a first tour: the vehicle that is done first goes on to the place nearest to it."""
+    """Lay a first tour: the vehicle that is done first continues to its nearest place."""
     vehicles = counts.shape[0]
     at = crew.start.copy()
     busy = crew.begin_s.copy()
@@ -217,7 +218,7 @@ def begin_with(crew: Crew, places: Floats, n: int, order: Ints, counts: Ints) ->
 
 @part
 def neighbours(places: Floats, n: int, near: Ints) -> None:
-    """Into each row of `near` the numbers of those places that are nearest to a place."""
+    """Write into each row of `near` the numbers of the nearest places."""
     many = near.shape[1]
     away = np.empty(many)
     for a in range(n):
@@ -244,9 +245,9 @@ def _move(
     order: Ints, counts: Ints, v: int, i: int, length: int, u: int, j: int, back: bool,
     first: Ints, second: Ints, new: Ints,
 ) -> None:  # fmt: skip
-    """`length` places of `v` from its `i`-th on go before the `j`-th of `u`, backwards or not.
+    """Move `length` places of `v` from its `i`-th on before the `j`-th of `u`, reversed or not.
 
-    Where `u` is `v`, `j` counts without them, and all goes into `first`.
+    If `u` is `v`, `j` counts without them, and all goes into `first`.
     """
     m = counts[v]
     rest = m - length
@@ -279,7 +280,7 @@ def _change(
     """Have the `i`-th place of `v` and the `j`-th of `u` follow one another, in some way."""
     m = counts[v]
     kind = uniform(random)
-    if u == v and kind < 0.4:  # what lies between is flown the other way round
+    if u == v and kind < 0.4:  # the part between is reversed
         low, high = (i + 1, j) if i < j else (j, i - 1)
         if low >= high:
             return False
@@ -288,7 +289,7 @@ def _change(
             first[low + k] = order[v, high - k]
         new[0] = m
         return True
-    if u != v and kind < 0.3:  # each goes on with what the other would have done
+    if u != v and kind < 0.3:  # each continues with the rest of the other
         m2 = counts[u]
         copy_piece(order[v], 0, i + 1, first, 0)
         copy_piece(order[u], j, m2, first, i + 1)
@@ -311,7 +312,7 @@ def _propose(
     order: Ints, counts: Ints, near: Ints, who: Ints, which: Ints, random: Ints,
     first: Ints, second: Ints, new: Ints,
 ) -> tuple[int, int]:  # fmt: skip
-    """Draw other tours for two vehicles, or twice the same one; (-1, -1) where there are none."""
+    """Draw other tours for two vehicles, or twice the same one; (-1, -1) if there are none."""
     a = draw(random, near.shape[0])
     v, i = who[a], which[a]
     kind = uniform(random)
@@ -321,7 +322,7 @@ def _propose(
         if not _change(order, counts, v, i, u, which[b], random, first, second, new):
             return -1, -1
         return v, u
-    u = draw(random, counts.shape[0])  # anywhere, also to one that has no places
+    u = draw(random, counts.shape[0])  # anywhere, also to a vehicle without places
     if u == v:
         return -1, -1
     length = min(counts[v] - i, 1 + int(_LONGEST * uniform(random) ** 2))
@@ -342,10 +343,10 @@ def anneal(
     last: float,
     random: Ints,
 ) -> float:
-    """Search tours that take less time, in place; returns the seconds of the team.
+    """Search faster tours, in place; return the seconds of the team.
 
-    `order` has a row for each vehicle, a column more than there are places; `counts` says how many
-    of a row are meant. Each place is in one tour.
+    `order` has a row for each vehicle, a column more than there are places; `counts` is the number
+    of valid places in a row. Each place is in one tour.
     """
     vehicles = counts.shape[0]
     total = np.empty(vehicles)

@@ -1,4 +1,4 @@
-"""What a frame of each cell is worth, and the votes that a frame gives, on arrays.
+"""The worth of a frame of each cell, and the votes of a frame, on arrays.
 
 A window of cells, row by row from its south-west corner: `width` columns, `height` rows.
 """
@@ -16,12 +16,12 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.uint8]
 
-_NEAR = 2  # cells each way that say what a cell beside them may be
+_NEAR = 2  # cells in each direction that predict a cell beside them
 
 
 @part
 def _beside(c: int, side: int, width: int, height: int) -> int:
-    """The neighbour of a cell on a side (0 to 3), or -1 outside of the window; 4 is itself."""
+    """Return the neighbour of a cell on a side (0 to 3), or -1 outside the window; 4 is itself."""
     i = c % width + (1 if side == 0 else -1 if side == 1 else 0)
     j = c // width + (1 if side == 2 else -1 if side == 3 else 0)
     if i < 0 or j < 0 or i >= width or j >= height:
@@ -31,7 +31,7 @@ def _beside(c: int, side: int, width: int, height: int) -> int:
 
 @part
 def flood(positive: Flags, root: int, width: int, height: int, member: Flags, queue: Ints) -> int:
-    """Mark in `member` the cells of `positive` that are connected with `root`; how many.
+    """Mark in `member` the cells of `positive` that are connected with `root`; return their number.
 
     They are in `queue`, nearest first.
     """
@@ -59,7 +59,7 @@ def _decided(yes: Ints, no: Ints, c: int, majority: int, against: int) -> bool:
 
 @part
 def chance_of_roi(yes: Ints, no: Ints, c: int, width: int, height: int) -> float:
-    """The chance of a cell to be ROI by those around it: Laplace's rule over 5 x 5."""
+    """Return the chance of a cell to be ROI by those around it: Laplace's rule over 5 x 5."""
     roi, other = 0, 0
     i, j = c % width, c // width
     for y in range(max(0, j - _NEAR), min(height, j + _NEAR + 1)):
@@ -76,7 +76,7 @@ def chance_of_roi(yes: Ints, no: Ints, c: int, width: int, height: int) -> float
 def _chance_to_be_work(
     d: int, yes: Ints, no: Ints, width: int, height: int, chance: Floats
 ) -> float:
-    """That a neighbour will be work and turns out to be ROI."""
+    """Return the chance that a neighbour will be work and turns out to be ROI."""
     none = 1.0
     for side in range(4):
         e = _beside(d, side, width, height)
@@ -101,13 +101,13 @@ def value(
     closed: Flags,
     asked: Flags,
 ) -> tuple[Floats, Ints, Ints, int]:
-    """What a frame of each cell is worth: (worth, frames needed, cells with worth, work).
+    """Return the worth of frames: (worth, frames needed, cells with worth, work).
 
-    Work is a cell that is not decided and lies next to a member of the region (or is one), or
-    has a 1 in `asked`. The region is what hangs together with `root`, all that is positive where
-    that is -1. Cells up to `rings` beyond have the chance that they will be work: that of a
+    Work is a cell that is not decided and lies next to a member of the region (or is one), or has a
+    1 in `asked`. The region is the cells connected with `root`, or all positive ones if that is -1.
+    Cells up to `rings` beyond have the chance that they will be work. That is the chance of a
     neighbour to be ROI, by its own neighbourhood, times the neighbour's own chance; less than
-    `least` is none. `closed` cells have none. The first two are by cell; of the cells with worth
+    `least` is none. `closed` cells have none. The first two are by cell. Of the cells with worth
     those of work come first, and `work` is their number.
     """
     cells = width * height
@@ -183,11 +183,11 @@ def see(
     frames: int,
     majority: int,
 ) -> int:
-    """One frame's votes on the cells that it shows whole; returns how many counted.
+    """Add one frame's votes on the cells that it shows whole; return the number that counted.
 
-    (`x`, `y`) is its middle; a cell is shown whole when its centre is no farther than the halves
-    from it. `grid` is as of `swath.Grid`. `flips` is by cell, 1 where the frame errs. A decided
-    ballot takes no more votes.
+    (`x`, `y`) is its middle; a cell is shown whole when its centre is within the halves from it.
+    `grid` is as of `swath.Grid`. `flips` is by cell, 1 where the frame errs. A decided ballot takes
+    no more votes.
     """
     west, south, width, height, cell = grid
     i0 = max(0, math.ceil((x - half_x) / cell) - west)

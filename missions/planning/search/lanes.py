@@ -1,11 +1,11 @@
 """The boustrophedon search of the box, until a vehicle sees the ROI.
 
-Lanes run along rows or columns of cells, whichever makes them longer. A frame judges the cell
-below and its neighbours, so lanes lie three cells apart. Several vehicles share the lanes in
-blocks: of nearly equal length (`share_out`), or by the time from the pad and back to it
-(`share_by_time`). Vehicles that stand in a row get lanes in that order, so no two cross each
-other's way. Of all such shares one is taken whose slowest vehicle is soonest at home, and of these
-one with the least flight in all: a vehicle that is done early maps meanwhile.
+Lanes run along rows or columns of cells, whichever makes them longer. A frame judges the cell below
+and its neighbours, so lanes lie three cells apart. Several vehicles share the lanes in blocks: of
+nearly equal length (`share_out`), or by the time from the pad and back to it (`share_by_time`).
+Vehicles in a row get lanes in the same order, so no two cross each other's way. Of all such shares,
+those with the earliest return of the slowest vehicle are best. Of these, the one with the least
+flight in all is taken: a vehicle that is done early maps meanwhile.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Blocks = tuple[tuple[Lane, ...], ...]
 
 
 def along_east(box: Sequence[GridPoint]) -> bool:
-    """Whether the lanes of a box lie along grid east, else along grid north: its longer side."""
+    """Return whether the lanes of a box lie along grid east, its longer side, else along north."""
     west, south, east, north = Polygon(box).bounds
     return bool(east - west >= north - south)
 
@@ -45,12 +45,12 @@ def lanes(
     eastward: bool | None = None,
     spare_rows: int = 0,
 ) -> tuple[Lane, ...]:
-    """The lanes over a box, in the order and direction of flight, inside the fence.
+    """Return the lanes over a box, in the order and direction of flight, inside the fence.
 
     They lie along grid east or north as `eastward` says, else along the longer side of the box.
     Points are in the fixed frame. A lane is as long as the box is anywhere in the `rows` rows that
-    it judges, so a slanting rim leaves no gap; lanes are cut where the fence forbids them. The last
-    one takes as many as `spare_rows` more, where a lane for those alone would be left.
+    it judges, so a slanting edge leaves no gap; lanes are cut where the fence forbids them. The
+    last one takes up to `spare_rows` more, if a lane for those alone would be left.
 
     >>> box = [GridPoint(0, 0), GridPoint(40, 0), GridPoint(40, 20), GridPoint(0, 20)]
     >>> around = [GridPoint(-9, -9), GridPoint(60, -9), GridPoint(60, 60), GridPoint(-9, 60)]
@@ -85,7 +85,7 @@ def lanes(
 
 
 def _offsets(low: float, high: float, cell_m: float, rows: int, spare: int = 0) -> list[float]:
-    """Where lanes lie that judge so many rows each, so that every row of cells is judged.
+    """Return the offsets of lanes that judge `rows` rows each, so that every row is judged.
 
     The first lane judges the outermost row whose centre is in the box.
 
@@ -96,7 +96,7 @@ def _offsets(low: float, high: float, cell_m: float, rows: int, spare: int = 0) 
     last = math.floor(high / cell_m + 1e-9)
     if last < first:  # narrower than a cell: one lane through the middle
         return [(low + high) / 2]
-    if rows == LANE_CELLS:  # on rows, as ever
+    if rows == LANE_CELLS:  # on rows
         on = list(range(first + 1, last + 1, LANE_CELLS)) or [first]
         if on[-1] + 1 < last:
             on.append(last)
@@ -111,7 +111,7 @@ def _offsets(low: float, high: float, cell_m: float, rows: int, spare: int = 0) 
 
 
 def _pieces(shape: BaseGeometry) -> list[BaseGeometry]:
-    """The parts of a geometry that has several, or the geometry itself."""
+    """Return the parts of a geometry that has several, or the geometry itself."""
     return [part for part in getattr(shape, "geoms", [shape]) if not part.is_empty]
 
 
@@ -120,7 +120,7 @@ def _point(coordinates: Sequence[float]) -> GridPoint:
 
 
 def share_out(all_lanes: Sequence[Lane], vehicles: int) -> Blocks:
-    """A block of consecutive lanes for each vehicle, of nearly equal length."""
+    """Return a block of consecutive lanes for each vehicle, of nearly equal length."""
     total_m = sum(a.distance_to(b) for a, b in all_lanes)
     blocks: list[list[Lane]] = [[] for _ in range(vehicles)]
     done_m = 0.0
@@ -133,7 +133,7 @@ def share_out(all_lanes: Sequence[Lane], vehicles: int) -> Blocks:
 
 
 def along_m(lane: Lane, place: GridPoint) -> float:
-    """The distance along a lane of the point nearest to a place, m.
+    """Return the distance along a lane of the point nearest to a place, m.
 
     >>> along_m((GridPoint(0, 0), GridPoint(10, 0)), GridPoint(4, 1))
     4.0
@@ -148,16 +148,16 @@ def along_m(lane: Lane, place: GridPoint) -> float:
 
 
 def point_on(lane: Lane, distance_m: float) -> GridPoint:
-    """The point of a lane so far from its start."""
+    """Return the point of a lane at a distance from its start."""
     return lane[0].towards(lane[1], distance_m)
 
 
 ON_LANE_M: Final = 0.5
-"""Greatest distance of a place on a lane from it, m."""
+"""Maximum distance of a place from a lane that it is on, m."""
 
 
 def number_among(lanes: Sequence[Lane], lane: Lane) -> int | None:
-    """Return which of some lanes a lane is, or is a part of, from 0; None for none.
+    """Return the number of the lane, from 0, that a lane is or is a part of; None for none.
 
     >>> lanes = [(GridPoint(0, y), GridPoint(9, y)) for y in (0, 4)]
     >>> number_among(lanes, (GridPoint(6, 4), GridPoint(2, 4)))
@@ -172,14 +172,14 @@ def number_among(lanes: Sequence[Lane], lane: Lane) -> int | None:
 
 
 def offset_m(lane: Lane, place: GridPoint) -> float:
-    """How far a place lies beside a lane."""
+    """Return the distance of a place from a lane, m."""
     return point_on(lane, along_m(lane, place)).distance_to(place)
 
 
 def unseen(lane: Lane, seen_m: Collection[float], cell_m: float) -> tuple[Lane, ...]:
-    """The stretches of a lane that no frame shows, in the direction of flight.
+    """Return the stretches of a lane that no frame shows, in the direction of flight.
 
-    A frame counts for a cell before it and a cell behind it. What is shorter than half a cell is
+    A frame counts for a cell before it and a cell behind it. A stretch shorter than half a cell is
     in the frames beside it: they show three cells.
     """
     length_m = lane[0].distance_to(lane[1])
@@ -213,7 +213,7 @@ def turned(at: GridPoint, lanes: Iterable[Lane], keep: Container[Lane]) -> tuple
 
 
 def rest_ahead(lane: Lane, at: GridPoint, begin: GridPoint, ahead: GridPoint) -> Lane:
-    """Return what is left of a lane from a place on it, in the direction from `begin` to `ahead`.
+    """Return the rest of a lane from a place on it, in the direction from `begin` to `ahead`.
 
     >>> ends = GridPoint(0, 0), GridPoint(9, 0)
     >>> rest_ahead(ends, GridPoint(4, 0), GridPoint(8, 1), GridPoint(7, 1))[1]
@@ -227,22 +227,22 @@ def rest_ahead(lane: Lane, at: GridPoint, begin: GridPoint, ahead: GridPoint) ->
 
 
 def search_length_m(block: Sequence[Lane], start: GridPoint) -> float:
-    """How far a vehicle flies to search its block, from `start` and back to it."""
+    """Return the way of a vehicle that searches its block, from `start` and back to it, m."""
     stations = [start, *itertools.chain.from_iterable(block), start]
     return sum(a.distance_to(b) for a, b in itertools.pairwise(stations))
 
 
 AS_SOON: Final = 1.02
-"""So much later than the least possible the slowest one may be at home, if all fly less."""
+"""Maximum time of the slowest vehicle, as a multiple of the minimum, if all fly less for it."""
 
 _Way = Callable[[int, int, int], float]
 
 
 def tour_m(pad: GridPoint, block: Sequence[Lane]) -> tuple[float, tuple[Lane, ...]]:
-    """The shortest way from a pad along all of a block and back: metres, and lanes as flown.
+    """Return the shortest way from a pad along all of a block and back: metres, and lanes as flown.
 
-    The lanes are flown in their order or in the opposite one, by turns to and fro. Where two are
-    equally long, the one is taken that begins nearer to the pad.
+    The lanes are flown in their order or in the opposite one, by turns to and fro. Of two equally
+    long ones, the one that begins nearer to the pad is taken.
     """
     if not block:
         return 0.0, ()
@@ -266,7 +266,7 @@ def tour_m(pad: GridPoint, block: Sequence[Lane]) -> tuple[float, tuple[Lane, ..
 
 
 def share_by_time(lanes: Sequence[Lane], pads: Sequence[GridPoint]) -> Blocks:
-    """A block of consecutive lanes, which lie beside one another, for each vehicle by its pad.
+    """Return a block of consecutive, adjacent lanes for each vehicle by its pad.
 
     >>> lanes = [(GridPoint(x, 0), GridPoint(x, 100)) for x in (0, 10, 20)]
     >>> blocks = share_by_time(lanes, [GridPoint(15, 0), GridPoint(5, 0)])
@@ -305,7 +305,7 @@ def _spread(lanes: Sequence[Lane], axis: int) -> float:
 
 
 def _least_longest_m(vehicles: int, lanes: int, way_m: _Way) -> float:
-    """Return the least length of the longest tour, m."""
+    """Return the minimum length of the longest tour, m."""
     least_m = [0.0] + [math.inf] * lanes
     for k in range(vehicles):
         found_m = []
@@ -322,7 +322,7 @@ def _least_longest_m(vehicles: int, lanes: int, way_m: _Way) -> float:
 
 
 def _least_together(vehicles: int, lanes: int, most_m: float, way_m: _Way) -> list[int]:
-    """Where each vehicle's block ends, so that together they fly least, none more than `most_m`."""
+    """Return the ends of each vehicle's block, so that all fly least, none more than `most_m`."""
     least: list[tuple[float, list[int]]] = [(0.0, [])]
     least += [(math.inf, [])] * lanes
     for k in range(vehicles):

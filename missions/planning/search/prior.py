@@ -1,8 +1,8 @@
-"""Where the region probably is, and which lane would show it there.
+"""Probable places of the region, and the lanes that would show it there.
 
 A prior is a sum of spots (normal distributions around a point) and areas (evenly spread over a
-polygon), by weight. It is never certain: a part of it lies evenly over the box, so no lane counts
-for nothing.
+polygon), by weight. It is never certain: a part of it lies evenly over the box, so every lane has
+some weight.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from missions.planning.search.lanes import Lane, along_east
 from missions.units import GridPoint
 
 EVEN_SHARE: Final = 0.1
-"""So much of the probability lies evenly over the box, whatever the prior says."""
+"""Share of the probability that lies evenly over the box, for any prior."""
 _MOST_POINTS: Final = 200_000
 _POINTS_A_CELL: Final = 3
 _FEWEST_COLUMNS: Final = 50
@@ -31,14 +31,14 @@ Points = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """About here, with a standard deviation of `spread_m` along either axis. Fixed frame."""
+    """A place with a standard deviation of `spread_m` along either axis. Fixed frame."""
 
     place: GridPoint
     spread_m: float
     weight: float = 1.0
 
     def density(self, points: Points) -> Points:
-        """Weight a square metre at points of shape (n, 2), metres east and north."""
+        """Return the weight per square metre at points of shape (n, 2), metres east and north."""
         away_m2 = np.sum((points - np.asarray(self.place)) ** 2, axis=1)
         two_var_m2 = 2.0 * self.spread_m**2
         found: Points = np.exp(-away_m2 / two_var_m2) * (self.weight / (math.pi * two_var_m2))
@@ -47,35 +47,35 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """Anywhere in a polygon of the fixed frame, with its holes."""
+    """A polygon of the fixed frame, with its holes."""
 
     polygon: Polygon
     weight: float = 1.0
 
     def density(self, points: Points) -> Points:
-        """Weight a square metre at points of shape (n, 2), metres east and north."""
+        """Return the weight per square metre at points of shape (n, 2), metres east and north."""
         inside = shapely.intersects_xy(self.polygon, points[:, 0], points[:, 1])
         found: Points = np.where(inside, self.weight / self.polygon.area, 0.0)
         return found
 
 
 class LikelyLane(NamedTuple):
-    """A lane, and what of the region's whereabouts it shows."""
+    """A lane, and the part of the prior that it shows."""
 
     lane: Lane
     probability: float
-    """That the region lies where this lane shows the ground; 1 over all lanes."""
+    """Probability that the region lies where this lane shows the ground; 1 over all lanes."""
     middle_m: float
-    """How far from the start of the lane it then is in the mean."""
+    """Mean distance of the region from the start of the lane in that case, m."""
 
     @property
     def length_m(self) -> float:
-        """From end to end."""
+        """Length from end to end, m."""
         return self.lane[0].distance_to(self.lane[1])
 
     @property
     def turned(self) -> LikelyLane:
-        """The same lane, flown the other way."""
+        """The same lane, flown in the other direction."""
         start, end = self.lane
         return LikelyLane((end, start), self.probability, self.length_m - self.middle_m)
 
@@ -87,9 +87,9 @@ def likely_lanes(
     cell_m: float,
     rows: int,
 ) -> tuple[LikelyLane, ...]:
-    """Every lane of a box with its part of the prior; each judges so many rows of cells.
+    """Return every lane of a box with its part of the prior; each judges `rows` rows of cells.
 
-    What no lane shows is left out of account, and so is what lies outside of the box.
+    Ground that no lane shows does not count, nor does ground outside the box.
 
     >>> box = [GridPoint(0, 0), GridPoint(40, 0), GridPoint(40, 20), GridPoint(0, 20)]
     >>> low = (GridPoint(0, 4), GridPoint(40, 4))
@@ -118,7 +118,7 @@ def likely_lanes(
 
 
 def _points(box: Polygon, cell_m: float, across: int) -> Points:
-    """Points of the box: in rows that lie `_POINTS_A_CELL` to a cell, evenly along them."""
+    """Return points of the box: `_POINTS_A_CELL` rows to a cell, evenly along them."""
     west, south, east, north = box.bounds
     (low, high), (near, far) = ((west, east), (south, north))[:: 1 if across == 0 else -1]
     apart_m = cell_m / _POINTS_A_CELL
@@ -138,7 +138,8 @@ def _points(box: Polygon, cell_m: float, across: int) -> Points:
 def _shown_by(
     flown: Sequence[Lane], points: Points, across: int, reach_m: float
 ) -> tuple[npt.NDArray[np.intp], Points]:
-    """For each point the nearest lane that shows it, -1 for none, and how far along it lies."""
+    """Return for each point the nearest lane that shows it, -1 for none, and its distance along
+    it."""
     best_m = np.full(len(points), np.inf)
     found, along_m = np.full(len(points), -1, np.intp), np.zeros(len(points))
     rows, columns = points[:, across], points[:, 1 - across]

@@ -1,11 +1,11 @@
-"""In which order and direction lanes are flown so that the region is seen soonest.
+"""Order and direction of lanes that show the region soonest.
 
-The expected time to the first sighting is the sum over all lanes of the probability that the lane
-shows the region times the time when it does. That is the minimum latency problem (Blum et al.,
-"The minimum latency problem", STOC 1994), with lanes for customers. Few lanes are ordered exactly,
-by a program over their subsets; more by a local search over one sequence of lanes and vehicles,
-from the plain order and from a greedy one: turning a part of the sequence round, and moving a
-short part elsewhere. Everybody takes off at once; swaps of batteries do not count.
+The expected time to the first sighting is a sum over all lanes: the probability that the lane shows
+the region times the time when it does. That is the minimum latency problem (Blum et al., "The
+minimum latency problem", STOC 1994), with lanes for customers. Few lanes are ordered exactly, by a
+program over their subsets. More lanes are ordered by a local search over one sequence of lanes and
+vehicles, from the plain order and from a greedy one. It reverses a part of the sequence, or moves a
+short part elsewhere. All vehicles take off at once; swaps of batteries do not count.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from missions.units import GridPoint
 
 EXACT_LANES: Final = 9
 EXACT_VEHICLES: Final = 8
-"""So many lanes and vehicles are ordered exactly, in a tenth of a second."""
+"""Maximum number of vehicles, with as many lanes, that are ordered exactly, in a tenth of a
+second."""
 LONGEST_MOVED: Final = 3
 _MOST_ROUNDS: Final = 50
 _MOVES: Final = 2000
@@ -39,21 +40,21 @@ Ints = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How fast lanes and the ways between them are flown."""
+    """The speed of lanes and of the ways between them."""
 
     speed_m_s: float
     pause_s: float
-    """What every lane, and every way to one, takes besides: braking, turning, speeding up."""
+    """Additional time of every lane and of every way to one, s: braking, turning, accelerating."""
 
     def leg_s(self, distance_m: float) -> float:
-        """The time for a lane, or for the way to one."""
+        """Return the time for a lane, or for the way to one, s."""
         return distance_m / self.speed_m_s + self.pause_s
 
 
 def expected_s(blocks: Sequence[Block], homes: Sequence[GridPoint], pace: Pace) -> float:
-    """The expected time to the first sighting, seconds from being at height over the homes.
+    """Return the expected time to the first sighting, seconds from being at height over the homes.
 
-    `blocks` holds the lanes of each vehicle in their order, `homes` where each begins.
+    `blocks` holds the lanes of each vehicle in their order, `homes` their starting places.
     """
     total_s = 0.0
     for block, at in zip(blocks, homes, strict=True):
@@ -67,7 +68,7 @@ def expected_s(blocks: Sequence[Block], homes: Sequence[GridPoint], pace: Pace) 
 
 
 def plain_blocks(likely: Sequence[LikelyLane], vehicles: int) -> tuple[Block, ...]:
-    """The lanes as they are shared out without a prior."""
+    """Return the lanes as they are shared out without a prior."""
     rest = iter(likely)
     shared = share_out([lane.lane for lane in likely], vehicles)
     return tuple(tuple(itertools.islice(rest, len(block))) for block in shared)
@@ -76,9 +77,9 @@ def plain_blocks(likely: Sequence[LikelyLane], vehicles: int) -> tuple[Block, ..
 def soonest(
     likely: Sequence[LikelyLane], homes: Sequence[GridPoint], pace: Pace
 ) -> tuple[Block, ...]:
-    """The lanes of each vehicle, in the order and direction that show the region soonest.
+    """Return the lanes of each vehicle, in the order and direction that show the region soonest.
 
-    Never later than `plain_blocks`. Ways between lanes are straight, whatever lies between.
+    It is never later than `plain_blocks`. Ways between lanes are straight, whatever lies between.
 
     >>> lanes = [LikelyLane((GridPoint(0, y), GridPoint(40, y)), p, 20.0)
     ...          for y, p in ((0, 0.1), (12, 0.1), (24, 0.8))]
@@ -86,7 +87,7 @@ def soonest(
     [24, 12, 0]
     """
     plain = plain_blocks(likely, len(homes))
-    found = [plain]  # a rounding must not make it worse
+    found = [plain]  # a rounding error must not make it worse
     if len(likely) <= EXACT_LANES and len(homes) <= EXACT_VEHICLES:
         found.append(_exact(likely, homes, pace))
     else:
@@ -100,10 +101,10 @@ def soonest(
 def _exact(
     likely: Sequence[LikelyLane], homes: Sequence[GridPoint], pace: Pace
 ) -> tuple[Block, ...]:
-    """The best of all, by a program over subsets.
+    """Return the best of all orders, by a program over subsets.
 
-    While a vehicle flies, the clock of all the probability that it has not seen yet runs; so what
-    a set of lanes costs from a place does not depend on what was flown before.
+    While a vehicle flies, time counts for all the probability that it has not seen yet. So the cost
+    of a set of lanes from a place does not depend on the way before.
     """
     ways = [(lane, lane.turned) for lane in likely]
     everything = (1 << len(likely)) - 1
@@ -152,7 +153,7 @@ def _exact(
 
 # --- many lanes: a local search ------------------------------------------------------------------
 class _Tours:
-    """Sequences of numbers: 2 i is lane i, 2 i + 1 the same turned, from 2 n on a vehicle.
+    """Sequences of numbers: 2 i is lane i, 2 i + 1 the same reversed, from 2 n on a vehicle.
 
     A vehicle flies the lanes that follow its number. A batch of sequences has the shape (k, m).
     """
@@ -162,12 +163,13 @@ class _Tours:
     ) -> None:
         self._ways = [way for lane in likely for way in (lane, lane.turned)]
         self._vehicles = len(homes)
-        # how long a part is turned, and how far one is moved: of many lanes not every move is tried
+        # length of a part that is reversed, and distance of a move: with many lanes not all are
+        # tried
         self._reach = max(_LEAST_REACH, _MOVES // (len(likely) + len(homes)))
         starts = np.asarray([*(way.lane[0] for way in self._ways), *homes], float)
         ends = np.asarray([*(way.lane[1] for way in self._ways), *homes], float)
         legs_m = np.hypot(*np.moveaxis(ends[:, None, :] - starts[None, :, :], 2, 0))
-        # to a number from the one before it; to a vehicle there is no way
+        # to a number from the one before it; no way leads to a vehicle
         self._leg_s: Floats = legs_m / pace.speed_m_s + pace.pause_s
         self._leg_s[:, len(self._ways) :] = 0.0
         none = [0.0] * len(homes)
@@ -176,7 +178,7 @@ class _Tours:
         self._middle_s = np.asarray([*(way.middle_m / pace.speed_m_s for way in self._ways), *none])
 
     def of(self, blocks: Sequence[Block]) -> Ints:
-        """The sequence of lanes that are flown in these blocks, in their own direction."""
+        """Return the sequence of lanes that are flown in these blocks, in their own direction."""
         numbers = iter(range(0, len(self._ways), 2))
         tour: list[int] = []
         for vehicle, block in enumerate(blocks):
@@ -184,7 +186,7 @@ class _Tours:
         return np.asarray(tour, np.intp)
 
     def blocks(self, tour: Ints) -> tuple[Block, ...]:
-        """The lanes of each vehicle."""
+        """Return the lanes of each vehicle."""
         found: list[list[LikelyLane]] = [[] for _ in range(self._vehicles)]
         vehicle = 0
         for number in tour:
@@ -195,7 +197,7 @@ class _Tours:
         return tuple(tuple(block) for block in found)
 
     def costs_s(self, tours: Ints) -> Floats:
-        """The expected time to the first sighting of each sequence of a batch."""
+        """Return the expected time to the first sighting of each sequence of a batch."""
         before, after = tours[:, :-1], tours[:, 1:]
         took_s = self._lane_s[before] + self._leg_s[before, after]
         begun_s = np.cumsum(took_s, axis=1)  # of each number but the first
@@ -205,7 +207,8 @@ class _Tours:
         return costs
 
     def greedy(self) -> Ints:
-        """Whoever is free first flies the lane with the most probability a second."""
+        """Return the greedy sequence: the first free vehicle flies the lane with the most
+        probability a second."""
         free_s = np.zeros(self._vehicles)
         at = [len(self._ways) + vehicle for vehicle in range(self._vehicles)]
         tours = [[number] for number in at]
@@ -221,7 +224,7 @@ class _Tours:
         return np.asarray([*itertools.chain.from_iterable(tours)], np.intp)
 
     def improved(self, tour: Ints) -> Ints:
-        """The sequence after moves that help, place after place, until none does."""
+        """Return the sequence after moves that help, place after place, until none does."""
         cost_s = float(self.costs_s(tour[None, :])[0])
         for _ in range(_MOST_ROUNDS):
             before_s = cost_s
@@ -236,7 +239,7 @@ class _Tours:
         return tour
 
     def _flipped(self, part: Ints) -> Ints:
-        """A part of a sequence from its end to its beginning, its lanes turned."""
+        """Return a part of a sequence from its end to its beginning, its lanes reversed."""
         back = part[::-1]
         return np.where(back < len(self._ways), back ^ 1, back)
 
@@ -248,9 +251,9 @@ class _Tours:
         return batch
 
     def _moved(self, tour: Ints, place: int) -> Ints:
-        """With a short part at a place moved elsewhere, as it is or turned round.
+        """Return the sequences with a short part at a place moved elsewhere, reversed or not.
 
-        The first vehicle stays first. Moved nowhere, it is the sequence itself.
+        The first vehicle stays first. Without a move it is the sequence itself.
         """
         found = [tour]
         for length in range(1, min(LONGEST_MOVED, len(tour) - place) + 1):

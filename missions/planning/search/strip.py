@@ -12,7 +12,7 @@ from missions.planning.search.lanes import Lane, unseen
 from missions.units import Cell
 
 ON_ROW_M: Final = 0.01
-"""Lanes lie on rows of cells, or between them, but for rounding."""
+"""Tolerance of lanes on rows of cells, or between them, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,17 +21,17 @@ class Strip:
 
     cell_m: float
     eastward: bool
-    """Whether the lane lies along east, else along north."""
+    """True if the lane lies along east, else along north."""
     start_m: float
-    """Where it begins, along it, in the frame of the region."""
+    """Position of its beginning, along it, in the frame of the region, m."""
     end_m: float
     line_m: float
-    """Where it lies, across it."""
+    """Position of the lane, across it, m."""
     rows: range
 
     @classmethod
     def of(cls, grid: Grid, lane: Lane, rows: int, t_s: float) -> Strip:
-        """The strip of a lane that decides so many rows, at a time."""
+        """Return the strip of a lane that decides `rows` rows, at a time."""
         cell_m = grid.cell_m
         start, end = (grid.to_moving(place, t_s) for place in lane)
         eastward = abs(end.east_m - start.east_m) >= abs(end.north_m - start.north_m)
@@ -46,7 +46,7 @@ class Strip:
 
     @property
     def columns(self) -> range:
-        """Those that the lane leads over."""
+        """Columns that the lane leads over."""
         low_m, high_m = sorted((self.start_m, self.end_m))
         first = math.floor((low_m + ON_ROW_M) / self.cell_m + 0.5)
         last = math.ceil((high_m - ON_ROW_M) / self.cell_m - 0.5)
@@ -54,22 +54,21 @@ class Strip:
 
     @property
     def cells(self) -> Iterator[Cell]:
-        """All of its cells."""
+        """Yield all of its cells."""
         return (self.cell(column, row) for column in self.columns for row in self.rows)
 
     def cell(self, column: int, row: int) -> Cell:
-        """The cell of a column in a row."""
+        """Return the cell of a column in a row."""
         return Cell(column, row) if self.eastward else Cell(row, column)
 
     def judged_m(
         self, judged: Callable[[Cell], bool], near: Collection[Cell] | None = None
     ) -> list[float]:
-        """How far along the lane the middles of columns lie that are judged in all rows.
+        """Return the positions along the lane of columns that are judged in all rows, m.
 
-        Both columns beside it have to be so, too, as far as the lane leads over them: what is told
-        of as seen counts for a cell before it and a cell behind it
-        (`missions.planning.search.lanes`). `near` are cells beside which it is looked for, None for
-        everywhere.
+        Both neighbouring columns have to be judged as well, as far as the lane leads over them. A
+        column that is reported as seen counts for a cell before it and a cell behind it
+        (`missions.planning.search.lanes`). `near` limits the search to columns beside these cells.
         """
         columns: Iterable[int] = self.columns
         if near is not None:
@@ -87,22 +86,22 @@ class Strip:
         ]
 
     def parts_left(self, lane: Lane, judged: Callable[[Cell], bool]) -> tuple[Lane, ...]:
-        """The parts of its lane with a column that is not judged in all rows."""
+        """Return the parts of its lane with a column that is not judged in all rows."""
         seen_m = self.judged_m(judged)
         return unseen(lane, seen_m, self.cell_m) if seen_m else (lane,)
 
     def is_known(self, known: Callable[[Cell], bool]) -> bool:
-        """Whether that is so of all its cells; the end is asked for first."""
+        """Return whether that holds for all its cells; the end is checked first."""
         columns = self.columns if self.end_m < self.start_m else reversed(self.columns)
         return all(known(self.cell(column, row)) for column in columns for row in self.rows)
 
     def missing_rows(self, judged: Callable[[Cell], bool]) -> list[int]:
-        """The rows in which a cell is not judged yet."""
+        """Return the rows in which a cell is not judged yet."""
         columns, cell = self.columns, self.cell
         return [row for row in self.rows if not all(judged(cell(c, row)) for c in columns)]
 
     def _along_m(self, column: int) -> float:
-        """How far from the start of the lane a column lies, 0 to the length."""
+        """Return the distance of a column from the start of the lane, 0 to the length, m."""
         ahead_m = column * self.cell_m - self.start_m
         length_m = self.end_m - self.start_m
         along_m = ahead_m if length_m >= 0.0 else -ahead_m

@@ -1,6 +1,6 @@
-"""The strategies by name: those of the core, and whatever registers itself.
+"""The strategies by name: those of the core, and those that are registered.
 
-A strategy of one's own is an object that keeps to `interface.Explorer`. `register` makes it known
+A user's own strategy is an object that implements `interface.Explorer`. `register` makes it known
 by its name to missions, simulations and commands; `missions.lab.strategies` does so when imported.
 """
 
@@ -17,7 +17,7 @@ EXPLORERS: Final[dict[str, Explorer]] = {}
 
 
 def register(*explorers: Explorer) -> None:
-    """Add strategies to `EXPLORERS`. Raises `StrategyError` where another one has the name."""
+    """Add strategies to `EXPLORERS`. Raises `StrategyError` if another one has the name."""
     for explorer in explorers:
         if EXPLORERS.setdefault(explorer.name, explorer) != explorer:
             raise StrategyError(

@@ -1,37 +1,35 @@
-"""A rolling horizon: at every step routes for the whole team through all that is left to look at.
+"""A rolling horizon: at every step routes for the whole team through all cells left to observe.
 
-The nodes are the known vertices that no robot has looked from. Every robot has a route through its
-nodes and home; a node counts with the unobserved cells round it besides, for what may lie behind.
-The routes are improved from those of the last step, and each robot makes the first step of its own.
+The nodes are the known vertices that no robot has observed. Every robot has a route through its
+nodes and home. A node also counts with the unobserved cells around it, for possible finds behind
+it. The routes are improved from those of the last step, and each robot makes the first step of its
+own. The planner watches its own progress. In good time it goes home and leaves the rest to
+Algorithm 1, so that it never takes more than twice Algorithm 1's bound.
 
-It watches its own progress, and in good time goes home and leaves the rest to Algorithm 1, so that
-it never takes more than twice Algorithm 1's bound.
-
-Going home and starting over with Algorithm 1: how a planner without a promise gets one.
-
-Let B(C, D) be the bound of Algorithm 1 for the final tree, in moves or in time; it is linear and
-grows with the cells C and the depth D. A planner may go on as long as, after its next moves,
+The return home and a new start with Algorithm 1 give a planner without a bound a bound. Let B(C, D)
+be the bound of Algorithm 1 for the final tree, in moves or in time; it is linear and grows with the
+cells C and the depth D. A planner may continue as long as, after its next moves,
 
     h + B(c', d) <= 2 B(c, d)                                                       (1)
 
 where h is when the last robot would be home if all turned back after these moves, by shortest known
-ways; c and d are the cells and the depth known; and c' counts the vertices of T', the known tree
-pruned to the paths from the root to vertices that no robot looked from.
+ways. c and d are the cells and the depth known. c' counts the vertices of T', the known tree pruned
+to the paths from the root to vertices that no robot has observed.
 
 When (1) would fail, all go home, wait for the last, and explore T' by Algorithm 1 as if no robot
-had been there; what they find hangs below it. Then the makespan is at most 2 B(C, D):
+had been there; finds are added below it. Then the makespan is at most 2 B(C, D):
 
-* The robots stand where (1) allowed them to be, so all are home by h.
+* The robots are where (1) allowed them to be, so all are home by h.
 * T' is explored by Algorithm 1 from the root and from nothing: with C' vertices and depth D' at its
   end it takes B(C', D') at most. Knowing a branch before it is entered changes nothing, as the rule
-  looks only at the children of the vertex where a robot stands.
-* A vertex that is found later counts in C and in C' alike: C' <= c' + C - c. What (1) counts with
-  is not the depth of T' but d, so B(C', D') - B(c', d) <= B(C, D) - B(c, d).
+  uses only the children of the vertex where a robot is.
+* A vertex that is found later counts in C and in C' alike: C' <= c' + C - c. (1) uses not the depth
+  of T' but d, so B(C', D') - B(c', d) <= B(C, D) - B(c, d).
 * So T <= h + B(C', D') <= 2 B(c, d) + B(C, D) - B(c, d) <= 2 B(C, D).
 
-When it never fails, h at the last look is the makespan itself, and (1) says T <= 2 B(C, D). At the
-start (1) holds: with one move out and one back h = 2 <= B(c, 1), and c' <= c. The argument takes
-rounds of unit moves, shared knowledge, and a team that stays the same.
+When it never fails, h at the last observation is the makespan itself, and (1) gives T <= 2 B(C, D).
+At the start (1) holds: with one move out and one back h = 2 <= B(c, 1), and c' <= c. The argument
+assumes rounds of unit moves, shared knowledge, and a team that stays the same.
 """
 
 from __future__ import annotations
@@ -48,22 +46,22 @@ from missions.units import Cell
 
 @dataclass(frozen=True, slots=True)
 class Retreat:
-    """The state of a retreat: which vertices are done with, and which were seen anew since."""
+    """The state of a retreat: vertices that are done, and those observed anew since."""
 
     dropped: frozenset[Cell]
     """Vertices outside T'."""
     passed: frozenset[Cell] = frozenset()
-    """Vertices of T' where a robot has been since it came home."""
+    """Vertices of T' that a robot has visited since it came home."""
     home: frozenset[int] = frozenset()
     """Robots that have been home."""
 
     @classmethod
     def of(cls, tree: Tree) -> Retreat:
-        """The retreat that begins now."""
+        """Return the retreat that begins now."""
         return cls(frozenset(cell for cell in tree.vertices if tree.is_explored(cell)))
 
     def moves(self, situation: Situation) -> tuple[dict[int, Cell | None], Retreat]:
-        """Where the robots that decide move, and the state after."""
+        """Return the moves of the robots that decide, and the state after."""
         tree, at, robots = situation.tree, situation.at, situation.robots
         dropped = _closed(tree, self.dropped)
         arrived = {r for r in robots if at[r] == tree.root}
@@ -86,8 +84,10 @@ class Retreat:
 
 
 def _closed(tree: Tree, dropped: frozenset[Cell]) -> frozenset[Cell]:
-    """Without the path to the root of vertices that are not dropped: cells that turned out to be
-    ROI late, or hang elsewhere since two trees were joined."""
+    """Return the dropped vertices without the paths to the root of others.
+
+    Those are cells that became ROI late, or have another parent since two trees were joined.
+    """
     back = set()
     for cell in tree.vertices:
         up = None if cell in dropped else tree.parent(cell)
@@ -98,7 +98,8 @@ def _closed(tree: Tree, dropped: frozenset[Cell]) -> frozenset[Cell]:
 
 
 def _anew(tree: Tree, dropped: Collection[Cell], passed: Collection[Cell]) -> Tree:
-    """T': what is not dropped, looked from only where a robot has been since."""
+    """Return T': the vertices that are not dropped, observed only if a robot has been there
+    since."""
     return Tree.of(
         tree.root,
         {
@@ -111,14 +112,14 @@ def _anew(tree: Tree, dropped: Collection[Cell], passed: Collection[Cell]) -> Tr
 
 @dataclass(frozen=True, slots=True)
 class PlannerMemory:
-    """What the planner remembers."""
+    """The memory of the planner."""
 
     routes: Mapping[int, tuple[Cell, ...]] = field(default_factory=dict)
     """Each robot's route through the vertices that are left."""
     goals: Mapping[int, Cell] = field(default_factory=dict)
-    """Where robots are bound that do not decide in step with all others."""
+    """Targets of robots that do not decide in step with all others."""
     clocks: Mapping[int, float] = field(default_factory=dict)
-    """When each robot is at the vertex to which it was sent last."""
+    """Time when each robot is at the vertex of its last move."""
     now: float = 0.0
     decisions: int = 0
     retreat: Retreat | None = None
@@ -142,11 +143,11 @@ class Horizon:
     until: float = float("inf")
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """Twice Lemma 1."""
+        """Return twice Lemma 1."""
         return 2.0 * rdfs_bound_moves(cells, depth, robots)
 
     def decide(self, situation: Situation) -> Decision:
-        """The first steps of the routes, or those of the retreat."""
+        """Return the first steps of the routes, or those of the retreat."""
         outlook = (
             situation.memory if isinstance(situation.memory, PlannerMemory) else PlannerMemory()
         )
@@ -164,11 +165,12 @@ class Horizon:
 def _ahead(
     situation: Situation, outlook: PlannerMemory, ground: Ground
 ) -> tuple[dict[int, Cell | None], PlannerMemory]:
-    """The next steps of the routes, and what to remember.
+    """Return the next steps of the routes, and the new memory.
 
-    When not all robots decide at once, one that is bound for a vertex counts as being there, and
-    keeps to it until a robot has looked from it. So each decision leads to a look, even when the
-    knowledge of others is out of date. A robot away for a battery has no share until it is back.
+    When not all robots decide at once, one on its way to a vertex counts as being there, and keeps
+    its target until a robot has observed it. So each decision leads to an observation, even when
+    others' knowledge is out of date. A robot that is away for a battery has no share until it is
+    back.
     """
     tree, at, robots = situation.tree, situation.at, situation.robots
     goals: dict[int, Cell] = {}
@@ -186,7 +188,7 @@ def _ahead(
     wide = ground
     if asked:
         small = together and len(at) <= SMALL_TEAM and not situation.metric.straight
-        wide = ground.with_nooks() if small else ground  # no robot keeps to a mere guess
+        wide = ground.with_nooks() if small else ground  # no robot keeps to a guess
         away = situation.away.difference(robots)
         places = {r: cell for r, cell in {**at, **goals}.items() if r not in away}
         sites = Sites.of(situation, wide, places)
@@ -205,7 +207,7 @@ def _ahead(
 def _clocks(
     situation: Situation, outlook: PlannerMemory, moves: Mapping[int, Cell | None]
 ) -> tuple[float, dict[int, float]]:
-    """What time it is, and when each robot is done with its move; to wait is to wait for a step."""
+    """Return the time, and when each robot is done with its move; waiting takes a step."""
     tree, at, metric = situation.tree, situation.at, situation.metric
     clocks = {r: outlook.clocks.get(r, outlook.now) for r in at}
     now = max(outlook.now, *(clocks[r] for r in situation.robots))
@@ -221,10 +223,10 @@ def _clocks(
 def _in_time(
     situation: Situation, moves: Mapping[int, Cell | None], ahead: PlannerMemory, ground: Ground
 ) -> bool:
-    """Whether (1) of `missions.planning.stepwise.horizon` holds after the moves.
+    """Return whether (1) of `missions.planning.stepwise.horizon` holds after the moves.
 
-    In time rather than moves: a move costs a step at most, and at most every second one ends with
-    a look, for tours are closed and a vertex is looked from once.
+    It is in time rather than moves. A move costs a step at most, and at most every second one ends
+    with an observation, for tours are closed and a vertex is observed once.
     """
     tree, metric = situation.tree, situation.metric
     if tree.is_explored(tree.root):

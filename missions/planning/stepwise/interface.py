@@ -1,8 +1,8 @@
-"""What an explorer is: a rule by which a robot at a vertex moves next.
+"""The interface of an explorer: a rule for the next move of a robot at a vertex.
 
 Flight, replay and simulation call the same rule. An explorer is pure and keeps nothing between
-calls: it returns its memory as an immutable value and gets it again at the next call, so a mission
-that is resumed from its journal goes on with the same memory.
+calls: it returns its memory as an immutable value and gets it again at the next call. So a mission
+that is resumed from its journal continues with the same memory.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from missions.units import Cell
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """What a leg costs: the time from the centre of one cell to that of another.
+    """The cost of a leg: the time from the centre of one cell to that of another.
 
-    The cells move with the ROI. A robot of speed Sr relative to the ground that flies the
-    displacement d in the frame of an ROI which drifts with velocity p arrives after the time t at
-    which |d + p t| = Sr t. Along the axes these are the costs of Sung and Tokekar, section 4.2:
+    The cells move with the ROI. A robot of speed Sr relative to the ground flies the displacement d
+    in the frame of an ROI which drifts with velocity p. It arrives after the time t at which
+    |d + p t| = Sr t. Along the axes these are the costs of Sung and Tokekar, section 4.2:
     1 / (Sr - Sp) with the drift, 1 / (Sr + Sp) against it, 1 / sqrt(Sr^2 - Sp^2) across.
 
     The solution is a symmetric part plus d . p / (Sr^2 - p^2). The second is linear in d, so over a
-    closed tour it adds up to nothing: whoever compares closed tours needs the symmetric part only.
+    closed tour it adds up to nothing: a comparison of closed tours needs the symmetric part only.
 
     Lengths are in cells, so speeds are in cells per unit of time. The default is a resting ROI and
     unit speed: a step to a neighbouring cell costs 1.
@@ -40,15 +40,21 @@ class Metric:
     drift_east: float = 0.0
     drift_north: float = 0.0
     straight: bool = False
-    """Whether a move may lead to any known cell, over cells that are not ROI, as in flight;
-    otherwise only to one of the four neighbours."""
+    """True if a move may lead to any known cell, over cells that are not ROI, as in flight.
+
+    Otherwise it may lead only to one of the four neighbours.
+    """
     look: float = 0.0
-    """Time that a robot hovers over a cell to look from it."""
+    """Time that a robot hovers over a cell to observe it."""
     ramp: float = 0.0
-    """Time that speeding up and braking add to a long leg; a short one never gets up to speed.
-    For planners (`from_rest`): `leg` and `tour_leg` are at full speed, so bounds from them hold."""
+    """Additional time of a long leg for acceleration and braking; a short one is never at full
+    speed.
+
+    It is for planners (`from_rest`): `leg` and `tour_leg` are at full speed, so bounds from them
+    hold.
+    """
     passable: Callable[[Cell, Cell], bool] | None = None
-    """Whether the straight way between two cells is allowed; None allows all."""
+    """Predicate that the straight way between two cells is allowed; None allows all."""
 
     def __post_init__(self) -> None:
         if not self.speed > math.hypot(self.drift_east, self.drift_north):
@@ -64,27 +70,28 @@ class Metric:
 
     @property
     def least_per_length(self) -> float:
-        """The least time per length of a closed tour: across the drift, 1 / sqrt(Sr^2 - Sp^2)."""
+        """Minimum time per length of a closed tour: across the drift, 1 / sqrt(Sr^2 - Sp^2)."""
         return 1.0 / math.sqrt(self.speed**2 - self.drift_east**2 - self.drift_north**2)
 
     @property
     def most_per_length(self) -> float:
-        """The most time per length of a closed tour: along the drift, Sr / (Sr^2 - Sp^2)."""
+        """Maximum time per length of a closed tour: along the drift, Sr / (Sr^2 - Sp^2)."""
         return self.speed / (self.speed**2 - self.drift_east**2 - self.drift_north**2)
 
     def from_rest(self, leg: float) -> float:
-        """Time of a leg from rest to rest, given its time at full speed, with even acceleration."""
+        """Return the time of a leg from rest to rest, given its time at full speed."""
         return leg + self.ramp if leg >= self.ramp else 2.0 * math.sqrt(leg * self.ramp)
 
     def leg(self, start: Cell, end: Cell) -> float:
-        """Time from the centre of one cell to the centre of another, in a straight line."""
+        """Return the time from the centre of one cell to the centre of another, in a straight
+        line."""
         east, north = end.east - start.east, end.north - start.north
         along = east * self.drift_east + north * self.drift_north
         rest = self.speed**2 - self.drift_east**2 - self.drift_north**2
         return (along + math.sqrt(along**2 + rest * (east**2 + north**2))) / rest
 
     def tour_leg(self, start: Cell, end: Cell) -> float:
-        """The symmetric part of `leg`: what the leg adds to a closed tour."""
+        """Return the symmetric part of `leg`: the part of the leg in a closed tour."""
         east, north = end.east - start.east, end.north - start.north
         along = east * self.drift_east + north * self.drift_north
         rest = self.speed**2 - self.drift_east**2 - self.drift_north**2
@@ -92,30 +99,32 @@ class Metric:
 
 
 Memory = object
-"""Whatever a strategy wants to see again: immutable, and None at first."""
+"""The memory of a strategy: immutable, and None at first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What an explorer decides from."""
+    """The input of an explorer's decision."""
 
     tree: Tree
-    """All that is known: its vertices are the known ROI cells; of a vertex that was looked from,
-    every neighbour that is not in the tree is not ROI."""
+    """All known cells: its vertices are the known ROI cells.
+
+    For an observed vertex, every neighbour that is not in the tree is not ROI.
+    """
     at: Mapping[int, Cell]
-    """For every robot that takes part, the vertex where it is or to which it moves."""
+    """The vertex where each robot is, or to which it moves."""
     robots: tuple[int, ...]
-    """Those that decide now, ascending; their vertices have been looked from."""
+    """Robots that decide now, ascending; their vertices are observed."""
     memory: Memory | None = None
-    """What the last decision handed back; None at the first."""
+    """Memory of the last decision; None at the first."""
     metric: Metric = field(default_factory=Metric)
     away: frozenset[int] = frozenset()
-    """Robots in `at` that are on their way home or on the ground: if they go on, then not soon."""
+    """Robots in `at` that return or are on the ground: they may continue, but not soon."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What an explorer says: for each of the robots that decide its next vertex.
+    """The output of an explorer: the next vertex of each robot that decides.
 
     A move is to a neighbour of the vertex that is in the tree (with a `straight` metric: to any
     vertex). None: stay and be asked again when more is known; at the root, when all is explored,
@@ -127,37 +136,40 @@ class Decision:
 
 
 class Explorer(Protocol):
-    """A strategy. All but `decide` is shown to the user."""
+    """A strategy. Users see all but `decide`."""
 
     @property
     def name(self) -> str:
-        """The name on the command line."""
+        """Name on the command line."""
 
     @property
     def guarantee(self) -> str:
-        """What it promises, in a line."""
+        """Guarantee, in a line."""
 
     @property
     def source(self) -> str:
-        """Where it comes from."""
+        """Source, in a line."""
 
     @property
     def when(self) -> str:
-        """When to use it, in a line."""
+        """Recommended use, in a line."""
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """Upper bound on the makespan, in moves of cost 1 on a resting ROI, None without one.
+        """Return the upper bound of the makespan, in moves of cost 1 on a resting ROI, None without
+        one.
 
         `cells` is the number of vertices of the final tree, `depth` its depth.
         """
 
     def decide(self, situation: Situation) -> Decision:
-        """Where each of `situation.robots` moves."""
+        """Return the move of each of `situation.robots`."""
 
 
 def refuse_impossible(name: str, situation: Situation, decision: Decision) -> None:
-    """Raise `StrategyError` for a move of a robot that was not asked, to a cell that is not in the
-    tree or where it is, or, unless the metric is `straight`, to one that is no neighbour.
+    """Raise `StrategyError` for an impossible move.
+
+    Such is a move of a robot that was not asked, to a cell that is not in the tree or where it is,
+    or, unless the metric is `straight`, to a cell that is no neighbour.
 
     >>> where = Situation(Tree.rooted(Cell(0, 0)), {1: Cell(0, 0)}, (1,))
     >>> refuse_impossible("mine", where, Decision({1: None}))
@@ -185,9 +197,9 @@ def _told(cell: Cell) -> str:
 
 
 def promised_moves(explorer: Explorer, tree: Tree, robots: int, metric: Metric) -> float | None:
-    """What a strategy promises for a final tree, in moves; None where it promises nothing.
+    """Return the bound of a strategy for a final tree, in moves; None without one.
 
-    A theorem may speak of some legs or teams only. A strategy with such a one has a method
+    A theorem may hold for some legs or teams only. A strategy with such a one has a method
     `bound_holds(robots, metric)`; the bound of a strategy without it holds with every metric.
     """
     holds = getattr(explorer, "bound_holds", None)
@@ -197,10 +209,10 @@ def promised_moves(explorer: Explorer, tree: Tree, robots: int, metric: Metric) 
 
 
 def bound_time(moves: float | None, metric: Metric) -> float | None:
-    """A bound in moves as a bound in time, None from None.
+    """Return a bound in moves as a bound in time, None from None.
 
-    Tours are closed: a move and its way back cost at most 2 Sr / (Sr^2 - Sp^2). A vertex is looked
-    from once, when it is first reached, so at most every second move ends with a look.
+    Tours are closed: a move and its way back cost at most 2 Sr / (Sr^2 - Sp^2). A vertex is
+    observed once, when it is first reached, so at most every second move ends with an observation.
     """
     if moves is None:
         return None

@@ -1,14 +1,14 @@
 """Algorithm 1 of Sung and Tokekar: multi-robot recursive depth-first search.
 
-The listing leaves open which unfinished child a robot takes. Here: an unexplored child first,
-then the child with the fewest robots below it; two children share a group as equally as possible,
-three do so through a dummy vertex. With this rule the bound of Lemma 1, in the form
-2 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)), holds.
+The listing does not define which unfinished child a robot takes. Here an unexplored child comes
+first, then the child with the fewest robots below it. Two children share a group as equally as
+possible, three do so through a dummy vertex. With this rule the bound of Lemma 1, in the form 2 (C
+- 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)), holds.
 
-Two more choices leave the bound alone and shorten the mean. Of equal children the one farthest from
-the root comes first, so a team spreads outwards and the tree stays shallow; ties in the order
-north, east, south, west. And once all is explored, a robot goes home by a shortest known way, which
-is never longer than the one up the tree.
+Two more choices do not affect the bound and shorten the mean. Of equal children the one farthest
+from the root comes first, so a team spreads outwards and the tree stays shallow; ties in the order
+north, east, south, west. Once all is explored, a robot goes home by a shortest known way, which is
+never longer than the one up the tree.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from missions.units import Cell
 
 
 def rdfs_bound_moves(cells: int, depth: int, robots: int) -> float:
-    """Upper bound on the makespan of Algorithm 1 in moves.
+    """Return the upper bound on the makespan of Algorithm 1 in moves.
 
-    Lemma 1 of Sung and Tokekar with its equation (5), for unit speed and a resting ROI:
-    2 (C - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)).
+    Lemma 1 of Sung and Tokekar with its equation (5), for unit speed and a resting ROI: 2 (C - 1 +
+    depth_T floor(log2 R)) / (1 + floor(log2 R)).
     """
     log_robots = math.floor(math.log2(robots))
     return 2.0 * (cells - 1 + depth * log_robots) / (1 + log_robots)
 
 
 def drift_factor(speed_m_s: float, drift_speed_m_s: float) -> float:
-    """By how much a drift lengthens a closed tour, at worst.
+    """Return the maximum factor by which a drift lengthens a closed tour.
 
-    A move and its way back cost 1 / (Sr - Sp) + 1 / (Sr + Sp) = 2 Sr / (Sr^2 - Sp^2) instead of
-    2 / Sr: the factor is Sr^2 / (Sr^2 - Sp^2).
+    A move and its way back cost 1 / (Sr - Sp) + 1 / (Sr + Sp) = 2 Sr / (Sr^2 - Sp^2) instead of 2 /
+    Sr: the factor is Sr^2 / (Sr^2 - Sp^2).
     """
     return speed_m_s**2 / (speed_m_s**2 - drift_speed_m_s**2)
 
@@ -60,11 +60,11 @@ class Rdfs:
     when: str = "you want the tightest promise, or read the flight beside the paper"
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """Lemma 1."""
+        """Return Lemma 1."""
         return rdfs_bound_moves(cells, depth, robots)
 
     def decide(self, situation: Situation) -> Decision:
-        """One robot after the other, each seeing where the last went."""
+        """Decide for one robot after the other, each with the moves of those before."""
         if situation.tree.is_explored(situation.tree.root):
             return _homewards(situation)
         after = dict(situation.at)
@@ -75,7 +75,7 @@ class Rdfs:
         return Decision(chosen)
 
     def _move(self, tree: Tree, at: Mapping[int, Cell], robot: int) -> Cell | None:
-        """One pass through the listing; the numbers are the lines of Algorithm 1."""
+        """Return the move of one pass through the listing; numbers are the lines of Algorithm 1."""
         v = at[robot]
         # 2-6, 8: the neighbours that are ROI are the children of v; explored ones are left out
         # 9-13: a cell that would close a cycle never became a child (`Tree.looked`)
@@ -93,7 +93,7 @@ class Rdfs:
 
 
 def _homewards(situation: Situation) -> Decision:
-    """All is explored: home by shortest ways, which are remembered as long as they hold."""
+    """Return moves home by shortest ways when all is explored; the ways are remembered."""
     tree, memory = situation.tree, situation.memory
     if isinstance(memory, _Ways) and memory.cells == len(tree):
         ways = memory
@@ -109,25 +109,25 @@ def _homewards(situation: Situation) -> Decision:
 
 @dataclass(frozen=True, slots=True)
 class _Ways:
-    """Steps to the root from every cell of a tree, which has so many."""
+    """Steps to the root from every cell of a tree with `cells` cells."""
 
     cells: int
     steps: Mapping[Cell, int]
 
 
 def _outermost_first(tree: Tree, children: Sequence[Cell]) -> Branch:
-    """By distance from the root, the farthest first; stable."""
+    """Return children by distance from the root, the farthest first; stable."""
     east, north = tree.root
     return tuple(sorted(children, key=lambda w: -((w.east - east) ** 2 + (w.north - north) ** 2)))
 
 
 def _binary(branch: Branch) -> tuple[Branch, Branch]:
-    """Two branches of a binary tree, with a dummy vertex of edge length 0 above a pair."""
+    """Return two branches of a binary tree, with a dummy vertex of edge length 0 above a pair."""
     return (branch[:-2], branch[-2:]) if len(branch) > 2 else (branch[:1], branch[1:])
 
 
 def _rank(tree: Tree, robots: Mapping[Cell, int], branch: Branch) -> tuple[bool, int]:
-    """Smaller is better: no robot has been there yet, then the fewest robots.
+    """Return a rank, best first: no robot has been there yet, then the fewest robots.
 
     A dummy vertex has been entered as soon as one of its children has.
     """
@@ -136,7 +136,7 @@ def _rank(tree: Tree, robots: Mapping[Cell, int], branch: Branch) -> tuple[bool,
 
 
 def _robots_below(tree: Tree, at: Mapping[int, Cell], robot: int, v: Cell) -> Mapping[Cell, int]:
-    """For every child of v the robots at or below it."""
+    """Return for every child of v the robots at or below it."""
     depth = tree.vertices[v].depth
     counts: dict[Cell, int] = {}
     for other, where in at.items():

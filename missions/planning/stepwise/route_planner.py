@@ -1,4 +1,4 @@
-"""The sites of a team's routes: what is left to look at, where the robots are, and home."""
+"""The sites of a team's routes: cells to observe, the robots, and home."""
 
 from __future__ import annotations
 
@@ -18,44 +18,49 @@ if TYPE_CHECKING:
     from missions.planning.kernels.routes import Outlays
 
 MOVES, MOVES_EACH = 25000, 300
-"""Most attempts of the local search at each step: in all, and for each node."""
+"""Maximum attempts of the local search at each step: in all, and for each node."""
 TEAM_MOVES_TIMES_NODES_SQUARED = 4_000_000_000
-"""Limit for a team: an attempt takes longer with more nodes, and more decisions are made. 25,000
-attempts at 400 nodes, 4,000 at 1,000."""
+"""Limit for a team: an attempt takes longer with more nodes, and more decisions are made.
+
+25,000 attempts at 400 nodes, 4,000 at 1,000.
+"""
 ATTEMPTS_PER_NODE_SINGLE, ATTEMPTS_PER_NODE_TEAM, ATTEMPTS_EXTRA = 200, 60, 30
-"""Attempts for each node: of one robot; of a team, and how many more for each of its robots."""
+"""Attempts per node: of one robot; of a team, and the addition for each of its robots."""
 INITIAL_TEMPERATURE = 0.02
-"""How much dearer an attempt may make the whole at first."""
+"""Increase of the whole cost that an attempt may make at first, as a fraction."""
 SMALL_TEAM = 4
-"""Up to so many robots plan with nooks as if they were ROI: cells between known ones."""
+"""Maximum number of robots that plan with nooks as if they were ROI: cells between known ones."""
 DEPTH, OCCUPIED = 0.85, 2.5
-"""A robot without a route follows to where it is deep, and not where others go."""
+"""Weights for a robot without a route: the depth of its goal, and other robots there."""
 _MARGIN = 3
 
 
 @dataclass(frozen=True, slots=True)
 class FrontierCost:
-    """What the planner puts down for what it cannot see, in steps.
+    """The planner's estimates for unknown cells, in steps.
 
-    Tuned on grown ROIs of 120 and 500 cells, and in flight on ROIs of 300 and 400; other growths
+    Tuned on grown ROIs of 120 and 500 cells, and in flight on ROIs of 300 and 400. Other growths
     have other optima, so the figures are round.
     """
 
     unseen: float
-    """What an unobserved cell adds to a tour on average."""
+    """Mean addition of an unobserved cell to a tour."""
     behind: float
-    """What an unobserved cell might well add to a tour."""
+    """Possible addition of an unobserved cell to a tour."""
     far: float
-    """What may lie behind any node with unobserved cells, in ways home from the farthest node: the
-    larger the ROI has become, the farther it may go on."""
+    """Possible extension behind any node with unobserved cells, in ways home from the farthest
+    node.
+
+    The larger the ROI has become, the farther it may extend.
+    """
     share: float
-    """How much such a longer tour counts beside the tour as it is known."""
+    """Weight of such a longer tour beside the known tour."""
 
 
 FEW, MANY = FrontierCost(0.5, 3.5, 0.4, 0.15), FrontierCost(1.0, 4.0, 0.4, 0.3)
-"""Up to `SMALL_TEAM` robots, and more."""
+"""Costs for up to `SMALL_TEAM` robots, and for more."""
 FLOWN = FrontierCost(0.0, 0.5, 0.0, 0.3)
-"""In straight flight, where a cell that was left behind is not far out of the way."""
+"""Costs in straight flight, where a cell that was left behind is not far away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +76,7 @@ class Ground:
 
     @classmethod
     def of(cls, tree: Tree) -> Ground:
-        """The vertices of a tree."""
+        """Return the vertices of a tree."""
         # numba takes a second to import, so the kernels are imported where they are needed
         from missions.planning.kernels import ground as kernels  # noqa: PLC0415
 
@@ -89,7 +94,7 @@ class Ground:
         return cls(corner, width, picture, numbers, near, unseen)
 
     def with_nooks(self) -> Ground:
-        """The nooks between the known cells besides."""
+        """Return the ground with the nooks between the known cells."""
         from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above
 
         picture = self.picture.copy()
@@ -98,18 +103,18 @@ class Ground:
         return replace(self, picture=picture, cells=cells, near=near, unseen=unseen)
 
     def number(self, cell: Cell) -> int:
-        """The number of a known cell."""
+        """Return the number of a known cell."""
         flat = (cell.north - self.corner.north) * self.width + cell.east - self.corner.east
         return int(self.cells.searchsorted(flat))
 
     def cells_of(self, numbers: NDArray[np.intp]) -> tuple[Cell, ...]:
-        """The inverse of `number`, for many."""
+        """Return the cells of numbers: the inverse of `number`."""
         north, east = np.divmod(self.cells[numbers], self.width)
         east, north = east + self.corner.east, north + self.corner.north
         return tuple(map(Cell, east.tolist(), north.tolist()))
 
     def steps_from(self, cell: Cell) -> NDArray[np.int32]:
-        """Steps from a cell to every other, by number."""
+        """Return the steps from a cell to every other, by number."""
         from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above
 
         steps: NDArray[np.int32] = kernels.spread(
@@ -118,10 +123,10 @@ class Ground:
         return steps
 
     def towards(self, situation: Situation, start: Cell, goal: Cell) -> Cell:
-        """The next vertex on the way to a known or imagined goal.
+        """Return the next vertex on the way to a known or imagined goal.
 
-        Over the grid a neighbour; straight there where that is allowed, else the last vertex of a
-        shortest way over known cells that is reached straight.
+        Over the grid it is a neighbour. In flight it is the goal if the straight way is allowed,
+        else the last vertex of a shortest way over known cells that is reached straight.
         """
         if not situation.metric.straight:
             return self._step(start, goal)
@@ -147,7 +152,7 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class Sites:
-    """Nodes, robots and home, in this order, with what it costs to go from one to another.
+    """Nodes, robots and home, in this order, with the costs between them.
 
     Costs are in steps of one cell.
     """
@@ -156,15 +161,16 @@ class Sites:
     metric: Metric
     tree: Tree
     places: Mapping[int, Cell]
-    """Where each robot's route begins."""
+    """Start of each robot's route."""
     nodes: tuple[Cell, ...]
     legs: NDArray[np.float64]
     unseen: NDArray[np.int32]
-    """How many neighbours of each site are unobserved; 0 for a site that was looked from."""
+    """Number of unobserved neighbours of each site; 0 for an observed site."""
 
     @classmethod
     def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
-        """The nodes are the vertices that no robot has looked from or is bound for."""
+        """Return sites whose nodes are the vertices that no robot has observed or is on its way
+        to."""
         from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above
 
         tree, metric = situation.tree, situation.metric
@@ -179,14 +185,14 @@ class Sites:
             legs = _straight(metric, cells)
         else:
             steps = kernels.spread(ground.near, numbers)
-            # rows first, as the other two have them: kernels are compiled for each order anew
+            # rows first, as the other two have them: kernels are compiled again for each order
             legs = steps[:, numbers].astype(np.float64, order="C")
         return cls(ground, metric, tree, dict(places), nodes, legs, ground.unseen[numbers])
 
     def routes(
         self, last: Mapping[int, Sequence[Cell]], decisions: int
     ) -> dict[int, tuple[Cell, ...]]:
-        """A route for every robot, the nodes in their order, improved from the last ones."""
+        """Return a route for every robot, the nodes in their order, improved from the last ones."""
         from missions.planning.kernels import routes as kernels  # noqa: PLC0415, as above
 
         index = {cell: node for node, cell in enumerate(self.nodes)}
@@ -220,16 +226,16 @@ class Sites:
         count = len(self.nodes)
         unseen = self.unseen[:count].astype(np.float64)
         loads = looks + frontier_cost.unseen * (1.0 + looks) * unseen
-        if len(self.places) == 1:  # only a team can share what turns out longer
+        if len(self.places) == 1:  # only a team can share longer tours
             return Outlays(self.legs, loads, np.zeros(count), frontier_cost.share)
         farthest = max(self.legs[:count, -1].max(initial=0.0), 1.0)
         behind = frontier_cost.behind * unseen + frontier_cost.far * farthest * (unseen > 0.0)
         return Outlays(self.legs, loads, (1.0 + looks) * behind, frontier_cost.share)
 
     def goals(self, routes: Mapping[int, Sequence[Cell]], asked: Sequence[int]) -> dict[int, Cell]:
-        """Goals along the routes, or, where these are empty, after the others.
+        """Return goals along the routes, or, where these are empty, after the others.
 
-        As long as there is a node some robot goes to one.
+        While there is a node some robot goes to one.
         """
         goals = {r: routes[r][0] for r in self.places if routes[r]}
         idle = [r for r in asked if r not in goals]
@@ -245,8 +251,11 @@ class Sites:
         return len(self.nodes) + list(self.places).index(robot)
 
     def _behind(self, idle: Sequence[int], goals: Mapping[int, Cell]) -> dict[int, Cell]:
-        """Goals of robots without a route: on a grid the open frontier where it is deep, near and
-        free; home without one. In straight flight they wait for news."""
+        """Return goals of robots without a route.
+
+        On a grid it is the open frontier where it is deep, near and free; home without one. In
+        straight flight they wait for news.
+        """
         cells = (*self.nodes, *self.places.values())
         open_sites = np.flatnonzero(self.unseen[:-1])
         if open_sites.size == 0:
@@ -267,13 +276,13 @@ class Sites:
 
 
 def step_cost(metric: Metric) -> float:
-    """What a step of one cell adds to a closed tour, in the dearer of both directions."""
+    """Return the addition of a step of one cell to a closed tour, in the costlier direction."""
     here = Cell(0, 0)
     return metric.from_rest(max(metric.tour_leg(here, near) for near in here.neighbours()[:2]))
 
 
 def _straight(metric: Metric, cells: Sequence[Cell]) -> NDArray[np.float64]:
-    """`metric.tour_leg` between all cells, from rest to rest, in steps."""
+    """Return `metric.tour_leg` between all cells, from rest to rest, in steps."""
     at = np.array(cells, np.float64)
     east = at[:, None, 0] - at[None, :, 0]
     north = at[:, None, 1] - at[None, :, 1]

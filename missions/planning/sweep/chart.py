@@ -1,4 +1,4 @@
-"""A window of the grid as arrays: the votes of each cell, and what is closed or forbidden."""
+"""A window of the grid as arrays: the votes of each cell, and closed or forbidden cells."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ Flags = NDArray[np.uint8]
 Bits = NDArray[np.bool_]
 Metres = NDArray[np.float64]
 Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
-"""Of each vehicle the places from which it is to see what is left."""
+"""Places of each vehicle from which it is to see the rest."""
 
 PAD_CELLS = 8
-"""Around what is known: as far as anything is worth a look, and a way round it."""
+"""Cells around the known ones: as far as cells are worth a frame, and a way round them."""
 
 BEHIND = 2
-"""What a lane that is still to be flown has shown already is closed as, for others map it then."""
+"""Mark of cells behind the vehicle on a lane that it still flies: others map them."""
 
 
 def places(cells: Collection[Cell]) -> Ints:
-    """Cells as an array of shape (number, 2): east, north.
+    """Return cells as an array of shape (number, 2): east, north.
 
     >>> places([Cell(3, -1)]).tolist()
     [[3, -1]]
@@ -40,7 +40,7 @@ def places(cells: Collection[Cell]) -> Ints:
 
 @dataclass(slots=True)
 class Chart:
-    """Arrays by cell, row by row from the south-west corner; they belong to whoever made them."""
+    """Arrays by cell, row by row from the south-west corner; the caller owns them."""
 
     west: int
     south: int
@@ -55,11 +55,11 @@ class Chart:
     allowed: Flags
     """0 where no vehicle may be."""
     fenced: bool
-    """Whether there is any such place."""
+    """True if there is any such place."""
 
     @classmethod
     def around(cls, cells: Iterable[Cell], cell_m: float, pad: int = PAD_CELLS) -> Chart:
-        """An empty chart that holds cells, with some room around them.
+        """Return an empty chart that holds cells, with some room around them.
 
         >>> chart = Chart.around([Cell(0, 0), Cell(3, 1)], cell_m=4.0, pad=1)
         >>> chart.columns, chart.rows, chart.index(Cell(-1, -1)), chart.index(Cell(3, 1))
@@ -77,27 +77,31 @@ class Chart:
         )  # fmt: skip
 
     def index(self, cell: Cell) -> int:
-        """The place of a cell in the arrays; of a cell in the window."""
+        """Return the place of a cell of the window in the arrays."""
         return (cell.north - self.south) * self.columns + cell.east - self.west
 
     def indices(self, cells: Collection[Cell]) -> Ints:
-        """The places of cells in the arrays; all must be in the window."""
+        """Return the places of cells in the arrays; all must be in the window."""
         east, north = places(cells).T
         found: Ints = (north - self.south) * self.columns + east - self.west
         return found
 
     def holds(self, cell: Cell) -> bool:
-        """Whether a cell is in the window."""
+        """Return whether a cell is in the window."""
         east, north = cell.east - self.west, cell.north - self.south
         return 0 <= east < self.columns and 0 <= north < self.rows
 
     def cell(self, index: int) -> Cell:
-        """The inverse of `index`."""
+        """Return the cell at a place: the inverse of `index`."""
         return Cell(index % self.columns + self.west, index // self.columns + self.south)
 
     def allow(self, allowed: Flags, reaches: Iterable[tuple[int, int]]) -> None:
-        """Forbid all but what is allowed, by row and column, and close what is not seen from there:
-        `reaches` are how many columns and rows to either side each vehicle sees."""
+        """Forbid all cells that are not allowed, and close cells that are not seen from the
+        allowed.
+
+        `allowed` is by row and column. `reaches` are the columns and rows to either side that each
+        vehicle sees.
+        """
         self.allowed = allowed.ravel()
         self.fenced = not bool(allowed.all())
         if not self.fenced:
@@ -117,14 +121,14 @@ class Chart:
         ] = reason
 
     def open_behind(self) -> bool:
-        """Open what is closed as `BEHIND`; return whether there is any."""
+        """Open cells that are closed as `BEHIND`; return whether there are any."""
         behind = self.closed == BEHIND
         self.closed[behind] = 0
         return bool(behind.any())
 
     def middles_m(self, grid: Grid, t_s: float) -> tuple[Metres, Metres]:
-        """Return where the middle of each cell lies over ground at a time: east and north, by row
-        and column."""
+        """Return the middle of each cell over ground at a time: east and north, by row and
+        column."""
         east = (np.arange(self.columns) + self.west) * self.cell_m + grid.drift_east_m_s * t_s
         north = (np.arange(self.rows) + self.south) * self.cell_m + grid.drift_north_m_s * t_s
         x, y = np.meshgrid(east, north)
@@ -132,22 +136,24 @@ class Chart:
 
     @property
     def grid(self) -> tuple[int, int, int, int, float]:
-        """What the kernels take."""
+        """Window in the form of the kernels."""
         return self.west, self.south, self.columns, self.rows, self.cell_m
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """A chart, and what of it has to be decided: the region around a cell, or given cells."""
+    """A chart, and the cells of it to be decided: the region around a cell, or given cells."""
 
     chart: Chart
     root: int
-    """The cell where the region was first seen; -1 where cells are given."""
+    """Cell where the region was first seen; -1 if cells are given."""
     wanted: Flags | None = None
-    """1 for each cell that has to be decided whatever it may be, None where there is no such. Of a
-    survey those of the box that no lane shows which is still to be flown."""
+    """1 for each cell that has to be decided in any case, None without any.
+
+    In a survey those are cells of the box that no lane which is still to be flown shows.
+    """
     patches: bool = False
-    """Whether every patch of the region is explored, too, wherever it began."""
+    """True if every patch of the region is explored, wherever it began."""
 
 
 @lru_cache(maxsize=16)
@@ -174,7 +180,7 @@ def nearest_place(mapping: Parts, grid: tuple[int, int, int, int, float], high: 
 
 
 def dilated(flags: Flags, columns: int, rows: int) -> Flags:
-    """Return flags, each spread over so many columns and rows to either side."""
+    """Return flags, each spread over `columns` and `rows` to either side."""
     out = flags.copy()
     for k in range(1, columns + 1):
         out[:, k:] |= flags[:, :-k]

@@ -1,4 +1,4 @@
-"""Paths as the kernels take them and as trajectories, one made of the other.
+"""Conversion between paths of the kernels and trajectories.
 
 Lengths are metres in the frame of the region.
 """
@@ -17,13 +17,13 @@ from missions.planning.kernels import swath as kernels
 from missions.planning.sweep.paths import Floats, Kinematics, Route, Tuning
 
 FULL_RATE_S: Final = 20.0
-"""Frames that lie farther in the future are counted by twos."""
+"""Time ahead beyond which frames are counted by twos, s."""
 
 
 def path_of(
     team: kernels.Team, ways: kernels.Ways, k: int, begin_s: float
 ) -> tuple[Trajectory, Route]:
-    """The path through the waypoints of vehicle `k`, and its route with the ways passed."""
+    """Return the path through the waypoints of vehicle `k`, and its route with the ways passed."""
     room, way, count = kernels.new_room(), ways.points[k], int(ways.counts[k])
     n, segments, _ = kernels.fly(team, k, ways.choices[k], way, count, room)
     path = trajectory_of(room.segs[:segments], begin_s, team.starts[k, kernels.LEADS - 1])
@@ -45,7 +45,7 @@ class Now:
 
 
 def within(path: Trajectory, t_s: float) -> Now | None:
-    """The place of a vehicle on its path at a time; None after its end."""
+    """Return the place of a vehicle on its path at a time; None after its end."""
     if t_s >= path.end_s or not path.pieces:
         return None
     along_m = 0.0
@@ -64,13 +64,13 @@ def within(path: Trajectory, t_s: float) -> Now | None:
 
 
 def ahead(route: Route, along_m: float) -> list[tuple[float, float, float]]:
-    """The waypoints from `along_m` on, without the end."""
+    """Return the waypoints from `along_m` on, without the end."""
     pairs = zip(route.waypoints[:-1], route.passed_m[:-1], strict=True)
     return [point for point, passed_m in pairs if passed_m >= along_m]
 
 
 def geometry(path: Trajectory, speed_m_s: float) -> Floats:
-    """The pieces of a path as rows of the kernels; lines may be flown at full speed."""
+    """Return the pieces of a path as rows of the kernels; lines may be flown at full speed."""
     rows = [
         (
             p.east_m, p.north_m, p.heading_rad, p.curvature_1_m, p.length_m,
@@ -82,7 +82,7 @@ def geometry(path: Trajectory, speed_m_s: float) -> Floats:
 
 
 def segments_of(path: Trajectory) -> Floats:
-    """The profile of a path as rows of the kernels, times from its beginning."""
+    """Return the profile of a path as rows of the kernels, times from its beginning."""
     rows = [
         (
             p.begin_s - path.begin_s, p.east_m, p.north_m, p.heading_rad, p.curvature_1_m,
@@ -94,7 +94,7 @@ def segments_of(path: Trajectory) -> Floats:
 
 
 def trajectory_of(segments: Floats, begin_s: float, place: Floats) -> Trajectory:
-    """A path from its profile; one without any motion stays at `place`."""
+    """Return a path from its profile; without any motion it stays at `place`."""
     if not len(segments):
         here = Piece(begin_s, 0.0, float(place[0]), float(place[1]), 0.0, 0.0, 0.0, 0.0)
         return Trajectory(begin_s, begin_s, (here,))
@@ -121,7 +121,7 @@ def _last_s(segment: Floats) -> float:
 
 
 def row_of(flown: Kinematics, tuning: Tuning, next_frame_s: float) -> Floats:
-    """What a vehicle flies and sees, as the kernels take it."""
+    """Return the kinematics and view of a vehicle in the form of the kernels."""
     row = np.zeros(kernels.PARAMETERS)
     row[kernels.FADE_1_S] = tuning.fade_1_s
     row[kernels.SPEED], row[kernels.ACCEL] = flown.speed_m_s, flown.accel_m_s2

@@ -1,9 +1,8 @@
-"""Plans that were made before: a journal that is folded again asks for the same ones.
+"""Earlier plans of a flight: a journal that is folded again asks for the same ones.
 
-A plan is a pure function of its arguments, and costs some ten milliseconds; the fold of a flight
-needs hundreds, and several parts of the service fold the same journal. The memory is the flight's.
-
-The planner loads its kernels, which takes a second with numba: it is imported by the first plan.
+A plan is a pure function of its arguments, and costs some ten milliseconds. The fold of a flight
+needs hundreds, and several parts of the service fold the same journal. The memory belongs to the
+flight. The planner loads its kernels, which takes a second with numba, at the first plan.
 """
 
 from __future__ import annotations
@@ -32,11 +31,13 @@ if TYPE_CHECKING:
     from missions.planning.sweep.sweep_planner import Planner
 
 UNCOMPILED_MOVES: Final = 20
-"""Plain Python is a hundred times slower: plans are worse, and as safe."""
+"""Number of moves without numba: plain Python is a hundred times slower; plans are worse, but
+safe."""
 
 
 def valued(known: Known, frames: int, majority: int, planner: Planner | None = None) -> Valued:
-    """What a frame of each cell is worth: `frames` votes of a cell count, `majority` elect it."""
+    """Return the worth of a frame of each cell: `frames` votes of a cell count, `majority` elect
+    it."""
     planner = planner or _planner(Tuning())
     if known.wanted is None or known.patches:
         return planner.worth(known.chart, known.root, frames, majority, known.wanted)
@@ -60,7 +61,7 @@ def plan_once(
     decision: int,
     tours: Waypoints = (),
 ) -> Plan:
-    """The plan for a team from `begin_s` on; `decision` seeds the search.
+    """Return the plan for a team from `begin_s` on; `decision` seeds the search.
 
     `tours` are other waypoints to begin with (`missions.planning.sweep.tours`).
     """
@@ -92,7 +93,7 @@ def tours_once(
     least: int = LEAST_WORK,
     keep_s: float = KEEP_S,
 ) -> Tours | None:
-    """Tours of a team past all that is to be seen; None where that is less than `least` cells."""
+    """Return tours of a team past all cells to see; None if they are fewer than `least`."""
 
     def tours() -> Tours | None:
         from missions.planning.sweep.tours import lay_tours  # noqa: PLC0415 - see above
@@ -121,9 +122,9 @@ def _key(kind: str, known: Known, team: Sequence[Flyer], *others: object) -> byt
 
 
 def warm_up() -> None:
-    """Make two small plans, one from rest and one from a path under way, and forget them.
+    """Make two small plans, one from rest and one from a path under way, and drop them.
 
-    That loads every kernel; the first time on a machine it compiles them, which takes some ten
+    That loads every kernel. The first time on a machine it compiles them, which takes some ten
     seconds on a fast one. Without numba it takes a fraction of a second.
     """
     from missions.planning.sweep.tours import lay_tours  # noqa: PLC0415 - see above

@@ -1,6 +1,6 @@
-"""What paths are planned for, and plans: vehicles, waypoints, tours, and what is weighed.
+"""Input and output of path planning: vehicles, waypoints, tours, and weights.
 
-No kernel is loaded here, which takes a second: that is done by the first plan
+No kernel is loaded here, which takes a second; the first plan does that
 (`missions.planning.sweep.memo`). Lengths are metres in the frame of the region.
 """
 
@@ -22,11 +22,11 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """The waypoints of a path: (east, north, how far its corner may be cut); the last ends it."""
+    """The waypoints of a path: (east, north, maximum cut of its corner); the last ends it."""
 
     waypoints: tuple[tuple[float, float, float], ...]
     passed_m: tuple[float, ...] = ()
-    """How far along its path each is behind the vehicle."""
+    """Position along its path where the vehicle has passed each waypoint, m."""
 
 
 Valued = tuple[Floats, Ints, Ints, int]
@@ -35,56 +35,61 @@ Valued = tuple[Floats, Ints, Ints, int]
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """What the search weighs; found on grown regions that no test or benchmark uses."""
+    """The weights of the search; found on grown regions that no test or benchmark uses."""
 
     penalty_s: float = 30.0
-    """What it costs to leave a cell that is needed without its frames; more where it is far away
-    (`missions.planning.sweep.sweep_planner`)."""
+    """Cost of a needed cell without its frames, s; more if it is far away.
+
+    See `missions.planning.sweep.sweep_planner`.
+    """
     prize_s: float = 2.0
-    """What it is worth to decide a cell that will be needed for certain."""
+    """Worth of deciding a cell that will certainly be needed, s."""
     fade_1_s: float = 0.04
-    """How fast that fades the later it is seen, a second: what is uncertain comes early."""
+    """Fading of that worth with the time of the frame, 1/s: uncertain cells come early."""
     last_share: float = 0.95
-    """How much of a team's time is that of the last vehicle; the rest is the mean."""
+    """Share of the last vehicle in a team's time; the rest is the mean."""
     rings: int = 4
-    """How many cells beyond the work are considered."""
+    """Number of cells beyond the work that are considered."""
     least_chance: float = 0.08
     moves: int = 700
     tour_moves: int = 5000
-    """From the waypoints of tours, which come every few seconds and are a rough beginning."""
+    """Moves from the waypoints of tours, which come every few seconds and are a rough beginning."""
     tour_moves_each: int = 100
-    """For each waypoint of the tour of one vehicle alone, `moves` to `tour_moves` in all."""
+    """Moves per waypoint of the tour of one vehicle alone, `moves` to `tour_moves` in all."""
     hot_s: float = 0.6
     cold_s: float = 0.03
     keep_s: float = 0.5
-    """A path under way is kept unless another is better by this."""
+    """Minimum gain of another path over the one under way, s."""
     cut_m: float = 1.0
-    """By how much a new waypoint is cut at first."""
+    """First cut of a new waypoint, m."""
     turn_m_s: float = 2.4
-    """The slowest speed of a turn on the way."""
+    """Minimum speed of a turn on the way, m/s."""
     turn_wide_m_s: float = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class Kinematics:
-    """What a vehicle can fly, and what its frames show."""
+    """The kinematics of a vehicle, and the view of its frames."""
 
     speed_m_s: float
     accel_m_s2: float
     frame_s: float
     half_east_m: float
-    """A cell is seen whole when its centre is no farther than this from the middle of the frame."""
+    """Maximum distance of a whole cell's centre from the middle of the frame, m."""
     half_north_m: float
     tilt_m_s2: float = 0.0
-    """By how many metres the frame shifts for each m/s^2 of thrust: height / g of a camera that
-    tilts with the airframe, 0 of one in a gimbal."""
+    """Shift of the frame per thrust, m per m/s^2: height / g if the camera tilts with the airframe.
+
+    0 for a gimbal.
+    """
     drag_1_s: float = 0.0
-    """Thrust that a speed through the air takes."""
+    """Thrust per airspeed, m/s^2 for each m/s."""
     wind_east_m_s: float = 0.0
     wind_north_m_s: float = 0.0
 
     def reach(self, cell_m: float) -> tuple[int, int]:
-        """How many whole columns and rows of cells a frame shows to either side of a cell."""
+        """Return the number of whole columns and rows that a frame shows to either side of a
+        cell."""
         return math.floor(self.half_east_m / cell_m), math.floor(self.half_north_m / cell_m)
 
 
@@ -94,44 +99,44 @@ class Flyer:
 
     kinematics: Kinematics
     place: GridPoint
-    """Where it stands if it flies no path."""
+    """Its place if it flies no path."""
     end: GridPoint
-    """Where its path ends."""
+    """End of its path."""
     path: Trajectory | None = None
     route: Route | None = None
-    """Of the path."""
+    """Route of the path."""
     blind_s: float = 0.0
     """Time from the beginning of a plan until a frame counts, s: the vehicle still descends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What comes of it: paths that begin now, or None where the one under way is flown on."""
+    """The result of planning: paths that begin now, or None where the present one continues."""
 
     paths: tuple[Trajectory | None, ...]
     routes: tuple[Route, ...]
     work: int
-    """Cells that are needed and not decided."""
+    """Number of cells that are needed and not decided."""
     cost_s: float
 
 
 LEAST_WORK: Final = 24
-"""Cells; less is left to annealing alone."""
+"""Minimum number of cells for a tour; fewer are left to annealing alone."""
 KEEP_S: Final = 2.0
-"""Least gain of new tours over the last ones, s."""
+"""Minimum gain of new tours over the last ones, s."""
 CUT_M: Final = 5.0
-"""By how much a corner of a tour is cut at first; pictures from on high forgive it."""
+"""First cut of a corner of a tour, m; pictures from a height tolerate it."""
 
 Tour = tuple[tuple[float, float, float], ...]
 Waypoints = tuple[Tour, ...]
-"""Of each vehicle, the end not among them: (east, north, how far its corner may be cut)."""
+"""Waypoints of each vehicle without the end: (east, north, maximum cut of its corner)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tours:
-    """What to begin a plan with."""
+    """Tours to begin a plan with."""
 
     waypoints: Waypoints
     mine: Ints
-    """By cell of the chart: which vehicle is to see it; -1 where none has to."""
+    """By cell of the chart: the vehicle that is to see it; -1 if none has to."""
     cost_s: float

@@ -1,4 +1,4 @@
-"""The memory of one flight for what was planned before."""
+"""The memory of one flight for earlier plans."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class PlanMemo:
         self._answers: OrderedDict[bytes, Any] = OrderedDict()
 
     def answer(self, question: bytes, make: Callable[[], T]) -> T:
-        """Return the answer that was made before, or make it now."""
+        """Return the earlier answer, or make it now."""
         if question not in self._answers:
             self._answers[question] = make()
             while len(self._answers) > REMEMBERED:

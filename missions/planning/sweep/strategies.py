@@ -1,4 +1,4 @@
-"""The ways of exploring that do not stop over cells, and what a user wants to read about them."""
+"""The strategies without stops over cells, and their texts for users."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class About:
-    """What users read about a strategy whose vehicles do not stop."""
+    """The texts on a strategy whose vehicles do not stop."""
 
     name: str
     guarantee: str
@@ -37,6 +37,6 @@ LEAPFROG = About(
     "satellites are lost over a box, and two vehicles have a marker on top",
 )
 NONSTOP: Final = {strategy.name: strategy for strategy in (SWATH, SURVEY)}
-"""Those that simulations without flight know as well, by name."""
+"""Strategies that simulations without flight know as well, by name."""
 ON_PATHS: Final = {**NONSTOP, LEAPFROG.name: LEAPFROG}
-"""All that fly paths, by name; with those that register later."""
+"""All strategies that fly paths, by name; with those that register later."""

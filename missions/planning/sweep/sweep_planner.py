@@ -1,12 +1,12 @@
-"""The planner of flight without stopping: where a team flies next, again and again.
+"""The planner of flight without stopping: the next paths of a team, again and again.
 
-A frame that a cell still needs has a worth in seconds (`missions.planning.kernels.worth.value`):
-much for *work*, cells next to the known region that are not decided, and little for cells beyond
-that may become work. A plan is a list of waypoints for each vehicle, from where it can leave its
-present path to its home; what it costs is the time of the exact motion (mostly that of the last
-vehicle) less the worth of the frames taken on the way. The plan of before is improved by annealing
-whenever something was seen, and flown unless the one under way is as good. Plans rest on
-provisional majorities; that a cell has too few votes for a verdict only makes it work.
+A frame that a cell still needs has a worth in seconds (`missions.planning.kernels.worth.value`). It
+is high for *work*, undecided cells next to the known region, and low for cells beyond that may
+become work. A plan is a list of waypoints for each vehicle, from where it can leave its present
+path to its home. Its cost is the time of the exact motion (mostly that of the last vehicle) less
+the worth of the frames taken on the way. Annealing improves the plan of before whenever there are
+new frames; the new plan is flown unless the present one is as good. Plans rest on provisional
+majorities; a cell with too few votes for a verdict only becomes work.
 
 Lengths are metres in the frame of the region.
 """
@@ -35,16 +35,16 @@ from missions.planning.sweep.paths import Floats, Flyer, Plan, Route, Tuning, Va
 from missions.units import GridPoint
 
 _TIMES: Final = 1.2
-"""A detour takes longer than straight lines at full speed do, by turns and by speeding up, ..."""
+"""Duration of a detour beyond straight lines at full speed, as a factor: turns and acceleration."""
 _TURN_S: Final = 5.0
-"""... and so much besides."""
+"""Additional duration of a detour, s."""
 
 
 def worth_the_way(tuning: Tuning, chart: Chart, team: Sequence[Flyer], valued: Valued) -> Valued:
-    """What frames are worth, with each work cell worth the way of the vehicle that is nearest.
+    """Return the worth of frames, with each work cell worth the way of the nearest vehicle.
 
-    Nothing changes where the least detour takes less than (penalty_s - 5 s) / 1.2; `valued` is
-    left as it is.
+    Nothing changes if the least detour takes less than (penalty_s - 5 s) / 1.2; `valued` is
+    unchanged.
     """
     worth, need, cells, work = valued
     mine = cells[:work]
@@ -66,7 +66,7 @@ _MOST_LEAD: Final = 24  # pieces of a lead-in
 
 @dataclass(slots=True)
 class _Search:
-    """What the kernels search in: a team, how each may begin, and the waypoints of before."""
+    """The data of a search: a team, the beginnings of each vehicle, and the earlier waypoints."""
 
     team: kernels.Team
     ways: kernels.Ways
@@ -98,7 +98,7 @@ class _Search:
 
 
 class Planner:
-    """Plans for a team; holds buffers and what it weighs, nothing of what it has planned."""
+    """Planner for a team; it holds buffers and weights, nothing of its plans."""
 
     def __init__(self, tuning: Tuning) -> None:
         self.tuning = tuning
@@ -107,9 +107,9 @@ class Planner:
     def worth(
         self, chart: Chart, root: int, frames: int, majority: int, asked: Flags | None = None
     ) -> Valued:
-        """What a frame of each cell is worth.
+        """Return the worth of a frame of each cell.
 
-        Of the region that hangs together with `root`, or with -1 of all patches of it; and of
+        It is for the region that is connected with `root`, or with -1 for all patches; and for
         cells with a 1 in `asked`, whatever they may be.
         """
         tuning = self.tuning
@@ -120,7 +120,7 @@ class Planner:
         )  # fmt: skip
 
     def worth_of_all(self, chart: Chart, wanted: Flags, frames: int, majority: int) -> Valued:
-        """The same where every cell with a 1 in `wanted` is work, whatever it may be."""
+        """Return the same if every cell with a 1 in `wanted` is work, whatever it may be."""
         against = frames - majority + 1
         need = np.minimum(majority - chart.yes, against - chart.no)
         need = np.where((wanted == 1) & (chart.closed == 0) & (need > 0), need, 0)
@@ -138,10 +138,10 @@ class Planner:
         next_frame_s: Sequence[float],
         tours: Sequence[Sequence[tuple[float, float, float]]] = (),
     ) -> Plan:
-        """Paths for a team that begin at `begin_s`, where the vehicles will be by then.
+        """Return paths for a team that begin at `begin_s`, from the vehicles' places at that time.
 
-        `tours` are waypoints for each vehicle, the end not among them, to begin another plan with;
-        the better one is taken. The same arguments give the same plan.
+        `tours` are waypoints for each vehicle, without the end, to begin another plan with; the
+        better one is taken. The same arguments give the same plan.
         """
         tuning = self.tuning
         valued = worth_the_way(tuning, chart, team, valued)
@@ -181,11 +181,11 @@ class Planner:
 
     @property
     def _urgent(self) -> float:
-        """From what worth of a frame on a cell is work."""
+        """Worth of a frame from which on a cell is work, s."""
         return 0.1 * self.tuning.penalty_s
 
     def _cost_of_kept(self, team: Sequence[Flyer], search: _Search, begin_s: float) -> float:
-        """What it costs to fly on as before; infinite where a vehicle has nothing to fly."""
+        """Return the cost of the present paths; infinite if a vehicle has none."""
         seen_s, rest = 0.0, []
         cells = search.cells._replace(cover=search.cells.cover.copy())
         for k, flyer in enumerate(team):
@@ -208,7 +208,7 @@ class Planner:
         begin_s: float,
         tour: Sequence[tuple[float, float, float]] | None = None,
     ) -> None:
-        """Fill in how a vehicle can begin, and the waypoints that are left, or those of a tour."""
+        """Fill in the beginnings of a vehicle, and its remaining waypoints, or those of a tour."""
         tuning, begin, ways = self.tuning, search.team, search.ways
         left: Sequence[tuple[float, float, float]] = ()
         path, route = flyer.path, flyer.route
@@ -234,7 +234,7 @@ class Planner:
                 left = ahead(route, now.along_m + float(slow_lead[:, kernels.P_LENGTH].sum()))
         if tour is None:
             left = left[-(kernels.MOST_WAYPOINTS - 1) :]
-        else:  # what does not fit comes with a later plan
+        else:  # the rest comes with a later plan
             left = tour[: kernels.MOST_WAYPOINTS // 2]
         points = [*left, (*flyer.end, tuning.cut_m)]
         ways.points[k, : len(points)] = points

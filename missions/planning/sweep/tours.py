@@ -1,8 +1,8 @@
 """A first plan for much work: tours past places from which all of it is seen, for the whole team.
 
-Annealing improves a plan step by step; from a bad one it does not come to a good one within the
+Annealing improves a plan step by step. From a bad one it does not find a good one within the
 milliseconds of a decision. So every few seconds, and whenever there is much to do, tours are laid
-anew, and the better of the two plans goes on. Vehicles that still fly lanes get tours already, so
+anew, and the better of the two plans continues. Vehicles that still fly lanes get tours already, so
 that others leave them their work.
 """
 
@@ -47,11 +47,11 @@ def lay_tours(
     least: int = LEAST_WORK,
     keep_s: float = KEEP_S,
 ) -> Tours | None:
-    """Tours for a team past all work; None where it is less than `least` cells.
+    """Return tours for a team past all work; None if it is less than `least` cells.
 
-    Each vehicle, of those that take part now or later, begins `delays_s` after `begin_s`, where its
-    path, if any, ends. The tours `before` of the same team are kept unless others take less time by
-    `keep_s`. The same arguments give the same tours.
+    Each vehicle, of those that take part now or later, begins `delays_s` after `begin_s`, at the
+    end of its path, if any. The tours `before` of the same team are kept unless others take less
+    time by `keep_s`. The same arguments give the same tours.
     """
     _, _, cells, work = valued
     if work < least or not team:
@@ -86,7 +86,7 @@ def lay_tours(
 
 
 def _go_on(before: Waypoints, places: Floats, order: Ints, counts: Ints) -> None:
-    """Places in the order of the tours before, each where the nearest of theirs was."""
+    """Order places as the tours before: each where the nearest of theirs was."""
     old = np.array([(x, y) for tour in before for x, y, _ in tour])
     turns = [(k, i) for k, tour in enumerate(before) for i in range(len(tour))]
     away = np.hypot(*(places[:, None, :] - old[None, :, :]).transpose(2, 0, 1))
@@ -99,7 +99,7 @@ def _go_on(before: Waypoints, places: Floats, order: Ints, counts: Ints) -> None
 
 
 def _seen_cells(half_m: float, cell_m: float) -> int:
-    """How many cells in a row are seen from one place, at best."""
+    """Return the maximum number of cells in a row that are seen from one place."""
     return max(1, math.floor(2.0 * half_m / cell_m) + 1)
 
 
