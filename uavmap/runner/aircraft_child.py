@@ -3,8 +3,8 @@
     python -m uavmap.runner.aircraft_child
 
 Its first line of input is its task in JSON (plan, folder, append, start_s). It listens on a socket
-of this computer, and obeys the mission process that sends its token. When that one disappears
-without a last message, each vehicle holds for `guardian.orphan_hold_s`, then returns and lands.
+of this computer, and obeys the mission process that sends its token. When that process ends without
+a last message, each vehicle holds for `guardian.orphan_hold_s`, then returns and lands.
 """
 
 from __future__ import annotations
@@ -54,21 +54,21 @@ class AircraftChild:
         self._token = secrets.token_hex(16)
         self._writer: asyncio.StreamWriter | None = None
         self._early: list[say.Message] = []
-        """What was said before the mission connected."""
+        """Messages from before the mission connected."""
         self._waiting: list[say.Message] = []
-        """What the mission sent before the links were open."""
+        """Messages of the mission from before the links were open."""
         self._unkept: deque[say.Happened] = deque()
-        """Events that were sent and are not in the journal, as far as is known."""
+        """Events that were sent and are, as far as known, not in the journal."""
         self._gone = asyncio.Event()
-        """Whether no mission is connected."""
+        """Set while no mission is connected."""
         self._gone.set()
         self._met = asyncio.Event()
-        """Whether a mission has ever been connected."""
+        """Set once a mission has been connected."""
         self._over = self._asked_to_end = False
         self._side: AircraftSide | None = None
         self._running: asyncio.Task[None] | None = None
         self._heard_s = time.monotonic()
-        """When the mission was last heard, on the monotonic clock."""
+        """Time of the mission's last message, on the monotonic clock, s."""
 
     async def run(self) -> None:
         """Fly, from the first connection to the end."""
@@ -82,7 +82,8 @@ class AircraftChild:
         path = self._folder / ADDRESS
         try:
             write_text(path, address, private=True)
-        except OSError as error:  # which must not keep an aircraft in the air from this process
+        # this error must not keep an aircraft in the air from this process
+        except OSError as error:
             self.show(f"{path} cannot be written ({error.strerror}): no resume can take over")
         sys.stdout.write(address + "\n")
         sys.stdout.flush()
@@ -113,7 +114,7 @@ class AircraftChild:
                     )
                     for message in self._waiting:
                         side.host.receive(message)
-                    # to look through all that is loaded takes 0.1 s, which a stream has not
+                    # a full collection takes 0.1 s, which a stream cannot wait
                     gc.collect()
                     gc.freeze()
                     await side.run()
@@ -138,7 +139,7 @@ class AircraftChild:
 
     # --- the mission ----------------------------------------------------------------------------
     async def _attached(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Speak with a mission that has connected, until it is gone."""
+        """Exchange messages with a connected mission until it is gone."""
         decoder = say.Decoder(known=False)
         try:
             while data := await reader.read(_READ_BYTES):
@@ -172,7 +173,7 @@ class AircraftChild:
                 self._hold()
 
     def _meets(self, message: say.Attach, writer: asyncio.StreamWriter) -> bool:
-        """Whether this mission has the aircraft from now on."""
+        """Return whether this mission has the aircraft from now on."""
         if not secrets.compare_digest(message.token, self._token):
             return False
         state = "new" if self._side is None else self._side.host.state
@@ -182,7 +183,7 @@ class AircraftChild:
         elif self._writer is not None:
             answer = say.Attached("refused", "another process of uavmap flies this mission")
         elif self._side is not None and state == "returning":
-            reason = f"{GONE}: the vehicles are brought home and land"
+            reason = f"{GONE}: the vehicles return and land"
             answer = say.Attached("returning", reason, self._side.beat().fates)
         writer.write(say.encode(answer))
         if answer.state in ("refused", "returning"):
@@ -210,7 +211,7 @@ class AircraftChild:
             self._record(say.encode(message))
 
     def _record(self, data: bytes) -> None:
-        """Write a message down, whole or not at all."""
+        """Write a message to the record, whole or not at all."""
         with contextlib.suppress(OSError):  # a full disk must not keep an aircraft in the air
             file = os.open(self._folder / RECORD, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
             try:
@@ -230,7 +231,7 @@ class AircraftChild:
             if self._writer is not None:
                 self._send(say.Beat() if side is None else side.beat())
                 if silent_s > SILENT_WALL_S and not (side is None or side.host.end.done()):
-                    # it connects again if it lives; one that reads nothing takes nothing more
+                    # it connects again if it lives; one that reads nothing gets nothing more
                     self._writer.transport.abort()
             elif side is not None and silent_s > SILENT_WALL_S + self._hold_s:
                 side.host.receive(say.Finish(GONE))
@@ -239,13 +240,13 @@ class AircraftChild:
         self._heard_s = time.monotonic() - SILENT_WALL_S
         if self._side is not None and self._side.host.state == "flying":
             self.show(
-                f"{GONE} without a word: the vehicles hold for {self._hold_s:.0f} s, then they are "
-                f"brought home; `uavmap resume {self._folder}` takes them over"
+                f"{GONE} without a last message: the vehicles hold for {self._hold_s:.0f} s, then "
+                f"return; `uavmap resume {self._folder}` takes them over"
             )
             self._side.host.hold()
 
     def _stopped(self) -> None:
-        """Have the mission, or at the second call the guardians, bring all home."""
+        """Have the mission, or at the second call the guardians, return all vehicles."""
         asked_before, self._asked_to_end = self._asked_to_end, True
         if self._side is None:
             if self._running is not None:
@@ -256,10 +257,10 @@ class AircraftChild:
             self._send(say.Recall())
 
     async def _closed(self) -> None:
-        """Send what is still to be sent, and wait until the mission has kept what it was sent."""
+        """Send the rest, and wait until the mission has kept it."""
         if self._writer is not None:
             with contextlib.suppress(OSError, TimeoutError):
-                async with wall_timeout(END_WALL_S):  # a mission that stands still reads nothing
+                async with wall_timeout(END_WALL_S):  # a stalled mission reads nothing
                     await self._gone.wait()
                     return
             self._writer.transport.abort()

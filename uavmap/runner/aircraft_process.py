@@ -1,4 +1,4 @@
-"""The aircraft process as the mission process sees it: started, connected to, started again."""
+"""The aircraft process in the view of the mission process: started, connected to, restarted."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from uavmap.journal.flight_plan import FlightPlan
 from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address, Attachment, attach, recorded
 
 Connection = Callable[[Port, Callable[[], say.Begin]], AbstractAsyncContextManager[None]]
-"""Connects a port to aircraft; the function makes the first message, for each time."""
+"""Connects a port to aircraft; the function makes the first message of each connection."""
 
 MODULE: Final = "uavmap.runner.aircraft_child"
 BEAT_WALL_S: Final = 0.5
-"""Time between two signs of life, real seconds."""
+"""Time between two heartbeats, real seconds."""
 SILENT_WALL_S: Final = 5.0
-"""Longest silence of the other process that a busy machine explains, real seconds."""
+"""Maximum silence of the other process that a busy machine explains, real seconds."""
 END_WALL_S: Final = 5.0
 START_WALL_S: Final = 30.0
 TAKEN_IN_WALL_S: Final = 2.0
-"""Longest wait for what is in the record to be in the journal, real seconds."""
+"""Maximum wait until the record is in the journal, real seconds."""
 STARTS: Final = 3
 """Number of times in a row that the process is started before the mission gives up."""
 _READ_BYTES: Final = 1 << 16
@@ -45,8 +45,10 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 
 
 class AircraftProcess:
-    """The aircraft process of one flight, started unless one is `found`; `append` to its telemetry
-    log."""
+    """The aircraft process of one flight, started unless one is `found`.
+
+    `append` continues its telemetry log.
+    """
 
     def __init__(
         self, plan: FlightPlan, folder: Path, found: Attachment | None, *, append: bool
@@ -62,7 +64,7 @@ class AircraftProcess:
 
     @contextlib.asynccontextmanager
     async def connected(self, port: Port, begin: Callable[[], say.Begin]) -> AsyncIterator[None]:
-        """Connect the port to the aircraft, ever again, until the end of the context."""
+        """Connect the port to the aircraft, again and again, until the end of the context."""
         line = await self._start(self._found)
         port.connect(line.send)
         keeping = asyncio.create_task(self._keep(port, line, begin))
@@ -70,13 +72,13 @@ class AircraftProcess:
             yield
         finally:
             keeping.cancel()
-            # an operator who is in a hurry now is still shown how it ended
+            # an operator who interrupts now still sees how it ended
             with contextlib.suppress(asyncio.CancelledError):
                 await asyncio.gather(keeping, return_exceptions=True)
                 await asyncio.to_thread(self._ended)
 
     async def _start(self, found: Attachment | None = None) -> _Line:
-        """Connect to a process of the aircraft; one that is started is ended if nobody waits."""
+        """Connect to an aircraft process; a started one is ended if no caller waits for it."""
         self._zero_s = time.monotonic() - asyncio.get_running_loop().time() / self._speedup
         if found is not None:
             return await self._line(found)
@@ -127,13 +129,13 @@ class AircraftProcess:
         )
 
     async def _keep(self, port: Port, line: _Line, begin: Callable[[], say.Begin]) -> None:
-        """Pass messages on; find the process again, or start it, whenever it is gone."""
+        """Pass messages on; whenever the process is gone, find it again, or start it."""
         try:
             while True:
                 try:
                     await self._pass_on(port, line)
                 finally:
-                    await asyncio.sleep(0)  # the port notes what has just been kept
+                    await asyncio.sleep(0)  # the port notes the kept events
                     line.send(say.Beat(kept=port.kept))
                     line.writer.close()
                     with contextlib.suppress(OSError):
@@ -162,7 +164,7 @@ class AircraftProcess:
             found.socket.close()
             port.let_go()
             raise LinkError(attached.reason)
-        _LOG.info("this process stood still for so long that the aircraft hold; it goes on")
+        _LOG.info("this process stalled for so long that the aircraft hold; it continues")
         for message in recorded(self._folder):
             port.receive(message)
         with contextlib.suppress(TimeoutError):
@@ -210,8 +212,9 @@ class AircraftProcess:
             await asyncio.sleep(BEAT_WALL_S * self._speedup)
 
     def _end_process(self) -> None:
-        """End a process that does not speak any more: two would fly the same vehicles."""
-        if self._child is None and self._address is not None:  # of a mission process that has died
+        """End a process that is silent: two would fly the same vehicles."""
+        # a process of a mission process that has died
+        if self._child is None and self._address is not None:
             with contextlib.suppress(OSError):
                 os.kill(self._address.process, signal.SIGKILL)
         self._address = None
@@ -240,6 +243,6 @@ class _Line:
         self.writer = writer
 
     def send(self, message: say.Message) -> None:
-        """Send a message; what the other end does not get it does not miss: it is gone."""
+        """Send a message; if the other end is gone, the message is dropped."""
         if not self.writer.is_closing():
             self.writer.write(say.encode(message))

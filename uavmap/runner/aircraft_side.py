@@ -1,8 +1,8 @@
-"""What the aircraft process does with its open links, from the first answer to the last landing.
+"""The work of the aircraft process with its open links, from the first answer to the last landing.
 
     Begin -> connect, examine, set -> Ready -> Fly -> orders and events -> Finish -> Ended
 
-A flight that is simulated runs it in its own process, with the same messages.
+A simulated flight runs it in its own process, with the same messages.
 """
 
 from __future__ import annotations
@@ -37,11 +37,12 @@ from uavmap.runner.vehicles import each_its_own, numbers_of, vehicles_of
 
 T = TypeVar("T")
 RIVAL_WALL_S: Final = 1.5
-"""Time to listen for another process that flies a vehicle, real seconds: it speaks every second."""
+"""Time to listen for another process that flies a vehicle, real seconds: it sends every second."""
 
 
 class AircraftSide:
-    """The aircraft's part of one flight; `clock` becomes the mission's when that has begun."""
+    """The aircraft's part of one flight; `clock` becomes the mission's clock when that has
+    begun."""
 
     def __init__(
         self,
@@ -74,16 +75,16 @@ class AircraftSide:
 
     @property
     def since_boot_s(self) -> float | None:
-        """Time since the first vehicle was switched on, None where it has not said."""
+        """Time since the first vehicle was switched on, s; None if it is not known."""
         first = next(iter(self._vehicles.values()), None)
         return None if first is None else first.view.since_boot_s
 
     def beat(self) -> say.Beat:
-        """What the mission has to know if it hears nothing more."""
+        """Return the heartbeat: the knowledge that the mission needs if nothing more arrives."""
         return say.Beat(self.since_boot_s, fates=self._guardians.fates())
 
     def ready(self, start_s: float | None = None) -> say.Ready:
-        """What the mission has to know of vehicles that are ready; `start_s` if it has begun."""
+        """Return the report on vehicles that are ready; `start_s` if it has begun."""
         views = {number: vehicle.view for number, vehicle in self._vehicles.items()}
         standing = {
             number: view.position
@@ -94,7 +95,7 @@ class AircraftSide:
         return say.Ready(self.since_boot_s, start_s, standing, pads)
 
     async def run(self) -> None:
-        """Fly, look after the aircraft however that ends, and say how it did."""
+        """Fly, take care of the aircraft however that ends, and report the result."""
         failure: Exception | None = None
         try:
             await self._flown()
@@ -157,7 +158,7 @@ class AircraftSide:
         begin: say.Begin,
         before_flight: BeforeFlight | None,
     ) -> bool:
-        """Connect to the vehicles, examine and set them; True when that is done."""
+        """Connect to the vehicles, examine and set them; return True when that is done."""
         flew = {number: begin.before.get(number, say.Before()) for number in vehicles}
         for number, vehicle in vehicles.items():
             if flew[number].flew:
@@ -173,7 +174,7 @@ class AircraftSide:
         return True
 
     async def _unless_ended(self, waiting: Awaitable[T]) -> T | None:
-        """What is waited for, None if the mission's last message comes first."""
+        """Return the awaited result, None if the mission's last message comes first."""
         task = asyncio.ensure_future(waiting)
         either: list[asyncio.Future[Any]] = [task, self.host.end]
         await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
@@ -214,7 +215,8 @@ def _text(failure: Exception | None) -> str:
 async def in_this_process(
     port: Port, plan: FlightPlan, setting: Layout, folder: Path, links: Sequence[Link]
 ) -> AsyncIterator[None]:
-    """The aircraft in the process of their mission: the same messages, as the same bytes."""
+    """Connect the aircraft in the process of their mission: the same messages, as the same
+    bytes."""
     to_mission = say.as_bytes(port.receive)
     side = AircraftSide(plan, setting, folder, links, MissionClock(0.0), to_mission)
     port.connect(say.as_bytes(side.host.receive))

@@ -1,6 +1,7 @@
-"""How a mission process finds the aircraft process: a new one, or one whose mission process died.
+"""The search for an aircraft process: a new one, or one whose mission process died.
 
-`aircraft.json` in the flight's folder holds its port and token, `aircraft.log` what it did alone.
+`aircraft.json` in the flight's folder holds its port and token, `aircraft.log` its messages without
+a mission.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from uavmap.journal.event_log import Journal
 
 ADDRESS: Final = "aircraft.json"
 RECORD: Final = "aircraft.log"
-"""What the aircraft did while no mission was there: messages, as they would be sent."""
+"""Record of the aircraft process without a mission: messages as they would be sent."""
 ATTACH_WALL_S: Final = 5.0
 ASK_AGAIN_WALL_S: Final = 0.5
 """Time between two questions whether the vehicles are home, real seconds."""
@@ -32,28 +33,28 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where the process of the aircraft is to be found."""
+    """The address of the aircraft process."""
 
     port: int
     token: str
     start_s: float
-    """When the clock of its loop was zero, on the monotonic clock of this computer."""
+    """Time when the clock of its loop was zero, on the monotonic clock of this computer, s."""
     process: int
 
     @classmethod
     def of(cls, text: bytes | str) -> Address:
-        """That of the text of its file. Raises `ValidationError`."""
+        """Return the address in the text of its file. Raises `ValidationError`."""
         return _ADDRESS.validate_json(text)
 
     @classmethod
     def read(cls, folder: Path) -> Address | None:
-        """That of a folder, None where there is none."""
+        """Return the address in a folder, None without one."""
         with contextlib.suppress(OSError, ValidationError):
             return cls.of((folder / ADDRESS).read_bytes())
         return None
 
     def as_json(self) -> str:
-        """The text of its file."""
+        """Return the text of its file."""
         return _ADDRESS.dump_json(self).decode()
 
 
@@ -69,7 +70,7 @@ class Attachment:
 
 
 def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
-    """Connect to a process of aircraft; None where it is gone. Raises `TimeoutError`."""
+    """Connect to an aircraft process; None if it is gone. Raises `TimeoutError`."""
     with contextlib.ExitStack() as failed:
         try:
             where = ("127.0.0.1", address.port)
@@ -89,11 +90,10 @@ def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
 
 
 def taken_over(folder: Path, journal: Journal) -> Attachment | None:
-    """Take over the aircraft of a mission process that died, once they are home; None where none
-    fly.
+    """Take over the aircraft of a mission process that died, once they are home.
 
-    What happened meanwhile goes into the journal. Raises `LinkError` where another mission has
-    them, `AircraftError` where Ctrl-C ends the wait.
+    None if none fly. Events of the meantime go into the journal. Raises `LinkError` if another
+    mission has them, `AircraftError` if Ctrl-C ends the wait.
     """
     found = _attached(folder)
     _keep_record(folder, journal)
@@ -141,7 +141,7 @@ def _answer(folder: Path, address: Address) -> tuple[say.Attached, Attachment] |
 
 
 def _say_fates(folder: Path, attached: say.Attached) -> None:
-    """Raise `AircraftError` where a vehicle that is brought home without us is not there yet."""
+    """Raise `AircraftError` if a vehicle that returns without us is not home yet."""
     fates = [f"vehicle {n}: {fate}" for n, fate in sorted(attached.fates.items()) if fate]
     if fates:
         brought = f"interrupted; {attached.reason} without this command, see {folder / RECORD}"
@@ -150,7 +150,7 @@ def _say_fates(folder: Path, attached: say.Attached) -> None:
 
 def _keep_record(folder: Path, journal: Journal) -> None:
     events: list[Event] = []
-    # the last that the mission had is written down as well: it may not have kept it
+    # the last message that the mission had is recorded as well: it may not have kept it
     kept = set(journal.bodies())
     for message in recorded(folder):
         if isinstance(message, say.Happened):
@@ -163,7 +163,7 @@ def _keep_record(folder: Path, journal: Journal) -> None:
 
 
 def recorded(folder: Path) -> list[say.Message]:
-    """What the aircraft did alone; a last message that was cut short is left out."""
+    """Return the messages of the aircraft without a mission; a truncated last one is left out."""
     decoder, found = say.Decoder(), list[say.Message]()
     with contextlib.suppress(OSError, LinkError):
         found.extend(decoder.feed((folder / RECORD).read_bytes()))

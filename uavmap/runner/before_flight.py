@@ -26,9 +26,9 @@ _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 IDENTITY_S: Final = 2.0
 """Time to wait for the identity of a vehicle, which may be the bundled simulator, s."""
 KEEP_FENCE: Final = "keep_fence"
-"""In the journal's meta: whether the flight keeps the fences that are set."""
+"""Key of the journal's meta: whether the flight keeps the fences that are set."""
 Ask = Callable[[str], Awaitable[bool | None]]
-"""Puts a question to the operator; None where there is none."""
+"""Asks the operator a question; None without an operator."""
 
 
 class BeforeFlight:
@@ -60,12 +60,15 @@ class BeforeFlight:
         }
 
     async def go(self) -> None:
-        """Return when the mission may begin. Raises `PreflightError` with what prevents it,
-        `NotFlownError` after a dry run, `LinkError`, `OutputError`."""
+        """Return when the mission may begin.
+
+        Raises `PreflightError` with the reason that prevents it, `NotFlownError` after a dry run,
+        `LinkError`, `OutputError`.
+        """
         if self._wanted is None:
             try:
                 self._show(await self._set_up())
-            except OutputError as error:  # others may be in the air: it goes on without
+            except OutputError as error:  # others may be in the air: the flight continues without
                 _LOG.info(str(error))
             return
         found = await self._examine()
@@ -86,7 +89,7 @@ class BeforeFlight:
             raise NotFlownError(text, could_fly=able)
 
     async def restore(self) -> bool:
-        """Put back on each autopilot what was there; never raises. Whether nothing is left."""
+        """Restore each autopilot's settings; never raises. Return whether nothing is left."""
         return all(await asyncio.gather(*(setup.restore() for setup in self._setups.values())))
 
     # --- look ---------------------------------------------------------------------------------
@@ -123,17 +126,17 @@ class BeforeFlight:
         if all(simulated) or wanted.yes:
             return
         worse = sum(finding.level is not Level.OK for finding in found)
-        answer = await self._ask_operator(f"{worse} findings above want a look; fly? [y/N]")
+        answer = await self._ask_operator(f"{worse} findings above need attention; fly? [y/N]")
         if answer is None:
             raise PreflightError(
-                "nobody is at a terminal to say whether to fly; give --yes to fly without a "
-                "question, or --dry-run to only look"
+                "no operator at a terminal can confirm the flight; give --yes to fly without a "
+                "question, or --dry-run to check only"
             )
         if not answer:
             raise PreflightError("not flown: the answer was no")
 
     def _refuse(self, found: Sequence[Finding]) -> None:
-        """Raise `PreflightError` for what nobody can pass over."""
+        """Raise `PreflightError` for findings that no operator can override."""
         rest = self._not_refused(found)
         if lines := [finding.line() for finding in found if finding not in rest]:
             raise PreflightError("not flown:\n" + "\n".join(lines))
@@ -152,7 +155,7 @@ class BeforeFlight:
 
     # --- set ----------------------------------------------------------------------------------
     async def _set_up(self) -> list[Finding]:
-        """On each vehicle that stands on the ground: nothing is changed under one that flies."""
+        """Set up each vehicle on the ground: nothing is changed on one that flies."""
         numbers = [] if self._keep_fence else self._links
         standing = [number for number in numbers if not self._view(number).armed]
         others = [setup for number, setup in self._setups.items() if number not in standing]
@@ -175,12 +178,12 @@ class BeforeFlight:
 
 # --- what a flight left set: a vehicle was silent at its end, `uavmap resume` puts it back --------
 def is_left_set(folder: Path) -> bool:
-    """Whether a flight of this folder has left something set on an autopilot."""
+    """Return whether a flight of this folder has left something set on an autopilot."""
     return not Kept(folder).empty
 
 
 def put_back(plan: FlightPlan, setting: Layout, folder: Path) -> bool:
-    """Connect to the vehicles and set back what they had; whether nothing is left to be done."""
+    """Connect to the vehicles and restore their settings; return whether nothing is left to do."""
     run(_put_back(plan, setting, folder), ScaledClock(plan.speedup or 1.0))
     return not is_left_set(folder)
 

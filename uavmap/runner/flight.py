@@ -1,4 +1,4 @@
-"""One flight from the command to the results, in a folder whose journal holds all to go on."""
+"""One flight from the command to the results, in a folder whose journal allows a resume."""
 
 from __future__ import annotations
 
@@ -49,8 +49,10 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 
 
 def planned(options: FlightOptions) -> FlightPlan:
-    """Load the mission and make the plan; write nothing, connect nothing. Raises
-    `MissionFileError`, and `LinkError` for no vehicle, or one too many."""
+    """Load the mission and make the plan; write nothing, connect nothing.
+
+    Raises `MissionFileError`, and `LinkError` without a vehicle, or with one too many.
+    """
     mission = load(options.mission_source, options.detector)
     options = replace(options, urls=_urls(options, mission))
     epoch_utc_s = SIM_EPOCH_UTC_S if options.simulated else time.time()
@@ -99,7 +101,7 @@ def fly(
     *,
     keep_frames: bool = False,
 ) -> dict[str, Any]:
-    """Fly a new mission into a folder; returns the summary. `keep_frames` keeps the pictures there.
+    """Fly a new mission into a folder; return the summary. `keep_frames` keeps the pictures there.
 
     Raises `MissionFileError`, `JournalError`, `LinkError`, `PreflightError`; `KeyboardInterrupt`
     when the operator leaves before the end.
@@ -141,7 +143,7 @@ def fly(
 
 
 def _discard(journal: Journal) -> None:
-    """Remove what a flight that has not begun leaves, and its folder if nothing else is in it."""
+    """Remove the files of a flight that has not begun, and its folder if nothing else is in it."""
     folder = journal.path.parent
     journal.discard()
     (folder / TLOG).unlink(missing_ok=True)
@@ -162,17 +164,17 @@ def resume(
     network: Callable[[FleetNetwork | None], FleetNetwork] | None = None,
     from_home: bool = False,
 ) -> dict[str, Any]:
-    """Resume the mission of a folder; returns the summary.
+    """Resume the mission of a folder; return the summary.
 
-    A simulated world died with its process: the recorded flight is flown once more to make it
+    A simulated world died with its process. The recorded flight is flown once more to make it
     again, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
-    stand at home with full batteries instead, as after a failsafe; so do real ones. `driver` speaks
-    with them instead of the one before; `network` makes the network of now of that before. With a
-    `recall` vehicles in the air come home and land, and nothing takes off. Where nothing has begun,
-    or all is done, nothing is flown: what was left set on the autopilots is put back.
+    are at home with full batteries instead, as after a failsafe; so are real ones. `driver`
+    replaces the one before; `network` makes the present network of the one before. With a `recall`
+    vehicles in the air return and land, and none takes off. If nothing has begun, or all is done,
+    nothing is flown: the autopilots' settings are restored.
 
-    Raises as `fly` does, `NotFlownError` where nothing had begun, and `JournalError` for a recall
-    of aircraft that are simulated here.
+    Raises as `fly` does, `NotFlownError` if nothing had begun, and `JournalError` for a recall of
+    aircraft that are simulated here.
     """
     with Journal.open(folder / JOURNAL) as journal:
         plan = plan_of(journal)
@@ -229,7 +231,7 @@ def _put_back_alone(plan: FlightPlan, setting: Setting, journal: Journal) -> Non
 
 
 def _state_of(journal: Journal, setting: Setting, onlookers: Sequence[Onlooker]) -> State:
-    """Return what the journal knows, in a line for the operator, too; onlookers see its events."""
+    """Return the state of the journal and log it for the operator; onlookers see its events."""
     if journal.torn:
         _LOG.info(f"{journal.path}: its last line was cut short, and is left out")
     state = folded(setting, journal.events(), onlookers)
@@ -250,7 +252,7 @@ def _refuse_network(plan: FlightPlan, folder: Path) -> None:
 
 
 def _refuse_repetition(journal: Journal, state: State) -> None:
-    """Raise `JournalError` where a simulated flight would come out otherwise, or is over."""
+    """Raise `JournalError` if a simulated flight would come out differently, or is over."""
     here, folder = planner(), journal.path.parent
     if not state.setting.strategy.stops and journal.planner != here:
         remedy = "remove numba (`pip uninstall numba`)"
@@ -269,7 +271,7 @@ def _refuse_repetition(journal: Journal, state: State) -> None:
 
 
 def plan_of(journal: Journal) -> FlightPlan:
-    """The plan of a flight that can be gone on with. Raises `JournalError` for a replay."""
+    """Return the plan of a flight that can be continued. Raises `JournalError` for a replay."""
     if "replay" in journal.meta:
         images, folder = journal.meta["replay"], journal.path.parent
         raise JournalError(

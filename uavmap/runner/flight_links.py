@@ -28,15 +28,15 @@ from uavmap.mavlink.mavsdk.mavsdk_session import opened_session
 from uavmap.mavlink.session import ACK_WAIT_S, Session
 
 ACK_WAIT_WALL_S: Final = 0.3
-"""On a clock that runs fast, a busy machine takes so long of real time to answer."""
+"""Time that a busy machine takes to answer on a fast clock, real seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """The way to one aircraft, and its camera."""
+    """The link to one aircraft, and its camera."""
 
     name: str
-    """What the operator calls it: its URL."""
+    """Name for the operator: its URL."""
     session: Session
     camera: FrameSource
 
@@ -47,7 +47,7 @@ def mavlink_link(name: str, session: Session, fetch: Fetch) -> Link:
 
 
 class _Line:
-    """A session, and the transport that it is given once that is open."""
+    """A session, and its transport once that is open."""
 
     def __init__(self, endpoint: Endpoint, record: Callable[[bytes], None], wait_s: float) -> None:
         self.endpoint = endpoint
@@ -55,23 +55,23 @@ class _Line:
         self.session = Session(self.send, record, wait_s)
 
     def send(self, frame: bytes) -> None:
-        """Send a frame, or nothing before it is open."""
+        """Send a frame; drop it before the transport is open."""
         if self.opened is not None:
             self.opened.send(frame)
 
     @property
     def transport(self) -> Transport:
-        """What it sends over."""
+        """Open transport."""
         assert self.opened is not None
         return self.opened
 
     @property
     def system_id(self) -> int:
-        """The system at the other end, 0 until it has spoken."""
+        """System id of the other end, 0 until it has sent."""
         return self.session.view.system_id
 
     def hosts(self, named: Sequence[str]) -> tuple[str, ...]:
-        """Where the pictures of its vehicle may come from; its peer is known once it has spoken."""
+        """Return the hosts of its vehicle's pictures; its peer is known once it has sent."""
         return (*named, self.transport.peer_host or "")
 
 
@@ -82,11 +82,10 @@ async def opened_links(
     section: CameraSection,
     record: Callable[[bytes], None],
 ) -> AsyncIterator[list[Link]]:
-    """Open a signed link to every URL of the options, in order, and the ground stations of
-    `forward`.
+    """Open a signed link to every URL of the options, in order, and the stations of `forward`.
 
-    `cameras` are one a link, `section` is of all of them. `record` receives every frame. Raises
-    `LinkError` where a link or a camera cannot be opened.
+    `cameras` are one a link, `section` is for all of them. `record` receives every frame. Raises
+    `LinkError` if a link or a camera cannot be opened.
     """
     urls, speedup = options.urls, options.speedup or 1.0
     log = messages.bound("uavmap.mavlink").line
@@ -150,7 +149,8 @@ def check_urls(urls: Sequence[str]) -> None:
 
 
 async def refuse_rivals(links: Sequence[Link], listen_s: float) -> None:
-    """Raise `LinkError` if another uavmap is heard within `listen_s` of a vehicle's first frame."""
+    """Raise `LinkError` if another uavmap is received within `listen_s` of a vehicle's first
+    frame."""
     loop = asyncio.get_running_loop()
     for link in links:
         session = link.session
@@ -179,15 +179,17 @@ async def _open(
 
 # --- cameras, as the mission file and the command line describe them --------------------------
 def mount_of(camera: CameraSection) -> Mount:
-    """How the camera of a mission file is fixed to its aircraft."""
+    """Return the mounting of a mission file's camera on its aircraft."""
     return Mount(camera.mounting == "fixed", camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
 
 
 def cameras_of(
     given: Sequence[str], mission: Mission, member: int | None = None
 ) -> list[CameraSpec]:
-    """Return each vehicle's, or a member's, camera: as given, else the mission's. Raises
-    `LinkError`."""
+    """Return each vehicle's, or a member's, camera: as given, else the mission's.
+
+    Raises `LinkError`.
+    """
     ours = mission.vehicles if member is None else mission.vehicles[member - 1 : member]
     written = given or [v.camera or "mavlink" for v in ours]
     return [parse_camera(text) for text in written]

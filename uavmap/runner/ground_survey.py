@@ -1,6 +1,6 @@
-"""Ask the autopilot for the ground before a flight, where the mission file requires it.
+"""The heights of the ground from the autopilot before a flight, if the mission file requires it.
 
-The answer becomes the lattice of the mission, as if a GeoTIFF had been named.
+The answer becomes the lattice of the mission, as that of a GeoTIFF does.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from uavmap.mavlink.session import Message, Session
 from uavmap.runner.preflight.examination import spoken_with
 
 LEAST_STEP_M: Final = 10.0
-"""Between two places that are asked for: the databases of autopilots are 30 to 100 m wide."""
+"""Minimum distance of two requested places, m: databases of autopilots have 30 to 100 m."""
 MOST_PLACES: Final = 1500
 
 
 def with_ground(plan: FlightPlan) -> FlightPlan:
-    """Return the plan with the ground from its first vehicle's autopilot, if it asks for that.
+    """Return the plan with the ground from its first vehicle's autopilot, if it requires that.
 
-    Raises `LinkError` where the autopilot does not answer or has no ground there,
-    `MissionFileError` where that ground cannot be flown over.
+    Raises `LinkError` if the autopilot does not answer or has no ground there, `MissionFileError`
+    if that ground cannot be flown over.
     """
     mission = plan.mission
     if mission.terrain is None or mission.terrain.source is None:
@@ -93,11 +93,11 @@ async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, A
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 AT_ONCE: Final = 8
-"""Number of places that are asked for at a time: a slow radio holds no more."""
+"""Number of places that are requested at a time: a slow radio holds no more."""
 WAIT_S: Final = 1.0
-"""Time until places without an answer are asked for again, s."""
+"""Time until places without an answer are requested again, s."""
 PATIENCE_S: Final = 30.0
-"""Longest time without a new answer, s: an autopilot reads from its card or a ground station."""
+"""Maximum time without a new answer, s: an autopilot reads its card or asks a ground station."""
 _INSTEAD: Final = 'give terrain.dem = "FILE.tif" instead'
 
 Place = tuple[int, int]
@@ -105,9 +105,9 @@ Place = tuple[int, int]
 
 
 async def _heights(session: Session, name: str, places: Sequence[LatLon]) -> list[float]:
-    """Return the heights above the sea at places, m. Raises `LinkError` where there are none."""
+    """Return the heights above the sea at places, m. Raises `LinkError` if there are none."""
     if session.view.kind is PX4:
-        raise LinkError(f"{name}: a PX4 tells nobody of its terrain; {_INSTEAD}")
+        raise LinkError(f"{name}: a PX4 does not report its terrain; {_INSTEAD}")
     known: dict[Place, float] = {}
     pending: int | None = None
 

@@ -69,14 +69,14 @@ if TYPE_CHECKING:
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 KEEP_FRAMES: Final = "keep_frames"
-"""In the journal's meta: whether the pictures are kept (`uavmap.journal.kept_frames`)."""
+"""Key of the journal's meta: whether pictures are kept (`uavmap.journal.kept_frames`)."""
 
 
 class Flight:
     """A flight under way: opens links, runs the service, writes results.
 
-    Its `journal` is open; `state` is that before the first event to come. `again` repeats a
-    recorded simulated flight first; `found` is the aircraft process of a mission process that died.
+    Its `journal` is open; `state` is the state before the next event. `again` repeats a recorded
+    simulated flight first; `found` is the aircraft process of a mission process that died.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Flight:
         self.folder = folder
         self._journal = journal
         self._state = state
-        # they end before a page does, which then shows what they have written last
+        # they end before a page does, which then shows their last output
         mine = (
             FlightMosaic(folder, self.setting, waits=plan.simulated),
             JudgedPicture(folder, self.setting, found=bool(state.belief.roi)),
@@ -111,7 +111,7 @@ class Flight:
 
     @property
     def state(self) -> State:
-        """The mission as it is known now."""
+        """Present state of the mission."""
         return self._state if self._service is None else self._service.state
 
     def finish(self) -> dict[str, Any]:
@@ -138,7 +138,7 @@ class Flight:
         return self._write_results(truth)
 
     def _flown(self) -> Truth | None:
-        """Fly; returns what the simulator has watched, None for real aircraft."""
+        """Fly; return the simulator's observations, None for real aircraft."""
         speedup, caller = self._plan.speedup, self._company.caller
         flight: Coroutine[Any, Any, Truth | None]
         clock: Clock
@@ -151,7 +151,7 @@ class Flight:
 
     def _write_results(self, truth: Truth | None) -> dict[str, Any]:
         known = None
-        if self._record.events == len(self._journal):  # else it was resumed, or goes on after
+        if self._record.events == len(self._journal):  # else it was resumed, or continues after
             known = self._record.figures()
         return written_results(self._plan, self.setting, self.folder, self._journal, truth, known)
 
@@ -160,7 +160,7 @@ class Flight:
         from uavmap.runner.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
 
         world = Simulation(self.setting, self._plan.seed, start_s=self._state.t_s)
-        # pictures are small: to share each out among threads costs more than it saves
+        # pictures are small: sharing each among threads costs more than it saves
         with ONE_THREAD_EACH, self._log() as log:
             links = [_simulated(world, index, log) for index in range(len(world.names()))]
             async with asyncio.TaskGroup() as tasks:
@@ -170,7 +170,7 @@ class Flight:
         return world.truth
 
     async def fly_member(self, world: Simulation, radio: SealedRadio) -> None:
-        """Fly the one vehicle of this member in a world that others fly in, too."""
+        """Fly the one vehicle of this member in a world that others share."""
         with self._log() as log:
             links = [_simulated(world, (self.setting.member or 1) - 1, log)]
             await self._serve(self._here(links), radio)
@@ -200,7 +200,7 @@ class Flight:
 
     # --- service ----------------------------------------------------------------------------
     async def _serve(self, connection: Connection | None, radio: SealedRadio | None = None) -> None:
-        """Fly with the aircraft that `connection` connects a port to, or with none."""
+        """Fly with the aircraft that `connection` connects to a port, or without any."""
         real, company = not self._plan.simulated, self._company
         # keys need the main thread's signals
         enter = EnterKey() if real and company.caller is None else None
@@ -254,7 +254,7 @@ class Flight:
                         self._state = await self._watched(connection(port, begin), port, flying)
         finally:
             port.close()
-            if member is not None:  # what the fleet has sent since
+            if member is not None:  # messages of the fleet since
                 service.keep_last_words()
             for onlooker in company.onlookers:
                 onlooker.end()
@@ -266,7 +266,7 @@ class Flight:
         with contextlib.ExitStack() as hand:
             if keeper is not None:
                 hand.enter_context(keeper)
-            # a simulated flight just stops when it is interrupted: no aircraft is in the air
+            # a simulated flight just stops at an interrupt: no aircraft is in the air
             if not self._plan.simulated:
                 hand.enter_context(interrupts(service, self._company.caller))
                 if enter is not None:
@@ -281,14 +281,14 @@ class Flight:
         port: Port,
         flying: Coroutine[Any, Any, State],
     ) -> State:
-        """Fly with aircraft, whose guardians go on until all are down."""
+        """Fly with aircraft, whose guardians continue until all are down."""
         real = not self._plan.simulated
         async with connected:
             try:
                 return await watched_over(port, flying, leave=real)
             finally:
                 # a simulated flight is flown again instead, event by event
-                if real and self._service is not None:  # and the aircraft may forget what was kept
+                if real and self._service is not None:  # and the aircraft may drop kept events
                     self._service.keep_last_words()
 
     def _begin(self, *, waits_on_ground: bool) -> Begin:
@@ -301,7 +301,7 @@ class Flight:
                 begun and flew and left.phase is not Phase.YIELDED,
                 begun and left.phase in (Phase.AIRBORNE, Phase.GUARDED),
             )
-        # aircraft that are found again are asked nothing
+        # aircraft that are found again are not asked
         asked = (
             None if company.preflight is None or begun else company.preflight.asked(self.setting)
         )
@@ -339,7 +339,7 @@ class Flight:
 
     # --- time -------------------------------------------------------------------------------
     async def _settle_time(self, clocks: Clocks) -> None:
-        """Set the mission time of a resumed flight; the loop goes on while the operator thinks."""
+        """Set the mission time of a resumed flight; the loop runs while the operator decides."""
         found = mission_time(
             self._state.t_s,
             last_mark(self._journal.meta),
@@ -351,20 +351,23 @@ class Flight:
         self.clock.set(await asyncio.to_thread(taken_up_at, found, _LOG.info, self._company.ask))
 
     async def _agree(self, member: Member, pad: PadHeight | None) -> None:
-        """Count the seconds that the others of a fleet count; time never runs backwards. Raises
-        `PreflightError` where the heights of pads contradict the mission, and ours stands."""
-        # on a clock that runs fast, the others' processes begin as late as on a slow one
+        """Adopt the time of the other members of a fleet; time never runs backwards.
+
+        Raises `PreflightError` if the heights of pads contradict the mission and our vehicle is on
+        the ground.
+        """
+        # on a fast clock, the others' processes begin as late as on a slow one
         wait_s = AGREE_S * (1.0 if self._plan.simulated else max(self._plan.speedup or 1.0, 1.0))
         by_s = await member.agree(wait_s, pad)
         heights = pad_heights(self.setting, member.pads) if pad is not None else {}
         if wrong := [replace(f, vehicle=n) for n, f in heights.items() if f.binding]:
             raise PreflightError("\n".join(["not flown:", *(f.line() for f in wrong)]))
-        if self._resumed:  # what the journal holds was before
+        if self._resumed:  # the journal's events were before
             by_s = max(by_s, self._state.t_s - self.clock.now_s())
         self.clock.start_s += by_s
         member.clock_moved(by_s)
         if not member.peers:
-            _LOG.info(f"nobody of the fleet was heard in {wait_s:.0f} s: it flies alone")
+            _LOG.info(f"no other member was in contact in {wait_s:.0f} s: it flies alone")
 
 
 def _simulated(world: Simulation, index: int, log: TlogWriter) -> Link:
@@ -380,8 +383,10 @@ def written_results(
     truth: Truth | None = None,
     known: tuple[State, Figures] | None = None,
 ) -> dict[str, Any]:
-    """Write the results, from the journal unless its figures are `known`; what the simulator
-    watched is kept for when they are written anew."""
+    """Write the results, from the journal unless its figures are `known`.
+
+    The simulator's observations are kept for the next time that they are written.
+    """
     if truth is not None:
         journal.put_meta("truth", truth.figures())
     known = known or figures(setting, journal.events())

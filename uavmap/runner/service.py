@@ -1,10 +1,10 @@
-"""The service: from what happens to what every vehicle does.
+"""The service: from events to the orders of every vehicle.
 
     frame -> look(frame, grid, detector) -> votes
     step(state, event) -> (state, orders)
     orders -> aircraft.give(vehicle, order) -> MAVLink
 
-Reports wait in a queue and are taken in one at a time. An event is in the journal before it has an
+Reports wait in a queue and are handled one at a time. An event is in the journal before it has an
 effect. A line for the operator is information, not an effect: it is shown when the event arrives.
 """
 
@@ -30,7 +30,7 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 
 
 class Aircraft(Protocol):
-    """What the service needs of its vehicles."""
+    """The interface of the service's vehicles."""
 
     def give(self, vehicle: int, order: Order) -> None:
         """Have a vehicle carry out an order instead of the present one."""
@@ -72,20 +72,20 @@ class Service:
         self._aircraft = aircraft
         self._observe = observe
         self.refused = 0
-        """How many reports no journal can hold."""
+        """Number of reports that no journal can hold."""
         self._reports = reports or Reports()
         self._over = asyncio.Event()
         self._recalled = self._flying = False
         self._failure: Exception | None = None
         self._unkept: Event | None = None
-        """The report at which the journal failed."""
+        """Report at which the journal failed."""
 
     def post(self, event: Event) -> None:
-        """Report an event: it is taken in after all that were reported before it."""
+        """Add a report: it is handled after all earlier ones."""
         self._reports.post(event)
 
     async def _take_in(self) -> None:
-        """Take in reports, in order; a failure ends the mission, for no event may be lost."""
+        """Handle reports, in order; a failure ends the mission, for no event may be lost."""
         while True:
             event = await self._reports.get()
             try:
@@ -101,7 +101,7 @@ class Service:
     def _post(self, event: Event) -> None:
         try:
             self._journal.append(event)
-        except EventError as refused:  # a report that makes no sense changes nothing
+        except EventError as refused:  # a report without a valid value changes nothing
             self._refuse(str(refused))
             return
         except Exception:
@@ -115,10 +115,10 @@ class Service:
             self._over.set()
 
     def keep_last_words(self) -> None:
-        """Commit what was reported after the end, for a resume; nothing acts on it any more.
+        """Commit reports from after the end, for a resume; they have no effect any more.
 
-        Guardians go on until all vehicles are down. A report that the journal refused before is
-        tried again: a disk may have room. Never raises: it logs what cannot be kept.
+        Guardians continue until all vehicles are down. A report that the journal refused before is
+        tried again: a disk may have room. Never raises: it logs a failure.
         """
         while self._unkept is not None or not self._reports.empty():
             self._unkept = self._unkept or self._reports.get_nowait()
@@ -127,9 +127,9 @@ class Service:
             except EventError as refused:
                 self._refuse(str(refused))
             except Exception as failure:
-                with contextlib.suppress(Exception):  # a terminal may be gone, too
+                with contextlib.suppress(Exception):  # the terminal may be gone as well
                     _LOG.info(
-                        "what the aircraft told after the mission's end is not in the journal "
+                        "messages received after the mission's end are not in the journal "
                         f"({failure}): look at each of them before you resume"
                     )
                 return
@@ -143,43 +143,45 @@ class Service:
 
     @property
     def flying(self) -> bool:
-        """Whether reports are taken in: the vehicles have answered, and it is not over."""
+        """True while reports are handled: the vehicles have answered, and it is not over."""
         return self._flying and not self.ended
 
     @property
     def begun(self) -> bool:
-        """Whether the vehicles have answered once."""
+        """True once the vehicles have answered."""
         return self._flying
 
     @property
     def ended(self) -> bool:
-        """Whether nothing is taken in any more."""
+        """True once reports are no longer handled."""
         return self._over.is_set()
 
     def recall(self) -> None:
-        """Call everybody home; the mission can be resumed later."""
+        """Recall all vehicles; the mission can be resumed later."""
         if not self._recalled:
             self._recalled = True
             self.post(Recalled(self.state.t_s))
 
     # --- the operator's hand ---------------------------------------------------------------------
     def pause(self) -> bool:
-        """Have everybody hold; False where they do already, or nobody flies."""
+        """Have all vehicles hold; False if they do already, or none flies."""
         if not self.flying or self.state.paused:
             return False
         self.post(Paused(self.state.t_s))
         return True
 
     def go_on(self) -> bool:
-        """End a pause, or a hold for traffic that is known; False where there is none."""
+        """End a pause, or a hold for known traffic; False without one."""
         if not self.flying or not self.state.held:
             return False
         self.post(Continued(self.state.t_s))
         return True
 
     def recall_vehicle(self, number: int) -> bool:
-        """Call one vehicle home, to stay there until a resume; False where it is called already.
-        Raises `KeyError` for a number that no vehicle has."""
+        """Recall one vehicle, which stays home until a resume; False if it is recalled already.
+
+        Raises `KeyError` for a number without a vehicle.
+        """
         if not self.flying or self.state.vehicles[number].called_home:
             return False
         self.post(VehicleRecalled(number, self.state.t_s))
@@ -188,8 +190,8 @@ class Service:
     def skip_cell(self, number: int) -> bool:
         """Skip the observation point that a vehicle is at, or on its way to.
 
-        False where there is none: in lanes, on paths without a stop, on the ground. Raises
-        `KeyError` as `recall_vehicle`.
+        False without one: in lanes, on paths without a stop, on the ground. Raises `KeyError` as
+        `recall_vehicle`.
         """
         strategy = self.state.setting.strategy.in_force(self.state)
         cell = strategy.to_skip(self.state, self.state.vehicles[number])
@@ -199,20 +201,22 @@ class Service:
         return True
 
     def land_here(self, number: int) -> bool:
-        """Have a vehicle land where it is, by its autopilot; False without control of it. Raises
-        `KeyError` as `recall_vehicle`."""
+        """Have a vehicle land in place, by its autopilot; False without control of it.
+
+        Raises `KeyError` as `recall_vehicle`.
+        """
         vehicle = self.state.vehicles[number]
         if not self.flying or vehicle.landed or vehicle.phase in (Phase.YIELDED, Phase.LOST):
             return False
-        self._aircraft.land_here(number, "the operator wants it down")
+        self._aircraft.land_here(number, "commanded by the operator")
         return True
 
     def stop(self) -> None:
-        """End the flight as it is; the journal tells how to go on."""
+        """End the flight as it is; the journal allows a resume."""
         self._over.set()
 
     async def fly(self) -> State:
-        """Fly until nobody has anything more to do. Returns the final state."""
+        """Fly until no vehicle has anything more to do; return the final state."""
         self._flying = True
         async with asyncio.TaskGroup() as tasks:
             taking_in = tasks.create_task(self._take_in())
@@ -224,7 +228,7 @@ class Service:
 
 
 class GroundService(Service):
-    """A service without a vehicle, whose orders are words to a fleet; `send` takes them."""
+    """A service without a vehicle, whose orders are sent to a fleet by `send`."""
 
     def __init__(
         self,
@@ -243,15 +247,15 @@ class GroundService(Service):
         self._command("recall")
 
     def pause(self) -> bool:
-        """Have all vehicles hold; False where they do already."""
+        """Have all vehicles hold; False if they do already."""
         return self.flying and not self.state.paused and self._command("pause")
 
     def go_on(self) -> bool:
-        """End a pause; False where there is none."""
+        """End a pause; False without one."""
         return self.flying and self.state.paused and self._command("continue")
 
     def recall_vehicle(self, number: int) -> bool:
-        """Call one vehicle home. Raises `KeyError` for a number that no vehicle has."""
+        """Recall one vehicle. Raises `KeyError` for a number without a vehicle."""
         known = self.flying and self.state.vehicles[number] is not None
         return known and self._command("recall", number)
 

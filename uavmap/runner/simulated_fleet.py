@@ -34,8 +34,10 @@ MEMBER_FOLDER: Final = "vehicle-{number}"
 
 
 def fly_fleet(plan: FlightPlan, folder: Path) -> dict[str, Any]:
-    """Fly a simulated fleet into a folder; return the summary of the map of all. Raises
-    `MissionFileError`, `JournalError`, `LinkError` as a flight does."""
+    """Fly a simulated fleet into a folder; return the summary of the map of all.
+
+    Raises `MissionFileError`, `JournalError`, `LinkError` as a flight does.
+    """
     try:
         model = link_model(plan.comms or "free")
     except ValueError as error:
@@ -47,7 +49,7 @@ def fly_fleet(plan: FlightPlan, folder: Path) -> dict[str, Any]:
         refused, rest = group.split(PreflightError)
         if refused is None or rest is not None:
             raise
-        raise leaves(refused)[0] from None  # each member says it
+        raise leaves(refused)[0] from None  # each member raises it
     for number, flight in fleet.flights.items():
         with of_member(number):
             flight.finish()
@@ -73,11 +75,11 @@ class SimulatedFleet:
         self.flights = {number: self.new(number) for number in numbers}
 
     def folder(self, number: int) -> Path:
-        """That of a member."""
+        """Return the folder of a member."""
         return self._folder / MEMBER_FOLDER.format(number=number)
 
     def new(self, number: int) -> Flight:
-        """A member before its first start."""
+        """Return a member before its first start."""
         own = replace(self.plan, member=number)
         at = self.folder(number)
         journal = Journal.create(at / JOURNAL, {"plan": own.as_json()})
@@ -85,12 +87,12 @@ class SimulatedFleet:
         return Flight(own, at, journal, mine.initial_state())
 
     def radio(self, flight: Flight, number: int, start: int = 1) -> SealedRadio:
-        """The radio of a member whose program starts for this time."""
+        """Return the radio of a member at its program's start number `start`."""
         radio = self.air.radio(number, _place_of(flight))
         return SealedRadio(radio, Seal(self._key, number, start))
 
     async def fly(self) -> dict[str, Any]:
-        """Fly until all members have ended; returns what the simulator has watched."""
+        """Fly until all members have ended; return the simulator's observations."""
         async with asyncio.TaskGroup() as tasks:
             turning = tasks.create_task(self.world.run())
             async with asyncio.TaskGroup() as members:
@@ -103,7 +105,7 @@ class SimulatedFleet:
         }
 
     async def live(self, number: int) -> None:
-        """What one member's program does from its start to its end."""
+        """Run one member's program from its start to its end."""
         flight = self.flights[number]
         with of_member(number):
             await flight.fly_member(self.world, self.radio(flight, number))
@@ -118,7 +120,7 @@ def of_member(number: int) -> AbstractContextManager[None]:
 def _place_of(flight: Flight) -> Callable[[], tuple[GridPoint, float]]:
     def place() -> tuple[GridPoint, float]:
         vehicle = flight.state.ours[0]
-        if vehicle.phase is Phase.OFFLINE and vehicle.landed:  # it has not said where it is
+        if vehicle.phase is Phase.OFFLINE and vehicle.landed:  # it has not reported its position
             return flight.setting.pad_of(vehicle.vehicle), 0.0
         return vehicle.position, vehicle.height_m
 

@@ -38,13 +38,13 @@ from uavmap.mavlink.session import Session
 STEP_S = 0.05
 serve_vehicles: Final = serve
 setup_without_mission: Final = Setup
-"""What `uavmap sitl` needs, through this door."""
+"""Setup for `uavmap sitl`, through this door."""
 _LOOK_EVERY_STEPS = 2
 _SAME: Final = {
     *("roi_intensity", "ground_intensity", "texture", "sensor_noise", "illumination", "gust_m_s"),
     *("world", "gps_sigma_m", "gps_tau_s", "optical_flow", "odometry_drift"),
 }
-"""Keys of a mission's [sim] that the simulator knows by the same names."""
+"""Keys of a mission's [sim] with the same names in the simulator."""
 
 
 def setup_of(
@@ -128,7 +128,7 @@ def _tag_m(mission: Mission) -> float:
 
 
 def relief_of(mission: Mission, grid: Grid) -> Relief | None:
-    """The ground of a mission's world above its start; None where it is level."""
+    """Return the ground of a mission's world above its start; None if it is level."""
     made, known = mission.sim.terrain, mission.surveyed
     if made is not None:
         return Relief(
@@ -155,7 +155,7 @@ def relief_of(mission: Mission, grid: Grid) -> Relief | None:
 
 
 def _return_height(mission: Mission, autopilot: str) -> dict[str, float]:
-    """As preflight sets it on real aircraft: over hills they return above all of them."""
+    """Return the return height that preflight sets on real aircraft: above all hills."""
     if mission.ground is None:
         return {}
     height_m = mission.highest_ground_m + mission.top_altitude_m(len(mission.vehicles) - 1)
@@ -195,7 +195,7 @@ def make_vehicles(
 
 
 def _schedule(faults: Faults, fault: SimFault, start_s: float) -> None:
-    """Plan what is left of a fault for vehicles whose time begins at mission time `start_s`."""
+    """Schedule the rest of a fault for vehicles whose time begins at mission time `start_s`."""
     begin_s = fault.at_s - start_s
     end_s = math.inf if fault.for_s is None else begin_s + fault.for_s
     happens_once = fault.kind in ("battery_cell", "motor", "companion_reboot")
@@ -211,7 +211,7 @@ def _schedule(faults: Faults, fault: SimFault, start_s: float) -> None:
 
 @dataclass(slots=True)
 class Truth:
-    """What really happened to the aircraft, watched from outside."""
+    """The true course of a flight, observed from outside."""
 
     min_separation_m: float = math.inf
     fence_breaches: int = 0
@@ -222,7 +222,7 @@ class Truth:
     _crashed: set[int] = field(default_factory=set)
 
     def figures(self) -> dict[str, float | int | None]:
-        """What the summary says of it."""
+        """Return its figures for the summary."""
         apart_m = self.min_separation_m
         return {
             "min_separation_m": round(apart_m, 2) if math.isfinite(apart_m) else None,
@@ -231,7 +231,7 @@ class Truth:
         }
 
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
-        """Look at all vehicles at one instant."""
+        """Observe all vehicles at one instant."""
         in_air: list[tuple[GridPoint, float]] = []
         for vehicle in vehicles:
             number, truth = vehicle.spec.system_id, vehicle.truth
@@ -264,16 +264,16 @@ class Simulation:
         self._vehicles = make_vehicles(setting.mission, seed, start_s=start_s)
         self._sessions: dict[int, Session] = {}
         self._turns: dict[int, int] = {}
-        """How often a session with each was opened or cut: only the last one speaks."""
+        """Number of sessions with each that were opened or cut: only the last one is connected."""
         self.truth = Truth()
 
     @property
     def vehicles(self) -> Sequence[SimVehicle]:
-        """The aircraft themselves, for who watches from outside."""
+        """The aircraft themselves, for an observer outside."""
         return self._vehicles
 
     def names(self) -> list[str]:
-        """The vehicles by name, in order."""
+        """Return the vehicles by name, in order."""
         return [f"sim://{vehicle.spec.system_id}" for vehicle in self._vehicles]
 
     def open_session(self, index: int, record: Callable[[bytes], None]) -> Session:
@@ -293,7 +293,7 @@ class Simulation:
         return session
 
     async def fetch(self, url: str) -> bytes:
-        """A picture by its URL."""
+        """Return a picture by its URL."""
         for vehicle in self._vehicles:
             if (data := vehicle.image(url)) is not None:
                 return data
@@ -314,5 +314,5 @@ class Simulation:
 
 
 def pictures_at(http_port: int) -> str:
-    """What the URLs of the pictures begin with."""
+    """Return the beginning of the URLs of pictures."""
     return f"http://127.0.0.1:{http_port}/"

@@ -33,14 +33,16 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 LINK_LOST_WALL_S: Final = 2.0
 BATTERY_STALE_WALL_S: Final = 5.0
 SLACK_WALL_S: Final = 2.0
-"""On a clock that runs fast, a busy machine must not look like an aircraft in trouble."""
+"""Additional time on a fast clock, real seconds: a busy machine must not look like a fault."""
 STREAMED_SPEEDUP: Final = 3.0
-"""Largest speed-up with streamed set-points, whose timeout is a second of the vehicle's time: on a
-faster clock vehicles fly to places ahead, and stop there."""
+"""Maximum speed-up with streamed setpoints, whose timeout is a second of the vehicle's time.
+
+On a faster clock vehicles fly to places ahead, and stop there.
+"""
 
 
 def numbers_of(setting: Layout) -> Sequence[int]:
-    """The numbers of the vehicles that this service flies."""
+    """Return the numbers of the vehicles that this service flies."""
     if setting.member is not None:
         return (setting.member,) if setting.member else ()
     return range(1, len(setting.mission.vehicles) + 1)
@@ -49,8 +51,10 @@ def numbers_of(setting: Layout) -> Sequence[int]:
 def judge_of(
     setting: Layout, keepers: Sequence[Keeper] = (), *, recall: bool = False
 ) -> PictureJudge:
-    """Return what judges the pictures of a mission's vehicles. A `recall` needs no detector; else
-    raises `MissionFileError` for a model that is gone."""
+    """Return the judge of the pictures of a mission's vehicles.
+
+    A `recall` needs no detector; else it raises `MissionFileError` for a missing model.
+    """
     detector, mission = _blind_without(setting) if recall else None, setting.mission
     classifiers = {
         number: Classifier.of(mission, setting.grid, mission.altitude_m(number - 1), detector)
@@ -68,10 +72,12 @@ def vehicles_of(
     *,
     waits_on_ground: bool = False,
 ) -> dict[int, MavlinkVehicle]:
-    """Return the vehicle at the end of each link, by its number in the mission, from 1. With
-    `waits_on_ground` a crew stands beside silent vehicles on the ground, without a time limit."""
+    """Return the vehicle at the end of each link, by its number in the mission, from 1.
+
+    With `waits_on_ground` a crew is beside silent vehicles on the ground, without a time limit.
+    """
     speedup = max(plan.speedup or 1.0, 1.0)
-    # on a clock that runs fast, a busy machine must not look like a lost link
+    # on a fast clock, a busy machine must not look like a lost link
     link_lost_s, stale_s, slack_s = LINK_LOST_S, BATTERY_STALE_S, 0.0
     if not plan.simulated:
         link_lost_s = max(link_lost_s, LINK_LOST_WALL_S * (plan.speedup or 1.0))
@@ -83,7 +89,7 @@ def vehicles_of(
         view.gate.area = setting.mission.home
         view.gate.say = partial(log_with, host.line, f"vehicle {number}")
         poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
-        if isinstance(link.camera, LocalSource):  # which tells no pose
+        if isinstance(link.camera, LocalSource):  # its pictures have no pose
             poses.need_telemetry()
         vehicles[number] = MavlinkVehicle(
             number,
@@ -111,7 +117,8 @@ def vehicles_of(
 
 
 def _blind_without(setting: Layout) -> Detector | None:
-    """What judges pictures on the way home, where the mission's detector cannot be had."""
+    """Return a substitute that judges pictures on the way home if the mission's detector is
+    missing."""
     try:
         detector_of(setting.mission)
     except MissionFileError as error:
@@ -121,7 +128,7 @@ def _blind_without(setting: Layout) -> Detector | None:
 
 
 def each_its_own(vehicles: Mapping[int, MavlinkVehicle]) -> None:
-    """Raise `LinkError` where two links lead to one aircraft, as a router may have them."""
+    """Raise `LinkError` if two links lead to one aircraft, as through a router."""
     for (_, one), (_, other) in itertools.combinations(vehicles.items(), 2):
         if same_aircraft(one.view, other.view):
             raise LinkError(

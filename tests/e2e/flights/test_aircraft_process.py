@@ -84,9 +84,7 @@ def test_control_c_while_the_aircraft_are_brought_home_names_them(patient, folde
             waiting.send_signal(signal.SIGINT)
             done = rig.ended(waiting)
         assert done.code == 4, done.err
-        assert (
-            "interrupted; the mission process has ended: the vehicles are brought home" in done.err
-        )
+        assert "interrupted; the mission process has ended: the vehicles return" in done.err
         assert "vehicle 1: left to its autopilot in " in done.err
         rig.wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
 

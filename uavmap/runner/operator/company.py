@@ -1,4 +1,4 @@
-"""The people beside a flight: what they want of it, and what looks on for them."""
+"""The people beside a flight: their options, and the onlookers that work for them."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from uavmap.runner.service import Service
 
 
 class Onlooker:
-    """Sees all of a flight, and does nothing unless overridden; no method may raise, or take
-    long."""
+    """An observer of a flight that does nothing unless overridden; no method may raise or be
+    slow."""
 
     def look_back(self, event: Event, state: State) -> None:
-        """See an event of before a resume; `state` is that after it."""
+        """See an event from before a resume; `state` is the state after it."""
 
     def begin(self, setting: Setting, *, again: bool) -> None:
-        """See the flight start; `again`: a recorded one is repeated first."""
+        """See the flight start; with `again` a recorded one is repeated first."""
 
     def notice(self, event: Event) -> None:
         """See an event as it arrives, before it is in the journal or has an effect."""
 
     def hear(self, telemetry: Telemetry) -> None:
-        """See what a vehicle reports beside events, about once a second."""
+        """See a vehicle's report beside events, about once a second."""
 
     def update(self, event: Event, state: State, again: int) -> None:
         """See an event and the state after it; `again` recorded ones are still to come."""
@@ -43,7 +43,7 @@ class Onlooker:
         """See a picture that is about to be judged."""
 
     def steering(self, service: Service) -> AbstractContextManager[None]:
-        """Pass orders on to the service for as long as the context lasts."""
+        """Pass orders on to the service in the context."""
         return contextlib.nullcontext()
 
     def end(self) -> None:
@@ -52,28 +52,27 @@ class Onlooker:
 
 @dataclass(frozen=True, slots=True)
 class Preflight:
-    """What the operator wants of it."""
+    """The operator's options before a flight."""
 
     yes: bool = False
-    """Fly without a question."""
+    """True to fly without a question."""
     dry_run: bool = False
-    """Do all but arm."""
+    """True to do all but arm."""
     keep_fence: bool = False
-    """Leave the fence of the autopilot as it is, and do not fly a mission that leaves it."""
+    """True to keep the autopilot's fence, and to fly no mission that leaves it."""
 
     def asked(self, setting: Setting) -> Asked:
-        """As it is sent to the aircraft."""
+        """Return it as it is sent to the aircraft."""
         return Asked(tuple(plan_lines(setting)), self.yes, self.dry_run)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Company:
-    """The people beside a flight, and what looks on.
+    """The people beside a flight, and the onlookers.
 
     `onlookers` see the flight, and pass on orders to real aircraft. `preflight` is None for a
-    flight that is simulated or resumed. `caller` interrupts a flight outside of the main thread.
-    `ask` asks the operator, where there is one. With `recall` vehicles in the air are only brought
-    home.
+    flight that is simulated or resumed. `caller` interrupts a flight outside the main thread. `ask`
+    asks the operator, if there is one. With `recall` vehicles in the air only return.
     """
 
     onlookers: Sequence[Onlooker] = ()

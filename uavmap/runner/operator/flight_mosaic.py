@@ -1,4 +1,4 @@
-"""Lays the pictures of a flight together while it is flown, in a thread that delays no frame."""
+"""The mosaic of a flight's pictures during the flight, in a thread that delays no frame."""
 
 from __future__ import annotations
 
@@ -27,24 +27,23 @@ from vision.mosaic import Part, laid, shrunk
 from vision.raster import Overlay, Raster, framed
 
 NEAR: Final = 0.2
-"""Minimum distance of two pictures of a vehicle that are laid, in heights: nearer ones show the
-same ground."""
+"""Minimum distance of two pictures of a vehicle, in heights: nearer ones show the same ground."""
 WRITE_S: Final = 5.0
 """Minimum time between two writes, real seconds."""
 WRITE_SHARE: Final = 0.05
 """Maximum share of the time that writing takes."""
 WAITING: Final = 8
-"""Maximum number of pictures that wait to be laid."""
+"""Maximum number of waiting pictures."""
 _BEFORE: Final = 1e-9
-"""Weight of a mosaic of before a resume: whatever shows a place now replaces it."""
+"""Weight of a mosaic from before a resume: any new picture of a place replaces it."""
 
 
 class FlightMosaic(Onlooker):
     """Writes mosaic.webp every few seconds, and at the end of a flight.
 
     A flight that `waits` leaves no picture out; another one leaves out those for which the thread
-    is too slow. A resumed flight goes on from the mosaic that is there. A failure ends the mosaic,
-    and nothing else, with one line.
+    is too slow. A resumed flight continues the existing mosaic. A failure ends the mosaic, and
+    nothing else, with one line.
     """
 
     def __init__(self, folder: Path, setting: Setting, *, waits: bool) -> None:
@@ -57,10 +56,10 @@ class FlightMosaic(Onlooker):
         self._last: dict[int, tuple[GridPoint, float]] = {}
         self._due_s = float("-inf")
         self._has_news = False
-        """Whether something was laid since the last write."""
+        """True if a picture was laid since the last write."""
 
     def begin(self, setting: Setting, *, again: bool) -> None:
-        """Go on from the mosaic of before, unless that is flown once more."""
+        """Continue the existing mosaic, unless its flight is repeated."""
         if self._raster is None:
             self._log.info(f"{MOSAIC} is left out: the region drifts over the ground")
         elif not again:
@@ -80,7 +79,7 @@ class FlightMosaic(Onlooker):
         done.add_done_callback(lambda _: self._room.release())
 
     def end(self) -> None:
-        """Lay what waits, and write."""
+        """Lay the waiting pictures, and write."""
         self._submit(self._write)
         self._worker.shutdown()
         self._raster = None

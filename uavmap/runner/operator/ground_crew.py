@@ -1,7 +1,7 @@
 """The people on the ground: they swap batteries, stand clear, and allow take-off.
 
 At a terminal the service asks and waits for Enter. Elsewhere waiting vehicles stay on the ground
-until `uavmap resume`, whose journal shows which vehicles have to be examined first.
+until `uavmap resume`; its journal shows which vehicles have to be examined first.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _PREFLIGHT: Final = logging.getLogger("uavmap.runner.preflight")
 
 
 class EnterKey:
-    """Enter, as a keyboard that reads every key passes it on."""
+    """The Enter key, as a keyboard passes it on that reads every key."""
 
     def __init__(self) -> None:
         self._asked: asyncio.Future[bool] | None = None
@@ -43,11 +43,11 @@ class EnterKey:
             self._asked = None
 
     def press(self) -> None:
-        """Answer whoever waits."""
+        """Answer a waiting caller."""
         self._answer(pressed=True)
 
     def lose(self) -> None:
-        """The terminal is gone, which is no consent."""
+        """Answer that the terminal is gone, which is no consent."""
         self._lost = True
         self._answer(pressed=False)
 
@@ -64,11 +64,12 @@ class Operator:
 
     @property
     def absent(self) -> bool:
-        """Whether nobody will ever answer."""
+        """True if no answer will ever come."""
         return self._stream is None or not self._stream.isatty()
 
     async def ask(self, question: str) -> bool | None:
-        """Ask, and wait for a line: whether it is a yes; None where nobody will ever answer."""
+        """Ask, and wait for a line; return whether it is a yes, None if no answer will ever
+        come."""
         if self.absent:
             return None
         forget_typed(self._stream)
@@ -76,7 +77,7 @@ class Operator:
         return (await read_line(self._stream)).strip().lower() in ("y", "yes")
 
     async def entered(self) -> bool:
-        """Wait for a line; False when the terminal is gone."""
+        """Wait for a line; return False when the terminal is gone."""
         forget_typed(self._stream)
         return (await read_line(self._stream)).endswith("\n")
 
@@ -96,16 +97,16 @@ class Crew:
 
     @property
     def absent(self) -> bool:
-        """Whether nobody will ever answer."""
+        """True if no answer will ever come."""
         return not self._automatic and self._operator.absent
 
     @property
     def keeps_waiting(self) -> bool:
-        """Whether those that wait do so in vain."""
+        """True if vehicles wait without a crew that can answer."""
         return bool(self.waiting) and self._operator.absent
 
     def doubt(self, vehicles: Mapping[int, str]) -> None:
-        """Ask about vehicles before they take off, also where swaps are automatic: why, by
+        """Ask about vehicles before they take off, even if swaps are automatic: the reason, by
         number."""
         self._doubts |= vehicles
 
@@ -118,14 +119,14 @@ class Crew:
         try:
             if self._operator.absent:
                 _LOG.info(
-                    f"vehicle {vehicle} {doubt}: it takes off only at a terminal, where Enter says "
-                    "that it has been looked at"
+                    f"vehicle {vehicle} {doubt}: it takes off only after Enter at a terminal "
+                    "confirms an inspection"
                     if doubt
                     else f"vehicle {vehicle} waits on the ground for a fresh battery"
                 )
                 await asyncio.Event().wait()
             async with self._asking:
-                found = f"{doubt}: look at it" if doubt else "has landed"
+                found = f"{doubt}: inspect it" if doubt else "has landed"
                 _LOG.info(
                     f"vehicle {vehicle} {found}{',' if doubt else ':'} swap its battery, stand "
                     "clear, press Enter; it takes off by itself"
@@ -139,7 +140,7 @@ class Crew:
 
 
 def all_wait(state: State, waiting: set[int]) -> bool:
-    """Whether all vehicles that are not done wait for a battery that no crew here will announce."""
+    """Return whether all unfinished vehicles wait for a battery that no crew here will announce."""
     return bool(waiting) and all(
         number in waiting or v.ended for number, v in state.vehicles.items()
     )
@@ -153,7 +154,8 @@ class LastFlight:
     fell: bool = False
 
     def doubt(self, position: GridPoint) -> str:
-        """Why it is not to take off unseen from where it stands; empty where it may."""
+        """Return why it needs an inspection before a take-off from `position`; empty if it does
+        not."""
         away_m = position.distance_to(self.pad)
         if self.fell:
             return "was down"
@@ -161,7 +163,7 @@ class LastFlight:
 
 
 def last_flights(events: Iterable[Event]) -> dict[int, LastFlight]:
-    """The last flight of each vehicle that has flown since its battery was swapped."""
+    """Return the last flight of each vehicle that has flown since its battery was swapped."""
     flights: dict[int, LastFlight] = {}
     for event in events:
         match event:
@@ -179,7 +181,7 @@ def last_flights(events: Iterable[Event]) -> dict[int, LastFlight]:
 def doubts(
     events: Iterable[Event], places: Mapping[int, LatLon | None], grid: Grid
 ) -> dict[int, str]:
-    """Why vehicles are not to take off unseen from the places where they stand."""
+    """Return why vehicles need an inspection before a take-off from their places."""
     flights = last_flights(events)
     found = {
         number: flights[number].doubt(grid.fixed(place))
@@ -190,6 +192,6 @@ def doubts(
 
 
 def say_last_known(state: State) -> None:
-    """Log where aircraft were last that are not at home, where none has answered since."""
+    """Log the last known places of aircraft that are not at home, if none has answered since."""
     for line in aircraft_down(state):
-        _LOG.info(f"not heard in this run; at {state.t_s:.0f} s of the mission: {line}")
+        _LOG.info(f"no contact in this run; at {state.t_s:.0f} s of the mission: {line}")

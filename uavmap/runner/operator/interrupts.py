@@ -1,7 +1,7 @@
 """Interrupts of the operator: the first recalls all vehicles, the second leaves that to autopilots.
 
 Only a program's main thread receives signals; `Caller.press` interrupts a flight in another one.
-What is known becomes a map before the process ends.
+The present map is written before the process ends.
 """
 
 from __future__ import annotations
@@ -27,24 +27,26 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Caller:
-    """Who waits for a flight in another thread. `press` may be called from any thread."""
+    """A caller that waits for a flight in another thread. Any thread may call `press`."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._listening: list[tuple[asyncio.AbstractEventLoop, Callable[[], object]]] = []
-        """The flight's loop, and what it does at a press; the innermost context is the last."""
+        """The flight's loop, and its action at a press; the innermost context is the last."""
         self._early = 0
         self.presses = 0
 
     def press(self) -> None:
-        """Act as Ctrl-C: recall, then leave at once; kept for a flight to come, without effect
-        after it."""
+        """Act as Ctrl-C: recall, then leave at once.
+
+        It is kept for a flight to come, and has no effect after the flight.
+        """
         with self._lock:
             self.presses += 1
             if not self._listening:
                 self._early += 1
                 return
-            # the loop cannot be closed meanwhile: it is let go of under the same lock
+            # the loop cannot be closed meanwhile: it is released under the same lock
             self._listening[-1][0].call_soon_threadsafe(self._pressed)
 
     def _pressed(self) -> None:
@@ -53,7 +55,8 @@ class Caller:
 
     @contextlib.contextmanager
     def heard(self, act: Callable[[], object]) -> Iterator[None]:
-        """Call `act` for each press, earlier ones included; the innermost context hears."""
+        """Call `act` for each press, earlier ones included; only the innermost context receives
+        it."""
         loop = asyncio.get_running_loop()
         with self._lock:
             self._listening.append((loop, act))
@@ -67,7 +70,7 @@ class Caller:
                 self._listening.pop()
 
     async def until_done(self, flight: Awaitable[T]) -> T:
-        """Run a flight; a press that nothing in it hears ends it with `KeyboardInterrupt`."""
+        """Run a flight; a press that no context receives ends it with `KeyboardInterrupt`."""
         task = asyncio.current_task()
         assert task is not None
         with self.heard(task.cancel):
@@ -79,7 +82,7 @@ class Caller:
 
 @contextlib.contextmanager
 def interrupts(service: Service, caller: Caller | None = None) -> Iterator[None]:
-    """Recall real aircraft at the first Ctrl-C, SIGTERM or SIGHUP, or press of the `caller`; then
+    """Recall real aircraft at the first Ctrl-C, SIGTERM, SIGHUP or press of the `caller`; then
     cancel.
 
     SIGUSR1 pauses the mission, SIGUSR2 continues it. Before the service has begun, or after it
@@ -113,7 +116,8 @@ def interrupts(service: Service, caller: Caller | None = None) -> Iterator[None]
 
 @contextlib.contextmanager
 def like_control_c() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP act as Ctrl-C where nothing hears them. Only in the main thread."""
+    """Let SIGTERM and SIGHUP act as Ctrl-C unless a context receives them. Only in the main
+    thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -126,7 +130,7 @@ def like_control_c() -> Iterator[None]:
         if callable(act):
             act(number, frame)
             return
-        # a job in the background has Ctrl-C ignored, so the runner of the loop does not hear it
+        # a job in the background ignores Ctrl-C, so the runner of the loop does not receive it
         task = main_task()
         if task is None or cancelled:
             raise KeyboardInterrupt
@@ -147,7 +151,7 @@ def like_control_c() -> Iterator[None]:
 def handled(
     numbers: Iterable[int], handler: Callable[[int, FrameType | None], None]
 ) -> Iterator[None]:
-    """Handle signals meanwhile, but for those that the process ignores."""
+    """Handle signals in the context, but for those that the process ignores."""
     heard = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
     before = {number: signal.signal(number, handler) for number in heard}
     try:
@@ -171,19 +175,20 @@ def _signals(
     finally:
         for number in (*SIGNALS, PAUSE, GO_ON):
             loop.remove_signal_handler(number)
-        for number, handler in before.items():  # the loop leaves what would end the process
+        # the loop restores the default action, which would end the process
+        for number, handler in before.items():
             signal.signal(number, handler)
 
 
 # --- the map of a flight that was left before its end ---------------------------------------
 def leave_map(write: Callable[[], object], failure: BaseException, folder: Path) -> None:
-    """Write the map of what is known, unless the journal was the `failure`; call it `patiently`.
+    """Write the present map, unless the journal was the `failure`; call it `patiently`.
 
-    Raises nothing: where there is no map, a line has its command.
+    Raises nothing: without a map, a line has its command.
     """
     found = leaves(failure) if isinstance(failure, BaseExceptionGroup) else [failure]
     if any(isinstance(error, JournalError) for error in found):
-        return  # there is nothing to make a map from, and the line says what is wrong with it
+        return  # no map can be made, and the error line gives the reason
     later = f"`uavmap export {folder} --to gpkg` makes it from the journal"
     try:
         write()
@@ -197,10 +202,12 @@ def leave_map(write: Callable[[], object], failure: BaseException, folder: Path)
 
 @contextlib.contextmanager
 def patiently() -> Iterator[None]:
-    """Answer the first signal that would end the process; the second ends what it does. Enter it
-    before any line that asks the operator, who may press again at once."""
+    """Handle the first signal that would end the process; the second ends its work.
+
+    Enter it before any line that asks the operator, who may press again at once.
+    """
     if threading.current_thread() is not threading.main_thread():
-        yield  # signals are the main thread's, who waits for this one
+        yield  # signals belong to the main thread, which waits for this one
         return
     presses = 0
 

@@ -1,4 +1,4 @@
-"""Keeps one picture of a flight with what its detector takes for region."""
+"""One picture of a flight with the region that its detector finds."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ Taken = tuple[KeptFrame, bytes | NDArray[np.uint8]]
 
 
 class JudgedPicture(Onlooker):
-    """Writes the first picture, and then the first one with region, with what the detector takes
-    for region, in a thread that delays no frame. A flight that has `found` region keeps the old
-    picture."""
+    """Writes the first picture, and then the first one with region, with the detector's region.
+
+    It works in a thread that delays no frame. A flight that has `found` region keeps the old
+    picture.
+    """
 
     def __init__(self, folder: Path, setting: Setting, *, found: bool = False) -> None:
         self._path = folder / FILE
@@ -36,7 +38,7 @@ class JudgedPicture(Onlooker):
         self._worker = ThreadPoolExecutor(1, "judged-picture")
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """Remember a picture until its verdicts come."""
+        """Keep a picture until its verdicts come."""
         if not self._found:
             self._waiting[frame.vehicle] = frame, picture
 
@@ -55,7 +57,7 @@ class JudgedPicture(Onlooker):
             self._waiting.clear()
 
     def end(self) -> None:
-        """Wait for what is being written."""
+        """Wait for the end of a write."""
         self._worker.shutdown()
 
     def _write(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
@@ -65,5 +67,5 @@ class JudgedPicture(Onlooker):
             image = decoded(picture, frame.frame)
             region = detector_of(self._mission, ratio).mask(image)
             write_bytes(self._path, outlined(image, region))
-        except Exception as error:  # the flight is worth more
+        except Exception as error:  # the flight is more important
             self._log.info(f"{self._path}: the judged picture is left out ({error})")

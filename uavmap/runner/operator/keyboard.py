@@ -24,11 +24,12 @@ from uavmap.runner.operator.ground_crew import EnterKey
 from uavmap.runner.service import Service
 
 FORGOTTEN_S: Final = 10.0
-"""Real seconds after which a key that waits for a number, or for a second press, is forgotten."""
+"""Time after which a key that waits for a number, or for a second press, is dropped, real
+seconds."""
 HELP: Final = """\
-keys: p pause, everybody holds   c continue        r home: ra all, r2 vehicle 2
-      k skip the cell that a vehicle looks from (k2)   q land where it is (q2; asked twice)
-      ? this help                Ctrl-C everybody home, twice: by their autopilots"""
+keys: p pause, all hold          c continue        r home: ra all, r2 vehicle 2
+      k skip the cell that a vehicle observes (k2)     q land where it is (q2; asked twice)
+      ? this help                Ctrl-C all home, twice: by their autopilots"""
 _ENTER: Final = ("\r", "\n")
 _ALL: Final = "a"
 _LOG: Final = logging.getLogger("uavmap.flight")
@@ -41,14 +42,15 @@ class Keys:
         self._service = service
         self._now_s = now_s
         self._key = ""
-        """The key that waits for a number."""
+        """Key that waits for a number."""
         self._digits = ""
         self._sure: tuple[int, ...] = ()
         """Vehicles that land if `q` is pressed again."""
         self._pressed_s = float("-inf")
 
     def press(self, key: str) -> bool:
-        """Take a key; False for one that means nothing here, as Enter without a question."""
+        """Handle a key; return False for one without a meaning here, as Enter without a
+        question."""
         now_s = self._now_s()
         if now_s - self._pressed_s > FORGOTTEN_S:
             self._forget()
@@ -66,9 +68,9 @@ class Keys:
         service = self._service
         if key == "p":
             held = service.pause()
-            _LOG.info("paused: everybody holds; c goes on" if held else "it is paused already")
+            _LOG.info("paused: all vehicles hold; c continues" if held else "it is paused already")
         elif key == "c":
-            _LOG.info("the mission goes on" if service.go_on() else "it is not paused")
+            _LOG.info("the mission continues" if service.go_on() else "it is not paused")
         elif key == "?":
             _LOG.info(HELP)
         elif key in _QUESTIONS:
@@ -91,7 +93,8 @@ class Keys:
         _LOG.info(f"{_QUESTIONS[key]}: which vehicle? its number{everybody}")
 
     def _number(self, key: str) -> bool:
-        """Take a key after one that waits for a number; False if it is none of that."""
+        """Handle a key after one that waits for a number; return False if it is neither digit nor
+        Enter."""
         if key.isascii() and key.isdigit():
             self._digits += key
             number = int(self._digits)
@@ -102,7 +105,7 @@ class Keys:
             self._chosen((int(self._digits),))
         elif self._key != "k" and not self._digits and (key == _ALL or key == self._key == "r"):
             self._chosen(tuple(self._numbers))
-        else:  # Enter before a number is no crew's word either: that was not the question
+        else:  # Enter before a number is no answer of the crew either: that was not the question
             return key in _ENTER
         return True
 
@@ -127,21 +130,21 @@ class Keys:
             _LOG.info(f"{who} skips its cell" if skipped else f"{who} is at no cell to skip")
         else:
             self._sure = numbers
-            _LOG.info(f"press q again to land {who} where it is; any other key: nobody lands")
+            _LOG.info(f"press q again to land {who} where it is; any other key: no vehicle lands")
 
     def _home(self, numbers: tuple[int, ...]) -> None:
         if numbers == tuple(self._numbers):
-            _LOG.info("everybody comes home; the mission can be resumed")
+            _LOG.info("all vehicles return; the mission can be resumed")
             self._service.recall()
         elif self._service.recall_vehicle(numbers[0]):
-            _LOG.info(f"{_named(numbers)} comes home and stays there; the others go on")
+            _LOG.info(f"{_named(numbers)} returns and stays there; the others continue")
         else:
-            _LOG.info(f"{_named(numbers)} is called home already")
+            _LOG.info(f"{_named(numbers)} is recalled already")
 
     def _land(self, numbers: tuple[int, ...]) -> None:
         for number in numbers:
             if not self._service.land_here(number):
-                _LOG.info(f"vehicle {number} is not in the air, or not ours to land")
+                _LOG.info(f"vehicle {number} is not in the air, or not under our control")
 
 
 _QUESTIONS: Final = {"r": "home", "k": "skip a cell", "q": "land where it is"}
@@ -155,13 +158,13 @@ def _named(numbers: tuple[int, ...]) -> str:
 LOOK_S: Final = 1.0
 """Time between two checks whether a program in the background is back, s of the loop."""
 _SEQUENCE: Final = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]?|O.|.)?", re.DOTALL)
-"""What an arrow or a function key sends: several characters that are no keys."""
+"""Codes of an arrow or a function key: several characters that are no keys."""
 _LOCAL, _CONTROL = 3, 6
 
 
 @contextlib.contextmanager
 def keyboard(keys: Keys, enter: EnterKey, stream: TextIO | None = None) -> Iterator[None]:
-    """Hear the operator's keys in the context, if there is a terminal; names the keys first."""
+    """Read the operator's keys in the context, if there is a terminal; show the keys first."""
     source = stream or sys.stdin
     if source is None or source.closed or not source.isatty():
         yield
@@ -187,13 +190,13 @@ class _Terminal:
         self._looking: asyncio.TimerHandle | None = None
 
     def open(self) -> None:
-        """Begin to read; after a stop (Ctrl-Z) and `fg` again."""
+        """Begin to read; also after a stop (Ctrl-Z) and `fg`."""
         self._loop.add_signal_handler(signal.SIGCONT, self._listen)
         atexit.register(self._restore)
         self._listen()
 
     def close(self) -> None:
-        """Put everything back."""
+        """Restore everything."""
         self._loop.remove_signal_handler(signal.SIGCONT)
         if self._looking is not None:
             self._looking.cancel()
@@ -205,7 +208,7 @@ class _Terminal:
     def _in_front(self) -> bool:
         try:
             return os.tcgetpgrp(self._file) == os.getpgrp()
-        except OSError:  # not the terminal that this program was started from, or gone
+        except OSError:  # not the terminal that started this program, or gone
             return not self._gone
 
     def _listen(self) -> None:
@@ -220,7 +223,7 @@ class _Terminal:
             settings[_LOCAL] &= ~(termios.ICANON | termios.ECHO)
             settings[_CONTROL][termios.VMIN], settings[_CONTROL][termios.VTIME] = 1, 0
             _set(self._file, settings)
-            termios.tcflush(self._file, termios.TCIFLUSH)  # what was typed before is no answer
+            termios.tcflush(self._file, termios.TCIFLUSH)  # text from before is no answer
         except termios.error:
             self._lost()
             return
@@ -243,7 +246,7 @@ class _Terminal:
                 _set(self._file, self._saved)
 
     def _lost(self) -> None:
-        """The terminal is gone, which is no consent."""
+        """Handle the end of the terminal, which is no consent."""
         self._gone = True
         self._deaf()
         self._enter.lose()

@@ -1,7 +1,7 @@
-"""What the operator sees while a mission is flown: phase, cells, batteries, places, time.
+"""The operator's view of a mission in flight: phase, cells, batteries, places, time.
 
-On a terminal a table that is redrawn in place; elsewhere a line every few seconds of real time.
-It goes to standard error: standard output holds only the result.
+On a terminal it is a table that is redrawn in place; elsewhere a line every few seconds of real
+time. It goes to standard error: standard output holds only the result.
 """
 
 from __future__ import annotations
@@ -48,14 +48,16 @@ from uavmap.runner.operator.traffic_words import DOING, traffic_news
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
 CAUSE_S: Final = 0.5
-"""Time that a change of mode waits for its cause, which came 0.1 to 0.4 s later, measured."""
+"""Time that a change of mode waits for its cause, s; measured: 0.1 to 0.4 s."""
 LEFT_S: Final = 1.0
-"""Shortest time between two reckonings of what is left, real seconds."""
+"""Minimum time between two estimates of the rest, real seconds."""
 _NOTED: Final = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.GUARDED, Phase.DOWN, Phase.LOST)
 _OURS: Final = "GUIDED (a PX4: HOLD)"
 _ANSWERED: Final = (Overridden, Landed, FrameSeen)
-"""Events whose lines wait for the mission's answer: they say what it does next; a verdict on a
-frame takes time to count."""
+"""Events whose lines wait for the mission's answer, which gives the next action.
+
+A verdict on a frame takes time to count.
+"""
 
 _DOING: Final = {
     TakeOff: "taking off",
@@ -80,12 +82,12 @@ class ProgressTable(Onlooker):
         self._left = ""
         self._state: State | None = None
         self._t_s = float("-inf")
-        """Mission time of the latest event that has arrived."""
+        """Mission time of the latest event that has arrived, s."""
         self._held: deque[Event] = deque()
         """Events that wait for the answer to the first of them: lines keep the events' order."""
         self._detector = DetectorFit()
         self._unexplained: dict[int, Overridden] = {}
-        """Changes of mode by vehicle, whose cause may follow in the autopilot's next text."""
+        """Changes of mode by vehicle; the cause may follow in the autopilot's next text."""
 
     def begin(self, setting: Setting, *, again: bool) -> None:
         """Draw the table from now on."""
@@ -98,8 +100,8 @@ class ProgressTable(Onlooker):
             terminal.write(self._live.start)
 
     def notice(self, event: Event) -> None:
-        """Show the line of an event that no other one depends on."""
-        if not isinstance(event, Told):  # words do not move the mission's time
+        """Show the line of an event that does not wait for another."""
+        if not isinstance(event, Told):  # texts do not move the mission's time
             self._t_s = max(self._t_s, event.t_s)
         if self._held or self._unexplained or isinstance(event, _ANSWERED):
             self._held.append(event)
@@ -107,7 +109,7 @@ class ProgressTable(Onlooker):
             self._show(remarkable(event, None), self._t_s)
 
     def update(self, event: Event, state: State, again: int) -> None:
-        """Show the line of an event that has waited for its answer, and what has changed."""
+        """Show the line of an event that has waited for its answer, and the changes."""
         if self._state is not None:
             self._show(traffic_news(self._state, state), state.t_s)
         self._state = state
@@ -129,7 +131,7 @@ class ProgressTable(Onlooker):
             self._terminal.show(self._line(state, again))
 
     def _in_order(self, event: Event, state: State) -> Iterator[Event]:
-        """The events to show now: a change of mode waits a moment, and is shown with its cause."""
+        """Yield the events to show now: a change of mode waits a moment for its cause."""
         waiting = self._unexplained
         for number, change in list(waiting.items()):
             its_own = getattr(event, "vehicle", None) == number
@@ -183,7 +185,7 @@ class ProgressTable(Onlooker):
         for v in state.vehicles.values():
             table.add_row(
                 str(v.vehicle),
-                Text(doing(v)),  # as it is: a note may hold what looks like markup
+                Text(doing(v)),  # without markup: a note may contain brackets
                 f"{v.position.east_m:.1f}",
                 f"{v.position.north_m:.1f}",
                 f"{v.height_m:.1f}",
@@ -202,7 +204,7 @@ class ProgressTable(Onlooker):
 
 
 def phase(state: State) -> str:
-    """What the mission as a whole is doing."""
+    """Return the phase of the mission."""
     if state.recalled:
         return "recalled"
     if state.paused:
@@ -215,7 +217,7 @@ def phase(state: State) -> str:
 
 
 def doing(vehicle: VehicleState) -> str:
-    """What a vehicle does just now, in words."""
+    """Return the present activity of a vehicle."""
     if vehicle.phase in _NOTED:
         return printable(vehicle.note) or vehicle.phase.value
     if vehicle.phase is Phase.FINISHED:
@@ -226,7 +228,7 @@ def doing(vehicle: VehicleState) -> str:
 
 
 def cells_known(state: State) -> str:
-    """How far the map is, in words."""
+    """Return the progress of the map."""
     if state.tree is None:
         return f"{state.belief.cells_searched} cells searched"
     if state.belief.open_ballots:
@@ -245,7 +247,7 @@ def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: St
     else:
         text = f"vehicle {event.vehicle} is in {event.mode} on the ground, not under our control"
     if state.over:
-        return f"{text}; nobody else flies: the flight ends"
+        return f"{text}; no other vehicle flies: the flight ends"
     if vehicle.was_down:
         return f"{text}: it is down"
     then = "takes off at once" if vehicle.cleared else "waits for its crew"
@@ -253,8 +255,11 @@ def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: St
 
 
 def remarkable(event: Event, state: State | None) -> str:
-    """What the operator has to know at once. `state`: that after the event; None before there is
-    one, of events whose line does not need it."""
+    """Return a line that the operator must see at once; empty without one.
+
+    `state` is the state after the event; None before there is one, for events whose line does not
+    need it.
+    """
     if state is not None and isinstance(event, Overridden | Landed):
         vehicle = state.vehicles[event.vehicle]
         if vehicle.phase is Phase.YIELDED and vehicle.landed:
@@ -270,21 +275,23 @@ def remarkable(event: Event, state: State | None) -> str:
         case Told(vehicle=number, cause=str(cause)):
             return f"vehicle {number} flies by itself: {cause}"
         case CellSkipped(vehicle=number, cell=cell):
-            return f"cell {cell.east}, {cell.north} is skipped: nobody looks from it"
+            return f"cell {cell.east}, {cell.north} is skipped: no vehicle observes it"
         case Released(vehicle=number):
-            return f"vehicle {number} is ours again"
+            return f"vehicle {number} is under our control again"
         case LinkLost(vehicle=number):
             return f"vehicle {number}: link lost"
         case OrderFailed(vehicle=number, reason=reason, behind=True):
-            return f"vehicle {number}: {reason}; it stops, and goes on from where it is"
+            return f"vehicle {number}: {reason}; it stops, and continues from its place"
         case OrderFailed(vehicle=number, order=order, reason=reason):
             return f"vehicle {number}: {order} failed: {reason}"
         case Crashed(vehicle=number, reason=reason):
             return f"vehicle {number} is down: {reason}; its cells go to the others"
         case GivenUp(vehicle=number, reason=reason):
-            return f"vehicle {number} is given up: {reason}; it is taken up again when it speaks"
+            return (
+                f"vehicle {number} is given up: {reason}; it takes part again when its link is back"
+            )
         case Connected(vehicle=number, airborne=True, ours=True):
-            return f"vehicle {number} answers, in the air and ours"
+            return f"vehicle {number} answers, in the air and under our control"
         case FrameLost(vehicle=number, reason=reason):
             return f"vehicle {number}: a picture was lost: {reason}"
         case BatterySwapped(vehicle=number):

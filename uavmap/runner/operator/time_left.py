@@ -1,4 +1,4 @@
-"""How much of a mission is done and left, as far as is known.
+"""The done and the remaining part of a mission, as far as known.
 
 The region's size is unknown before it is explored. So the share may fall when more of it is found,
 and it is 100 % only when all vehicles are at home.
@@ -14,19 +14,19 @@ from missions.flight.vehicle_state import Phase
 from missions.mission.energy import LANDING_OVERHEAD_S
 
 ALMOST: Final = 0.99
-"""Largest share that is shown before all vehicles are at home."""
+"""Maximum share that is shown before all vehicles are at home."""
 _OUT = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
 
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """What is known of the rest of a mission.
+    """The known rest of a mission.
 
     Attributes:
-        what: What is left, in words.
-        of: What `share` is a share of, in words.
-        share: How much of that is done, 0 to 1.
-        about_s: Mission time for what is left, s. The way home is that from where vehicles are now;
+        what: Name of the rest.
+        of: Name of the whole to which `share` refers.
+        share: Done part of that, 0 to 1.
+        about_s: Mission time for the rest, s. The way home is from the vehicles' present places;
             battery swaps are not counted.
 
     >>> Left("40 m of search lanes", "the search lanes", 0.756, 130.0).told
@@ -42,7 +42,7 @@ class Left:
 
     @property
     def told(self) -> str:
-        """A line for the operator; empty where nothing is known."""
+        """Line for the operator; empty if nothing is known."""
         parts = []
         if self.share is not None:
             percent = int(100 * self.share)
@@ -54,7 +54,7 @@ class Left:
 
 
 def duration(seconds: float) -> str:
-    """A time that is an estimate, as a person would say it.
+    """Return an estimated time as text.
 
     >>> [duration(s) for s in (2.0, 44.0, 100.0, 3500.0, 4300.0)]
     ['less than 10 s', 'about 40 s', 'about 2 min', 'about 58 min', 'about 1 h 12 min']
@@ -68,7 +68,7 @@ def duration(seconds: float) -> str:
 
 
 def time_left(state: State) -> Left:
-    """Return what is known to be left, shared among all that fly."""
+    """Return the known rest, shared among all vehicles that fly."""
     if state.over:
         done = Left("nothing more to explore", "the mission", 1.0)
         return done if state.exploration_finished else Left()
@@ -90,7 +90,7 @@ def time_left(state: State) -> Left:
 
 
 def _way_home_s(state: State) -> float | None:
-    """How long until the last one is down; None where nobody of ours is in the air."""
+    """Return the time until the last vehicle is down, s; None if none of ours is in the air."""
     energy = state.setting.energy
     ways = [
         energy.leg_s(vehicle.position.distance_to(vehicle.pad))
@@ -108,7 +108,7 @@ def _share(done: float, left: float) -> float | None:
 
 
 def _lanes_left_m(state: State) -> float:
-    """How much of the lanes no judged frame shows, by what was judged so far."""
+    """Return the length of lanes that no judged frame shows, m."""
     left_m = sum(a.distance_to(b) for a, b in state.unreachable_lanes)
     for vehicle in state.vehicles.values():
         lanes_m = [a.distance_to(b) for a, b in vehicle.lanes]
@@ -123,7 +123,7 @@ def _of_the_search(state: State, team: int) -> Left | None:
     if state.tree is not None:
         return None
     left_m = _lanes_left_m(state)
-    if setting.strategy.patches and not left_m:  # what the lanes have left open is flown to
+    if setting.strategy.patches and not left_m:  # vehicles fly straight to the rest of the lanes
         left = len(setting.strategy.open_cells(state))
         cells = "1 cell" if left == 1 else f"{left} cells"
         return Left(

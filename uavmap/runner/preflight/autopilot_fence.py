@@ -1,7 +1,7 @@
-"""The fence of the autopilot that fits a mission: its polygon, its heights, its parameters.
+"""The autopilot's fence for a mission: its polygon, its heights, its parameters.
 
-It lies outside of the mission's own, by as far as a vehicle gets before the guardian stops it: the
-autopilot is what is left when this computer does not act.
+It lies outside the mission's own fence, by the distance that a vehicle gets before the guardian
+stops it. The autopilot is the last safeguard if this computer fails.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from uavmap.mavlink.autopilots import PX4, Autopilot
 from uavmap.mavlink.mission_transfer import Item
 
 LEAST_OUTSIDE_M: Final = 5.0
-"""Least distance from the mission's fence: two receivers, a home that arming moves, a gust."""
+"""Minimum distance from the mission's fence, m: two receivers, a home that moves, a gust."""
 ABOVE_M: Final = 10.0
-"""Height of the ceiling above the highest that is flown: climbs overshoot, barometers drift."""
+"""Height of the ceiling above the highest layer, m: climbs overshoot, barometers drift."""
 MITRE: Final = 2.0
 INCLUSION: Final = int(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
 EXCLUSION: Final = int(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION)
@@ -36,7 +36,7 @@ ARDUPILOT_FENCE: Final = (
     "RTL_ALT",
 )  # fmt: skip
 PX4_FENCE: Final = ("GF_ACTION", "GF_MAX_VER_DIST", "GF_MAX_HOR_DIST", "RTL_RETURN_ALT")
-"""The parameters of a fence, and of the height at which a vehicle returns."""
+"""Parameters of a fence, and of the return height."""
 TYPE_ALT_MAX, TYPE_CIRCLE, TYPE_POLYGON, TYPE_ALT_MIN = 1, 2, 4, 8
 """Bits of FENCE_TYPE."""
 _RETURN: Final = 1
@@ -45,23 +45,23 @@ _PX4_RETURN: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class FencePlan:
-    """What is to be set on the autopilot of one vehicle."""
+    """The settings for the autopilot of one vehicle."""
 
     fence: tuple[Item, ...]
     rally: tuple[Item, ...]
     parameters: Mapping[str, float]
     outside_m: float
-    """How far its polygon lies outside of the mission's."""
+    """Distance of its polygon from the mission's, outwards, m."""
     holes_left_out: int
-    """Holes of the mission's fence that are too narrow to be made smaller by as much."""
+    """Number of holes of the mission's fence that are too narrow to be shrunk by this distance."""
     columns_left_out: tuple[int, ...] = ()
-    """Other vehicles of a fleet, the air over whose pads is too narrow for that."""
+    """Other vehicles of a fleet whose columns over their pads are too narrow for that."""
 
 
 def outside_m(speed_m_s: float, accel_m_s2: float) -> float:
-    """How far outside of the mission's fence a vehicle of ours may get, in metres.
+    """Return the maximum distance of our vehicle outside the mission's fence, m.
 
-    The guardian takes it after 2 s outside; then it brakes.
+    The guardian takes control after 2 s outside; then it brakes.
 
     >>> round(outside_m(6.0, 2.0), 1)
     21.0
@@ -76,15 +76,15 @@ class VehicleFence:
 
     setting: Layout
     number: int
-    """Of the vehicle, from 1."""
+    """Number of the vehicle, from 1."""
     home: LatLon
-    """Where it stands."""
+    """Its position on the ground."""
     kind: Autopilot
     found: Mapping[str, float]
     """Its parameters."""
 
     def plan(self) -> FencePlan:
-        """What fits the vehicle."""
+        """Return the settings for the vehicle."""
         setting = self.setting
         by_m = outside_m(setting.mission.flight.speed_m_s, setting.energy.accel_m_s2)
         outer = setting.fence.outer
@@ -103,7 +103,7 @@ class VehicleFence:
             for index, ring in enumerate(rings)
             for point in ring
         ]
-        # at the height of the ground: PX4 adds its return height, an ArduPilot takes the higher
+        # at ground level: PX4 adds its return height, an ArduPilot takes the higher one
         frame = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT
         rally = Item(mav.MAV_CMD_NAV_RALLY_POINT, self.home, frame=frame, height_m=0.0)
         return FencePlan(
@@ -112,7 +112,7 @@ class VehicleFence:
 
     @property
     def _highest_m(self) -> float:
-        """The highest ground in the fence above the home, at least 0; 0 where it is flat."""
+        """Highest ground in the fence above the home, at least 0, m; 0 if it is flat."""
         setting = self.setting
         if setting.ground is None:
             return 0.0
@@ -122,7 +122,7 @@ class VehicleFence:
 
     @property
     def _level_m(self) -> float:
-        """The height of the home above what layers are counted from."""
+        """Height of the home above the origin of its layers, m."""
         return self.setting.home_level_m(self.number)
 
     @property
@@ -134,8 +134,11 @@ class VehicleFence:
         return ("RTL_RETURN_ALT", 1.0) if self.kind is PX4 else ("RTL_ALT", 100.0)
 
     def return_height_m(self) -> float | None:
-        """Return how high the vehicle returns by itself, above home; None if unknown. In a team
-        that is its own layer, and over ground that is not flat so high above the highest."""
+        """Return the return height of the vehicle above home, m; None if unknown.
+
+        In a team that is its own layer; over ground that is not flat it is above the highest
+        ground.
+        """
         if self._sets_return:
             layer_m = self.setting.mission.altitude_m(self.number - 1) - self._level_m
             return max(layer_m, LEAST_HEIGHT_M) + self._highest_m
@@ -160,8 +163,10 @@ class VehicleFence:
 
     # --- a fence that is kept --------------------------------------------------------------------
     def faults(self, items: Sequence[Item]) -> list[str]:
-        """Return how the mission leaves the fence that is set; empty if it does not. Inside must be
-        what may be flown over, `fence.polygon` less its margin, and the homes."""
+        """Return how the mission leaves the fence that is set; empty if it does not.
+
+        Inside must be `fence.polygon` less its margin, and the homes.
+        """
         setting, faults = self.setting, self._return_faults()
         if not self.found.get("GF_ACTION" if self.kind is PX4 else "FENCE_ENABLE", 0.0):
             return faults
@@ -190,7 +195,7 @@ class VehicleFence:
         return int(self.found.get("FENCE_TYPE", 0.0))
 
     def _room(self, items: Sequence[Item]) -> BaseGeometry | None:
-        """Where the autopilot lets the vehicle be; None: anywhere."""
+        """Return the area that the autopilot allows; None: anywhere."""
         setting, types = self.setting, self._types
         radius_m = self.found.get("GF_MAX_HOR_DIST" if self.kind is PX4 else "FENCE_RADIUS", 0.0)
         inside: list[BaseGeometry] = []
@@ -222,7 +227,7 @@ class VehicleFence:
         return faults
 
     def _return_faults(self) -> list[str]:
-        """A return height that was kept, and that does not clear the ground."""
+        """Return a fault of a kept return height that does not clear the ground."""
         name, units = self._return_name
         needed_m, set_to = self._highest_m + LEAST_HEIGHT_M, self.found.get(name, 0.0)
         if self.setting.ground is None or set_to / units >= needed_m:
@@ -231,7 +236,7 @@ class VehicleFence:
 
 
 def _others_inside(setting: Layout, hole: Polygon) -> list[int]:
-    """The other vehicles of a fleet whose pads lie in a hole: it is the air over them."""
+    """Return the other vehicles of a fleet whose pads lie in a hole: it is the air over them."""
     if not setting.member:
         return []
     others = set(range(1, len(setting.mission.vehicles) + 1)) - {setting.member}
@@ -259,7 +264,8 @@ def _farthest_m(beyond: BaseGeometry, room: BaseGeometry) -> float:
 
 
 def shapes_of(setting: Layout, items: Sequence[Item]) -> list[tuple[bool, BaseGeometry]]:
-    """The polygons and circles of a fence on the mission's ground, and whether to stay inside."""
+    """Return the polygons and circles of a fence on the mission's ground, and whether to stay
+    inside."""
     shapes: list[tuple[bool, BaseGeometry]] = []
     at = 0
     while at < len(items):

@@ -1,4 +1,4 @@
-"""What the parameters of an autopilot should be for a mission, without its fence."""
+"""The parameters of an autopilot for a mission, without its fence."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from uavmap.mavlink.session import GROUND_SYSTEM_ID
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 
 HIGHEST_RETURN_M: Final = 30.0
-"""Height up to which others keep away from a vehicle that returns by itself."""
+"""Height up to which others keep away from a vehicle in RTL, m."""
 CAPACITY_SHARE: Final = 0.2
-"""Difference of the autopilot's battery from the mission's from which on a finding is due."""
+"""Difference of the autopilot's battery from the mission's that makes a finding, as a share."""
 CELL_FULL_V: Final = 4.25
 CELL_V: Final = 3.7
-"""Of a lithium polymer cell: full, and in the middle of its discharge."""
+"""Voltage of a lithium polymer cell: full, and in the middle of its discharge."""
 
 Values = Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """What a mission needs of an autopilot; by default what most need."""
+    """The mission's requirements on an autopilot; the defaults suit most."""
 
     reserve: float = 0.15
-    """The share of the charge below which the autopilot's own failsafe may act."""
+    """Maximum share of the charge at which the autopilot's own failsafe may act."""
     accel_m_s2: float = 2.0
     several: bool = False
     climb_m_s: float = 0.0
-    """What the mission says that it is set to; 0 where it says nothing."""
+    """Rate by the mission, m/s; 0 without one."""
     descent_m_s: float = 0.0
 
 
 def needs_of(setting: Layout | None) -> Needs:
-    """What a mission needs; without one, what most need."""
+    """Return the requirements of a mission; without one, those of most."""
     if setting is None:
         return Needs()
     mission = setting.mission
-    # what is set for the flight is not wished for
+    # parameters that are set for the flight need no check
     several = len(mission.vehicles) > 1 or setting.ground is not None
     return Needs(
         mission.battery.reserve,
@@ -55,7 +55,7 @@ def needs_of(setting: Layout | None) -> Needs:
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """One parameter: whether it is as wanted, given all of them and the needs of the mission."""
+    """The check of one parameter by all of them and the requirements of the mission."""
 
     name: str
     holds: Callable[[Values, Needs], bool]
@@ -67,7 +67,7 @@ ARDUPILOT_WISHES: Final = (
     Wish("ARMING_CHECK", lambda v, n: v["ARMING_CHECK"] != 0, "1",
          "at 0 it arms without looking at its sensors"),
     Wish("BATT_FS_LOW_ACT", lambda v, n: v["BATT_FS_LOW_ACT"] in (1, 2, 3, 4, 6), "2 (RTL)",
-         "an empty battery brings it home also where this computer does not"),
+         "with a low battery it returns, even without this computer"),
     Wish("BATT_LOW_VOLT", lambda v, n: v["BATT_LOW_VOLT"] > 0 or v["BATT_LOW_MAH"] > 0,
          "the voltage of your pack at the mission's reserve",
          "without it and BATT_LOW_MAH the low-battery failsafe never acts"),
@@ -92,13 +92,13 @@ ARDUPILOT_WISHES: Final = (
          "others keep away from a returning vehicle up to that height"),
     Wish("WPNAV_ACCEL", lambda v, n: v["WPNAV_ACCEL"] >= 100.0 * n.accel_m_s2 - 1,
          "200 cm/s2, flight.accel_m_s2, or more",
-         "legs take longer than is reckoned with"),
+         "legs take longer than estimated"),
     Wish("WPNAV_SPEED", lambda v, n: True, "", ""),
 )  # fmt: skip
 
 PX4_WISHES: Final = (
     Wish("COM_LOW_BAT_ACT", lambda v, n: v["COM_LOW_BAT_ACT"] in (2, 3), "3 (return)",
-         "an empty battery brings it home also where this computer does not"),
+         "with a low battery it returns, even without this computer"),
     Wish("BAT_LOW_THR", lambda v, n: v["BAT_LOW_THR"] <= n.reserve + 0.01,
          "not above battery.reserve of the mission",
          "the autopilot would warn, or end the flight, before the mission does"),
@@ -108,7 +108,7 @@ PX4_WISHES: Final = (
          "when this computer dies it hovers until its battery is low; to a PX4 this program is a "
          "ground station, and it listens to any of them"),
     Wish("COM_OF_LOSS_T", lambda v, n: 0.5 <= v["COM_OF_LOSS_T"] <= 2.0, "1 s",
-         "so long it flies on when setpoints stay away"),
+         "time that it flies on without setpoints"),
     Wish("COM_OBL_RC_ACT", lambda v, n: v["COM_OBL_RC_ACT"] in (3, 4, 5), "3 (return)",
          "when setpoints stay away and a radio control is on, it hovers until its pilot flies it"),
     Wish("RTL_RETURN_ALT", lambda v, n: n.several or v["RTL_RETURN_ALT"] <= HIGHEST_RETURN_M,
@@ -119,19 +119,19 @@ PX4_WISHES: Final = (
 
 ARDUPILOT_CLIMB_WISHES: Final = (
     Wish("WPNAV_SPEED_UP", lambda v, n: v["WPNAV_SPEED_UP"] >= 100.0 * n.climb_m_s - 1,
-         "flight.climb_m_s or more", "it climbs slower than the mission says"),
+         "flight.climb_m_s or more", "it climbs slower than in the mission"),
     Wish("WPNAV_SPEED_DN", lambda v, n: v["WPNAV_SPEED_DN"] >= 100.0 * n.descent_m_s - 1,
-         "flight.descent_m_s or more", "it descends slower than the mission says"),
+         "flight.descent_m_s or more", "it descends slower than in the mission"),
 )  # fmt: skip
 PX4_CLIMB_WISHES: Final = (
     Wish("MPC_Z_V_AUTO_UP", lambda v, n: v["MPC_Z_V_AUTO_UP"] >= n.climb_m_s - 0.01,
-         "flight.climb_m_s or more", "it climbs slower than the mission says"),
+         "flight.climb_m_s or more", "it climbs slower than in the mission"),
     Wish("MPC_TKO_SPEED", lambda v, n: v["MPC_TKO_SPEED"] >= n.climb_m_s - 0.01,
-         "flight.climb_m_s or more", "it takes off slower than the mission says"),
+         "flight.climb_m_s or more", "it takes off slower than in the mission"),
     Wish("MPC_Z_V_AUTO_DN", lambda v, n: v["MPC_Z_V_AUTO_DN"] >= n.descent_m_s - 0.01,
-         "flight.descent_m_s or more", "it descends slower than the mission says"),
+         "flight.descent_m_s or more", "it descends slower than in the mission"),
 )  # fmt: skip
-"""Only of missions that say how fast their autopilots climb and descend."""
+"""Only for missions that give the climb and descent rates of their autopilots."""
 
 _ON_BY_FLOW: Final = (
     'navigation.gnss_loss is "map": without optical flow it lands when satellites go'
@@ -145,17 +145,17 @@ PX4_FLOW_WISHES: Final = (
     Wish("EKF2_OF_CTRL", lambda v, n: v["EKF2_OF_CTRL"] != 0, "1", _ON_BY_FLOW),
     Wish("COM_POS_FS_EPH", lambda v, n: not 0.0 <= v["COM_POS_FS_EPH"] < FLOW_EPH_M, "-1",
          "its position counts as lost when its own accuracy has become worse than that, though "
-         "its own map goes on to tell where it is"),
+         "its own map still gives its position"),
 )  # fmt: skip
-"""Only of missions that go on without satellites."""
+"""Only for missions that continue without satellites."""
 FLOW_EPH_M: Final = 50.0
 
 CAPACITY: Final = {True: "BAT1_CAPACITY", False: "BATT_CAPACITY"}
-"""The parameter of the battery's capacity, mAh, by whether the autopilot is a PX4."""
+"""Parameter of the battery's capacity, mAh, by whether the autopilot is a PX4."""
 
 
 def wishes_of(kind: Autopilot, setting: Layout | None) -> tuple[Wish, ...]:
-    """What is wished for, for a mission; without one, for most."""
+    """Return the checks for a mission; without one, for most."""
     wishes: tuple[Wish, ...] = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
     if setting is None:
         return wishes
@@ -168,7 +168,7 @@ def wishes_of(kind: Autopilot, setting: Layout | None) -> tuple[Wish, ...]:
 
 
 def names_of(kind: Autopilot, setting: Layout | None = None) -> tuple[str, ...]:
-    """The parameters that are asked for."""
+    """Return the names of the requested parameters."""
     wishes = wishes_of(kind, setting)
     extra = () if kind is PX4 else ("BATT_LOW_MAH",)
     return tuple(dict.fromkeys([*(w.name for w in wishes), *extra, CAPACITY[kind is PX4]]))
@@ -180,11 +180,13 @@ def parameter_findings(
     setting: Layout | None,
     volts: float | None,
 ) -> Iterator[Finding]:
-    """What is said of the parameters that were asked for; `volts` of the battery, if known."""
+    """Yield the findings on the requested parameters; `volts` of the battery, if known."""
     values = {name: parameter.value for name, parameter in parameters.items()}
     needs = needs_of(setting)
     if not values:
-        yield bad("parameters", "none was told", "answers", "does the link carry anything to it?")
+        yield bad(
+            "parameters", "none was reported", "answers", "does the link carry anything to it?"
+        )
         return
     for wish in wishes_of(kind, setting):
         yield _judged(wish, values, needs)
@@ -193,13 +195,15 @@ def parameter_findings(
 
 def _judged(wish: Wish, values: Values, needs: Needs) -> Finding:
     if wish.name not in values:
-        return warn(wish.name, "not told", wish.wanted or "a value", "this autopilot has none?")
+        return warn(wish.name, "not reported", wish.wanted or "a value", "this autopilot has none?")
     found = f"{values[wish.name]:g}"
     try:
         held = wish.holds(values, needs)
     except KeyError as missing:
         other = missing.args[0]
-        return warn(wish.name, found, wish.wanted, f"{other}, which belongs to it, was not told")
+        return warn(
+            wish.name, found, wish.wanted, f"{other}, which belongs to it, was not reported"
+        )
     return ok(wish.name, found) if held else warn(wish.name, found, wish.wanted, wish.why)
 
 

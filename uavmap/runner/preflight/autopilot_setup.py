@@ -1,7 +1,7 @@
-"""Set the autopilot of one vehicle up for a mission, and restore it.
+"""The settings of one vehicle's autopilot for a mission, and their restoration.
 
-What was set before is on disk until it is restored, for `uavmap resume` if this computer dies.
-Everything that is set is read back.
+The old settings are on disk until they are restored, for `uavmap resume` if this computer fails.
+Every setting is read back.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 FILE: Final = "autopilot-before.json"
 RESTORE_S: Final = 60.0
-"""Longest time for the restore at the end of a flight."""
+"""Maximum time for the restore at the end of a flight, s."""
 HEARD_S: Final = 5.0
 IDENTITY_TRIES: Final = 5
 IDENTITY_S: Final = 1.0
-"""Wait for each answer to the question which aircraft it is."""
+"""Wait for each answer to the request for the aircraft's identity, s."""
 _KEEP: Final = "give --keep-fence to fly inside the fence that is set"
 Items = tuple[Item, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """What one autopilot had; None: its lists are left alone."""
+    """The old settings of one autopilot; None: its lists are not changed."""
 
     parameters: dict[str, Parameter]
     fence: Items | None = None
@@ -63,12 +63,11 @@ class Kept:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing is to be put back."""
+        """True if nothing is to be restored."""
         return not self.path.exists()
 
     def of(self, aircraft: str) -> Before | None:
-        """Return what an aircraft's autopilot had, None once it is restored. Raises
-        `OutputError`."""
+        """Return an aircraft's old settings, None once they are restored. Raises `OutputError`."""
         values = self._read().get(aircraft)
         if values is None:
             return None
@@ -82,7 +81,8 @@ class Kept:
             raise self._unreadable() from None
 
     def keep(self, aircraft: str, number: int, before: Before) -> None:
-        """Save what the aircraft of vehicle `number` had before a change. Raises `OutputError`."""
+        """Save the settings of the aircraft of vehicle `number` before a change. Raises
+        `OutputError`."""
         values = self._read()
         values[aircraft] = {
             "vehicle": number,
@@ -93,7 +93,7 @@ class Kept:
         self._write(values)
 
     def done(self, aircraft: str) -> None:
-        """It is put back. Raises `OutputError`."""
+        """Remove the settings of a restored aircraft. Raises `OutputError`."""
         values = self._read()
         if values.pop(aircraft, None) is not None:
             self._write(values)
@@ -148,7 +148,7 @@ def _items(rows: list[list[float]] | None) -> Items | None:
 
 
 class AutopilotSetup:
-    """What is set on one autopilot for a flight, and what was there."""
+    """The settings of one autopilot for a flight, and the old ones."""
 
     def __init__(self, number: int, session: Session, setting: Layout, folder: Path) -> None:
         self._number = number
@@ -160,11 +160,11 @@ class AutopilotSetup:
         self._parameters = Parameters(session)
         self._transfer = MissionTransfer(session)
         self._unnamed = False
-        """Whether it has reported no number of its hardware."""
+        """True if it has reported no hardware number."""
 
     # --- as it is -----------------------------------------------------------------------------
     async def look(self) -> tuple[Before, list[Finding]]:
-        """What is set now, with what is to be told of it. Raises `LinkError`."""
+        """Return the present settings, with findings on them. Raises `LinkError`."""
         names = PX4_FENCE if self._view.kind is PX4 else ARDUPILOT_FENCE
         parameters = await self._parameters.read_many([*names, *self._timeout])
         found: list[Finding] = []
@@ -179,12 +179,13 @@ class AutopilotSetup:
 
     @property
     def _timeout(self) -> tuple[str, ...]:
-        """The parameter that a stream of setpoints shortens in the flight, if it has one."""
+        """Return the parameter that a stream of setpoints shortens in the flight, if it has one."""
         name = self._view.kind.stream_timeout
         return () if name is None else (name,)
 
     async def keep_fence(self) -> list[Finding]:
-        """Whether the mission can be flown inside the fence that is set. Raises `LinkError`."""
+        """Return findings whether the mission fits inside the fence that is set. Raises
+        `LinkError`."""
         before, found = await self.look()
         faults = self.fence_of(before).faults(before.fence or ())
         found += [
@@ -197,25 +198,27 @@ class AutopilotSetup:
         return found if faults else [*found, ok("fence", f"kept: {self.in_words(before)}")]
 
     def in_words(self, before: Before) -> str:
-        """What an autopilot has, for people."""
+        """Return an autopilot's settings as text."""
         values = " ".join(f"{name}={p.value:g}" for name, p in before.parameters.items())
         points = f"{len(before.fence or ())} items, {len(before.rally or ())} rally points"
-        return f"{points}, {values or 'no parameters told'}"
+        return f"{points}, {values or 'no parameters reported'}"
 
     def fence_of(self, before: Before) -> VehicleFence:
-        """Return the fence that fits the mission, by what was found."""
+        """Return the fence for the mission, by the old settings."""
         values = {name: parameter.value for name, parameter in before.parameters.items()}
         return VehicleFence(self._setting, self._number, self._home, self._view.kind, values)
 
     @property
     def _home(self) -> LatLon:
-        """Where the vehicle stands: that becomes its home when it arms."""
+        """Return the vehicle's position: it becomes its home when it arms."""
         return self._view.position or self._view.home or self._setting.mission.home
 
     # --- set ----------------------------------------------------------------------------------
     async def apply(self) -> list[Finding]:
-        """Set fence, rally point and return height, and read them back; what fails is a finding.
-        Raises `OutputError`, and changes nothing, where the old values cannot be saved."""
+        """Set fence, rally point and return height, and read them back; a failure is a finding.
+
+        Raises `OutputError`, and changes nothing, if the old values cannot be saved.
+        """
         try:
             before, found = await self.look()
             plan = self.fence_of(before).plan()
@@ -237,7 +240,8 @@ class AutopilotSetup:
         return [*found, ok("fence", text)]
 
     async def save_timeout(self) -> None:
-        """Save what set-points change, where nothing else is set. Raises `OutputError`."""
+        """Save the parameter that setpoints change, if nothing else is set. Raises
+        `OutputError`."""
         aircraft = await self._aircraft()
         if self._kept.of(aircraft) is None and (
             found := await self._parameters.read_many(self._timeout)
@@ -245,8 +249,10 @@ class AutopilotSetup:
             self._kept.keep(aircraft, self._number, Before(found))
 
     async def _aircraft(self) -> str:
-        """Return the hardware's number and system id (simulators side by side share the first), or
-        the number in the mission for one that does not answer in time."""
+        """Return the hardware's number and system id (simulators side by side share the first).
+
+        For an aircraft that does not answer in time, it is the number in the mission.
+        """
         view, session = self._view, self._session
         for _ in range(IDENTITY_TRIES):
             if view.identity is not None or self._unnamed:
@@ -259,7 +265,7 @@ class AutopilotSetup:
         return f"vehicle {self._number}" if self._unnamed else f"{view.uid} {view.system_id}"
 
     def _note(self, aircraft: str, before: Before, plan: FencePlan) -> None:
-        """What was there goes to disk: once, for later it is what we have set ourselves."""
+        """Save the old settings on disk, once: later ones are our own."""
         kept = self._kept.of(aircraft)
         if kept is not None and kept.fence is not None:
             return
@@ -288,7 +294,7 @@ class AutopilotSetup:
     async def _put(self, kind: Kind, items: Items) -> None:
         await self._transfer.upload(kind, items)
         if not same_items(items, await self._transfer.download(kind)):
-            raise LinkError(f"{kind.words} came back otherwise than sent")
+            raise LinkError(f"{kind.words} were read back differently")
 
     async def _set(self, name: str, value: float, found: Parameter | None) -> bool:
         if found is None:
@@ -299,8 +305,10 @@ class AutopilotSetup:
 
     # --- and back -----------------------------------------------------------------------------
     async def restore(self) -> bool:
-        """Restore what was set before, on the ground; else log what stays set. Never raises.
-        Whether nothing is left to restore."""
+        """Restore the old settings, on the ground; else log which stay set. Never raises.
+
+        Return whether nothing is left to restore.
+        """
         try:
             if self._kept.empty:
                 return True
@@ -357,7 +365,7 @@ class AutopilotSetup:
 
 
 def _unused(path: Path) -> Path:
-    """The path, or that with a number where it exists: of another aircraft."""
+    """Return the path, or that with a number if it exists: of another aircraft."""
     names = (path.with_stem(f"{path.stem}-{n}") for n in itertools.count(2))
     return path if not path.exists() else next(name for name in names if not name.exists())
 

@@ -1,4 +1,4 @@
-"""Whether this computer is fast enough for a mission, as findings."""
+"""Checks whether this computer is fast enough for a mission, as findings."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from vision.projection import Frame
 
 PYTHON: Final = (3, 11)
 LITTLE_DISK_B: Final = 200 * 2**20
-"""A flight of an hour leaves a journal and a telemetry log of some ten megabytes."""
+"""Minimum free disk space, bytes: the journal and log of an hour have some ten megabytes."""
 NO_DISK_B: Final = 20 * 2**20
 NEEDED: Final = (
     "numpy", "opencv-python-headless", "pillow", "pydantic", "pymavlink", "pyproj", "pyserial",
@@ -47,7 +47,7 @@ NEEDED: Final = (
 
 
 def installation(folder: Path) -> Iterator[Finding]:
-    """What this computer has; `folder` is where results go."""
+    """Yield the findings on this computer; `folder` is the place of results."""
     yield from _python()
     yield from _packages()
     yield _compiled()
@@ -118,29 +118,29 @@ STALL_S: Final = 1.5
 """Time to watch the event loop, s."""
 BEAT_S: Final = 0.01
 FRAMES_S: Final = 1.0
-"""Time to judge frames, s, and their number at most..."""
+"""Time to judge frames, s, and their maximum number."""
 FRAMES: Final = 10
 PLANS_S: Final = 3.0
-"""Time to fly the made-up region in thought, s."""
+"""Time of a computed flight over the made-up region, s."""
 REGION_SHARE: Final = 0.25
-"""Area of the made-up region, by that of the search box."""
+"""Area of the made-up region, as a share of the search box."""
 _NADIR: Final = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class ComputerSpeed:
-    """Times of this computer, s; None where there is no mission, or a strategy that stops."""
+    """Times of this computer, s; None without a mission, or for a strategy that stops."""
 
     stall_s: float
-    """Longest delay of an event loop beside whatever else runs here."""
+    """Maximum delay of an event loop beside other programs here, s."""
     frame_s: float | None = None
-    """Time to decode and judge a frame, the median of some."""
+    """Time to decode and judge a frame, median of several, s."""
     plan_s: float | None = None
-    """Time of the slowest plan."""
+    """Time of the slowest plan, s."""
 
     @classmethod
     def measured(cls, setting: Setting | None) -> ComputerSpeed:
-        """Measure, in some seconds. Raises `MissionFileError` for a detector that cannot be had."""
+        """Measure, in some seconds. Raises `MissionFileError` for a missing detector."""
         stall_s = asyncio.run(longest_stall_s())
         if setting is None:
             return cls(stall_s)
@@ -148,7 +148,7 @@ class ComputerSpeed:
 
 
 async def longest_stall_s(watch_s: float = STALL_S) -> float:
-    """Return by how much an event loop was late at worst."""
+    """Return the maximum delay of an event loop, s."""
     loop = asyncio.get_running_loop()
     end_s, worst_s = loop.time() + watch_s, 0.0
     while (begin_s := loop.time()) < end_s:
@@ -159,13 +159,14 @@ async def longest_stall_s(watch_s: float = STALL_S) -> float:
 
 # --- frames ----------------------------------------------------------------------------------
 def frame_s(setting: Setting) -> float:
-    """Return the time to decode and judge a frame of the mission's camera by its detector."""
+    """Return the time to decode and judge a frame of the mission's camera by its detector, s."""
     mission = setting.mission
     height_m = mission.altitude_m(0)
     judge = Classifier.of(mission, setting.grid, height_m)
     camera = judge.camera
     size_px = camera.width_px, camera.height_px
-    pictures = [_picture(size_px, seed) for seed in (1, 2)]  # the same twice is a stalled camera
+    # the same picture twice is a stalled camera
+    pictures = [_picture(size_px, seed) for seed in (1, 2)]
     middle = drawn(mission.search.box, setting.grid).centroid
     pose = Pose(setting.grid.position(GridPoint(middle.x, middle.y)), height_m, _NADIR)
     took_s: list[float] = []
@@ -176,7 +177,7 @@ def frame_s(setting: Setting) -> float:
         took_s.append(time.perf_counter() - begin_s)
         if sum(took_s) > FRAMES_S:
             break
-    timed = sorted(took_s[1:] or took_s)  # the first loads what the others use
+    timed = sorted(took_s[1:] or took_s)  # the first loads data for the others
     return timed[len(timed) // 2]
 
 
@@ -189,18 +190,18 @@ def _picture(size_px: tuple[int, int], seed: int) -> bytes:
 
 # --- plans -----------------------------------------------------------------------------------
 def longest_plan_s(setting: Setting, for_s: float = PLANS_S) -> float | None:
-    """Return the time of the slowest plan over a made-up region; None for a strategy that stops."""
+    """Return the time of the slowest plan over a made-up region, s; None for stops."""
     if setting.strategy.stops:
         return None
     ready_planner(setting.mission.strategy, lambda text: None)
-    for _ in range(2):  # the first flight loads what the planner needs
+    for _ in range(2):  # the first flight loads the planner
         flight = _InThought(setting)
         flight.fly(for_s / 2.0)
     return flight.slowest_s
 
 
 class _InThought:
-    """A flight whose vehicles are where their paths have them, over a round region."""
+    """A computed flight whose vehicles are exactly on their paths, over a round region."""
 
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
@@ -208,7 +209,7 @@ class _InThought:
         self._t_s = 0.0
         self.slowest_s = 0.0
         box = drawn(setting.mission.search.box, setting.grid)
-        # a disc where the search begins: it is soon found
+        # a disc at the beginning of the search: it is soon found
         middle = Point(setting.lanes[0][0]) if setting.lanes else box.centroid
         self._region = middle.buffer(math.sqrt(REGION_SHARE * box.area / math.pi))
         shapely.prepare(self._region)
@@ -216,7 +217,7 @@ class _InThought:
         self._half_m = footprint_over(mission, mission.altitude_m(0)).short_m / 2.0
 
     def fly(self, for_s: float) -> None:
-        """Take off, search and explore for so long, seconds of this computer."""
+        """Take off, search and explore for `for_s` seconds of this computer."""
         setting = self._setting
         full_wh = setting.mission.battery.capacity_wh
         for number in self._state.vehicles:
@@ -226,7 +227,7 @@ class _InThought:
             self._t_s += 10.0
             self._post(LiftedOff(number, self._t_s))
             self._post(Airborne(number, self._t_s, home=setting.pad_of(number)))
-        self.slowest_s = 0.0  # on the ground nobody waits
+        self.slowest_s = 0.0  # on the ground no vehicle waits
         end_s = time.perf_counter() + for_s
         while time.perf_counter() < end_s and not self._state.exploration_finished:
             self._t_s = round(self._t_s + setting.mission.camera.interval_s, 3)
@@ -265,16 +266,16 @@ class _InThought:
 
 
 GAP_S: Final = 0.25
-"""Longest gap between set-points in a flight, s. A PX4 leaves its path after 0.5 to 1 s."""
+"""Maximum gap between setpoints in a flight, s. A PX4 leaves its path after 0.5 to 1 s."""
 COMFORT_SHARE: Final = 0.5
-"""Of what the mission needs: a computer that takes longer has little to spare."""
+"""Share of the mission's need above which a computer has little to spare."""
 _FREE: Final = "end other programs on this computer, or take a faster one"
 
 
 def computer_findings(
     speed: ComputerSpeed, setting: Setting | None, vehicles: int
 ) -> Iterator[Finding]:
-    """Yield what was measured against what a mission with so many vehicles on here needs."""
+    """Yield the measurements against the needs of a mission with `vehicles` vehicles here."""
     yield _finding(
         "event loop", speed.stall_s, GAP_S - INTERVAL_S, "late at worst",
         f"set-points go out every {INTERVAL_S:g} s, with gaps under {GAP_S:g} s", _FREE,

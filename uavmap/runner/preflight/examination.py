@@ -1,4 +1,4 @@
-"""Everything that is looked at on one vehicle before a flight, as findings."""
+"""The examination of one vehicle before a flight, as findings."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from vision.plausible import implausible
 PICTURES: Final = "test-picture-{}.png"
 HEARTBEAT_S: Final = 1.0
 PICTURE_S: Final = 8.0
-"""Longest wait for a picture that was ordered."""
+"""Maximum wait for an ordered picture, s."""
 _MARK = np.array([0, 0, 255], np.uint8)  # red, as OpenCV has it
 _REMEDY: Final = (
     "is the camera's program running, on the same link and with the vehicle's system id?"
@@ -47,7 +47,7 @@ _REMEDY: Final = (
 async def spoken_with(
     options: FlightOptions, cameras: Sequence[CameraSpec], section: CameraSection
 ) -> AsyncIterator[list[Link]]:
-    """Open links as for a flight, and send heartbeats: a vehicle speaks only to who has spoken."""
+    """Open links as for a flight, and send heartbeats: a vehicle answers only to a sender."""
     async with opened_links(options, cameras, section, lambda frame: None) as links:
         beating = asyncio.create_task(_heartbeats([link.session for link in links]))
         try:
@@ -57,13 +57,15 @@ async def spoken_with(
 
 
 async def connect(session: Session, name: str) -> None:
-    """Wait for an autopilot, and request its telemetry; what does not come is a finding. Raises
-    `LinkError` where none answers."""
+    """Wait for an autopilot, and request its telemetry; a missing part is a finding.
+
+    Raises `LinkError` if none answers.
+    """
     view = session.view
     await answered(session, name)
     try:
         for message_id, rate_hz in view.kind.streams.items():
-            with contextlib.suppress(CommandRefusedError):  # a stream may come all the same
+            with contextlib.suppress(CommandRefusedError):  # a stream may come anyway
                 await session.message_interval(message_id, rate_hz)
     except LinkError as error:
         raise LinkError(f"{name}: {error}: does the link carry anything to the vehicle?") from None
@@ -71,7 +73,7 @@ async def connect(session: Session, name: str) -> None:
 
 
 class Examination:
-    """What is looked at on one vehicle; made as soon as there is a session."""
+    """The examination of one vehicle; made as soon as there is a session."""
 
     def __init__(self, number: int, session: Session, camera: FrameSource) -> None:
         self._number = number
@@ -81,7 +83,7 @@ class Examination:
         self._parameters = Parameters(session)
 
     async def vehicle(self, setting: Layout | None) -> list[Finding]:
-        """Link, state, battery, failsafes; without a mission what can be told without."""
+        """Return the findings on link, state, battery, failsafes; fewer without a mission."""
         measured = self._measurement
         await measured.measure()
         view = self._session.view
@@ -131,7 +133,7 @@ async def _picture(source: FrameSource, interval_s: float, patience_s: float) ->
         async with asyncio.timeout(patience_s):
             return await first
     except TimeoutError:
-        raise LinkError("the camera was told to take a picture, and none came") from None
+        raise LinkError("the camera got an order for a picture, and none came") from None
     finally:
         source.stop()
 

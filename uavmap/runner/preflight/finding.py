@@ -1,4 +1,4 @@
-"""A finding: what was examined before a flight, what was found, what is wanted, what to do."""
+"""A finding: an examined thing before a flight, its value, the wanted value, the remedy."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from typing import Any
 
 
 class Level(Enum):
-    """How bad it is."""
+    """The severity of a finding."""
 
     OK = "ok"
     WARN = "warn"
-    """The mission can be flown; somebody should know."""
+    """The mission can be flown; the crew should know."""
     BAD = "bad"
     """The mission cannot be flown, or should not be."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at."""
+    """One examined thing."""
 
     what: str
-    """The thing: a parameter by its name, or a word such as "GPS"."""
+    """Name of the thing: a parameter, or a word such as "GPS"."""
     level: Level
     found: str
     wanted: str = ""
     remedy: str = ""
     vehicle: int | None = None
-    """By its number in the mission, from 1; None: of this computer."""
+    """Number of its vehicle in the mission, from 1; None for this computer."""
     binding: bool = False
-    """Whether a bad one keeps everybody on the ground, whatever the operator says."""
+    """True if a bad one keeps all vehicles on the ground, whatever the operator answers."""
 
     def line(self) -> str:
-        """In a line.
+        """Return it as a line.
 
         >>> Finding("GPS", Level.BAD, "no fix", "a 3D fix", "wait", vehicle=1).line()
         'bad   1 GPS: no fix (wanted: a 3D fix); wait'
@@ -45,35 +45,35 @@ class Finding:
         return f"{self.level.value:<5} {of}{self.what}: {self.found}{wanted}{remedy}"
 
     def as_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Return it for `--json`."""
         return {**asdict(self), "level": self.level.value}
 
 
 def ok(what: str, found: str) -> Finding:
-    """Nothing to say against it."""
+    """Return a finding without a fault."""
     return Finding(what, Level.OK, found)
 
 
 def warn(what: str, found: str, wanted: str, remedy: str) -> Finding:
-    """Worth to be known."""
+    """Return a finding that the crew should know."""
     return Finding(what, Level.WARN, found, wanted, remedy)
 
 
 def bad(what: str, found: str, wanted: str, remedy: str, *, binding: bool = False) -> Finding:
-    """Not to be flown with."""
+    """Return a finding that forbids the flight."""
     return Finding(what, Level.BAD, found, wanted, remedy, binding=binding)
 
 
 def could_fly(findings: Iterable[Finding]) -> bool:
-    """Whether nothing bad is among them."""
+    """Return whether none of them is bad."""
     return all(finding.level is not Level.BAD for finding in findings)
 
 
 def binding(findings: Iterable[Finding]) -> Iterator[Finding]:
-    """The bad ones that nobody can pass over."""
+    """Yield the bad ones that no operator can override."""
     return (f for f in findings if f.level is Level.BAD and f.binding)
 
 
 def of_vehicle(number: int, findings: Iterable[Finding]) -> list[Finding]:
-    """The findings as those of a vehicle."""
+    """Return the findings as those of a vehicle."""
     return [replace(finding, vehicle=number) for finding in findings]

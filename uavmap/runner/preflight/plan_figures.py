@@ -1,4 +1,4 @@
-"""What a mission would fly, in figures and in lines, before anything flies."""
+"""The plan of a mission, in figures and in lines, before anything flies."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from missions.units import GridPoint
 
 
 def estimate(setting: Setting) -> dict[str, Any]:
-    """Return what a mission flies at most: a search of the whole box, and nothing found.
+    """Return the maximum flight of a mission: a search of the whole box, without a find.
 
     Exploration is given per cell, of strategies that observe every cell: the ROI's size is unknown.
-    `sortie_wh` is what a full battery leaves without climb, landing and reserve;
-    `farthest_corner_wh` what of it the farthest corner of the box takes, there and back, with a
-    look.
+    `sortie_wh` is the energy of a full battery without climb, landing and reserve.
+    `farthest_corner_wh` is the part of it for the farthest corner of the box, there and back, with
+    an observation.
     """
     mission, energy = setting.mission, setting.energy
     blocks, team = setting.shares, range(len(setting.mission.vehicles))
@@ -35,7 +35,7 @@ def estimate(setting: Setting) -> dict[str, Any]:
     area = flyable.search_area(mission, setting.grid)
     corner = flyable.farthest_corner(mission, setting.grid)
     corner_layer_m = mission.top_altitude_m(corner.vehicle)
-    # what is not for flying: the climb, the landing and the reserve
+    # not for flying: the climb, the landing and the reserve
     aside_wh = energy.climb_wh(corner_layer_m) + energy.home_wh(0.0, corner_layer_m)
     aside_wh -= energy.leg_wh(0.0)
     a_cell_s = 2.0 * mission.grid.cell_m / energy.speed_m_s + setting.look_s
@@ -82,7 +82,7 @@ def first_sighting_s(setting: Setting) -> tuple[float, float] | None:
 
 
 def ground_figures(setting: Setting) -> dict[str, Any] | None:
-    """What the ground comes to, in metres above the start; None where nothing is known of it."""
+    """Return the figures of the ground, in metres above the start; None if it is unknown."""
     mission, relief = setting.mission, setting.mission.relief
     if relief is None:
         return None
@@ -101,7 +101,7 @@ def ground_figures(setting: Setting) -> dict[str, Any] | None:
 
 
 def ground_lines(setting: Setting) -> list[str]:
-    """The same in words."""
+    """Return the same as text."""
     found = ground_figures(setting)
     if found is None:
         asked = setting.mission.terrain is not None
@@ -121,7 +121,7 @@ def ground_lines(setting: Setting) -> list[str]:
 
 
 def taken_lines(mission: Mission) -> list[str]:
-    """What is taken where the file leaves out a table that a flight depends on.
+    """Return lines on the defaults of tables that a flight depends on and the file leaves out.
 
     >>> from uavmap.load.mission_source import load
     >>> taken_lines(load("runway"))
@@ -143,7 +143,7 @@ def taken_lines(mission: Mission) -> list[str]:
 
 
 def plan_lines(setting: Setting) -> list[str]:
-    """What would be flown, for people who decide whether to take off."""
+    """Return the plan as lines for people who decide on take-off."""
     mission, figures = setting.mission, estimate(setting)
     cells = figures["search_area_m2"] / mission.grid.cell_m**2
     heights = ", ".join(f"{layer['altitude_m']:g} m" for layer in figures["layers"])
@@ -167,7 +167,7 @@ def plan_lines(setting: Setting) -> list[str]:
 
 
 def _figures(mission: Mission, height_m: float) -> dict[str, Any]:
-    """What follows from the height of a layer; `speed_m_s` is for pictures without a stop."""
+    """Return the figures of a layer's height; `speed_m_s` is for pictures without a stop."""
     optics, speeds = mission.camera.optics, speed_limits(mission, height_m)
     across_m, along_m = optics.footprint(height_m)
     return {

@@ -1,4 +1,4 @@
-"""What a vehicle says of itself before a flight: link, mode, fix, estimator, battery, place."""
+"""The state of a vehicle before a flight: link, mode, fix, estimator, battery, place."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, EKF_CONSTANT, VehicleView
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 
 MEASURE_S: Final = 4.0
-"""Time to listen to a link..."""
+"""Time to listen to a link, s."""
 TOLD_S: Final = 8.0
-"""... and longest time to wait for what is still missing then."""
+"""Maximum time to wait for missing messages, s."""
 PINGS: Final = 5
 _NS: Final = 1e9
 _NO_VOLTAGE_MV: Final = 65_535
 
 
 class Measurement:
-    """What is measured over a session; make one early, for it only knows what was said since."""
+    """The measurements over a session; make one early, as it knows only later messages."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.frames_hz = 0.0
-        """Frames of the autopilot that arrived."""
+        """Rate of the autopilot's frames, Hz."""
         self.lost_share = 0.0
-        """0 to 1: of the autopilot's frames, those whose number is missing."""
+        """Share of the autopilot's frames whose number is missing, 0 to 1."""
         self.fix: Message | None = None
         """The last GPS_RAW_INT."""
         self.volts: float | None = None
-        """Of the battery, as SYS_STATUS has it."""
+        """Voltage of the battery, from SYS_STATUS."""
         self.version = ""
-        """Of the autopilot's firmware; empty where it was not told."""
+        """Version of the autopilot's firmware; empty if it was not reported."""
         self.remote_id: Message | None = None
         """The last OPEN_DRONE_ID_ARM_STATUS."""
         self._sent_ns: dict[int, float] = {}
@@ -52,15 +52,15 @@ class Measurement:
 
     @property
     def round_trip_s(self) -> float | None:
-        """The median of some answers to TIMESYNC; None where none came."""
+        """Median round trip of TIMESYNC, s; None without an answer."""
         trips_s = sorted(self._trips_s)
         return trips_s[len(trips_s) // 2] if trips_s else None
 
     async def measure(self, seconds: float = MEASURE_S) -> None:
-        """Listen for a while, and request what does not come by itself.
+        """Listen for `seconds`, and request messages that do not come.
 
-        What the findings judge is waited for a little longer: late telemetry, or an estimator that
-        was just switched on, is no fault of the vehicle.
+        It waits a little longer for the messages that findings need: late telemetry, or an
+        estimator that was just switched on, is no fault of the vehicle.
         """
         session, view = self._session, self._session.view
         loop = asyncio.get_running_loop()
@@ -68,7 +68,7 @@ class Measurement:
         heard, missing = session.losses.counts(sender)
         begin_s = loop.time()
         for _ in range(PINGS):
-            # its own time back tells which question was answered; zero would be no question
+            # its own time in the answer identifies the question; zero would be no question
             now_s = loop.time()
             asked_ns = round(now_s * _NS) + 1
             self._sent_ns[asked_ns] = now_s
@@ -85,7 +85,7 @@ class Measurement:
         self.lost_share = missing / max(heard + missing, 1)
 
     def _ask(self) -> None:
-        """For what does not come by itself, or was told before it was good."""
+        """Request messages that do not come, or came before they were valid."""
         if not _fixed(self.fix):
             self._session.request(mav.MAVLINK_MSG_ID_GPS_RAW_INT)
         if not self.version or self._session.view.identity is None:
@@ -121,7 +121,7 @@ def _fixed(fix: Message | None) -> bool:
 
 
 def _version(number: int) -> str:
-    """In words: a byte each for major, minor and patch.
+    """Return a version as text: a byte each for major, minor and patch.
 
     >>> _version(0x040601FF)
     '4.6.1'
@@ -130,13 +130,13 @@ def _version(number: int) -> str:
 
 
 MUCH_LOST: Final = 0.05
-"""A link that loses more is felt: commands are repeated, pictures asked for again."""
+"""Share of lost frames that affects a flight: commands and pictures are requested again."""
 TOO_MUCH_LOST: Final = 0.3
 SLOW_TRIP_S: Final = 0.5
 FEW_FRAMES_HZ: Final = 5.0
 LEAST_SATELLITES: Final = 6
 HIGH_HDOP: Final = 2.0
-"""From here on a position is some metres off, half a cell."""
+"""HDOP from which on a position is some metres off, half a cell."""
 FRESH_PERCENT: Final = 90
 PAD_M: Final = 5.0
 _FIXES: Final = {
@@ -148,7 +148,7 @@ _FIXES: Final = {
 def state_findings(
     view: VehicleView, measured: Measurement, setting: Layout | None, number: int
 ) -> Iterator[Finding]:
-    """All that can be told without parameters, of the vehicle `number` (from 1)."""
+    """Yield the findings on the vehicle `number` (from 1) that need no parameters."""
     yield _autopilot(view, measured)
     yield from _link(measured)
     yield from _fix(measured)
@@ -167,7 +167,7 @@ def _autopilot(view: VehicleView, measured: Measurement) -> Finding:
     if view.armed and not view.on_ground:
         return warn(
             "autopilot", found, "on the ground, disarmed",
-            "it is taken up where it is, and nothing is set on it",
+            "it takes part where it is, and nothing is set on it",
         )  # fmt: skip
     if view.armed:
         return warn("autopilot", found, "disarmed", "disarm it")
@@ -198,7 +198,9 @@ def _link(measured: Measurement) -> Iterator[Finding]:
 def _fix(measured: Measurement) -> Iterator[Finding]:
     fix = measured.fix
     if fix is None:
-        yield warn("GPS", "not told (GPS_RAW_INT)", "a 3D fix", "look at it in a ground station")
+        yield warn(
+            "GPS", "not reported (GPS_RAW_INT)", "a 3D fix", "look at it in a ground station"
+        )
         return
     found = _FIXES.get(fix.fix_type, f"fix {fix.fix_type}")
     if fix.satellites_visible != 255:
@@ -249,12 +251,12 @@ def _charge(view: VehicleView, setting: Layout | None, number: int) -> Finding:
     percent = view.battery_percent
     if percent is None and view.energy_consumed_j is None:
         return bad(
-            "battery", "its charge is not told", "a charge in percent",
+            "battery", "its charge is not reported", "a charge in percent",
             "set up the battery monitor (ArduPilot: BATT_MONITOR, PX4: BAT1_SOURCE)", binding=True,
         )  # fmt: skip
     told = "" if percent is None else f"{percent} %"
     if setting is None:
-        return ok("battery", told or "told as energy")
+        return ok("battery", told or "reported as energy")
     capacity_wh = setting.mission.battery.capacity_wh
     left_wh = view.remaining_wh(capacity_wh) or 0.0
     needed_wh = nearest_sortie_wh(setting, number)
@@ -272,8 +274,7 @@ def _charge(view: VehicleView, setting: Layout | None, number: int) -> Finding:
 
 
 def nearest_sortie_wh(setting: Layout, number: int) -> float:
-    """Return the energy of a look at the box's nearest point, with the way home and the reserve,
-    Wh."""
+    """Return the energy to observe the box's nearest point, return and keep the reserve, Wh."""
     mission, grid = setting.mission, setting.grid
     box, home = drawn(mission.search.box, grid), Point(setting.pad_of(number))
     away_m = float(box.distance(home))
@@ -303,14 +304,14 @@ def _place(view: VehicleView, setting: Layout, number: int) -> Iterator[Finding]
 
 
 SIGMAS = 3.0
-"""How many standard deviations two receivers may differ by."""
+"""Maximum difference of two receivers, in standard deviations."""
 
 
 def pad_heights(setting: Layout, pads: Mapping[int, PadHeight]) -> dict[int, Finding]:
     """Compare the height of each home with the mission's, relative to that of the first vehicle.
 
-    `pads` are what the receivers of vehicles on the ground report, by number. A finding is bad and
-    binding where they contradict the mission by more than their errors and the room between layers.
+    `pads` are the reports of receivers of vehicles on the ground, by number. A finding is bad and
+    binding if they contradict the mission by more than their errors and the room between layers.
     """
     if len(pads) < 2:
         return {}

@@ -136,9 +136,9 @@ def carry_out(service: Service, order: Words) -> str:
             if number not in service.state.vehicles:
                 return f"there is no vehicle {number}"
             if service.recall_vehicle(number):
-                return f"vehicle {number} comes home and stays there; the others go on"
-            return f"vehicle {number} is called home already"
+                return f"vehicle {number} returns and stays there; the others continue"
+            return f"vehicle {number} is recalled already"
         case {"do": "return", "vehicle": None}:
             service.recall()
-            return "everybody comes home; the mission can be resumed"
+            return "all vehicles return; the mission can be resumed"
     return "that is no order: nothing is done"

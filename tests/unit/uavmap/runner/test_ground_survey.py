@@ -42,7 +42,7 @@ def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said):
 
 
 def test_without_its_answer_nothing_is_flown(tmp_path):
-    with pytest.raises(LinkError, match=r"a PX4 tells nobody of its terrain; give terrain.dem"):
+    with pytest.raises(LinkError, match=r"a PX4 does not report its terrain; give terrain.dem"):
         _alone(lambda: with_ground(plan("px4")))
     with pytest.raises(MissionFileError, match=r"terrain.source"):
         fly(plan(), tmp_path)

@@ -42,7 +42,7 @@ def test_a_link_that_is_gone_for_40_seconds_on_a_lane(autopilot):
     flight = scenario(autopilot, gone)
     assert flight.code == 0
     assert (flight.kinds["link_lost"], flight.kinds["order_failed"]) == (1, 0)
-    assert "answers, in the air and ours" in flight.said
+    assert "answers, in the air and under our control" in flight.said
 
 
 @both

@@ -152,7 +152,12 @@ def forbidden(flight: Flown) -> frozenset[str]:
         ({"kind": "camera_stall"}, 3, True, ""),
         ({"kind": "camera_black"}, 3, True, "the picture is dark all over"),
         ({"kind": "battery_cell"}, 0, True, ""),
-        ({"kind": "companion_reboot", "for_s": 20.0}, 0, True, "answers, in the air and ours"),
+        (
+            {"kind": "companion_reboot", "for_s": 20.0},
+            0,
+            True,
+            "answers, in the air and under our control",
+        ),
         ({"kind": "motor", "share": 0.7}, 0, True, ""),
         ({"kind": "reject", "command": 2000}, 3, True, "MAV_CMD_IMAGE_START_CAPTURE was refused"),
     ],

@@ -42,7 +42,7 @@ ALL = [
             orders.StandDown(),
         )
     ),
-    say.LandHere(1, "the operator wants it down"),
+    say.LandHere(1, "commanded by the operator"),
     say.Judged(7, seen=True),
     say.Judged(8, seen=False),
     say.Swapped(1),

@@ -66,7 +66,7 @@ async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(terminal, s
     assert not crew.keeps_waiting
     os.write(operator, b"\n")
     assert await answered(task, PATIENCE_S)
-    assert "vehicle 1 stands 39 m from its pad: look at it, swap its battery" in said[1]
+    assert "vehicle 1 stands 39 m from its pad: inspect it, swap its battery" in said[1]
     await crew.swap(1)
     assert len(said) == 2
 

@@ -42,7 +42,7 @@ def pressed_in(keys: str, service: Mock) -> list[Any]:
         ("q1q", [call.land_here(1)]),
         ("qaq", [call.land_here(1), call.land_here(2), call.land_here(3)]),
         ("q1", []),
-        ("q1p", []),  # any other key: nobody lands, and nothing else happens
+        ("q1p", []),  # any other key: no vehicle lands, and nothing else happens
         ("q1\nq", []),
         ("r7", []),
         ("rp", [call.pause()]),

@@ -84,7 +84,7 @@ def test_where_nobody_else_flies_the_flight_ends_and_says_why():
     made = service(1)
     line = told(made, Overridden(1, 3.0, "LOITER"))
     assert made.state.over
-    assert "nobody else flies: the flight ends" in line
+    assert "no other vehicle flies: the flight ends" in line
 
 
 def test_so_it_does_after_a_pilots_landing():
@@ -92,7 +92,10 @@ def test_so_it_does_after_a_pilots_landing():
     assert "hands off until" in told(made, Overridden(1, 3.0, "LOITER"))
     assert not made.state.over
     line = told(made, Landed(1, 30.0, 40.0, position=HOME))
-    assert "vehicle 1 has landed, not under our control; nobody else flies: the flight ends" in line
+    assert (
+        "vehicle 1 has landed, not under our control; no other vehicle flies: the flight ends"
+        in line
+    )
     assert made.state.over
 
 
