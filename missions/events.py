@@ -177,7 +177,7 @@ class BatterySwapped(OfVehicle):
     kind: Literal["battery_swapped"] = "battery_swapped"
 
 
-UNTOLD: Final = "a failsafe; the autopilot has not said which"
+UNTOLD: Final = "a failsafe; the autopilot has not reported which"
 """Cause of an `Overridden` whose vehicle reports only that a failsafe flies it."""
 
 

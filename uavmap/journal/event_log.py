@@ -1,8 +1,8 @@
-"""The journal: every event of a mission, a line of JSON each, in the order of its effects.
+"""The journal: every event of a mission, a line of JSON each, in the order of their effects.
 
 A line is on the disk before its event has an effect, also after a power cut. It carries its number
-and a CRC-32 over itself and all lines before it, so changed, lost, doubled and reordered lines
-show. The checksums guard against accidents, not against forgery.
+and a CRC-32 over itself and all lines before it, so changed, lost, doubled and reordered lines are
+found. The checksums guard against accidents, not against forgery.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _CHECKSUM_BYTES: Final = len(_CHECKSUM % 0)
 
 
 def planner() -> str:
-    """Return how this installation plans: compiled by numba, or in plain Python."""
+    """Return the planner of this installation: compiled by numba, or in plain Python."""
     return COMPILED if find_spec("numba") else PLAIN
 
 
@@ -57,7 +57,7 @@ class Position:
         return line, Position(self.offset + len(line), self.lines + 1, checksum, events)
 
     def unsealed(self, line: bytes, kind: str) -> tuple[str, Position] | None:
-        """Return the text of a line that belongs here, and the position after it, else None."""
+        """Return the text of a line that fits here, and the position after it, else None."""
         prefix = b'{"seq":%d,"%s":' % (self.lines + 1, kind.encode())
         text = line[len(prefix) : -_CHECKSUM_BYTES]
         expected, after = self.sealed(kind, text)
@@ -65,8 +65,10 @@ class Position:
 
 
 class JournalReader:
-    """Read a journal, also while another process writes it; neither lock nor change it. Raises
-    `JournalError` where there is no journal, or none of this format."""
+    """Reader of a journal, also while another process writes it; it neither locks nor changes it.
+
+    Raises `JournalError` if there is no journal, or none of this format.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -89,13 +91,15 @@ class JournalReader:
         self.planner: str = values["planner"]
         """`COMPILED` or `PLAIN`."""
         self.meta: dict[str, Any] = values["meta"]
-        """The flight plan and what was put since, up to the last line read."""
+        """Flight plan and later values, up to the last line read."""
         self.torn = False
-        """Whether the last line is cut short; the next one that is written takes its place."""
+        """True if the last line is incomplete; the next line that is written replaces it."""
 
     def new_events(self) -> list[Event]:
-        """Return the events after those read before, in order. Raises `JournalError` at damage,
-        after the events before it were returned."""
+        """Return the events after those read before, in order.
+
+        Raises `JournalError` at damage, after it has returned the events before the damage.
+        """
         return [event for _, event in self._new()]
 
     def events(self) -> Iterator[Event]:
@@ -120,7 +124,7 @@ class JournalReader:
                 continue
             event = self.position.unsealed(line, "event")
             if event is None and not any(lines[number:]):
-                break  # a kill or a power cut took it before it was confirmed
+                break  # a kill or a power cut broke it before it was confirmed
             damage = f"line {self.position.lines + 1} is not as it was written"
             if event is not None:
                 try:
@@ -178,8 +182,11 @@ class Journal(JournalReader, AbstractContextManager["Journal"]):
 
     @classmethod
     def create(cls, path: Path, meta: Mapping[str, Any]) -> Journal:
-        """Make a new journal, and its folder. Raises `JournalError` when there is one already. A
-        process that is killed in here leaves no journal, or a whole one."""
+        """Make a new journal, and its folder.
+
+        Raises `JournalError` when there is one already. A process that is killed in here leaves no
+        journal, or a whole one.
+        """
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except (OSError, ValueError) as error:
@@ -191,8 +198,8 @@ class Journal(JournalReader, AbstractContextManager["Journal"]):
 
     @classmethod
     def open(cls, path: Path) -> Journal:
-        """Open an existing journal. Raises `JournalError`, and changes nothing, if it is not
-        whole."""
+        """Open an existing journal. Raises `JournalError`, and changes nothing, if it is
+        damaged."""
         JournalReader(path)  # before the lock: a missing journal is reported first
         return cls(path)
 
@@ -233,8 +240,8 @@ class Journal(JournalReader, AbstractContextManager["Journal"]):
     def append(self, event: Event) -> None:
         """Commit an event; when this returns, it is on the disk.
 
-        Raises `EventError` for an event that cannot be written down (the journal is as before, and
-        goes on), `JournalError` when the disk refuses.
+        Raises `EventError` for an event that cannot be recorded (the journal is as before, and
+        continues), `JournalError` when the disk refuses.
         """
         body = to_json(event)
         if not self._expected:
@@ -247,7 +254,7 @@ class Journal(JournalReader, AbstractContextManager["Journal"]):
             )
 
     def append_all(self, events: Iterable[Event]) -> None:
-        """Commit several events by one write; raises as `append` does, and keeps none then."""
+        """Commit several events by one write; on an error keep none. Raises as `append` does."""
         self._write("event", map(to_json, events))
 
     def _write(self, kind: str, texts: Iterable[str]) -> None:
@@ -262,19 +269,21 @@ class Journal(JournalReader, AbstractContextManager["Journal"]):
             write_at(self._file, self.position.offset, b"".join(lines))
             os.fsync(self._file)
         except OSError as error:  # a full disk, mostly
-            with suppress(OSError):  # else before the next one
+            with suppress(OSError):  # else before the next write
                 os.ftruncate(self._file, self.position.offset)
             raise JournalError(f"{self.path} cannot be written: {error.strerror}") from None
         self.torn, self.position = False, end
 
     def start_verification(self) -> None:
-        """Have `append` compare events with those in the file, until all came again. So a simulated
-        flight is resumed, whose world is made again from the seed."""
+        """Have `append` compare events with those in the file, until all have come again.
+
+        So a simulated flight is resumed, whose world is made again from the seed.
+        """
         self._expected = deque(self.bodies())
 
     @property
     def expected(self) -> int:
-        """The number of recorded events still to come again."""
+        """Number of recorded events that are still to come again."""
         return len(self._expected)
 
 
@@ -332,7 +341,7 @@ def to_disk(folder: Path) -> None:
     try:
         os.fsync(handle)
     except OSError as error:
-        # some file systems (network, FAT) cannot do it for a folder
+        # some file systems (network, FAT) cannot sync a folder
         if error.errno not in (errno.EINVAL, errno.EBADF):
             raise
     finally:

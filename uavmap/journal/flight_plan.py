@@ -1,4 +1,4 @@
-"""What a flight is started with, as it lies in the journal."""
+"""The plan at the start of a flight, as the journal keeps it."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ Driver = Literal["pymavlink", "mavsdk"]
 PYMAVLINK: Final = "pymavlink"
 MAVSDK: Final = "mavsdk"
 DRIVERS: Final[tuple[Driver, ...]] = (PYMAVLINK, MAVSDK)
-"""Drivers that speak MAVLink: this program with pymavlink's codec, or MAVSDK."""
+"""MAVLink drivers: this program with pymavlink's codec, or MAVSDK."""
 KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
-"""Environment variable with the file of the signing key, where none is given."""
+"""Environment variable with the file of the signing key, if none is given."""
 RANGES: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
     {"vehicles": (1, MAX_VEHICLES), "seed": (0, 2**63 - 1), "speedup": (0.001, 1000.0)}
 )
-"""Least and largest value of each number, both included."""
+"""Minimum and maximum of each number, both included."""
 
 
 @dataclass(frozen=True, slots=True)
 class FleetNetwork:
-    """How a member of a fleet reaches the others: endpoints as Zenoh writes them."""
+    """The network of a member of a fleet: endpoints in the form of Zenoh."""
 
     listen: tuple[str, ...] = ()
     peers: tuple[str, ...] = ()
     routers: tuple[str, ...] = ()
     key_file: str | None = None
-    """The file of the fleet's key; the key itself is never stored."""
+    """File of the fleet's key; the key itself is never stored."""
 
     @property
     def alone(self) -> bool:
-        """Whether no other member can be reached."""
+        """True if no other member can be reached."""
         return not (self.listen or self.peers or self.routers)
 
 
@@ -57,11 +57,11 @@ class FleetNetwork:
 class FlightOptions:
     """The options of one flight; `uavmap.ui.cli.option_table` describes each for its user.
 
-    None, or an empty tuple, leaves the mission file's value. `member` is the vehicle of this
-    service in a fleet with a service for each; 0: a service on the ground, or a map merged of
-    several journals. `network` is for real members, `comms` for simulated ones. A `speedup` of None
-    is as fast as possible in simulation, else 1. Keys themselves are never stored. Raises
-    `UavmapError` for a value out of its range, and `LinkError` for options that exclude each other.
+    None, or an empty tuple, keeps the mission file's value. `member` is the vehicle of this service
+    in a fleet with a service for each; 0: a service on the ground, or a map merged of several
+    journals. `network` is for real members, `comms` for simulated ones. A `speedup` of None is as
+    fast as possible in simulation, else 1. Keys themselves are never stored. Raises `UavmapError`
+    for a value out of its range, and `LinkError` for options that exclude each other.
     """
 
     mission_source: str
@@ -121,15 +121,14 @@ class FlightOptions:
 JOURNAL: Final = "journal.jsonl"
 TLOG: Final = "flight.tlog"
 REHOMED: Final = "rehomed"
-"""In the journal's meta: whether the simulated aircraft were put at home after the start."""
+"""Key of the journal's meta: whether simulated aircraft were put at home after the start."""
 SIM_EPOCH_UTC_S: Final = 1577836800.0
-"""Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
+"""Start of simulated flights, 2020-01-01, UTC s: equal flights have equal logs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan(FlightOptions):
-    """The options of a flight, and its checked mission: a resume needs no file that it was made
-    of."""
+    """The options of a flight, and its checked mission: a resume needs none of its source files."""
 
     mission: Mission
     epoch_utc_s: float
@@ -165,12 +164,12 @@ class FlightPlan(FlightOptions):
         return plan
 
     def check_mission(self) -> None:
-        """Raise `MissionFileError` where the mission cannot be flown as the options change it."""
+        """Raise `MissionFileError` if the mission with the options cannot be flown."""
         # its detector was checked when the file was read
         check(self.mission, self.mission_source, detectors=(self.mission.detector.name,))
 
     def check_simulated_only(self) -> None:
-        """Raise where a real aircraft would fly without a detector, or by a strategy of papers."""
+        """Raise if a real aircraft would fly without a detector, or by a strategy of papers."""
         if not self.simulated:
             refuse_undecided(self.mission.detector, self.mission_source)
         name = self.mission.strategy
@@ -193,7 +192,7 @@ class FlightPlan(FlightOptions):
         if not number:
             return plan
         if plan.mission != self.mission:
-            # other heights, speeds and lanes than those that the file was checked for
+            # heights, speeds and lanes differ from those for which the file was checked
             plan.check_mission()
         check_fleet(plan.mission, self.mission_source)
         check_member(plan.mission, self.mission_source, number)
@@ -205,18 +204,18 @@ class FlightPlan(FlightOptions):
         return plan
 
     def known_setting(self) -> Setting:
-        """The mission as it is flown, or was."""
+        """Return the mission as it is flown, or was."""
         return setting_of(self.mission, self.member)
 
     def setting(self, say: Callable[[str], None]) -> Setting:
-        """The mission, ready to be flown, its planner compiled; says so where it will be slow."""
+        """Return the mission, ready to be flown, its planner compiled; log if it will be slow."""
         setting = self.known_setting()
         tell_if_uncompiled([setting.mission.strategy], say)
         ready_planner(setting.mission.strategy, say)
         return setting
 
     def as_json(self) -> dict[str, Any]:
-        """Return what a journal keeps of it."""
+        """Return the values for a journal."""
         values: dict[str, Any] = _ADAPTER.dump_python(
             self, mode="json", exclude_unset=True, warnings=False
         )
@@ -224,13 +223,13 @@ class FlightPlan(FlightOptions):
 
     @classmethod
     def of_json(cls, values: Mapping[str, Any], folder: Path) -> FlightPlan:
-        """The inverse of `as_json`, for the flight of a folder."""
+        """Return the plan of JSON values, for the flight of a folder: the inverse of `as_json`."""
         plan = _ADAPTER.validate_json(json.dumps(values))
         return replace(plan, mission=with_kept_detector(plan.mission, folder))
 
     @classmethod
     def read(cls, journal: JournalReader) -> FlightPlan:
-        """The plan that a journal was begun with. Raises `JournalError`."""
+        """Return the plan at the start of a journal. Raises `JournalError`."""
         meta, path = journal.meta, journal.path
         try:
             plan = _ADAPTER.validate_json(json.dumps(meta[PLAN]))
@@ -247,7 +246,7 @@ class FlightPlan(FlightOptions):
 
 
 def check_member(mission: Mission, source: str, member: int) -> None:
-    """Raise `MissionFileError` where a mission has no vehicle of that number."""
+    """Raise `MissionFileError` if a mission has no vehicle of that number."""
     if not 0 < member <= len(mission.vehicles):
         raise MissionFileError(
             f"{source}: there is no vehicle {member}, it has {len(mission.vehicles)}; "

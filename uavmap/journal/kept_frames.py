@@ -30,10 +30,10 @@ COLUMNS: Final = (
     "frame", "vehicle", "t_s", "lat_deg", "lon_deg", "height_m", "qw", "qx", "qy", "qz", "hfov_deg",
 )  # fmt: skip
 WAITING: Final = 64
-"""Largest number of pictures that wait to be written."""
+"""Maximum number of pictures that wait to be written."""
 _PNG: Final = b"\x89PNG"
 ROOM_MIB: Final = 64
-"""Space on the disk that is left to the journal, without which the mission ends."""
+"""Free disk space for the journal, MiB, without which the mission ends."""
 
 
 class KeptFrame(NamedTuple):
@@ -47,18 +47,18 @@ class KeptFrame(NamedTuple):
 
 
 class Keeper(Protocol):
-    """Takes the pictures of a flight, each just before it is judged."""
+    """Keeps the pictures of a flight, each just before it is judged."""
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """Take a picture: the file that came, or pixels, blue-green-red."""
+        """Keep a picture: the original file, or pixels, blue-green-red."""
 
 
 class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
     """Writes pictures and their poses until the disk refuses, or has less than `ROOM_MIB` free.
 
-    The end of the keeping is reported, as are poses that cannot be read. A flight that is repeated
-    or resumed keeps each picture once. `aside` writes in a thread, so that a slow disk never delays
-    steering; pictures that it cannot keep up with are counted at the end, which waits for the rest.
+    The end is reported, as are poses that cannot be read. A flight that is repeated or resumed
+    keeps each picture once. `aside` writes in a thread, so that a slow disk never delays steering.
+    Pictures that are too many for it are counted at the end, which waits for the rest.
     """
 
     def __init__(self, folder: Path, say: Callable[[str], None], *, aside: bool = False) -> None:
@@ -80,7 +80,7 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
         self._tell()
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """Keep a picture: the file that came, or a JPEG of the pixels. Call it from one thread."""
+        """Keep a picture: the original file, or a JPEG of the pixels. Call it from one thread."""
         self._tell()
         if self._over:
             return
@@ -131,7 +131,7 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
             path.write_bytes(data)
             self._note(name, frame)
         except OSError as error:
-            with contextlib.suppress(OSError):  # no half of a picture, no half of a line
+            with contextlib.suppress(OSError):  # no incomplete picture, no incomplete line
                 path.unlink(missing_ok=True)
                 os.truncate(poses, written)
             self._error = f"{self._folder}: {error.strerror or error}"
@@ -152,8 +152,10 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
 
 
 def read_kept(folder: Path) -> Iterator[KeptFrame | str]:
-    """Return the frames of a flight's folder; a damaged line becomes a text that says so. Raises
-    `OSError` and `UnicodeDecodeError` where the file cannot be read."""
+    """Yield the frames of a flight's folder; a damaged line becomes a text.
+
+    Raises `OSError` and `UnicodeDecodeError` if the file cannot be read.
+    """
     with (folder / FRAMES / POSES).open(encoding="utf-8", newline="") as file:
         for number, row in enumerate(csv.DictReader(file), start=2):
             try:

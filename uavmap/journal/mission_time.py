@@ -1,9 +1,9 @@
-"""Mission time of a flight that is resumed.
+"""Mission time of a resumed flight.
 
-It is the event loop's during a flight. For a new process it comes from the computer's time since
-its start (in the same boot), else from the vehicle's time since boot, and only else from the wall
-clock, which people and time servers set. Marks of all three are in the journal. With a drifting
-region a wrong mission time displaces every cell.
+During a flight it is the event loop's. For a new process it comes from the computer's time since
+its start (in the same boot), else from the vehicle's time since boot. Only without these it comes
+from the wall clock, which people and time servers set. Marks of all three are in the journal. With
+a drifting region a wrong mission time displaces every cell.
 """
 
 from __future__ import annotations
@@ -22,36 +22,36 @@ from missions.errors import JournalError
 from uavmap.journal.event_log import Journal
 
 CLOCK: Final = "clock"
-"""The mark, in the journal's meta."""
+"""Key of the mark in the journal's meta."""
 MARK_EVERY_S: Final = 20.0
 DOUBTFUL_S: Final = 180.0
-"""Difference from which on a wall clock is doubted."""
+"""Difference from which on a wall clock is doubtful, s."""
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 
 
 @dataclass(frozen=True, slots=True)
 class Clocks:
-    """What the clocks say at an instant."""
+    """The values of all clocks at an instant."""
 
     wall_utc_s: float
     boot_id: str | None
-    """Another after each start of this computer; None where it does not tell."""
+    """Id that is new after each start of this computer; None if it is not known."""
     since_boot_s: float
-    """Time since this computer was started, with the time that it slept."""
+    """Time since this computer was started, including sleep, s."""
     vehicle_since_boot_s: float | None = None
-    """Of the first vehicle; None while it has not spoken."""
+    """Time since boot of the first vehicle, s; None before its first message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """What the clocks said at an instant of the mission."""
+    """The values of the clocks at an instant of the mission."""
 
     mission_s: float
     clocks: Clocks
 
 
 class Basis(StrEnum):
-    """Where the mission time comes from."""
+    """The source of the mission time."""
 
     COMPUTER = "time since the start of this computer"
     VEHICLE = "time since the start of the vehicle"
@@ -61,14 +61,14 @@ class Basis(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class MissionTime:
-    """When the mission goes on."""
+    """The time at which the mission continues."""
 
     start_s: float
     basis: Basis
     note: str = ""
-    """What the operator has to know of it; empty when nothing is remarkable."""
+    """Note for the operator; empty without one."""
     question: str = ""
-    """What the operator can decide: yes means `if_yes_s`."""
+    """Question to the operator: yes means `if_yes_s`."""
     if_yes_s: float = 0.0
 
 
@@ -81,9 +81,9 @@ def mission_time(
     speedup: float = 1.0,
     drift_m_s: float = 0.0,
 ) -> MissionTime:
-    """Decide on the mission time with which a mission goes on. It never runs backwards.
+    """Decide on the mission time at which a mission continues. It never runs backwards.
 
-    `last_event_s` is in mission time, `mark` None in a journal of a very short flight;
+    `last_event_s` is in mission time, `mark` None in a journal of a very short flight.
     `epoch_utc_s` is the wall clock at mission time 0, `speedup` mission seconds in a second of this
     computer, `drift_m_s` the speed of a drifting region.
     """
@@ -101,7 +101,7 @@ def mission_time(
 
 
 def _known(mark: Mark | None, now: Clocks, speedup: float) -> tuple[float | None, Basis]:
-    """Mission time by a clock that nobody sets, if there is one."""
+    """Return the mission time by a clock that cannot be set, if there is one."""
     if mark is None:
         return None, Basis.LAST_EVENT
     before = mark.clocks
@@ -111,7 +111,7 @@ def _known(mark: Mark | None, now: Clocks, speedup: float) -> tuple[float | None
     if now.vehicle_since_boot_s is not None and before.vehicle_since_boot_s is not None:
         # the vehicle's seconds are the mission's, at any speed-up
         passed_s = now.vehicle_since_boot_s - before.vehicle_since_boot_s
-        if passed_s >= 0.0:  # else it was started anew
+        if passed_s >= 0.0:  # else it was restarted
             return mark.mission_s + passed_s, Basis.VEHICLE
     return None, Basis.LAST_EVENT
 
@@ -126,12 +126,12 @@ def _by_known(
         return MissionTime(start_s, basis, told if jump_s > DOUBTFUL_S else "")
     way = "forward" if off_s > 0 else "back"
     note = (
-        f"the wall clock was set {way} by {duration(off_s)} since the flight; mission time goes "
-        f"on by the {basis}"
+        f"the wall clock was set {way} by {duration(off_s)} since the flight; mission time "
+        f"continues by the {basis}"
     )
     if basis is Basis.COMPUTER or off_s < 0:
         return MissionTime(start_s, basis, note)
-    # a vehicle that was started anew long ago may tell more than before all the same
+    # a vehicle that was restarted long ago may still have a higher time than before
     question = f"Have {duration((wall_s - last_event_s) / speedup)} passed since the last event?"
     return MissionTime(start_s, basis, note, question, wall_s)
 
@@ -152,7 +152,7 @@ def _by_last_event(
         return MissionTime(last_event_s, Basis.LAST_EVENT, note)
     note = (
         f"by the wall clock {duration(gap_s)} have passed since the last event, and nothing "
-        "confirms it; mission time goes on from the last event"
+        "confirms it; mission time continues from the last event"
     )
     if drift_m_s > 0.0:
         note += (
@@ -164,7 +164,7 @@ def _by_last_event(
 
 
 def duration(seconds: float) -> str:
-    """A length of time in the two units that matter.
+    """Return a length of time in its two largest units.
 
     >>> duration(3 * 86400.0 + 7200.0), duration(-250.0), duration(7.0)
     ('3 d 2 h', '4 min 10 s', '7 s')
@@ -180,17 +180,17 @@ def duration(seconds: float) -> str:
 
 # --- on this computer ------------------------------------------------------------------------
 def read_clocks(vehicle_since_boot_s: float | None = None) -> Clocks:
-    """The clocks of this computer."""
+    """Return the clocks of this computer."""
     try:
         boot_id = _BOOT_ID.read_text("ascii").strip() or None
-    except (OSError, UnicodeDecodeError):  # not Linux: then only the wall clock is left
+    except (OSError, UnicodeDecodeError):  # not Linux: only the wall clock is left
         boot_id = None
     clock = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
     return Clocks(time.time(), boot_id, time.clock_gettime(clock), vehicle_since_boot_s)
 
 
 class Marks:
-    """Keeps a mark in the journal now and then; a mark that cannot be written stops nothing."""
+    """Keeps a mark in the journal regularly; a mark that cannot be written stops nothing."""
 
     def __init__(self, journal: Journal, clocks: Callable[[], Clocks] = read_clocks) -> None:
         self._journal = journal
@@ -198,7 +198,7 @@ class Marks:
         self._due_s = float("-inf")
 
     def note(self, mission_s: float) -> None:
-        """It is so late in the mission; call it as often as you like."""
+        """Note the present mission time; call it as often as you like."""
         now_s = time.monotonic()
         if now_s < self._due_s:
             return
@@ -212,7 +212,7 @@ _ADAPTER: Final[TypeAdapter[Mark]] = TypeAdapter(Mark)
 
 
 def last_mark(meta: Mapping[str, object]) -> Mark | None:
-    """The mark in a journal's meta."""
+    """Return the mark in a journal's meta."""
     try:
         return _ADAPTER.validate_python(meta.get(CLOCK))
     except ValidationError:
@@ -222,10 +222,12 @@ def last_mark(meta: Mapping[str, object]) -> Mark | None:
 def taken_up_at(
     found: MissionTime, say: Callable[[str], None], ask: Callable[[str], bool] | None
 ) -> float:
-    """Return the mission time with which a flight with real clocks goes on. Reports what is
-    remarkable, and asks about what is doubtful; without a terminal the safe assumption holds."""
+    """Return the mission time at which a flight with real clocks continues.
+
+    Reports notes, and asks about doubtful times; without a terminal the safe assumption holds.
+    """
     if found.question and ask is not None and ask(found.question):
-        say(f"mission time goes on at {found.if_yes_s:.0f} s, by the wall clock")
+        say(f"mission time continues at {found.if_yes_s:.0f} s, by the wall clock")
         return found.if_yes_s
     if found.note:
         say(found.note)

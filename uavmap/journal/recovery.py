@@ -1,4 +1,4 @@
-"""A damaged journal: what of it is good, and how a flight goes on from there."""
+"""The recovery of a damaged journal: its good part, from which a flight continues."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ def good_events(reader: JournalReader) -> tuple[list[Event], str | None]:
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """What a recovery did."""
+    """The result of a recovery."""
 
     aside: Path
-    """The damaged journal, as it was."""
+    """Copy of the damaged journal."""
     kept: int
     lost: int
-    """Events with a trace at least; there may have been more."""
+    """Number of lost events with a trace; there may have been more."""
 
 
 def recover(path: Path) -> Recovery | None:
     """Replace a damaged journal by its good beginning, beside a copy of it; None without damage.
 
     A process that is killed in here leaves the damaged journal in its place, or the recovered one.
-    Raises `JournalError`, and changes nothing, where the flight plan cannot be read.
+    Raises `JournalError`, and changes nothing, if the flight plan cannot be read.
     """
     reader = JournalReader(path)
     held = lock(path)

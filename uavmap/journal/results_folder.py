@@ -1,4 +1,4 @@
-"""The folder that a flight or a replay writes its results into."""
+"""The folder for the results of a flight or a replay."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ RESULTS: Final = "results"
 
 
 def results_folder(out: str | None, name: str) -> Path:
-    """Return the folder for a run: the one asked for, or a new one under `results`. Raises
-    `JournalError` when it holds a mission already: nothing is ever overwritten."""
+    """Return the folder for a run: the given one, or a new one under `results`.
+
+    Raises `JournalError` when it holds a mission already: nothing is ever overwritten.
+    """
     if out is not None:
         if not out:
             raise JournalError("--out is empty; name a folder")
@@ -35,7 +37,7 @@ def results_folder(out: str | None, name: str) -> Path:
 
 
 def folder_name(name: str) -> str:
-    """Return the name of a mission as that of a folder: never one that leads elsewhere.
+    """Return the name of a mission as that of a folder: never a path to another place.
 
     >>> folder_name("../../up"), folder_name("field 7"), folder_name("")
     ('______up', 'field 7', 'mission')
@@ -53,7 +55,7 @@ def make_folder(folder: Path) -> None:
 
 
 def refuse_unwritable(folder: Path) -> None:
-    """Raise `OutputError` where a folder could not be written in, or not be made; none is made."""
+    """Raise `OutputError` if a folder cannot be written in, or not be made; make none."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not there.is_dir():
         raise OutputError(f"--out {folder} cannot be made: {there} is a file")

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Final, Self
 
 RETRY_S: Final = 5.0
-"""Of mission time, between two attempts after a failure."""
+"""Mission time between two attempts after a failure, s."""
 
 
 class TlogWriter:
-    """Appends frames to a .tlog file, whole records only; says in the end how many are missing."""
+    """Appends frames to a .tlog file, whole records only; reports missing ones at the end."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class TlogWriter:
         self._told = False
         self._retry_s = float("-inf")
         self.lost = 0
-        """Frames that are not in the file."""
+        """Number of frames that are not in the file."""
 
     def __enter__(self) -> Self:
         try:
@@ -57,7 +57,7 @@ class TlogWriter:
             self._say(f"{self._path} lacks {self.lost} frames")
 
     def record(self, frame: bytes) -> None:
-        """Write one frame with the time now. Never raises for what the disk does."""
+        """Write one frame with the present time. Never raises for an error of the disk."""
         now_s = self._utc_s()
         if self._closed or now_s < self._retry_s:
             self.lost += 1
@@ -74,14 +74,14 @@ class TlogWriter:
             flags = os.O_WRONLY | os.O_CREAT | (0 if self._append else os.O_TRUNC)
             self._file = os.open(self._path, flags, 0o666)
             self._size = os.lseek(self._file, 0, os.SEEK_END)
-            self._append = True  # after a failure nothing that is written is thrown away
+            self._append = True  # after a failure the existing file is kept
 
     def _write(self, data: bytes) -> None:
-        """All of it or nothing; unbuffered: a killed process leaves whole records."""
+        """Write all of the data or nothing, unbuffered: a killed process leaves whole records."""
         assert self._file is not None
         written = os.pwrite(self._file, data, self._size)
         if written < len(data):
-            # a full disk takes a part; the next record would follow a torn one
+            # a full disk writes a part; the next record would follow a torn one
             os.ftruncate(self._file, self._size)
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self._size += written

@@ -1,4 +1,4 @@
-"""What differs between the autopilots that are flown: modes, heights on the wire, streams.
+"""Differences between the supported autopilots: modes, heights on the wire, streams.
 
 EVENT and CURRENT_MODE of a PX4, which pymavlink's ardupilotmega dialect lacks, are added to its
 table: the parser checks and decodes them as all others.
@@ -26,8 +26,8 @@ Field = tuple[str, str, int]
 def add_message(message_id: int, name: str, crc_extra: int, *fields: Field) -> Any:
     """Add a message to the dialect; return its class, as pymavlink's generator would make it.
 
-    `crc_extra` is what its definition adds to the checksum; the fields are in the order of the
-    wire, which is that of the constructor, too.
+    `crc_extra` is the part of its definition in the checksum. The fields are in the order of the
+    wire, which is also that of the constructor.
     """
     names, kinds, arrays = (list(column) for column in zip(*fields, strict=True))
     layout = struct.Struct("<" + "".join(f"{n or ''}{_LETTERS[kind]}" for _, kind, n in fields))
@@ -84,8 +84,8 @@ CurrentModeMessage: Final = add_message(
 
 
 _STREAMS: Final = {
-    # an ArduPilot sends one at every change of mode besides; a PX4 sends one a second whatever it
-    # is asked for, and its mode in CURRENT_MODE
+    # an ArduPilot also sends one at every change of mode; a PX4 sends one a second at any requested
+    # rate, and its mode in CURRENT_MODE
     mav.MAVLINK_MSG_ID_HEARTBEAT: 5.0,
     mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
@@ -97,8 +97,11 @@ _STREAMS: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Autopilot:
-    """One autopilot, as its driver has to know it: it obeys targets in the mode `follows`, and
-    leaves the modes `by_itself` for it without the pilot."""
+    """One autopilot in the view of its driver.
+
+    It follows targets in the mode `follows`, and leaves the modes `by_itself` for it without the
+    pilot.
+    """
 
     name: str
     follows: int
@@ -110,45 +113,47 @@ class Autopilot:
     streams: Mapping[int, float]
     """Message ids and rates, Hz."""
     follow_params: tuple[float, ...]
-    """Of MAV_CMD_DO_SET_MODE for `follows`."""
+    """Parameters of MAV_CMD_DO_SET_MODE for `follows`."""
     amsl: bool
-    """Whether heights of commands are above the sea, or else above home."""
+    """True if heights of commands are above the sea, else above home."""
     unused_param: float
     """The value of a command's parameter that is not used."""
     tells_failsafe: bool
-    """Whether system_status CRITICAL means that a failsafe flies, in whatever mode."""
+    """True if system_status CRITICAL means that a failsafe flies, in any mode."""
     place_lead_s: float
     velocity_lead_s: float
-    """How far ahead of its time each part of a setpoint is sent, for the vehicle to be in time."""
+    """Lead of each part of a setpoint, s, so that the vehicle is in time."""
     places_lead_s: float
-    """The same of places that are sent instead of a stream: a vehicle flies towards a place as fast
-    as it can stop there."""
+    """Lead of places that are sent instead of a stream, s.
+
+    A vehicle flies towards a place only as fast as it can stop there.
+    """
     stream_mode: int
-    """The mode in which a stream of setpoints is followed."""
+    """Mode in which a stream of setpoints is followed."""
     stream_params: tuple[float, ...]
-    """Of MAV_CMD_DO_SET_MODE for it."""
+    """Parameters of MAV_CMD_DO_SET_MODE for it."""
     failsafe_names: Mapping[int, str] = field(default_factory=dict)
-    """Names of modes that mean something else while a failsafe flies."""
+    """Names of modes with another meaning while a failsafe flies."""
     heard_as: int = mav.MAV_TYPE_ONBOARD_CONTROLLER
     """Our type in our heartbeat: a PX4 sends its texts to ground stations only."""
     fence_by_command: bool = False
-    """Whether MAV_CMD_DO_FENCE_ENABLE switches its fence off, in flight, too."""
+    """True if MAV_CMD_DO_FENCE_ENABLE switches its fence off, also in flight."""
     integers_bytewise: bool = False
-    """Whether the bytes of an integer parameter lie in the float field of its message."""
+    """True if the bytes of an integer parameter are in the float field of its message."""
     rests_constant: bool = False
-    """Whether its estimator reports a constant position of every vehicle at rest."""
+    """True if its estimator reports a constant position of every vehicle at rest."""
     target_taken: tuple[int, ...] = (mav.MAV_RESULT_ACCEPTED,)
-    """Answers to a target (MAV_CMD_DO_REPOSITION) that is flown to."""
+    """Answers to a target (MAV_CMD_DO_REPOSITION) that the vehicle flies to."""
     stream_timeout: str | None = None
-    """The parameter of how long it flies on when a stream ends; None: left as it is."""
+    """Parameter of the time that it flies on after the end of a stream; None: not changed."""
 
     @property
     def streams_apart(self) -> bool:
-        """Whether a stream has a mode of its own, which other targets do not move it in."""
+        """True if a stream has a mode of its own, in which other targets do not move it."""
         return self.stream_mode != self.follows
 
     def altitude_on_wire(self, height_m: float, home_amsl_m: float) -> tuple[int, float]:
-        """Frame and height on the wire of a command for `height_m` above home.
+        """Return frame and height on the wire of a command for `height_m` above home.
 
         >>> PX4.altitude_on_wire(12.0, home_amsl_m=488.0)
         (5, 500.0)
@@ -156,7 +161,7 @@ class Autopilot:
         (3, 12.0)
         """
         if self.amsl:
-            # a PX4 takes no command in the frame 0, which means the same
+            # a PX4 refuses commands in the equivalent frame 0
             return mav.MAV_FRAME_GLOBAL_INT, home_amsl_m + height_m
         return mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, height_m
 
@@ -177,7 +182,7 @@ ARDUPILOT: Final = Autopilot(
     amsl=False,
     unused_param=0.0,
     tells_failsafe=False,
-    # measured: an acceleration is answered 0.4 to 0.5 s late, a steady speed is not
+    # measured: it follows an acceleration 0.4 to 0.5 s late, a steady speed without delay
     place_lead_s=0.0,
     velocity_lead_s=0.5,
     places_lead_s=1.4,
@@ -211,22 +216,22 @@ PX4: Final = Autopilot(
     amsl=True,
     unused_param=math.nan,
     tells_failsafe=True,
-    # measured: whatever is flown, it is 0.17 to 0.19 s behind
+    # measured: its lag is 0.17 to 0.19 s on any path
     place_lead_s=0.2,
     velocity_lead_s=0.2,
-    # by its limits on jerk and acceleration it is 15 m from where it stops from 6 m/s
+    # by its limits on jerk and acceleration it needs 15 m to stop from 6 m/s
     places_lead_s=2.4,
     stream_mode=_OFFBOARD,
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 6),
-    # it comes down without a position, and calls that ALTITUDE
+    # it descends without a position, and names that ALTITUDE
     failsafe_names={_px4(2): "DESCEND"},
     heard_as=mav.MAV_TYPE_GCS,
     integers_bytewise=True,
     rests_constant=True,
-    # without the flag that changes the mode it says "unsupported", and flies there in Hold; with
+    # without the flag that changes the mode it answers "unsupported", and flies there in Hold; with
     # the flag it would take the vehicle back from a pilot, or from a landing by a failsafe
     target_taken=(mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_UNSUPPORTED),
 )  # fmt: skip
 
 AUTOPILOTS: Final = {mav.MAV_AUTOPILOT_ARDUPILOTMEGA: ARDUPILOT, mav.MAV_AUTOPILOT_PX4: PX4}
-"""By HEARTBEAT.autopilot."""
+"""Autopilots by HEARTBEAT.autopilot."""

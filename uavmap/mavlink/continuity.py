@@ -1,7 +1,7 @@
-"""What must go on from one message to the next: a clock, and the place of something that flies.
+"""Checks of continuity between messages: of a clock, and of the place of a flying vehicle.
 
-Neither the clock nor the track believes a jump at once. A jump is believed when it stays: when the
-messages after it agree with it, and none in between agrees with what was known before.
+Neither the clock nor the track accepts a jump at once. A jump is accepted when it persists: when
+the messages after it agree with it, and none in between agrees with the state before.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ JUMP_CONFIRMED_S: Final = 3.0
 STANDSTILL_S: Final = 2.0
 """Time with the same stamp after which a clock stands still, s: old messages are repeated."""
 LATE_S: Final = 5.0
-"""Age of messages from which a link that hands them over late counts as lost, s."""
+"""Delay of messages from which on a link counts as lost, s."""
 MOST_AHEAD_S: Final = 10.0
 FASTEST_CLOCK: Final = 30.0
-"""Ratio by which a clock may be faster than ours, as a simulator's is."""
+"""Maximum ratio of a clock to ours, as of a simulator."""
 
 OLDER: Final = "older than the one before"
-"""The reason for what a link brings in another order; it is not logged."""
+"""Reason for messages in another order; it is not logged."""
 
 FASTEST_M_S: Final = 50.0
-"""No multicopter that flies missions is faster, with the wind behind it."""
+"""Maximum speed of a multicopter on missions, with the wind, m/s."""
 SLACK_M: Final = 25.0
-"""What a position estimate may correct itself by at once."""
+"""Maximum instant correction of a position estimate, m."""
 
 OFFSET_WINDOW_S: Final = 120.0
 """Time whose fastest messages give a clock's offset, s: a backlog does not change it."""
 _OFFSET_STEP_S: Final = 2.0
 _LEAST_SPAN_S: Final = 30.0
-"""Time over which a clock's drift is measured at least, s."""
+"""Minimum time over which a clock's drift is measured, s."""
 _DRIFT: Final = 0.001
-"""Drift of two good clocks that no measurement is needed for, s/s."""
+"""Drift of two good clocks that needs no measurement, s/s."""
 _LEAD_WINDOW_S: Final = 30.0
 _SAME_CLOCK_S: Final = 0.3
 _OLDEST_ANNOUNCEMENT_S: Final = 60.0
@@ -46,7 +46,7 @@ _M_PER_DEG: Final = 111_195.0
 
 
 def distance_m(a: LatLon, b: LatLon) -> float:
-    """Roughly how far two positions are apart over ground; good to a percent up to 100 km.
+    """Return the approximate distance of two positions over ground, m; within 1 % up to 100 km.
 
     >>> round(distance_m(LatLon(47.0, 179.9999), LatLon(47.0, -179.9999)), 1)
     15.2
@@ -58,7 +58,7 @@ def distance_m(a: LatLon, b: LatLon) -> float:
 
 @dataclass(slots=True)
 class RecentLeast:
-    """The least of the values of the last one to two windows of time."""
+    """The minimum of the values of the last one to two windows of time."""
 
     window_s: float
     _begin_s: float = float("-inf")
@@ -66,18 +66,18 @@ class RecentLeast:
     _before: float | None = None
 
     def add(self, value: float, now_s: float) -> None:
-        """Take in a value."""
+        """Add a value."""
         if now_s - self._begin_s > self.window_s:
             self._begin_s, self._before, self._now = now_s, self._now, None
         self._now = value if self._now is None else min(self._now, value)
 
     def clear(self) -> None:
-        """Forget all values."""
+        """Drop all values."""
         self._begin_s, self._now, self._before = float("-inf"), None, None
 
     @property
     def value(self) -> float | None:
-        """The least, None before the first value."""
+        """Minimum, None before the first value."""
         if self._now is None or self._before is None:
             return self._now
         return min(self._now, self._before)
@@ -85,21 +85,21 @@ class RecentLeast:
 
 @dataclass(slots=True)
 class ClockOffset:
-    """By how much a clock is behind ours: by the messages that travelled fastest in two minutes.
+    """The lag of a clock behind ours: by the fastest messages of two minutes.
 
-    The delay of a link is never negative, so the least of the differences tells the offset. It
-    rises only as fast as the clocks drift apart, which the two halves of the time tell: messages
-    that are late for seconds leave it as it is.
+    The delay of a link is never negative, so the least of the differences is the offset. It rises
+    only as fast as the clocks drift apart, which the two halves of the time show. Messages that are
+    late for seconds do not change it.
     """
 
     value: float | None = None
     """Our time minus the other, s; None before the first message."""
     _least: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """Begin of a step, and when its least difference was heard, and that."""
+    """Begin of a step, time of its least difference, and that difference."""
     _drift: float = _DRIFT
 
     def add(self, difference_s: float, now_s: float) -> None:
-        """Take in the difference of a message that was just heard."""
+        """Add the difference of a message that has just arrived."""
         least = self._least
         if not least or now_s - least[-1][0] >= _OFFSET_STEP_S:
             least.append((now_s, now_s, difference_s))
@@ -112,7 +112,7 @@ class ClockOffset:
         self.value = min(drifted, difference_s)
 
     def _measured_drift(self) -> float:
-        """How fast the least difference rises, s/s; 0 where it falls, which shows by itself."""
+        """Return the rise of the least difference, s/s; 0 if it falls, which shows by itself."""
         begin_s, end_s = self._least[0][0], self._least[-1][0]
         half_s = (end_s - begin_s) / 2.0
         if 2.0 * half_s < _LEAST_SPAN_S:
@@ -127,30 +127,30 @@ class ClockOffset:
 class BootClock:
     """An autopilot's time since boot beside the time of our loop.
 
-    A link that was silent for more than `limit_s`, and then goes on where it had stopped, has kept
-    what was sent meanwhile. What comes is late, and says nothing of the offset, until the link has
-    caught up or answers at once: then it was the clock that stood, as a simulator's may.
+    A link that was silent for more than `limit_s`, and then continues where it had stopped, has
+    kept old messages. They are late, and give no offset, until the link has caught up or answers at
+    once. In the second case the clock stood still, as a simulator's may.
     """
 
     boot_s: float | None = None
     reboots: int = 0
     limit_s: float = LATE_S
     late: bool = False
-    """Whether the link hands over what it has kept."""
+    """True while the link delivers old messages."""
     _asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=10))
     _heard_s: float = float("-inf")
     _moved_s: float = float("-inf")
     _other: tuple[float, float, float] | None = None
-    """Of a clock that does not go on from this one: first and last heard, and its time."""
+    """First and last arrival, and time, of a clock that does not continue this one."""
     _offset: ClockOffset = field(default_factory=ClockOffset)
 
     @property
     def offset_s(self) -> float | None:
-        """Loop time minus time since boot: that of the messages that travelled fastest."""
+        """Loop time minus time since boot, s: that of the fastest messages."""
         return self._offset.value
 
     def take(self, boot_s: float, now_s: float) -> str | None:
-        """Take in a reported time; return what is wrong with it."""
+        """Add a reported time; return its fault."""
         if self.boot_s is None:
             self._adopt(boot_s, now_s)
         elif boot_s == self.boot_s:
@@ -167,13 +167,13 @@ class BootClock:
         return self._asked_ns[-1]
 
     def answered(self, asked_ns: int, now_s: float) -> None:
-        """Take in the answer to a TIMESYNC of this stamp."""
+        """Add the answer to a TIMESYNC of this stamp."""
         soon = now_s - asked_ns / 1e9 < self.limit_s
         if self.late and self.boot_s is not None and asked_ns in self._asked_ns and soon:
             self._adopt(self.boot_s, now_s)
 
     def _confirms(self, boot_s: float, now_s: float) -> bool:
-        """Whether this makes certain that the clock has begun anew."""
+        """Return whether this confirms that the clock has restarted."""
         other = self._other
         if other is None or not _goes_on(other[2], other[1], boot_s, now_s):
             self._other = (now_s, now_s, boot_s)
@@ -202,16 +202,16 @@ class BootClock:
 
 
 def _goes_on(boot_s: float, heard_s: float, next_boot_s: float, now_s: float) -> bool:
-    """Whether a clock that showed one time may show the other now."""
+    """Return whether a clock that showed one time may show the other now."""
     most_s = MOST_AHEAD_S + FASTEST_CLOCK * (now_s - heard_s)
     return 0.0 < next_boot_s - boot_s <= most_s
 
 
 @dataclass(slots=True)
 class CameraClock:
-    """A camera's own time since boot, against the autopilot's, which most cameras take.
+    """A camera's own time since boot, against the autopilot's, which most cameras use.
 
-    One that does not is ahead or behind by a constant, which the fastest announcement shows best.
+    Another clock is ahead or behind by a constant, which the fastest announcement shows best.
     """
 
     _suspect_s: float | None = None
@@ -219,17 +219,17 @@ class CameraClock:
 
     @property
     def lead_s(self) -> float:
-        """What to add to the autopilot's offset for this camera's."""
+        """Return the difference between the autopilot's offset and this camera's, s."""
         lead_s = self._lead.value
         return 0.0 if lead_s is None or abs(lead_s) < _SAME_CLOCK_S else lead_s
 
     def take(self, boot_s: float, now_s: float, autopilot_offset_s: float) -> None:
-        """Take in the time of an announcement that was just heard."""
+        """Add the time of an announcement that has just arrived."""
         lead_s = now_s - boot_s - autopilot_offset_s
         least_s = self._lead.value
         if least_s is not None:
             ahead = lead_s - least_s < -_CAMERA_AHEAD_S
-            # announcements that were asked for again are late, but not by a minute
+            # requested announcements are late, but not by a minute
             if ahead or lead_s - least_s > _OLDEST_ANNOUNCEMENT_S:
                 again = self._suspect_s is not None and abs(lead_s - self._suspect_s) < 2.0
                 self._suspect_s = lead_s
@@ -251,7 +251,7 @@ class Fix:
     boot_s: float
 
     def fault_after(self, before: Fix) -> str | None:
-        """Why the vehicle cannot be here after having been there."""
+        """Return why the vehicle cannot be here after it was there."""
         passed_s = max(self.now_s - before.now_s, self.boot_s - before.boot_s, 0.0)
         most_m = SLACK_M + FASTEST_M_S * passed_s
         if distance_m(before.position, self.position) > most_m:
@@ -265,7 +265,7 @@ class Fix:
 
 @dataclass(slots=True)
 class Track:
-    """Where a vehicle has been last, and a leap of it that is not yet believed."""
+    """The last place of a vehicle, and a jump that is not accepted yet."""
 
     last: Fix | None = None
     jumps: int = 0
@@ -274,7 +274,7 @@ class Track:
     _latest: Fix | None = None
 
     def take(self, fix: Fix) -> str | None:
-        """Take in a reported place; return what is wrong with it."""
+        """Add a reported place; return its fault."""
         fault = None if self.last is None else fix.fault_after(self.last)
         if fault is not None and self.last is not None:
             if self._first is None or self._latest is None or fix.fault_after(self._latest):

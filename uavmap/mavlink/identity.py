@@ -1,4 +1,4 @@
-"""Which vehicle a link leads to: one that answers and is flown, and not the one of another link."""
+"""The identity of the vehicle on a link: it answers, is supported, and is not on another link."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ async def answered(session: Session, name: str) -> None:
 def _why_silent(view: VehicleView) -> str:
     refused = [(n, why) for (kind, why), n in view.gate.refused.items() if kind == "frames"]
     if not refused:
-        return "is it switched on, and is this the URL that it speaks to?"
+        return "is it switched on, and is this the URL that it sends to?"
     _, why = max(refused)
     return (
         f"{sum(n for n, _ in refused)} frames were refused for their signature ({why}); give the "
@@ -43,10 +43,10 @@ SAME_BOOT_S: Final = 0.2
 
 
 def same_aircraft(view_a: VehicleView, view_b: VehicleView) -> bool:
-    """Whether two views, on one loop's clock, are of the same aircraft.
+    """Return whether two views, on one loop's clock, are of the same aircraft.
 
-    Both have its system and component id; beyond that its hardware's number decides, where both
-    report one, else the same place and time of start.
+    Both have its system and component id. Beyond that its hardware number decides, if both report
+    one, else the same place and time of start.
     """
     addresses = [(view.system_id, view.autopilot_component) for view in (view_a, view_b)]
     if addresses[0] != addresses[1] or view_a.system_id == 0:

@@ -1,10 +1,10 @@
-"""The one place that every message of a vehicle passes before anything else sees it.
+"""The gate: every message of a vehicle passes it before any other code sees it.
 
-`RULES` has a row for each kind of message that is read: which component may send it, and the range
-of each field that is read, in the message's own units; a NaN is in no range. A kind without a row
-is not read. What has to fit earlier messages is in `uavmap.mavlink.continuity`.
+`RULES` has a row for each kind of message that is read: its allowed sender, and the range of each
+field that is read, in the message's own units; a NaN is in no range. A kind without a row is not
+read. Checks against earlier messages are in `uavmap.mavlink.continuity`.
 
-A refused message changes nothing, is counted by kind and reason, and logged at most once in ten
+A refused message changes nothing. It is counted by kind and reason, and logged at most once in ten
 seconds a kind.
 """
 
@@ -26,7 +26,7 @@ Message = Any  # pymavlink carries no types
 
 
 class Sender(Enum):
-    """Which component of a vehicle may send it."""
+    """The component of a vehicle that may send a message."""
 
     AUTOPILOT = "the autopilot"
     CAMERA = "the camera"
@@ -35,14 +35,14 @@ class Sender(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """The range of a field, ends included; of each element where the field is an array."""
+    """The range of a field, ends included; of each element if the field is an array."""
 
     field: str
     low: float
     high: float
 
     def holds(self, message: Message) -> bool:
-        """Whether the message keeps to it."""
+        """Return whether the message is in the range."""
         value = getattr(message, self.field)
         values = value if isinstance(value, list | tuple) else (value,)
         return all(self.low <= number <= self.high for number in values)
@@ -50,14 +50,14 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What a kind of message has to keep to; `check` returns what is wrong with the whole of it."""
+    """The rule for a kind of message; `check` returns the fault of the whole message."""
 
     sender: Sender
     limits: tuple[Limit, ...] = ()
     check: Callable[[Message], str | None] = lambda message: None
 
     def fault(self, message: Message) -> str | None:
-        """What is wrong with a message by itself."""
+        """Return the fault of a message by itself."""
         for limit in self.limits:
             if not limit.holds(message):
                 return f"{limit.field} is out of range"
@@ -66,7 +66,7 @@ class Rule:
 
 UNIT_TOLERANCE: Final = 0.02
 NO_FIX: Final = "no position yet"
-"""The reason for zeros, which an ArduPilot sends before its first fix; it is not logged."""
+"""Reason for zeros, which an ArduPilot sends before its first fix; it is not logged."""
 
 _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 _TURN = 2.0 * math.pi + 0.01
@@ -76,7 +76,7 @@ _MOST_ITEMS = 65_534
 
 
 def unit_fault(w: float, x: float, y: float, z: float) -> str | None:
-    """What is wrong with a quaternion of an attitude; None for a unit one."""
+    """Return the fault of a quaternion of an attitude; None for a unit one."""
     if not all(map(math.isfinite, (w, x, y, z))):
         return "the quaternion is not finite"
     length = math.sqrt(w * w + x * x + y * y + z * z)
@@ -102,7 +102,7 @@ def _heartbeat(message: Message) -> str | None:
 
 
 def _current_mode(message: Message) -> str | None:
-    """A PX4 sends main modes and sub-modes, an ArduPilot numbers."""
+    """Return a fault of the mode: a PX4 sends main modes and sub-modes, an ArduPilot numbers."""
     modes = message.custom_mode, message.intended_custom_mode
     if any(mode > _ARDUPILOT_MODES and mode & 0xFFFF for mode in modes):
         return "no such mode"
@@ -110,7 +110,8 @@ def _current_mode(message: Message) -> str | None:
 
 
 def _no_place(message: Message) -> str | None:
-    """Apart from `RULES`, since the clock of such a message is right."""
+    """Return the reason for a missing place; apart from `RULES`, as such a message's clock is
+    right."""
     return NO_FIX if message.lat == message.lon == 0 else None
 
 
@@ -123,7 +124,7 @@ def _attitude_quaternion(message: Message) -> str | None:
 
 
 def _parameter(message: Message) -> str | None:
-    """A float is a number; what an integer's four bytes make as a float may be anything."""
+    """Return a fault of a parameter: a float is a number; an integer's bytes may be anything."""
     real = message.param_type in (mav.MAV_PARAM_TYPE_REAL32, mav.MAV_PARAM_TYPE_REAL64)
     if real and not abs(message.param_value) <= _LARGEST_PARAMETER:
         return "param_value is out of range"
@@ -173,13 +174,13 @@ RULES: Final[Mapping[str, Rule]] = {
     "WIND": Rule(Sender.AUTOPILOT, (Limit("direction", -360, 360), Limit("speed", 0, 100))),
     "FENCE_STATUS": Rule(Sender.AUTOPILOT, (Limit("breach_status", 0, 1),)),
     "PARAM_VALUE": Rule(Sender.AUTOPILOT, check=_parameter),
-    # what else is wrong with a report of another aircraft makes it unknown, and not unseen
+    # other faults in a report of another aircraft make it unknown, not unseen
     **dict.fromkeys(
         ("ADSB_VEHICLE", "UTM_GLOBAL_POSITION"),
         Rule(Sender.ANY, _degrees("lat", "lon"), _no_place),
     ),
     "OPEN_DRONE_ID_ARM_STATUS": Rule(Sender.ANY),  # of a module beside the autopilot
-    "TIMESYNC": Rule(Sender.ANY),  # who asked knows its own time again
+    "TIMESYNC": Rule(Sender.ANY),  # the requester recognises its own time
     "TERRAIN_REPORT": Rule(
         Sender.AUTOPILOT, (*_degrees("lat", "lon"), Limit("terrain_height", -500, 9000))
     ),
@@ -193,10 +194,9 @@ RULES: Final[Mapping[str, Rule]] = {
         Rule(Sender.AUTOPILOT),
     ),
     "STATUSTEXT": Rule(Sender.ANY, (Limit("severity", 0, 7),)),
-    "FILE_TRANSFER_PROTOCOL": Rule(Sender.ANY),  # the client knows whom it has asked
-    "COMMAND_ACK": Rule(Sender.ANY),  # the session knows whom it has asked
-    # a pose that makes no sense costs the picture and is told there
-    # (`uavmap.aircraft.cameras.pose`)
+    "FILE_TRANSFER_PROTOCOL": Rule(Sender.ANY),  # the client knows its server
+    "COMMAND_ACK": Rule(Sender.ANY),  # the session knows the component that it commanded
+    # an invalid pose costs the picture and is reported there (`uavmap.aircraft.cameras.pose`)
     "CAMERA_IMAGE_CAPTURED": Rule(Sender.CAMERA, (Limit("image_index", 0, 2**31 - 1),)),
     "CAMERA_FEEDBACK": Rule(
         Sender.AUTOPILOT,
@@ -215,7 +215,7 @@ RULES: Final[Mapping[str, Rule]] = {
 
 TELL_EVERY_S: Final = 10.0
 AREA_M: Final = 100_000.0
-"""Farther from the mission nothing is a position of one of its vehicles."""
+"""Distance from the mission beyond which no position is accepted, m."""
 HOME_M: Final = 50_000.0
 OVERTAKEN_S: Final = 2.0
 """Time after which a frame with a lower number is of a vehicle that restarted, s."""
@@ -223,32 +223,32 @@ OVERTAKEN: Final = "overtaken on its way"
 _STATES: Final = frozenset({"HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE"})
 """Messages without a time of their own whose latest one counts."""
 _EXPECTED: Final = (NO_FIX, OLDER, OVERTAKEN)
-"""What is counted, but no news to anybody."""
+"""Reasons that are counted, but not logged."""
 
 
 @dataclass(slots=True)
 class Gate:
-    """Refuses what cannot be, and logs it by `say`."""
+    """Refuses impossible messages, and logs them by `say`."""
 
     say: Callable[[str], None] = lambda text: None
     refused: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """How often by (kind of message, reason). Reasons are of this program: there are few."""
+    """Counts by (kind of message, reason). Reasons are of this program: there are few."""
     area: LatLon | None = None
-    """Where the mission is, if that is known: no position far away from there is believed."""
+    """Place of the mission, if known: positions far away are refused."""
     clock: BootClock = field(default_factory=BootClock)
     camera_clock: CameraClock = field(default_factory=CameraClock)
     track: Track = field(default_factory=Track)
     _told_s: dict[str, float] = field(default_factory=dict)
     _numbers: dict[tuple[int, str], tuple[int, float]] = field(default_factory=dict)
-    """Number of the latest frame, and when it was heard, by component and kind."""
+    """Number of the latest frame, and its time, by component and kind."""
 
     def admits(self, message: Message, sender: frozenset[Sender], now_s: float) -> bool:
-        """Whether a message of our vehicle, sent by such a component, may be believed."""
+        """Return whether a message of our vehicle, from such a component, is accepted."""
         kind = message.get_type()
         rule = RULES.get(kind)
         if rule is None:
             return True
-        fault = rule.fault(message) if rule.sender in sender else f"not said by {rule.sender.value}"
+        fault = rule.fault(message) if rule.sender in sender else f"not sent by {rule.sender.value}"
         if fault is None and kind == "GLOBAL_POSITION_INT":
             fault = self._position_fault(message, now_s)
         elif fault is None and kind in _STATES and self._is_overtaken(message, now_s):
@@ -261,7 +261,7 @@ class Gate:
         return False
 
     def refuse(self, kind: str, reason: str, now_s: float) -> None:
-        """Count and log what was not believed. `reason` holds no value of the message."""
+        """Count and log a refused message. `reason` holds no value of the message."""
         self.refused[kind, reason] += 1
         told_s = self._told_s.get(kind, float("-inf"))
         if reason in _EXPECTED or now_s - told_s < TELL_EVERY_S:
@@ -271,13 +271,13 @@ class Gate:
         self.say(f"{kind} refused: {reason}" + (f" ({count} times by now)" if count > 1 else ""))
 
     def refuse_once(self, kind: str, reason: str) -> None:
-        """Count what was not believed, and log it the first time only."""
+        """Count a refused message, and log the first one only."""
         self.refused[kind, reason] += 1
         if self.refused[kind, reason] == 1:
-            self.say(f"{kind} refused: {reason}; further ones are counted, and not told")
+            self.say(f"{kind} refused: {reason}; further ones are counted, and not logged")
 
     def figures(self) -> dict[str, int]:
-        """What was refused, for a summary: "KIND: reason" and how often."""
+        """Return the refused messages for a summary: "KIND: reason" and the count."""
         return {f"{kind}: {why}": count for (kind, why), count in sorted(self.refused.items())}
 
     def _position_fault(self, message: Message, now_s: float) -> str | None:
@@ -304,12 +304,12 @@ class Gate:
         if self.track.jumps != jumps:
             self.say(
                 f"the vehicle's position or height has jumped by {self.track.jumped_m:.0f} m and "
-                "stays there: it is believed now"
+                "stays there: it is accepted now"
             )
         return fault
 
     def _is_overtaken(self, message: Message, now_s: float) -> bool:
-        """Whether a later one of its kind has come before."""
+        """Return whether a later one of its kind has come before."""
         key, number = (message.get_srcComponent(), message.get_type()), message.get_seq()
         last, heard_s = self._numbers.get(key, (number, now_s))
         if now_s - heard_s < OVERTAKEN_S and (number - last) % 256 >= 128:

@@ -1,10 +1,10 @@
 """Lists of places on an autopilot, by MAVLink's mission protocol: a fence, rally points.
 
 The vehicle drives an upload and asks for each item; we drive a download, and acknowledge its end.
-One transfer at a time. A vehicle repeats a request after a second, however slow the link; each copy
-that is answered brings an item twice, and an ArduPilot answers the second with INVALID_SEQUENCE and
-goes on (`MissionItemProtocol.cpp`). So a repeated request is answered once in the time there and
-back, which is measured, and that result ends nothing while the vehicle still asks.
+One transfer runs at a time. A vehicle repeats a request after a second, however slow the link. Each
+answered copy brings an item twice, and an ArduPilot answers the second with INVALID_SEQUENCE and
+continues (`MissionItemProtocol.cpp`). So a repeated request is answered once in the round-trip
+time, which is measured. That result ends nothing while the vehicle still asks.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from missions.units import LatLon
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message, Session
 
 TRIES: Final = 8
-"""How often something is sent that is not answered."""
+"""Maximum number of sends without an answer."""
 WAIT_S: Final = 1.5
 WHOLE_TRIES: Final = 3
-"""How often an upload is begun anew that the vehicle gave up or that went wrong on the way."""
+"""Maximum number of starts of an upload that the vehicle gave up or that a bad link has spoilt."""
 LONGEST_TRIP_S: Final = 4.0
 """Maximum wait before a repeated request is answered again, s: vehicles give up after 8 s."""
 TRIP_MARGIN: Final = 1.2
-"""Maximum of a link's time there and back, as a multiple of the shortest."""
+"""Maximum round trip of a link, as a multiple of the shortest."""
 PLACE_E7: Final = 2
 """Tolerance of a place, 1e-7 degrees: a vehicle may keep it as a float."""
 HEIGHT_M: Final = 1.0
@@ -40,14 +40,16 @@ _RESULTS: Final = {
     for number, value in mav.enums["MAV_MISSION_RESULT"].items()
 }
 _LOST: Final = (mav.MAV_MISSION_OPERATION_CANCELLED, mav.MAV_MISSION_INVALID_SEQUENCE)
-"""Results of an upload that a bad link has spoilt: begun anew, it may do."""
+"""Results of an upload that a bad link has spoilt: a new start may succeed."""
 _FRAMES: Final = {
     mav.MAV_FRAME_GLOBAL_INT: mav.MAV_FRAME_GLOBAL,
     mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mav.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mav.MAV_FRAME_GLOBAL_TERRAIN_ALT,
 }
-"""Frames that a PX4 sends with its items, and those of the same meaning that it flies by: its
-return to a rally point in frame 5 or 6 hangs in the air (`rtl.cpp`)."""
+"""Frames of a PX4's items, and the equivalent ones by which it flies.
+
+Its return to a rally point in frame 5 or 6 hangs in the air (`rtl.cpp`).
+"""
 
 
 class Kind(IntEnum):
@@ -58,7 +60,7 @@ class Kind(IntEnum):
 
     @property
     def words(self) -> str:
-        """In words."""
+        """Name of the list."""
         return "the fence" if self is Kind.FENCE else "the rally points"
 
 
@@ -68,11 +70,11 @@ class Item:
 
     Attributes:
         command: MAV_CMD.
-        position: Of the item; zeros with MAV_FRAME_MISSION.
+        position: Position of the item; zeros with MAV_FRAME_MISSION.
         first: param1: vertices of a polygon, a radius.
         frame: MAV_FRAME, one of those without INT in their names.
-        height_m: In this frame.
-        others: param2 to param4; NaN where the autopilot chooses. Fence and rally points have none.
+        height_m: Height in this frame.
+        others: param2 to param4; NaN: the autopilot chooses. Fence and rally points have none.
     """
 
     command: int
@@ -83,7 +85,7 @@ class Item:
     others: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def equals(self, other: Item) -> bool:
-        """Whether both mean the same. A fence's frames and heights mean nothing.
+        """Return whether both mean the same. A fence's frames and heights do not count.
 
         >>> here = Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(47.0, 8.0))
         >>> here.equals(Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(47.0, 8.0000001)))
@@ -102,7 +104,7 @@ class Item:
 
 
 def same_items(wanted: Sequence[Item], found: Sequence[Item]) -> bool:
-    """Whether a list came back as it was sent."""
+    """Return whether a list was read back as it was sent."""
     return len(wanted) == len(found) and all(
         a.equals(b) for a, b in zip(wanted, found, strict=True)
     )
@@ -117,15 +119,17 @@ class MissionTransfer:
         self._sending: Sequence[Item] | None = None
         self._heard: list[Message] = []
         self._trip_s = 0.0
-        """Shortest time there and back that was measured, s."""
+        """Shortest measured round trip, s."""
         self._sent_s: dict[int, tuple[float, float]] = {}
-        """When each item was sent first and last; -1: the opening."""
+        """Times of the first and last send of each item; -1: the opening."""
         session.listen(self._on_message)
 
     # --- upload -------------------------------------------------------------------------------
     async def upload(self, kind: Kind, items: Sequence[Item]) -> None:
-        """Replace the vehicle's own list; an empty one clears it. Raises `CommandRefusedError` with
-        the vehicle's reason, `LinkError` when it falls silent."""
+        """Replace the vehicle's list; an empty one clears it.
+
+        Raises `CommandRefusedError` with the vehicle's reason, `LinkError` when it falls silent.
+        """
         for attempt in range(WHOLE_TRIES):
             result = await self._replaced(kind, items)
             if result == mav.MAV_MISSION_ACCEPTED:
@@ -149,7 +153,7 @@ class MissionTransfer:
             self._end()
 
     async def _acknowledged(self, opening: Message) -> int:
-        """The MAV_MISSION_RESULT that ends a transfer; items are sent as they are asked for.
+        """Return the MAV_MISSION_RESULT that ends a transfer; items are sent on request.
 
         The opening is repeated until the vehicle asks by itself. Silence after the last item means
         a lost acknowledgement: the item, sent once more, is acknowledged once more.
@@ -169,17 +173,19 @@ class MissionTransfer:
                 elif message.type == mav.MAV_MISSION_INVALID_SEQUENCE and asked >= 0:
                     spoilt = int(message.type)
                 elif message.type != mav.MAV_MISSION_ACCEPTED or asked == last:
-                    return int(message.type)  # else it accepts what was sent before this
+                    return int(message.type)  # else it accepts items from before this
             if spoilt is not None:
                 return spoilt
         if asked >= 0:
-            return int(mav.MAV_MISSION_OPERATION_CANCELLED)  # it gave up, and that was lost
+            return int(mav.MAV_MISSION_OPERATION_CANCELLED)  # it gave up, and that message was lost
         raise LinkError("the vehicle does not answer the mission protocol")
 
     # --- download -----------------------------------------------------------------------------
     async def download(self, kind: Kind) -> tuple[Item, ...]:
-        """The vehicle's list. Raises `CommandRefusedError` if it has none, `LinkError` if
-        silent."""
+        """Return the vehicle's list.
+
+        Raises `CommandRefusedError` if it has none, `LinkError` if it is silent.
+        """
         view = self._session.view
         address = view.system_id, view.autopilot_component
         self._begin(kind, None)
@@ -231,7 +237,7 @@ class MissionTransfer:
         if getattr(message, "mission_type", None) != self._kind:
             return
         if message.target_system not in (0, GROUND_SYSTEM_ID):
-            return  # a ground station transfers something, too
+            return  # a ground station has a transfer as well
         name = message.get_type()
         if name in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):
             self._requested(message.seq)

@@ -1,7 +1,7 @@
 """Parameters of an autopilot: read, and set with the new value read back.
 
-Integers travel as numbers on ArduPilot. On PX4 their four bytes lie in the float field of the
-message, which then may be anything, not-a-numbers included.
+Integers travel as numbers on ArduPilot. On PX4 their four bytes are in the float field of the
+message, which then may be anything, including NaN.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from uavmap.mavlink.session import Message, Session
 TRIES: Final = 4
 WAIT_S: Final = 1.0
 AT_ONCE: Final = 10
-"""Number of requests in one go: an ArduPilot loses what comes faster."""
+"""Maximum number of requests at a time: an ArduPilot loses faster ones."""
 
 _INT, _UINT, _FLOAT = struct.Struct("<i"), struct.Struct("<I"), struct.Struct("<f")
 _UNSIGNED: Final = (mav.MAV_PARAM_TYPE_UINT8, mav.MAV_PARAM_TYPE_UINT16, mav.MAV_PARAM_TYPE_UINT32)
@@ -29,14 +29,14 @@ _FLOATS: Final = (mav.MAV_PARAM_TYPE_REAL32, mav.MAV_PARAM_TYPE_REAL64)
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A value as the vehicle reported it, with its MAV_PARAM_TYPE; integers are numbers, too."""
+    """A value as the vehicle reported it, with its MAV_PARAM_TYPE; integers are numbers as well."""
 
     value: float
     type: int
 
 
 def on_wire(parameter: Parameter, *, bytewise: bool) -> float:
-    """The float field of PARAM_SET.
+    """Return the float field of PARAM_SET.
 
     >>> on_wire(Parameter(1.0, 6), bytewise=True)
     1.401298464324817e-45
@@ -52,7 +52,7 @@ def on_wire(parameter: Parameter, *, bytewise: bool) -> float:
 
 
 def from_wire(value: float, kind: int, *, bytewise: bool) -> float:
-    """The number in the float field of PARAM_VALUE.
+    """Return the number in the float field of PARAM_VALUE.
 
     >>> from_wire(on_wire(Parameter(-1.0, 6), bytewise=True), 6, bytewise=True)
     -1.0
@@ -64,24 +64,26 @@ def from_wire(value: float, kind: int, *, bytewise: bool) -> float:
 
 
 class Parameters:
-    """The parameters that were asked for; what else a vehicle reports is passed over."""
+    """The requested parameters; other reports of a vehicle are ignored."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._asked: set[str] = set()
         self._answers: dict[str, Parameter] = {}
         self._wanted: Parameter | None = None
-        """The only value that answers, while one is set."""
+        """Only value that answers while one is set."""
         self._one_at_a_time = asyncio.Lock()
         session.listen(self._on_message, "PARAM_VALUE")
 
     async def read(self, name: str) -> Parameter | None:
-        """A parameter; None if the vehicle does not report one of this name."""
+        """Return a parameter; None if the vehicle does not report one of this name."""
         return (await self.read_many([name])).get(name)
 
     async def read_many(self, names: Sequence[str]) -> dict[str, Parameter]:
-        """What parameters are, without those that the vehicle does not report: a wrong name gets
-        silence alone, so a missing one is asked for up to `TRIES` times."""
+        """Return parameters, without those that the vehicle does not report.
+
+        A wrong name gets no answer, so a missing one is requested up to `TRIES` times.
+        """
         found: dict[str, Parameter] = {}
         async with self._one_at_a_time:
             for first in range(0, len(names), AT_ONCE):

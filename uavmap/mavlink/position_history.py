@@ -1,9 +1,9 @@
-"""Where a vehicle was at a moment that lies between its positions, or shortly after the last.
+"""The position of a vehicle at a moment between its reports, or shortly after the last.
 
-Pictures are taken between two telemetry messages and judged after both: a vehicle of 8 m/s whose
-position comes five times a second has flown 1.6 m in between, and 16 m since a picture that took
-two seconds to come. How it was turned is known likewise, from its attitudes. Times are of the
-vehicle's own clock, which no delay of the link shifts.
+Pictures are taken between two telemetry messages and judged after both. At 8 m/s and five positions
+a second a vehicle has flown 1.6 m in between, and 16 m since a picture that took two seconds to
+come. Its attitude is interpolated likewise. Times are of the vehicle's own clock, which no delay of
+the link shifts.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import Final, Generic, NamedTuple, TypeVar
 from missions.units import LatLon, Quaternion
 
 KEPT_S: Final = 30.0
-"""A picture that is older is not judged any more, or counts as one of long ago."""
+"""Maximum age of a picture that is judged, s."""
 MOST_KEPT: Final = 1000
 _M_PER_DEG: Final = 111_195.0
 T = TypeVar("T")
 
 
 class Fix(NamedTuple):
-    """Where the vehicle reported to be at a time of its clock."""
+    """The vehicle's reported position at a time of its clock."""
 
     boot_s: float
     position: LatLon
@@ -30,7 +30,7 @@ class Fix(NamedTuple):
     velocity_ned_m_s: tuple[float, float, float]
 
     def moved(self, boot_s: float) -> Place:
-        """Where it is at a time of its clock, as it flew on, or had flown before."""
+        """Return its place at another time of its clock, at its reported velocity."""
         passed_s = boot_s - self.boot_s
         north_m_s, east_m_s, down_m_s = self.velocity_ned_m_s
         shrink = max(math.cos(math.radians(self.position.lat_deg)), 1e-6)
@@ -44,13 +44,12 @@ class Fix(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where it must have been."""
+    """An estimated place."""
 
     position: LatLon
     height_m: float
     gap_s: float
-    """How far in time the nearest fix is, at least 0: between fixes that are far apart, and
-    outside of those that are known, the place is a guess."""
+    """Time to the nearest fix, at least 0, s; far from fixes the place is a guess."""
 
 
 class _History(Generic[T]):
@@ -61,18 +60,18 @@ class _History(Generic[T]):
 
     @property
     def last_s(self) -> float:
-        """The time of the latest, before all times where there is none."""
+        """Time of the latest, before all times without one."""
         return self._kept[-1][0] if self._kept else -math.inf
 
     def _keep(self, boot_s: float, value: T) -> None:
-        if boot_s < self.last_s:  # a clock that begins anew leaves nothing to reckon with
+        if boot_s < self.last_s:  # old values mean nothing after a restart of the clock
             self._kept.clear()
         self._kept.append((boot_s, value))
         while self._kept[0][0] < boot_s - KEPT_S:
             self._kept.popleft()
 
     def _around(self, boot_s: float) -> tuple[tuple[float, T] | None, tuple[float, T] | None]:
-        """The last value until a time, and the first after it."""
+        """Return the last value until a time, and the first after it."""
         after = None
         for sample in reversed(self._kept):
             if sample[0] <= boot_s:
@@ -85,12 +84,14 @@ class Whereabouts(_History[Fix]):
     """The positions of the last `KEPT_S`."""
 
     def take(self, fix: Fix) -> None:
-        """Take in a position."""
+        """Add a position."""
         self._keep(fix.boot_s, fix)
 
     def at(self, boot_s: float) -> Place | None:
-        """Where it was at a time of its clock: between two fixes on the straight line, outside of
-        all with the velocity of the nearest. None before the first fix."""
+        """Return its place at a time of its clock; None before the first fix.
+
+        Between two fixes it is on the straight line, outside of all at the velocity of the nearest.
+        """
         first, second = self._around(boot_s)
         if first is None or second is None:
             nearest = first or second
@@ -111,7 +112,7 @@ class Whereabouts(_History[Fix]):
 
 # --- how it was turned -----------------------------------------------------------------------
 MOST_GAP_S: Final = 0.5
-"""Maximum time to the nearest attitude by which another is known, s."""
+"""Maximum time to the nearest attitude for an interpolation, s."""
 _NEARLY_SAME: Final = 0.9995
 
 
@@ -119,13 +120,15 @@ class Attitudes(_History[Quaternion]):
     """The attitudes of the last `KEPT_S`."""
 
     def take(self, boot_s: float, attitude: Quaternion) -> None:
-        """Take in an attitude, the first of each time."""
+        """Add an attitude, the first of each time."""
         if boot_s != self.last_s:
             self._keep(boot_s, attitude)
 
     def at(self, boot_s: float) -> Quaternion | None:
-        """Its attitude at a time of its clock, between two on the shortest turn; None where the
-        nearest is more than `MOST_GAP_S` away."""
+        """Return its attitude at a time of its clock, between two on the shortest turn.
+
+        None if the nearest is more than `MOST_GAP_S` away.
+        """
         before, after = self._around(boot_s)
         near = [s for s in (before, after) if s is not None and abs(s[0] - boot_s) <= MOST_GAP_S]
         if not near:
@@ -136,7 +139,7 @@ class Attitudes(_History[Quaternion]):
 
 
 def between(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
-    """The rotation that is a share of the shortest way from one to the other."""
+    """Return the rotation that is a share of the shortest way from one to the other."""
     cosine = sum(p * q for p, q in zip(a, b, strict=True))
     sign = 1.0 if cosine >= 0.0 else -1.0
     cosine = min(abs(cosine), 1.0)

@@ -1,7 +1,7 @@
 """A MAVLink 2 conversation with one vehicle: frames in, frames out, commands with their ACKs.
 
-The session keeps the latest of everything that the vehicle says (`view`), repeats commands until
-they are acknowledged, and hands every message to those who listen. It knows nothing of sockets.
+The session keeps the latest of all messages of the vehicle (`view`), repeats commands until they
+are acknowledged, and passes every message to its listeners. It knows nothing of sockets.
 """
 
 from __future__ import annotations
@@ -45,30 +45,32 @@ _RESULT_NAMES: Final[dict[int, str]] = {
 
 
 class Permit(Protocol):
-    """Permission to send a command that changes the mode, asked for before each copy of it."""
+    """Permission for a command that changes the mode, requested before each copy of it."""
 
     async def granted(self) -> None:
-        """Wait until a copy may be sent, and note that it is. Raises `LinkError`."""
+        """Wait until a copy may be sent, and note it. Raises `LinkError`."""
 
     def grants(self) -> bool:
-        """Whether a copy may be sent now; if so it is noted."""
+        """Return whether a copy may be sent now; if so, note it."""
 
 
 def result_name(result: int) -> str:
-    """A MAV_RESULT in words; its number where it has none."""
+    """Return a MAV_RESULT as text; its number if it has none."""
     return _RESULT_NAMES.get(result, str(result))
 
 
 class Session:
-    """One vehicle at the other end of a link. `send` takes frames to the link, `record` sees every
-    frame of both directions; a command is repeated after `ack_wait_s` without an acknowledgement.
+    """One vehicle at the other end of a link.
+
+    `send` takes frames to the link, `record` sees every frame of both directions. A command is
+    repeated after `ack_wait_s` without an acknowledgement.
     """
 
     def __init__(
         self, send: Callable[[bytes], None], record: Record, ack_wait_s: float = ACK_WAIT_S
     ) -> None:
         self.ack_wait_s = ack_wait_s
-        """How long an answer is waited for, in seconds of the loop's clock."""
+        """Maximum wait for an answer, in seconds of the loop's clock."""
         self._send = send
         self._record = record
         self._codec = mav.MAVLink(None, GROUND_SYSTEM_ID, mav.MAV_COMP_ID_ONBOARD_COMPUTER)
@@ -76,31 +78,34 @@ class Session:
         self._listeners: list[tuple[tuple[str, ...], Listener]] = []
         self._waiters: list[tuple[Callable[[], bool], asyncio.Future[None]]] = []
         self._acks: dict[tuple[int, int], asyncio.Queue[Message]] = {}
-        """By command and the component that was asked."""
+        """Acknowledgements by command and commanded component."""
         self._commanding: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
         """One command at a time for each component: no landing waits for a camera's answer."""
         self.heard_s: dict[int, float] = {}
-        """When the autopilot last sent a kind of message, by its id, on our clock."""
+        """Time of the autopilot's last message of a kind, by its id, on our clock."""
         self.view = VehicleView()
         self.traffic = TrafficHeard(self.view.gate)
         self.losses = Losses()
         self.signing: Signing | None = None
-        """With a key, what is not signed with it is not heard, and what is sent is signed."""
+        """With a key, unsigned messages are ignored, and sent ones are signed."""
         self.tap: Callable[[bytes], None] = lambda data: None
-        """Takes what the link has heard, as it was, since the vehicle first spoke."""
+        """Takes the raw bytes of the link, once the vehicle has been received."""
         self.process_number = 0
-        """A number of this process in our heartbeat, by which others of us are known from an echo;
-        0: none, and others are not looked for."""
+        """Number of this process in our heartbeat, which distinguishes other processes from an
+        echo.
+
+        0: none, and other processes are not detected.
+        """
         self.rival_s: float | None = None
-        """When another process of ours was last heard on this link."""
+        """Time of another process of ours on this link."""
         self.bound_s: float | None = None
-        """When our vehicle first spoke, on the loop's clock."""
+        """Time of our vehicle's first message, on the loop's clock."""
         self.onboard = False
-        """Whether to a PX4, too, we are no ground station but a part of the vehicle."""
+        """True if we are a part of the vehicle and no ground station, also to a PX4."""
 
     # --- frames --------------------------------------------------------------------------
     def feed(self, data: bytes) -> bool:
-        """Take in what the link has heard; whether our vehicle spoke in it."""
+        """Handle received bytes; return whether our vehicle sent some of them."""
         now_s = asyncio.get_running_loop().time()
         ours = False
         for message in self._parsed(data):
@@ -135,15 +140,17 @@ class Session:
         return True
 
     def _hear_event(self, message: Message) -> None:
-        """Report an event of a PX4 in flight: it alone holds the cause of a failsafe, and on board
-        events are all that comes."""
+        """Report an event of a PX4 in flight.
+
+        Only an event holds the cause of a failsafe, and on board no texts come.
+        """
         if not (self.onboard or self.view.armed):
             return
         if (text := event_text(message, numbered=self.onboard)) is not None:
             self.view.hear_text(text, asyncio.get_running_loop().time())
 
     def has_rival(self) -> bool:
-        """Whether another process of ours was heard on this link."""
+        """True if another process of ours was received on this link."""
         return self.rival_s is not None
 
     def _look_for_rival(self, message: Message, now_s: float) -> None:
@@ -152,25 +159,26 @@ class Session:
         if not beats or message.custom_mode == self.process_number:
             return
         if self.rival_s is None:
-            self.view.gate.say("another uavmap speaks to this vehicle; one of the two must end")
+            self.view.gate.say("another uavmap instance controls this vehicle; stop one of them")
         self.rival_s = now_s
 
     def _signed(self, message: Message) -> bool:
-        """Whether a message is signed as it has to be; if not it is counted, and logged once."""
+        """Return whether a message is signed as required; if not, count it, and log it once."""
         if self.signing is None or message.get_msgId() == mav.MAVLINK_MSG_ID_RADIO_STATUS:
-            return self.signing is None  # a radio beside us has no key, and nobody needs its word
+            # a radio beside us has no key, and its message is not needed
+            return self.signing is None
         fault = self.signing.fault(bytes(message.get_msgbuf()))
         if fault is not None:
             self.view.gate.refuse_once("frames", fault)
         return fault is None
 
     def _parsed(self, data: bytes) -> Iterator[Message]:
-        """The messages in a piece of a stream; what is none is passed over."""
+        """Yield the messages in a piece of a stream; other bytes are skipped."""
         codec = self._codec
         while True:
             try:
                 message = codec.parse_char(data)
-            except Exception:  # of the parser, whose input is whatever a stranger sends
+            except Exception:  # of the parser, whose input may come from a stranger
                 message = None
                 codec.buf, codec.buf_index = bytearray(), 0
             data = b""
@@ -181,12 +189,12 @@ class Session:
             self.losses.take(message)
             if message.get_msgId() in mav.mavlink_map:
                 yield message
-        # the parser lets go of what it has read only when it has read all of it
+        # the parser releases its buffer only when it has read all of it
         if codec.buf_index > _READ_BYTES_KEPT:
             codec.buf, codec.buf_index = codec.buf[codec.buf_index :], 0
 
     def send(self, message: Message) -> None:
-        """Send a message. Raises `LinkError` where a number does not fit into it."""
+        """Send a message. Raises `LinkError` if a number does not fit into it."""
         frame = self._packed(message)
         self._codec.seq = (self._codec.seq + 1) & 0xFF
         self._emit(frame)
@@ -209,7 +217,7 @@ class Session:
 
     # --- waiting -------------------------------------------------------------------------
     async def until(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
-        """Wait until a condition on the view holds; False if that takes too long."""
+        """Wait until a condition on the view holds; return False if that takes too long."""
         if condition():
             return True
         future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -242,12 +250,12 @@ class Session:
         done: Callable[[], bool] = lambda: False,
         permit: Permit | None = None,
     ) -> None:
-        """COMMAND_LONG with up to seven parameters, repeated until acknowledged.
+        """Send COMMAND_LONG with up to seven parameters, repeated until acknowledged.
 
-        To the autopilot, if no other component is named; only the one that was asked answers.
-        `done` says that the command was carried out, acknowledged or not: it is not sent again.
-
-        Raises `CommandRefusedError` with what the vehicle said, `LinkError` when it stays silent.
+        It goes to the autopilot, if no other component is named; only the commanded one answers.
+        `done` returns whether the command was carried out, acknowledged or not: then it is not sent
+        again. Raises `CommandRefusedError` with the vehicle's answer, `LinkError` when it stays
+        silent.
         """
         asked = self._autopilot if component is None else component
 
@@ -257,7 +265,7 @@ class Session:
         await self._until_acknowledged(command, asked, message, done, permit=permit)
 
     def send_command(self, command: int, *params: float, component: int | None = None) -> None:
-        """COMMAND_LONG as for `command`, once, and without waiting for an ACK."""
+        """Send COMMAND_LONG as `command` does, once, and without waiting for an ACK."""
         asked = self._autopilot if component is None else component
         self.send(self._command_long(command, params, asked))
 
@@ -278,7 +286,7 @@ class Session:
         z: float,
         taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
     ) -> None:
-        """COMMAND_INT for a place; `taken` are results that mean yes. Errors as for `command`."""
+        """Send COMMAND_INT for a place; `taken` are results that mean yes. Raises as `command`."""
         unused = command == mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE and math.isnan(z)
         lat_deg, lon_deg = place.lat_deg, place.lon_deg
         if not (math.isfinite(lat_deg) and math.isfinite(lon_deg) and (math.isfinite(z) or unused)):
@@ -337,7 +345,7 @@ class Session:
         raise LinkError(f"{name} was not acknowledged {ACK_TRIES} times")
 
     async def _ack(self, queue: asyncio.Queue[Message]) -> Message | None:
-        """The next final ACK; IN_PROGRESS extends the wait."""
+        """Return the next final ACK; IN_PROGRESS extends the wait."""
         while True:
             try:
                 async with asyncio.timeout(self.ack_wait_s):
@@ -362,8 +370,11 @@ class Session:
 
     # --- what a client sends of itself -----------------------------------------------------
     def heartbeat(self) -> None:
-        """HEARTBEAT: as a ground station to a PX4, which sends its texts to no other; else, and
-        with `onboard`, as an onboard controller, which is no ground station."""
+        """Send HEARTBEAT, as a ground station or as an onboard controller.
+
+        A PX4 sends its texts only to a ground station. With `onboard`, and to others, it is sent as
+        an onboard controller, which is no ground station.
+        """
         onboard = mav.MAV_TYPE_ONBOARD_CONTROLLER
         self.send(
             mav.MAVLink_heartbeat_message(
@@ -377,14 +388,14 @@ class Session:
         )
 
     async def message_interval(self, message_id: int, rate_hz: float) -> None:
-        """Ask for a stream (MAV_CMD_SET_MESSAGE_INTERVAL)."""
+        """Request a stream (MAV_CMD_SET_MESSAGE_INTERVAL)."""
         await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
 
     def request_interval(self, message_id: int, rate_hz: float) -> None:
-        """The same without waiting, for a stream whose coming is its answer."""
+        """Request the same without waiting, for a stream whose messages are its answer."""
         self.send_command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
 
     def request(self, message_id: int, param2: float = 0.0) -> None:
-        """Ask once for a message (MAV_CMD_REQUEST_MESSAGE), without waiting for an ACK."""
+        """Request a message once (MAV_CMD_REQUEST_MESSAGE), without waiting for an ACK."""
         component = self.view.camera_component if message_id == 263 else None
         self.send_command(mav.MAV_CMD_REQUEST_MESSAGE, message_id, param2, component=component)

@@ -1,10 +1,10 @@
-"""Texts of a vehicle: STATUSTEXT, put together from its chunks and made harmless, and EVENT (410).
+"""Texts of a vehicle: STATUSTEXT, joined from its chunks and made harmless, and EVENT (410).
 
-A PX4 sends EVENT beside its texts, and alone where it knows no ground station. An event is a
-number, a hash of its name, with arguments; its words are in a file of the firmware, which is not
-here. The events of failsafes are known here by their names: the text of each is the same, and its
-cause is an argument of its event alone. Of the others the number is reported, by which
-QGroundControl or the flight's log show the event.
+A PX4 sends EVENT beside its texts, and alone if it knows no ground station. An event is a number, a
+hash of its name, with arguments; its text is in a file of the firmware, which is not here. The
+events of failsafes are known here by their names: the text of each is the same, and its cause is an
+argument of its event alone. Of the others the number is reported. QGroundControl or the flight's
+log show the event by it.
 
 Source: PX4, `commander/failsafe/framework.cpp` (`notifyUser`), `lib/events/enums.json`,
 `commander/HealthAndArmingChecks`.
@@ -22,15 +22,15 @@ from uavmap.mavlink.autopilots import PX4
 CHUNK_BYTES: Final = 50
 MOST_CHUNKS: Final = 16
 MOST_OPEN: Final = 4
-"""Number of a vehicle's texts that may be incomplete at a time."""
+"""Maximum number of a vehicle's texts that may be incomplete at a time."""
 LATE_S: Final = 2.0
-"""Maximum wait for the other chunks of a text, s; then it is passed on as far as it came."""
+"""Maximum wait for the other chunks of a text, s; then it is passed on incomplete."""
 TEXT_LENGTH: Final = 400
 _GAP: Final = "[...]"
 
 
 class Text(NamedTuple):
-    """Words of a vehicle, whole or as much as was heard of them."""
+    """A text of a vehicle, whole or the received part."""
 
     severity: int
     """MAV_SEVERITY: 0 is an emergency, 7 for debugging."""
@@ -43,7 +43,7 @@ class _Open:
     begun_s: float
     chunks: dict[int, str] = field(default_factory=dict)
     last: int | None = None
-    """The number of the last chunk, once it was heard."""
+    """Number of the last chunk, once it has arrived."""
 
     @property
     def whole(self) -> bool:
@@ -56,17 +56,17 @@ class _Open:
 
 
 class Texts:
-    """Puts texts together; a chunk that is lost leaves a gap, and holds nothing up."""
+    """Joins texts; a lost chunk leaves a gap, and delays nothing."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], _Open] = {}
 
     def take(self, component: int, message: Any, now_s: float) -> list[Text]:
-        """A STATUSTEXT was heard; the texts that are whole, or given up, with it."""
+        """Add a STATUSTEXT; return the texts that are whole, or given up."""
         done = self.late(now_s)
         words, full = _words(message)
         number, chunk = int(message.id), int(message.chunk_seq)
-        if number == 0 or (chunk == 0 and not full):  # told in one piece
+        if number == 0 or (chunk == 0 and not full):  # in one piece
             return [*done, _harmless(message.severity, words)]
         if chunk >= MOST_CHUNKS:
             return done
@@ -82,13 +82,13 @@ class Texts:
         return done
 
     def late(self, now_s: float) -> list[Text]:
-        """The texts whose other chunks are not waited for any longer."""
+        """Return the texts whose other chunks are not waited for any longer."""
         keys = [key for key, part in self._open.items() if now_s - part.begun_s > LATE_S]
         return [self._open.pop(key).text() for key in keys]
 
 
 def _words(message: Any) -> tuple[str, bool]:
-    """The words of one chunk, and whether it is full: then another follows."""
+    """Return the text of one chunk, and whether it is full: then another follows."""
     text = message.text
     raw = text if isinstance(text, bytes) else str(text).encode("utf-8", "replace")
     raw = raw.split(b"\0", 1)[0]
@@ -100,13 +100,13 @@ def _harmless(severity: int, words: str) -> Text:
 
 
 DUE: Final = "Failsafe activated due to "
-"""Beginning of the words of a failsafe whose cause the autopilot names."""
+"""Beginning of the text of a failsafe whose cause the autopilot names."""
 CAUSELESS: Final = "Failsafe activated in "
-"""The same of one without a cause: setpoints, position, fence, but no link and no battery."""
+"""The same without a cause: setpoints, position, fence, but no link and no battery."""
 
 
 def number_of(name: str) -> int:
-    """The number of an event: 24 bits of FNV-1a, without the component that sends it.
+    """Return the number of an event: 24 bits of FNV-1a, without the component that sends it.
 
     >>> hex(number_of("commander_armed_by"))
     '0x90caf3'
@@ -159,8 +159,10 @@ _WORDS: Final = {
 
 
 def event_text(event: Any, *, numbered: bool) -> Text | None:
-    """The words of an EVENT; None where they are not known, unless `numbered` asks for its
-    number."""
+    """Return the text of an EVENT; None if it is not known.
+
+    With `numbered` an unknown event is returned as its number.
+    """
     number = event.id & 0xFFFFFF
     words = _WORDS.get(number)
     if number in _ARGUMENTS:
@@ -168,7 +170,7 @@ def event_text(event: Any, *, numbered: bool) -> Text | None:
         values = layout.unpack_from(bytes(event.arguments))
         words = _failsafe(**dict(zip(fields, values, strict=True)))
     elif words is None and numbered:
-        words = f"event {event.id:#010x}: its words are known to QGroundControl, not here"
+        words = f"event {event.id:#010x}: its text is in QGroundControl, not here"
     return None if words is None else Text(event.log_levels & 0x0F, words)
 
 

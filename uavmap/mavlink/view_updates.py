@@ -1,4 +1,4 @@
-"""How each message of a vehicle, once the gate has checked its ranges, updates its view."""
+"""The update of the view by each message of a vehicle whose ranges the gate has checked."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from uavmap.mavlink.vehicle_view import HEIGHT_ERROR_M, OFF_GROUND_M, WORST_ERRO
 Message = Any
 
 _NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
-"""What gimbals, cameras and companion computers send in their heartbeats."""
+"""Autopilot types in heartbeats of gimbals, cameras and companion computers."""
 _OTHER: Final = frozenset({Sender.ANY})
 _AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
 _CAMERA: Final = _OTHER | {Sender.CAMERA}
 PREARM_BIT: Final = 0x10000000
 LANDED_STATE_S: Final = 5.0
-"""Maximum age of a landed state; after it armed and height decide, s."""
+"""Maximum age of a landed state, s; after it armed and height decide."""
 HOME_MOVES_M: Final = 3.0
-"""Height above home below which a PX4 that stands is taken to stand at home's height, m."""
+"""Height above home below which a PX4 on the ground counts as at home's height, m."""
 CLOCKS_APART_S: Final = 2.0
-"""An attitude whose time differs by more from that of the position is by another clock, s."""
+"""Difference of times from which on an attitude is by another clock than the position, s."""
 CAMERA_SILENT_S: Final = 10.0
-"""Silence after which another camera of the vehicle may replace the one that was heard, s."""
+"""Silence after which another camera of the vehicle may replace the first, s."""
 
 _UNKNOWN_16: Final = 0xFFFF
-"""Value of a field of 16 bits that is not known."""
+"""Value of an unknown field of 16 bits."""
 _UNKNOWN_8: Final = 0xFF
 BATTERY_SILENT_S: Final = 5.0
 """Time without a percentage in BATTERY_STATUS after which that of SYS_STATUS counts, s."""
@@ -42,7 +42,7 @@ CHARGE_LOW: Final = {
     mav.MAV_BATTERY_CHARGE_STATE_FAILED: "failed",
     mav.MAV_BATTERY_CHARGE_STATE_UNHEALTHY: "unhealthy",
 }
-"""Charge states with which no mission is flown, in words."""
+"""Charge states that forbid a mission, as text."""
 
 
 def update(view: VehicleView, message: Message, now_s: float) -> bool:
@@ -67,7 +67,7 @@ def update(view: VehicleView, message: Message, now_s: float) -> bool:
 
 
 def is_autopilot(heartbeat: Message) -> bool:
-    """Whether a heartbeat is an autopilot's, by which a vehicle is known."""
+    """Return whether a heartbeat is an autopilot's, by which a vehicle is known."""
     known = heartbeat.autopilot not in _NO_AUTOPILOT
     return known and RULES["HEARTBEAT"].fault(heartbeat) is None
 
@@ -106,15 +106,18 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
 
 
 def _current_mode(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe; so
-    is one whose heartbeat reports it, until the next: it may wait in Hold."""
+    """Set the mode between heartbeats.
+
+    An armed PX4 in another mode than intended is in a failsafe. So is one whose heartbeat reports
+    it, until the next: it may wait in Hold.
+    """
     view.mode, intended = message.custom_mode, message.intended_custom_mode
     if view.kind.tells_failsafe and intended:
         view.failsafe = view.armed and (view.critical or intended != view.mode)
 
 
 def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
-    """One camera takes the pictures; a second does not take its place while it speaks."""
+    """Note a camera's message; a second camera does not replace the first while that is active."""
     if component != view.camera_component:
         if now_s - view.camera_heard_s < CAMERA_SILENT_S:
             return
@@ -142,8 +145,8 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
 def _home_amsl_m(view: VehicleView, message: Message) -> float:
     """Return the height of home above the sea, m.
 
-    A PX4 takes off above where it stands. The home that it reports moves by up to 1.5 m from one
-    message to the next for minutes after a take-off, on the ground too; its own height does not.
+    A PX4 takes off above its place. The home that it reports moves by up to 1.5 m from one message
+    to the next for minutes after a take-off, on the ground as well; its own height does not.
     """
     above_home_m = message.relative_alt / 1000.0
     stands = view.landed_state == mav.MAV_LANDED_STATE_ON_GROUND
@@ -202,8 +205,11 @@ def _battery(view: VehicleView, message: Message, now_s: float, component: int) 
 
 
 def _percent(view: VehicleView, message: Message, now_s: float) -> None:
-    """Note the percentage of BATTERY_STATUS, or of SYS_STATUS where the other held none for
-    `BATTERY_SILENT_S`: a PX4 rounds it differently in each, and it would rise and fall."""
+    """Note the percentage of BATTERY_STATUS, or else of SYS_STATUS.
+
+    SYS_STATUS counts if the other held none for `BATTERY_SILENT_S`. A PX4 rounds it differently in
+    each, and it would rise and fall.
+    """
     kind, percent = message.get_type(), message.battery_remaining
     counts = kind == "BATTERY_STATUS" or now_s - view.battery_status_s > BATTERY_SILENT_S
     if percent >= 0 and kind == "BATTERY_STATUS":
@@ -217,7 +223,7 @@ def _percent(view: VehicleView, message: Message, now_s: float) -> None:
 
 def _extended(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.landed_state, view.landed_state_s = message.landed_state, now_s
-    if view.off_ground:  # which keeps home by itself, until it has landed
+    if view.off_ground:  # it keeps home by itself until it has landed
         view.keeps_home = False
 
 

@@ -1,11 +1,10 @@
-"""Ground stations beside us on the links of the vehicles: frames passed on, not a byte changed.
+"""Ground stations on the links of the vehicles: frames passed on without a changed byte.
 
     a vehicle's frames -> every ground station
-    a ground station's frames -> the vehicle that they are for; all, where they are for nobody
+    a ground station's frames -> the target vehicle; all vehicles without a target
 
-Nothing waits for anybody: a station that does not take what it is sent loses frames, and the
-vehicles are heard all the same. What we send to the vehicles ourselves is not passed on: to a
-station that would be a second ground station's traffic.
+No sender waits. A slow station loses frames, and the vehicles are still received. Our own frames to
+vehicles are not passed on: a station would take them for a second ground station's traffic.
 """
 
 from __future__ import annotations
@@ -20,19 +19,19 @@ from uavmap.mavlink.links.urls import parse_url
 
 
 class Way(Protocol):
-    """The way to one vehicle."""
+    """The link to one vehicle."""
 
     @property
     def system_id(self) -> int:
-        """Its system; 0 until it has spoken."""
+        """System id, 0 before its first message."""
 
     @property
     def transport(self) -> Transport:
-        """What its frames are sent over."""
+        """Transport of its frames."""
 
 
 class Forwarding:
-    """Passes frames between vehicles and ground stations. `record` sees what stations send."""
+    """Passes frames between vehicles and ground stations. `record` gets the stations' frames."""
 
     def __init__(self, record: Callable[[bytes], None]) -> None:
         self._record = record
@@ -54,7 +53,7 @@ class Forwarding:
 
     @contextlib.asynccontextmanager
     async def open(self, urls: Sequence[str], say: Callable[[str], None]) -> AsyncIterator[None]:
-        """Open the links to the ground stations. Raises `LinkError` where that fails."""
+        """Open the links to the ground stations. Raises `LinkError` if that fails."""
         async with contextlib.AsyncExitStack() as stack:
             for url in urls:
                 station = open_transport(parse_url(url), self._from_station(), say)
@@ -76,6 +75,6 @@ class Forwarding:
     def _to_vehicles(self, frame: bytes) -> None:
         target = target_of(frame)
         meant = [way for way in self._ways if target and way.system_id == target] or self._ways
-        # vehicles behind one router share a way, on which everybody is told at once
+        # vehicles behind one router share a link, on which one send reaches all
         for transport in {way.transport.way: way.transport for way in meant}.values():
             transport.send(frame)

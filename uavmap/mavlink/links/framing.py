@@ -1,6 +1,6 @@
-"""MAVLink frames as bytes: cut out of a stream, unchanged, with their addresses; and their losses.
+"""MAVLink frames as bytes: cut from a stream, unchanged, with their addresses and losses.
 
-For frames that are passed on and not understood: of other dialects, and signed ones.
+For frames that are passed on without decoding: of other dialects, and signed ones.
 """
 
 from __future__ import annotations
@@ -15,20 +15,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 Message = Any  # pymavlink carries no types
 
 _GAP: Final = 128
-"""A number that is farther ahead is one of a frame that came late, or of a sender that restarted:
-frames are numbered with a byte."""
+"""Gap of numbers from which on a frame came late or its sender restarted: numbers have a byte."""
 
 
 @dataclass(slots=True)
 class Losses:
-    """Frames heard and missing, by (system, component) that sent them."""
+    """Counts of received and missing frames, by (system, component) that sent them."""
 
     heard: dict[tuple[int, int], int] = field(default_factory=dict)
     missing: dict[tuple[int, int], int] = field(default_factory=dict)
     _last: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def take(self, message: Message) -> None:
-        """Count a frame, whatever is in it."""
+        """Count a frame of any kind."""
         sender = message.get_srcSystem(), message.get_srcComponent()
         sequence = message.get_seq()
         last = self._last.get(sender)
@@ -41,7 +40,7 @@ class Losses:
         self._last[sender] = sequence
 
     def counts(self, sender: tuple[int, int]) -> tuple[int, int]:
-        """How many frames of a sender were heard, and how many of its numbers were missing."""
+        """Return the number of received frames of a sender, and of missing numbers."""
         return self.heard.get(sender, 0), self.missing.get(sender, 0)
 
 
@@ -52,7 +51,7 @@ _SIGNATURE_BYTES: Final = 13
 
 
 def length_of(data: bytes | bytearray, at: int = 0) -> int:
-    """The length of the frame that begins there; 0 where it is not known yet."""
+    """Return the length of the frame that begins there; 0 if it is not known yet."""
     if len(data) - at < 3:
         return 0
     if data[at] == _V1:
@@ -61,16 +60,16 @@ def length_of(data: bytes | bytearray, at: int = 0) -> int:
 
 
 class Splitter:
-    """Cuts a stream into whole frames; what is none is passed over.
+    """Cuts a stream into whole frames; other bytes are skipped.
 
-    A frame is taken for one if another begins behind it, nothing follows, or its checksum is right.
+    Bytes are a frame if another begins behind it, nothing follows, or its checksum is right.
     """
 
     def __init__(self) -> None:
         self._kept = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """The frames that are whole now."""
+        """Return the frames that are whole now."""
         buffer = self._kept
         buffer += data
         found: list[bytes] = []
@@ -96,17 +95,17 @@ class Splitter:
 
 
 def sender_of(frame: bytes) -> tuple[int, int]:
-    """System and component that sent a frame."""
+    """Return system and component that sent a frame."""
     return (frame[3], frame[4]) if frame[0] == _V1 else (frame[5], frame[6])
 
 
 def message_id_of(frame: bytes) -> int:
-    """The kind of message in a frame."""
+    """Return the kind of message in a frame."""
     return frame[5] if frame[0] == _V1 else int.from_bytes(frame[7:10], "little")
 
 
 def target_of(frame: bytes) -> int:
-    """The system that a frame is for; 0 for everybody, and where that is not known."""
+    """Return the target system of a frame; 0 for all, or if it is not known."""
     offset = _target_offset(message_id_of(frame))
     begin = 6 if frame[0] == _V1 else 10
     if offset is None or offset >= frame[1]:  # zeros at the end are not sent
@@ -116,7 +115,7 @@ def target_of(frame: bytes) -> int:
 
 @functools.cache
 def _target_offset(message_id: int) -> int | None:
-    """Where in the payload of a kind of message its target system stands."""
+    """Return the offset of the target system in the payload of a kind of message."""
     kind = mav.mavlink_map.get(message_id)
     if kind is None or "target_system" not in kind.ordered_fieldnames:
         return None
@@ -130,7 +129,7 @@ def _target_offset(message_id: int) -> int | None:
 
 
 def _checks(frame: bytes) -> bool:
-    """Whether the checksum of a frame is right; False for an unknown kind."""
+    """Return whether the checksum of a frame is right; False for an unknown kind."""
     kind = mav.mavlink_map.get(message_id_of(frame))
     if kind is None:
         return False

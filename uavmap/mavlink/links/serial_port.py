@@ -1,4 +1,4 @@
-"""A serial port as a link: read and written when the loop says so, opened again when unplugged."""
+"""A serial port as a link: read and written by the loop, reopened when unplugged."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import serial
 
 REOPEN_S: Final = 1.0
 MOST_UNSENT: Final = 1 << 14
-"""Bytes that wait for the port, three seconds of it at 57600 baud; what is more is lost."""
+"""Maximum number of waiting bytes, three seconds at 57600 baud; more are lost."""
 _MOST_READS: Final = 64
-"""Reads in one turn of the loop, until the port is empty."""
+"""Maximum number of reads in one turn of the loop, until the port is empty."""
 
 
 class SerialPort:
-    """One serial port. Raises what pyserial raises, when it is opened for the first time only."""
+    """One serial port. Raises pyserial's errors, only when it is opened for the first time."""
 
     peer_host: str | None = None
 
@@ -38,8 +38,10 @@ class SerialPort:
         return id(self)
 
     def send(self, data: bytes) -> None:
-        """Write, now or as soon as the port takes it; full or unplugged it drops the data, and the
-        session misses the heartbeats."""
+        """Write, now or as soon as the port accepts it.
+
+        Full or unplugged it drops the data, and the session misses the heartbeats.
+        """
         if self._port is None or len(self._unsent) + len(data) > MOST_UNSENT:
             return
         waits = bool(self._unsent)
@@ -48,7 +50,7 @@ class SerialPort:
             self._write()
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the port."""
         if self._reopening is not None:
             self._reopening.cancel()
         self._shut()

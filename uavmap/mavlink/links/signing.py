@@ -1,8 +1,8 @@
-"""MAVLink 2 signing (mavlink.io, "Message Signing"): only frames with our key are believed.
+"""MAVLink 2 signing (mavlink.io, "Message Signing"): only frames with our key are accepted.
 
 A signature is a link id, a timestamp of 48 bits (10 microseconds since 2015) and the first six
 bytes of a SHA-256 over key and frame. Timestamps only rise within a stream (system, component, link
-id), so that no recorded frame can be replayed; a file beside the key's, for its owner only, keeps
+id), so that no recorded frame can be replayed. A file beside the key's, for its owner only, keeps
 them over a restart. The key is written as 64 hexadecimal digits; no log and no error ever holds it.
 """
 
@@ -26,16 +26,16 @@ from missions.errors import LinkError
 
 KEY_BYTES: Final = 32
 EPOCH_UTC_S: Final = 1420070400
-"""2015-01-01, from which timestamps are counted."""
+"""2015-01-01, the origin of timestamps, UTC s."""
 TICKS_PER_S: Final = 100_000
 NEW_STREAM_BEHIND: Final = 60 * TICKS_PER_S
-"""A stream that was never heard may begin one minute before the newest timestamp."""
+"""Maximum lag of a new stream behind the newest timestamp: one minute."""
 MOST_STREAMS: Final = 256
 LINK_ID: Final = 0
 
 UNSIGNED: Final = "not signed"
 WRONG_KEY: Final = "signed with another key"
-REPLAYED: Final = "signed, and older than what was heard: replayed"
+REPLAYED: Final = "signed, but older than the last frame: replayed"
 
 _SIGNED: Final = mav.MAVLINK_IFLAG_SIGNED
 _LAST_TICK: Final = 2**48 - 1
@@ -46,13 +46,15 @@ Stream = tuple[int, int, int]
 
 
 def ticks_now() -> int:
-    """The time in the ticks of signatures."""
+    """Return the time in the ticks of signatures."""
     return int((time.time() - EPOCH_UTC_S) * TICKS_PER_S)
 
 
 class Signing:
-    """A key and what was signed with it, for all links of a process. The wall clock `now`, in
-    ticks, may jump; timestamps do not follow it back."""
+    """A key and its timestamps, for all links of a process.
+
+    The wall clock `now`, in ticks, may jump; timestamps do not follow it back.
+    """
 
     def __init__(
         self, key: bytes, timestamps: KeptTimestamps, now: Callable[[], int] = ticks_now
@@ -67,14 +69,14 @@ class Signing:
         return "Signing(...)"  # never the key
 
     def next_tick(self) -> int:
-        """A timestamp that was never used: now, or one more than the last."""
+        """Return a timestamp that was never used: now, or one more than the last."""
         tick = min(max(self._now(), self._stamps.sent + 1), _LAST_TICK)
         self._stamps.sent = tick
         self._stamps.note()
         return tick
 
     def sign(self, frame: bytes) -> bytes:
-        """The signed frame of an unsigned MAVLink 2 frame."""
+        """Return the signed frame of an unsigned MAVLink 2 frame."""
         flagged = bytearray(frame[:-2])
         flagged[2] |= _SIGNED
         extra = mav.mavlink_map[int.from_bytes(frame[7:10], "little")].crc_extra
@@ -85,8 +87,10 @@ class Signing:
         return bytes(flagged) + self._digest(flagged)
 
     def fault(self, frame: bytes) -> str | None:
-        """Why a whole frame with a right checksum is not believed; None if it is, which raises the
-        timestamp of its stream."""
+        """Return why a whole frame with a right checksum is rejected; None if it is accepted.
+
+        An accepted frame raises the timestamp of its stream.
+        """
         if (
             frame[0] != mav.PROTOCOL_MARKER_V2
             or not frame[2] & _SIGNED
@@ -109,15 +113,18 @@ class Signing:
         return None
 
     def set_up(self, system: int, component: int) -> mav.MAVLink_setup_signing_message:
-        """The message that gives a vehicle the key, and the time to begin with."""
+        """Return the message that gives a vehicle the key, and its first timestamp."""
         return mav.MAVLink_setup_signing_message(
             system, component, list(self._key), self.next_tick()
         )
 
     @staticmethod
     def removal(system: int, component: int) -> mav.MAVLink_setup_signing_message:
-        """The message that ends signing. With another time than 0 an ArduPilot takes zeros for a
-        key, which everybody knows (GCS_Signing.cpp, `load_signing_key`)."""
+        """Return the message that ends signing.
+
+        With another time than 0 an ArduPilot takes zeros for a key, which is public
+        (GCS_Signing.cpp, `load_signing_key`).
+        """
         return mav.MAVLink_setup_signing_message(system, component, [0] * KEY_BYTES, 0)
 
     def _digest(self, signed_part: bytes | bytearray) -> bytes:
@@ -125,11 +132,11 @@ class Signing:
 
 
 BESIDE: Final = ".timestamps"
-"""Ending of the file in which timestamps are kept."""
+"""Ending of the file of timestamps."""
 SAVE_S: Final = 2.0
-"""Real seconds between two times that timestamps are written."""
+"""Time between two writes of timestamps, real seconds."""
 _AHEAD: Final = int(2 * SAVE_S * TICKS_PER_S)
-"""How far what is written is ahead of what was used: a killed process used less."""
+"""Lead of the written timestamps over the used ones: a killed process used less."""
 _MOST_CHARACTERS: Final = 4096
 
 
@@ -149,8 +156,10 @@ def new_key(path: Path) -> None:
 
 
 def read_key(path: Path) -> bytes:
-    """The key in a file that its owner alone may read and write. Raises `LinkError`, which never
-    holds what is in it."""
+    """Return the key in a file that only its owner may read and write.
+
+    Raises `LinkError`, which never holds the content.
+    """
     try:
         with path.open("rb") as file:
             found = os.fstat(file.fileno())
@@ -178,34 +187,36 @@ def read_key(path: Path) -> bytes:
 
 
 class KeptTimestamps:
-    """Timestamps in a file beside the key; what a killed process used is lower than the file's.
-    Raises `LinkError` where they cannot be kept."""
+    """Timestamps in a file beside the key; a killed process used lower ones than the file's.
+
+    Raises `LinkError` if they cannot be kept.
+    """
 
     def __init__(self, key: Path) -> None:
         self._path = key.with_name(key.name + BESIDE)
         self.sent = 0
-        """The highest that was used, or more."""
+        """Highest used timestamp, or more."""
         self.heard: dict[Stream, int] = {}
-        """The highest of each stream."""
+        """Highest timestamp of each stream."""
         self._saved_s = float("-inf")
         self._reserved = 0
         self._read()
         self.save()
 
     def note(self) -> None:
-        """Something has changed: write it down, but not every time."""
+        """Write a change, but not every time."""
         if self.sent >= self._reserved or time.monotonic() - self._saved_s >= SAVE_S:
-            # in flight a full disk must not end the flight; it is tried again
+            # a full disk must not end a flight; the write is tried again
             with contextlib.suppress(LinkError):
                 self.save()
 
     def close(self) -> None:
-        """Write down what was used, exactly."""
+        """Write the used timestamps, exactly."""
         with contextlib.suppress(LinkError):
             self.save(ahead=0)
 
     def save(self, ahead: int = _AHEAD) -> None:
-        """Write them down."""
+        """Write the timestamps."""
         self._saved_s, self._reserved = time.monotonic(), self.sent + ahead
         heard = {":".join(map(str, stream)): tick for stream, tick in sorted(self.heard.items())}
         text = json.dumps({"sent": self._reserved, "heard": heard})
@@ -237,7 +248,10 @@ class KeptTimestamps:
 
 @contextlib.contextmanager
 def signing_with(path: str | None) -> Iterator[Signing | None]:
-    """Signing with the key of a file, its timestamps kept; None without one. Raises `LinkError`."""
+    """Yield signing with the key of a file, its timestamps kept; None without one.
+
+    Raises `LinkError`.
+    """
     if path is None:
         yield None
         return

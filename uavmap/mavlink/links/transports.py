@@ -1,8 +1,8 @@
-"""Bytes to and from a vehicle. What they mean is the session's business.
+"""Bytes to and from a vehicle; the session decodes them.
 
-Every transport hands what comes to `on_bytes` from the event loop and never blocks the reader: an
+Every transport passes its bytes to `on_bytes` from the event loop and never blocks the reader: an
 ArduPilot simulation freezes when its TCP client stops reading. `on_bytes` returns whether the
-vehicle sent it, by which a listening socket knows its peer.
+vehicle sent them, by which a listening socket knows its peer.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from uavmap.mavlink.links.serial_port import REOPEN_S, SerialPort
 from uavmap.mavlink.links.urls import Endpoint
 
 PEER_SILENT_S: Final = 10.0
-"""Real seconds of silence after which our vehicle may be heard from another address."""
+"""Silence after which our vehicle may be received from another address, real seconds."""
 MOST_STRANGERS: Final = 16
-"""Number of strangers that a link logs."""
+"""Maximum number of strangers that a link logs."""
 MOST_AT_ONCE: Final = 1000
-"""Datagrams that are read in one turn of the loop: a flood must not stop everything else."""
+"""Maximum number of datagrams in one turn of the loop: a flood must not stop the rest."""
 _DATAGRAM_BYTES: Final = 65_535
 
 OnBytes = Callable[[bytes], bool]
-"""Takes what was heard; whether our vehicle spoke in it."""
+"""Takes received bytes; returns whether our vehicle sent some of them."""
 Say = Callable[[str], None]
 Address = tuple[str, int]
 
@@ -45,15 +45,15 @@ class Strangers:
         self._known: set[Any] = set()
 
     def tell(self, address: Any, what: str) -> None:
-        """Log what a stranger did, the first time."""
+        """Log the action of a stranger, the first time."""
         if address in self._known or len(self._known) >= MOST_STRANGERS:
             return
         self._known.add(address)
         self._say(f"{self._url}: {_place(address)} {what}")
 
     def moved(self, before: Any, now: Any) -> None:
-        """Say that the vehicle is heard from another address."""
-        self._say(f"{self._url}: the vehicle is heard from {_place(now)}, not {_place(before)}")
+        """Log that the vehicle is received from another address."""
+        self._say(f"{self._url}: the vehicle is received from {_place(now)}, not {_place(before)}")
 
 
 def _place(address: Any) -> str:
@@ -62,7 +62,7 @@ def _place(address: Any) -> str:
 
 
 async def bound_socket(host: str, port: int, family: int = 0) -> socket.socket:
-    """A UDP socket of an address of this machine. Raises `OSError`."""
+    """Return a UDP socket of an address of this machine. Raises `OSError`."""
     loop = asyncio.get_running_loop()
     found = await loop.getaddrinfo(host, port, family=family, type=socket.SOCK_DGRAM)
     kind, _, _, _, address = found[0]
@@ -77,8 +77,10 @@ async def bound_socket(host: str, port: int, family: int = 0) -> socket.socket:
 
 
 class UdpSocket:
-    """A UDP socket that is read until it is empty: asyncio takes one datagram a turn, so that after
-    long turns telemetry of seconds ago would be read as of now."""
+    """A UDP socket that is read until it is empty.
+
+    asyncio takes one datagram a turn: after long turns old telemetry would be read as of now.
+    """
 
     def __init__(self, made: socket.socket) -> None:
         self._socket = made
@@ -97,22 +99,22 @@ class UdpSocket:
             hear(data, (str(address[0]), int(address[1])))
 
     def send(self, data: bytes, address: Address) -> None:
-        """Send a datagram; one that the system does not take is lost, as on its way."""
+        """Send a datagram; one that the system refuses is lost, as on its way."""
         with contextlib.suppress(OSError):
             self._socket.sendto(data, address)
 
     def close(self) -> None:
-        """Stop reading, and give the port back."""
+        """Stop reading, and release the port."""
         if self._socket.fileno() >= 0:
             self._loop.remove_reader(self._socket.fileno())
             self._socket.close()
 
 
 class UdpLink:
-    """A UDP link. With a named peer it hears that one and nobody else.
+    """A UDP link. With a named peer it receives only from that one.
 
-    A listening one keeps to the address from which it first heard the vehicle. Only after a long
-    silence does it hear others, and it follows the vehicle to where that speaks from then.
+    A listening link keeps to the address from which it first received the vehicle. Only after a
+    long silence does it receive others, and then follows the vehicle to its new address.
     """
 
     def __init__(
@@ -127,23 +129,23 @@ class UdpLink:
 
     @property
     def peer_host(self) -> str | None:
-        """The address of the host at the other end; None without one."""
+        """Address of the host at the other end; None without one."""
         return None if self._peer is None else self._peer[0]
 
     @property
     def way(self) -> Hashable:
-        """Equal for two that lead over the same socket to the same place."""
+        """Equal for two links over the same socket to the same place."""
         return (id(self._socket), self._peer)
 
     def hear(self, data: bytes, address: Address) -> None:
-        """A datagram came from an address."""
+        """Handle a datagram from an address."""
         if address == self._peer:
             if self._on_bytes(data):
                 self._heard_s = time.monotonic()
             return
         silent_s = time.monotonic() - self._heard_s
         if self._named or (self._peer is not None and silent_s < PEER_SILENT_S):
-            self._strangers.tell(address, "speaks too, and is not heard")
+            self._strangers.tell(address, "sends as well, and is ignored")
             return
         if self._on_bytes(data):
             if self._peer is not None:
@@ -151,13 +153,13 @@ class UdpLink:
             self._peer, self._heard_s = address, time.monotonic()
 
     def send(self, data: bytes) -> None:
-        """Send to the peer, or drop where there is none yet."""
+        """Send to the peer; drop without one."""
         if self._peer is not None:
             self._socket.send(data, self._peer)
 
 
 MOST_UNSENT: Final = 1 << 18
-"""Bytes that wait for a TCP peer to read; what is more is lost, as on any other link."""
+"""Maximum number of bytes that wait for a TCP peer; more are lost, as on any other link."""
 _KEEPALIVE_S: Final = 5
 
 
@@ -169,11 +171,11 @@ class TcpLink:
         self._strangers = strangers
         self._transport: asyncio.Transport | None = None
         self.gone = asyncio.Event()
-        """Set while a connection that was made has ended."""
+        """Set when a connection has ended."""
 
     @property
     def peer_host(self) -> str | None:
-        """The address of the host at the other end; None without one."""
+        """Address of the host at the other end; None without one."""
         if self._transport is None:
             return None
         return str(self._transport.get_extra_info("peername")[0])
@@ -184,13 +186,13 @@ class TcpLink:
         return id(self)
 
     def made(self, transport: asyncio.Transport) -> bool:
-        """A connection was made; whether it is the link's."""
+        """Accept or refuse a new connection; return whether it is the link's."""
         peer = transport.get_extra_info("peername")
-        if peer is None:  # it has gone again before it was looked at
+        if peer is None:  # it has gone again already
             return False
         if self._transport is not None:
             # by host: a port is new with each try
-            self._strangers.tell((peer[0], None), "wants to connect too, and is refused")
+            self._strangers.tell((peer[0], None), "tries to connect as well, and is refused")
             return False
         self._transport = transport
         self.gone.clear()
@@ -198,17 +200,17 @@ class TcpLink:
         return True
 
     def lost(self, transport: asyncio.Transport) -> None:
-        """A connection has ended: the next client may come."""
+        """Handle the end of a connection: the next client may come."""
         if transport is self._transport:
             self._transport = None
             self.gone.set()
 
     def send(self, data: bytes) -> None:
-        """Send, or drop where none is connected."""
+        """Send; drop without a connection."""
         transport = self._transport
         if transport is None or transport.is_closing():
             return
-        if transport.get_write_buffer_size() < MOST_UNSENT:  # else nobody reads at the other end
+        if transport.get_write_buffer_size() < MOST_UNSENT:  # else the other end does not read
             transport.write(data)
 
     def close(self) -> None:
@@ -218,7 +220,7 @@ class TcpLink:
 
 
 def _keep_alive(connection: socket.socket) -> None:
-    """Have the system notice within some 15 s that the other end is gone without a word."""
+    """Have the system detect within some 15 s that the other end is gone without closing."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in (("TCP_KEEPIDLE", _KEEPALIVE_S), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3)):
         if (option := getattr(socket, name, None)) is not None:  # macOS lacks one of them
@@ -238,7 +240,7 @@ class _TcpConnection(asyncio.Protocol):
         made = cast(asyncio.Transport, transport)
         if self._link.made(made):
             self._transport = made
-        else:  # not at once: asyncio is about to begin to read from it
+        else:  # not at once: asyncio is about to read from it
             asyncio.get_running_loop().call_soon(made.abort)
 
     def data_received(self, data: bytes) -> None:
@@ -251,7 +253,7 @@ class _TcpConnection(asyncio.Protocol):
 
 
 Transport = UdpLink | TcpLink | SerialPort
-"""One open link; what it cannot send is dropped."""
+"""One open link; data that it cannot send is dropped."""
 _Opened = tuple[Transport, Callable[[], None]]
 
 
@@ -259,8 +261,10 @@ _Opened = tuple[Transport, Callable[[], None]]
 async def open_transport(
     endpoint: Endpoint, on_bytes: OnBytes, say: Say = lambda text: None
 ) -> AsyncIterator[Transport]:
-    """Open the transport that an endpoint names, and close it at the end; `say` logs who else
-    speaks to it. Raises `LinkError` where it cannot be opened."""
+    """Open the transport of an endpoint, and close it at the end.
+
+    `say` logs other senders. Raises `LinkError` if it cannot be opened.
+    """
     opener = {
         "udpin": _open_udp,
         "udpout": _open_udp,
@@ -293,10 +297,10 @@ def _not_opened(endpoint: Endpoint, error: Exception) -> LinkError:
 async def open_shared(
     endpoint: Endpoint, on_bytes: Mapping[int, OnBytes], say: Say = lambda text: None
 ) -> AsyncIterator[Mapping[int, Transport]]:
-    """One link that several vehicles share: a transport for each, by system id.
+    """Open one link that several vehicles share: a transport for each, by system id.
 
-    On a listening UDP socket each vehicle may speak from an address of its own. Frames of other
-    systems are named once and heard by nobody. Raises `LinkError` as `open_transport`.
+    On a listening UDP socket each vehicle may use an address of its own. Other systems are logged
+    once and ignored. Raises `LinkError` as `open_transport`.
     """
     strangers = Strangers(endpoint, say)
     if endpoint.transport != "udpin":
@@ -330,12 +334,12 @@ async def open_shared(
 def _by_system(
     frames: list[bytes], ours: Collection[int], strangers: Strangers
 ) -> list[tuple[int, bytes]]:
-    """The frames of each of our systems in one piece; others are named once."""
+    """Return the frames of each of our systems in one piece; others are logged once."""
     groups: defaultdict[int, bytes] = defaultdict(bytes)
     for frame in frames:
         groups[sender_of(frame)[0]] += frame
     for system in groups.keys() - set(ours):
-        strangers.tell((f"system {system}", None), "speaks here, and is no vehicle of this flight")
+        strangers.tell((f"system {system}", None), "sends here, and is no vehicle of this flight")
     return [(system, group) for system, group in groups.items() if system in ours]
 
 
@@ -359,7 +363,7 @@ async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: Str
     connect = partial(connecting, lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
 
     async def stay_connected() -> None:
-        """A connection that ends in flight is made again, for as long as it takes."""
+        """Reconnect after the end of a connection, for as long as it takes."""
         while True:
             await tcp.gone.wait()
             await asyncio.sleep(REOPEN_S)

@@ -7,7 +7,7 @@ tcpout://192.168.1.12:5760          tcp:192.168.1.12:5760
 tcpin://0.0.0.0:5760                tcpin:0.0.0.0:5760
 serial:///dev/ttyACM0:57600         /dev/ttyACM0,57600
 
-With `?system=2` behind it a URL means that one of several vehicles on it.
+`?system=2` at the end selects one of several vehicles on a URL.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ DEFAULT_BAUD = 57600
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where a vehicle is reached. `host` is a device path and `port` a baud rate for serial."""
+    """The address of a vehicle. `host` is a device path and `port` a baud rate for serial."""
 
     transport: Transport
     host: str
     port: int
     system: int | None = None
-    """The system id of the vehicle; None: the first that is heard."""
+    """System id of the vehicle; None: the first that is received."""
 
     @property
     def url(self) -> str:
@@ -55,12 +55,12 @@ class Endpoint:
 
     @property
     def port_of_all(self) -> Endpoint:
-        """The same for any system: what several vehicles may share."""
+        """The same for any system: several vehicles may share it."""
         return replace(self, system=None)
 
 
 def parse_url(url: str) -> Endpoint:
-    """The endpoint that a URL names. Raises `LinkError` with the remedy.
+    """Return the endpoint of a URL. Raises `LinkError` with the remedy.
 
     >>> parse_url("udp:127.0.0.1:14550")
     Endpoint(transport='udpin', host='127.0.0.1', port=14550, system=None)

@@ -1,13 +1,13 @@
-"""MAVSDK in a process of its own: bytes of one vehicle's link in and out, and what it shall do.
+"""MAVSDK in a process of its own: bytes of one vehicle's link in and out, and requests.
 
     python -m uavmap.mavlink.mavsdk.driver_child SYSTEM COMPONENT
 
-It has no connection: the service hands it the link's bytes, and carries what it sends. So it
-speaks to nobody when the service has died or hangs. It ends when its input ends.
+It has no connection: the service passes it the link's bytes, and carries its output. So it sends
+nothing when the service has died or hangs. It ends when its input ends.
 
 In (JSON): {"id", "do", ...}. Out: {"ready": version}; {"system": n} when MAVSDK knows a vehicle;
-{"id", "result"} with MAVSDK's own word for it, and the answer's fields for a command;
-{"name", "system", "component", "fields"} for each message of the vehicle.
+{"id", "result"} with MAVSDK's own result, and the answer's fields for a command; {"name", "system",
+"component", "fields"} for each message of the vehicle.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from mavsdk.system import System
 from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames, words
 
 AT_ONCE: Final = 8
-"""Number of commands that may wait for their answers."""
+"""Maximum number of commands that may wait for their answers."""
 _READ_BYTES: Final = 1 << 16
 ORPHAN_S: Final = 1.0
-"""Interval to check that the service still lives, s."""
+"""Interval to check that the service is alive, s."""
 
 
 class _Out:
-    """The way back to the service; several threads write."""
+    """The output to the service; several threads write."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self._lock = threading.Lock()
 
     def write(self, piece: bytes) -> None:
-        """Write a piece; a service that is gone ends this process."""
+        """Write a piece; if the service is gone, end this process."""
         try:
             with self._lock:
                 self._file.write(piece)
@@ -72,7 +72,7 @@ class _Child:
         out.write(words({"ready": self._mavsdk.version()}))
 
     def _found(self, vehicle: System | None) -> None:
-        """Called on a thread of MAVSDK, in which nothing may be asked of it."""
+        """Note a vehicle; called on a thread of MAVSDK, which accepts no requests there."""
         if vehicle is not None:
             self._workers.submit(self._met, vehicle)
 
@@ -95,11 +95,11 @@ class _Child:
         )
 
     def heard(self, data: bytes) -> None:
-        """Bytes from the link."""
+        """Pass bytes from the link to MAVSDK."""
         self._mavsdk.pass_received_raw_bytes(data)
 
     def do(self, asked: dict[str, Any]) -> None:
-        """Something to do: a message at once, what is answered beside everything else."""
+        """Carry out a request: a message at once, a question in a thread."""
         if asked["do"] == "send":
             self._answered(asked, self._send)
         else:
@@ -114,7 +114,7 @@ class _Child:
                 answer["answer"] = told
         except MavsdkError as error:
             answer["result"] = getattr(getattr(error, "result", None), "name", str(error))
-        except Exception as error:  # whatever it is, the service has to hear of it
+        except Exception as error:  # the service has to receive any error
             answer["result"] = f"{type(error).__name__}: {error}"
         self._out.write(words(answer))
 
@@ -159,7 +159,7 @@ def _run(system: int, component: int, source: BinaryIO, out: _Out) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process with the service, even where it hangs in the library."""
+    """End this process with the service, even if it hangs in the library."""
     while os.getppid() == parent:
         time.sleep(ORPHAN_S)
     os._exit(0)
@@ -168,13 +168,13 @@ def _end_with(parent: int) -> None:
 def main() -> None:
     """Serve the pipes until the input ends."""
     source, target = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    # whatever the library prints must not get between the pieces
+    # output of the library must not get between the pieces
     os.dup2(2, 1)
     log_subscribe(lambda *_: True)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     with contextlib.suppress(KeyboardInterrupt):
         _run(int(sys.argv[1]), int(sys.argv[2]), source, _Out(target))
-    # its threads may wait for answers that nobody needs any more
+    # its threads may wait for answers that are no longer needed
     os._exit(0)
 
 

@@ -1,5 +1,7 @@
-"""Pieces in the pipes to and from MAVSDK's process: a letter, a length (4 bytes, little-endian),
-data."""
+"""Pieces in the pipes to and from MAVSDK's process.
+
+A piece is a letter, a length (4 bytes, little-endian), and data.
+"""
 
 from __future__ import annotations
 
@@ -18,24 +20,25 @@ MOST_BYTES: Final = 1 << 20
 
 
 def frames(data: bytes) -> bytes:
-    """A piece that holds bytes of the link."""
+    """Return a piece that holds bytes of the link."""
     return _HEAD.pack(FRAMES, len(data)) + data
 
 
 def words(what: dict[str, Any]) -> bytes:
-    """A piece that holds an object."""
+    """Return a piece that holds an object."""
     data = json.dumps(what).encode()
     return _HEAD.pack(WORDS, len(data)) + data
 
 
 class Pieces:
-    """Takes a stream apart into its pieces."""
+    """Splits a stream into its pieces."""
 
     def __init__(self) -> None:
         self._unread = bytearray()
 
     def feed(self, data: bytes) -> Iterator[tuple[bytes, bytes]]:
-        """The pieces, (letter, content), that are whole by now. Raises `ValueError` for none."""
+        """Yield the pieces, (letter, content), that are whole by now. Raises `ValueError` for
+        none."""
         self._unread += data
         while len(self._unread) >= _HEAD.size:
             letter, length = _HEAD.unpack_from(self._unread)

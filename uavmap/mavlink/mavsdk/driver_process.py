@@ -1,7 +1,7 @@
-"""MAVSDK's process, from the service's side: started, asked, watched, started again, ended.
+"""MAVSDK's process in the view of the service: start, requests, watch, restart, end.
 
-No error of it is one of the flight: what was asked of it fails as on a lost link, the vehicle is
-silent meanwhile, and is reconnected when it is heard again.
+None of its errors is one of the flight: a request fails as on a lost link. The vehicle is silent
+meanwhile, and is reconnected when it is received again.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from missions.errors import LinkError
 from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames, words
 
 START_S: Final = 20.0
-"""Real seconds in which the library must be loaded."""
+"""Maximum time to load the library, real seconds."""
 AGAIN_S: Final = 1.0
-"""Wait before it is started again, real seconds."""
+"""Wait before a restart, real seconds."""
 ANSWER_S: Final = 20.0
 """Maximum wait for an answer, real seconds; then it hangs: the library gives up at 2."""
 SILENT_S: Final = 5.0
-"""Maximum silence while its vehicle is heard, real seconds; then it hangs, too."""
+"""Maximum silence while its vehicle is received, real seconds; then it hangs as well."""
 MOST_UNREAD: Final = 1 << 20
-"""Number of bytes that may wait to be read."""
+"""Maximum number of bytes that wait to be read."""
 _READ_BYTES: Final = 1 << 16
 _END_S: Final = 2.0
 
@@ -34,8 +34,11 @@ Words = dict[str, Any]
 
 
 class MavsdkProcess:
-    """The process of one vehicle. `take_frames` gets what MAVSDK sends, `take_message` what it has
-    read; the library's clock is real, the loop's runs `speedup` times as fast."""
+    """The process of one vehicle.
+
+    `take_frames` gets MAVSDK's frames, `take_message` its decoded messages. The library's clock is
+    real, the loop's runs `speedup` times as fast.
+    """
 
     def __init__(
         self,
@@ -59,22 +62,22 @@ class MavsdkProcess:
         self._answers: dict[int, asyncio.Future[Words]] = {}
         self._ready: asyncio.Future[None] | None = None
         self._fed_s: float | None = None
-        """Since when its vehicle is heard and it has passed nothing on."""
+        """Time since which its vehicle is received and it has passed nothing on, s."""
         self._knows = False
-        """Whether MAVSDK has found the vehicle."""
+        """True if MAVSDK has found the vehicle."""
         self.version = ""
-        """MAVSDK's, once it is ready."""
+        """MAVSDK's version, once it is ready."""
         self.starts = 0
-        """How often it was started."""
+        """Number of starts."""
 
     @property
     def pid(self) -> int | None:
-        """Its number on this machine, None while there is none."""
+        """Process id on this machine, None without one."""
         return None if self._process is None else self._process.pid
 
     # --- life -------------------------------------------------------------------------------
     async def start(self) -> None:
-        """Start it, and keep it alive until `close`. Raises `LinkError` where it does not start."""
+        """Start it, and keep it alive until `close`. Raises `LinkError` if it does not start."""
         self._ready = asyncio.get_running_loop().create_future()
         self._living = asyncio.create_task(self._live())
         try:
@@ -98,7 +101,7 @@ class MavsdkProcess:
                 await living
 
     async def _live(self) -> None:
-        """Start it whenever it ends; but not if it never was ready."""
+        """Restart it whenever it ends; but not if it never was ready."""
         while True:
             why = await self._run_once()
             if self._ready is not None and not self._ready.done():
@@ -120,7 +123,7 @@ class MavsdkProcess:
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.PIPE,
-                start_new_session=True,  # Ctrl-C is for the service, which brings vehicles home
+                start_new_session=True,  # Ctrl-C is for the service, which returns the vehicles
             )
         except OSError as error:
             return str(error)
@@ -157,7 +160,7 @@ class MavsdkProcess:
             except TimeoutError:
                 pass
             except (ValueError, KeyError, TypeError) as error:
-                return f"it wrote what is nothing: {error}"
+                return f"it wrote an invalid piece: {error}"
             fed_s = self._fed_s
             if fed_s is not None and loop.time() - fed_s > SILENT_S * self._speedup:
                 return f"it passed nothing on for {SILENT_S:g} s"
@@ -172,7 +175,7 @@ class MavsdkProcess:
             with contextlib.suppress(ProcessLookupError):
                 process.kill()
             await process.wait()
-        # a process that ends without reading all breaks the pipe: that it ended is known
+        # a process that ends without reading all breaks the pipe: its end is known
         with contextlib.suppress(OSError):
             await process.stdin.wait_closed()
 
@@ -198,7 +201,7 @@ class MavsdkProcess:
         self._write(frames(data))
 
     def tell(self, answered: Callable[[str], None], **what: Any) -> None:
-        """Have something done; `answered` gets MAVSDK's result."""
+        """Request an action; `answered` gets MAVSDK's result."""
 
         def heard(answer: asyncio.Future[Words]) -> None:
             if not answer.cancelled():
@@ -207,7 +210,7 @@ class MavsdkProcess:
         self._begin(what).add_done_callback(heard)
 
     async def ask(self, **what: Any) -> Words:
-        """Have something done, and return MAVSDK's answer. Raises `LinkError` if it ends first."""
+        """Request an action, and return MAVSDK's answer. Raises `LinkError` if it ends first."""
         answer = self._begin(what)
         try:
             async with asyncio.timeout(ANSWER_S * self._speedup):
@@ -228,7 +231,7 @@ class MavsdkProcess:
         return answer
 
     def _write(self, piece: bytes) -> bool:
-        """Write, and return whether it runs; end one that does not read any more."""
+        """Write, and return whether it runs; end a process that does not read any more."""
         process = self._process
         if process is None or process.stdin is None or process.stdin.is_closing():
             return False
@@ -241,7 +244,7 @@ class MavsdkProcess:
 
 
 async def _last_line(errors: asyncio.StreamReader) -> str:
-    """The last line that is no traceback's: what is wrong."""
+    """Return the last line without a traceback: the error."""
     last = b""
     while data := await errors.read(_READ_BYTES):
         last = (last + data)[-_READ_BYTES:]

@@ -1,12 +1,12 @@
 """A session whose MAVLink is read and written by MAVSDK.
 
-The service keeps its own part: which bytes come from whom (the transport), what is believed (gate
-and view), what is logged. MAVSDK decodes what comes, and encodes, repeats and waits for what goes;
-but not heartbeats, which show that the guardian lives, and which a vehicle that is called
-(`udpout`) must hear before MAVSDK can know it.
+The service keeps its own part: the senders of bytes (the transport), the checks (gate and view),
+the log. MAVSDK decodes received frames, and encodes, repeats and waits for commands. It does not
+send heartbeats, which show that the guardian lives. A vehicle that is called (`udpout`) must
+receive them before MAVSDK can know it.
 
-Messages are JSON for MAVSDK, with null for a number that is not finite, and pymavlink's objects
-here, made as MAVSDK has read them: pymavlink's own reading is used nowhere.
+Messages are JSON for MAVSDK, with null for a number that is not finite. Here they are pymavlink's
+objects, made of MAVSDK's values: pymavlink's own decoder is used nowhere.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _FLOATS: Final = ("float", "double")
 
 
 def fields_of(message: Message) -> dict[str, Any]:
-    """A message's fields for MAVSDK."""
+    """Return a message's fields for MAVSDK."""
     return {name: _told(getattr(message, name)) for name in message.ordered_fieldnames}
 
 
@@ -58,7 +58,7 @@ def _told(value: Any) -> Any:
 
 
 def message_of(name: str, system: int, component: int, fields: Mapping[str, Any]) -> Message | None:
-    """The message that MAVSDK has read; None for one that is not known here, or is broken."""
+    """Return the message that MAVSDK has decoded; None for an unknown or broken one."""
     made = _CLASSES.get(name)
     if made is None:
         return None
@@ -72,7 +72,8 @@ def message_of(name: str, system: int, component: int, fields: Mapping[str, Any]
 
 
 def _value(fields: Mapping[str, Any], name: str, kind: str, length: int) -> Any:
-    """A field's value; zero for one that MAVSDK does not know, as if the message were shorter."""
+    """Return a field's value; zero for a field that MAVSDK does not know, as of a shorter
+    message."""
     if kind == "char":
         return str(fields.get(name) or "").encode()
     if not length:
@@ -84,7 +85,7 @@ def _value(fields: Mapping[str, Any], name: str, kind: str, length: int) -> Any:
 
 
 def _number(value: Any, kind: str) -> float | int:
-    """A number of a field. Raises `TypeError` where a whole number is missing."""
+    """Return a number of a field. Raises `TypeError` if a whole number is missing."""
     if kind in _FLOATS:
         return math.nan if value is None else float(value)
     if not isinstance(value, int):
@@ -94,7 +95,7 @@ def _number(value: Any, kind: str) -> float | int:
 
 @functools.cache
 def _layout(name: str) -> tuple[tuple[str, str, int], ...]:
-    """Of each field, in the order of the constructor: name, kind, length (0: no array)."""
+    """Return of each field, in the order of the constructor: name, kind, length (0: no array)."""
     made = _CLASSES[name]
     lengths = dict(zip(made.ordered_fieldnames, made.array_lengths, strict=True))
     kinds = zip(made.fieldnames, made.fieldtypes, strict=True)
@@ -103,24 +104,24 @@ def _layout(name: str) -> tuple[tuple[str, str, int], ...]:
 
 _COMMANDS: Final = ("COMMAND_LONG", "COMMAND_INT")
 _QUESTIONS: Final = (mav.MAV_CMD_REQUEST_MESSAGE,)
-"""Commands that MAVSDK may send when it likes: it asks what a vehicle is."""
+"""Commands that MAVSDK may send at any time: it asks for the kind of vehicle."""
 
 Kind = tuple[int, int]
-"""The id of a message, and of the command in it, -1 where there is none."""
+"""Id of a message, and of the command in it, -1 without one."""
 
 
 def kind_of(message: Message) -> Kind:
-    """The kind of a message, by which it may go or not."""
+    """Return the kind of a message, which decides on its permission."""
     command = message.command if message.get_type() in _COMMANDS else -1
     return message.get_msgId(), command
 
 
 class Outbox:
-    """What MAVSDK may send over the link: what it was asked for just now, and nothing else.
+    """The filter of MAVSDK's output: only requested messages may pass to the link.
 
-    The library repeats a command until it is answered, and some of its plug-ins do more than they
-    are called for: they change the mode first, or a rate. A pilot who has taken the aircraft must
-    not lose it to a repetition, so each frame is looked at on its way out. `send` takes the frames.
+    The library repeats a command until it is answered. Some of its plug-ins do more than requested:
+    they change the mode first, or a rate. A pilot who has taken control must not lose it to a
+    repetition, so each frame is checked on its way out. `send` takes the frames.
     """
 
     def __init__(self, send: Callable[[bytes], None]) -> None:
@@ -128,15 +129,15 @@ class Outbox:
         self._codec = mav.MAVLink(None)
         self._codec.robust_parsing = True
         self._asked: defaultdict[int, list[Permit | None]] = defaultdict(list)
-        """Commands that are waited for just now, each with its permit."""
+        """Commands that are waited for, each with its permit."""
         self._once: Counter[Kind] = Counter()
-        """Single messages that were handed to MAVSDK and have not come out yet."""
+        """Single messages that were passed to MAVSDK and are not yet sent."""
         self.held_back: Counter[str] = Counter()
-        """What did not pass, by its kind."""
+        """Number of blocked messages, by kind."""
 
     @contextlib.contextmanager
     def asked(self, command: int, permit: Permit | None = None) -> Iterator[None]:
-        """While it lasts a command may go as often as MAVSDK likes and `permit` grants."""
+        """Let MAVSDK send a command in the context as often as `permit` grants."""
         self._asked[command].append(permit)
         try:
             yield
@@ -144,16 +145,16 @@ class Outbox:
             self._asked[command].remove(permit)
 
     def once(self, message: Message) -> None:
-        """A message may go."""
+        """Let a message pass once."""
         self._once[kind_of(message)] += 1
 
     def not_sent(self, message: Message) -> None:
-        """One that might go has not come out, as far as is known, and may not any more."""
+        """Withdraw the permission of a message that has not been sent, as far as known."""
         kind = kind_of(message)
         self._once[kind] = max(self._once[kind] - 1, 0)
 
     def take(self, data: bytes) -> None:
-        """What MAVSDK wants to be sent."""
+        """Check MAVSDK's output, and send the permitted part."""
         for message in self._codec.parse_buffer(data) or ():
             if message.get_type() == "BAD_DATA":
                 continue
@@ -173,7 +174,7 @@ class Outbox:
 
 
 MODE_S: Final = 2.5
-"""A mode that was taken shows in a heartbeat within this time."""
+"""Time in which a changed mode shows in a heartbeat, s."""
 _GROUND_SPEED: Final = 1
 _REFUSED: Final = frozenset(
     {
@@ -181,7 +182,7 @@ _REFUSED: Final = frozenset(
         "PARAMETER_ERROR", "UNSUPPORTED", "FAILED", "INVALID_ARGUMENT",
     }
 )  # fmt: skip
-"""MAVSDK's words for a no of the vehicle; all others mean that nothing was heard."""
+"""MAVSDK's results for a refusal by the vehicle; all others mean that no answer came."""
 COMPONENT: Final = int(mav.MAV_COMP_ID_ONBOARD_COMPUTER)
 _NOT_SENT: Final = ("", "NO_SYSTEM")
 """MAVSDK's results while it knows no vehicle: the link's silence shows the rest."""
@@ -209,7 +210,7 @@ class MavsdkSession(Session):
 
     # --- frames ---------------------------------------------------------------------------
     def _take(self, message: Message, now_s: float) -> bool:
-        """Hand a frame to MAVSDK, by which the view hears it; return whether it is our
+        """Pass a frame to MAVSDK, which decodes it for the view; return whether it is our
         vehicle's."""
         ours = self._is_ours(message)
         self.process.feed(bytes(message.get_msgbuf()), ours=ours)
@@ -228,7 +229,7 @@ class MavsdkSession(Session):
             self._wake()
 
     def send(self, message: Message) -> None:
-        """Have MAVSDK send a message. Raises `LinkError` where a number does not fit into it."""
+        """Have MAVSDK send a message. Raises `LinkError` if a number does not fit into it."""
         if message.get_type() == "HEARTBEAT":
             super().send(message)
             return
@@ -254,9 +255,10 @@ class MavsdkSession(Session):
         done: Callable[[], bool] = lambda: False,
         permit: Permit | None = None,
     ) -> None:
-        """Send a command by the plug-in `action` where that does what is meant, and no more.
+        """Send a command by the plug-in `action` if that does exactly this.
 
-        All else goes by `mavlink_direct`, which MAVSDK repeats and waits for just so: decision 17.
+        All others go by `mavlink_direct`, which MAVSDK repeats and waits for in the same way:
+        decision 17.
         """
         kind, more = self.view.kind, {}
         if command == mav.MAV_CMD_DO_SET_MODE and kind is PX4 and params == kind.follow_params:
@@ -289,7 +291,7 @@ class MavsdkSession(Session):
     async def asked(
         self, command: int, what: str, permit: Permit | None = None, **more: Any
     ) -> Words:
-        """Have MAVSDK do something; its command may go over the link meanwhile, by the permit."""
+        """Have MAVSDK carry out a request; its command may pass meanwhile, by the permit."""
         if permit is not None:
             await permit.granted()
         with self.outbox.asked(command, permit):
@@ -304,7 +306,7 @@ class MavsdkSession(Session):
         taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
         permit: Permit | None = None,
     ) -> None:
-        """Read the answer: MAVSDK repeats a command and waits."""
+        """Read the answer; MAVSDK repeats the command and waits."""
         name = mav.enums["MAV_CMD"][command].name
         async with self._commanding[asked]:
             result: int | None = None
@@ -326,7 +328,7 @@ class MavsdkSession(Session):
             )
 
     async def _result(self, command: int, message: Message, permit: Permit | None) -> int | None:
-        """The MAV_RESULT of a command; None where no answer came."""
+        """Return the MAV_RESULT of a command; None without an answer."""
         self._packed(message)  # whose numbers fit
         told = await self.asked(
             command, "command", permit, name=message.get_type(), fields=fields_of(message)
@@ -343,7 +345,10 @@ async def opened_session(
     say: Callable[[str], None],
     speedup: float,
 ) -> AsyncIterator[MavsdkSession]:
-    """A session with its MAVSDK running until the end of the context. Raises `LinkError`."""
+    """Yield a session with its MAVSDK running until the end of the context.
+
+    Raises `LinkError`.
+    """
     session = MavsdkSession(send, record, ack_wait_s, say=say, speedup=speedup)
     await session.process.start()
     say(f"spoken with by MAVSDK {printable(session.process.version)}")

@@ -148,7 +148,7 @@ def test_a_second_component_does_not_speak_for_the_autopilot():
         assert not vehicle.hear(message, 1.1, component=180)
         assert seen(vehicle.view) == before
     assert set(vehicle.view.gate.refused) == {
-        (kind, "not said by the autopilot")
+        (kind, "not sent by the autopilot")
         for kind in (
             "GLOBAL_POSITION_INT", "HOME_POSITION", "BATTERY_STATUS", "SYS_STATUS",
             "EXTENDED_SYS_STATE", "EKF_STATUS_REPORT",

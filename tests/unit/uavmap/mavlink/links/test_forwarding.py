@@ -251,7 +251,7 @@ def test_one_port_serves_several_vehicles(routed, said):
 
     asyncio.run(body())
     assert said == [
-        f"udpin://{LOOPBACK}:{port}: system 9 speaks here, and is no vehicle of this flight"
+        f"udpin://{LOOPBACK}:{port}: system 9 sends here, and is no vehicle of this flight"
     ]
     for link in {first, second}:
         link.close()

@@ -109,7 +109,7 @@ async def test_a_refusal_is_said_once():
     session.signing, session.view.gate.say = signing(), said.append
     for _ in range(50):
         session.feed(beat())
-    assert said == ["frames refused: not signed; further ones are counted, and not told"]
+    assert said == ["frames refused: not signed; further ones are counted, and not logged"]
 
 
 def test_a_stream_may_begin_a_minute_ago_and_not_before():

@@ -145,7 +145,7 @@ async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
         await first.hears(b"still")
         two.send(b"successor")
         await ear.hears(b"successor")
-        await told.tells("the vehicle is heard from")
+        await told.tells("the vehicle is received from")
         server.send(b"more")
         await second.hears(b"more")
         assert first.data == b"answerstill"
@@ -168,7 +168,7 @@ async def test_a_named_udp_peer_is_never_replaced(monkeypatch):
             ours.send(b"hello")
             _, address = await loop.sock_recvfrom(peer, 64)
             stranger.sendto(b"I am your vehicle", address)
-            await told.tells("speaks too, and is not heard")
+            await told.tells("sends as well, and is ignored")
             peer.sendto(b"and here I am", address)
             await ear.hears(b"and here I am")
             ours.send(b"a command")
@@ -219,7 +219,7 @@ async def test_a_tcp_server_refuses_a_second_client_while_it_has_one():
             await ear.hears(b"again")
         assert b"stranger" not in ear.data
         assert len(told.lines) == 1
-        assert "127.0.0.1 wants to connect too, and is refused" in told.lines[0]
+        assert "127.0.0.1 tries to connect as well, and is refused" in told.lines[0]
         await taken(port, ear)  # the first has gone: the next is welcome
         assert server.peer_host is None or server.peer_host == "127.0.0.1"
 
