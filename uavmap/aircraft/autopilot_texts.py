@@ -21,7 +21,7 @@ _OVER: Final = re.compile(r"clear|regain|recover|restored|resolved|passed", re.I
 _NAMES: Final = tuple(
     (name, re.compile(words, re.IGNORECASE))
     for name, words in (
-        # ArduPilot's words, and PX4's
+        # texts of ArduPilot and of PX4
         ("battery failsafe", r"batt\w* .*(low|critical|emergency|failsafe|unhealthy)|batt\w* fail"
          r"|(low|critical|emergency|dangerous\w*)\b.* battery|battery .*(return|land)"),
         ("fence breached", r"fence.*breach|breach.*fence|geofence (violation|breach|exceeded)"
@@ -43,10 +43,11 @@ _NAMES: Final = tuple(
 
 
 def failsafe_of(words: Iterable[str]) -> str | None:
-    """The failsafe that a vehicle's latest texts name, with the text; None where they name none."""
+    """Return the failsafe that a vehicle's latest texts name, with the text; None if they name
+    none."""
     told = [text for text in words if text and not _OVER.search(text)]
     if due := [text for text in told if text.startswith(DUE)]:
-        told = due  # the autopilot's own word counts before what others may mean
+        told = due  # the autopilot's own cause has priority over indications
     elif any(text.startswith(CAUSELESS) for text in told):
         told = [text for text in told if not text.startswith("Preflight Fail")]
     for name, pattern in _NAMES:
@@ -59,7 +60,7 @@ def failsafe_of(words: Iterable[str]) -> str | None:
 
 
 def may_be_a_failsafe(mode_name: str) -> bool:
-    """Whether a failsafe may have brought about a mode.
+    """Return whether a failsafe may have caused a mode.
 
     >>> [may_be_a_failsafe(mode) for mode in ("RTL", "HOLD by a failsafe", "LOITER")]
     [True, True, False]
@@ -68,19 +69,19 @@ def may_be_a_failsafe(mode_name: str) -> bool:
 
 
 REPEAT_S: Final = 60.0
-"""Interval after which the same text is shown again, with how often it came, s."""
+"""Interval after which the same text is shown again, with its count, s."""
 BURST: Final = 10
-"""Texts of each class (grave, other) that are shown at once, and then one in..."""
+"""Number of texts of each class (grave, other) that are shown at once."""
 EVERY_S: Final = 2.0
 GRAVE: Final = 3
-"""MAV_SEVERITY_ERROR: up to here a text is grave, and does not wait behind others."""
+"""Severity up to which a text is grave and does not wait behind others: MAV_SEVERITY_ERROR."""
 LEAST: Final = 6
-"""MAV_SEVERITY_INFO: texts for debugging are not shown."""
+"""Severity up to which texts are shown: MAV_SEVERITY_INFO; later ones are for debugging."""
 MOST_TOLD: Final = 5000
 """Maximum number of a vehicle's texts in the journal of one run."""
 MOST_KNOWN: Final = 200
 EXPLAINS_S: Final = 5.0
-"""Words explain a mode that changed within this time, before or after."""
+"""Maximum time between a text and a change of mode that it explains, s."""
 _SEVERITIES: Final = (
     "emergency", "alert", "critical", "error", "warning", "notice", "info", "debug",
 )  # fmt: skip
@@ -88,22 +89,22 @@ _SEVERITIES: Final = (
 
 @dataclass(slots=True)
 class _Known:
-    """Words that came before."""
+    """A text that came before."""
 
     told_s: float
     times: int = 0
-    """How often since they were shown."""
+    """Number of times since it was shown."""
 
 
 @dataclass(slots=True)
 class _Allowance:
-    """So many now, and one more every few seconds."""
+    """An allowance of texts that refills over time."""
 
     left: float = BURST
     at_s: float = 0.0
 
     def take(self, now_s: float) -> bool:
-        """Whether one more may be shown."""
+        """Return whether one more may be shown."""
         self.left = min(self.left + max(now_s - self.at_s, 0.0) / EVERY_S, float(BURST))
         self.at_s = now_s
         if self.left < 1.0:
@@ -123,11 +124,12 @@ class AutopilotTexts:
         self._untold = 0
         self._kept = 0
         self._open_s = float("-inf")
-        """When a mode changed that nothing has explained yet."""
+        """Time of a change of mode that no text has explained yet, s."""
         reporter.view.hear = self.hear
 
     def why(self, mode_name: str) -> str | None:
-        """Why the vehicle is in a mode, by its texts of `EXPLAINS_S` before, and after, now."""
+        """Return the cause of a mode, by the texts up to `EXPLAINS_S` before; later ones may
+        follow."""
         self._open_s = float("-inf")
         if not may_be_a_failsafe(mode_name):
             return None
@@ -139,7 +141,7 @@ class AutopilotTexts:
         return UNTOLD if self._view.critical else None
 
     def hear(self, text: Text) -> None:
-        """A text is complete."""
+        """Handle a complete text."""
         now_s = self._reporter.loop_s()
         cause = None
         if now_s - self._open_s <= EXPLAINS_S:

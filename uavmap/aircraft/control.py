@@ -1,4 +1,4 @@
-"""Control of one vehicle and its state of flight: one state machine, derived from the wire alone.
+"""Control of one vehicle and its state of flight: one state machine, derived from messages alone.
 
     reports of the vehicle, our own requests -> Control -> may we send, is it in the air
 
@@ -6,8 +6,8 @@
 nothing. `uavmap.aircraft.guardian.monitor` keeps the latest and reports its changes;
 `uavmap.aircraft.controlled_commands` asks it before anything is sent.
 
-The rule of control: a mode that is neither the one asked for nor the one before the request is the
-pilot's or a failsafe's. Once the mode asked for was reported, only that one is ours.
+The rule of control: a mode that is neither the requested one nor the one before the request is the
+pilot's or a failsafe's. Once the requested mode was reported, only that one is ours.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ LIFT_S: Final = 12.0
 """Maximum time from an accepted take-off to leaving the ground, s."""
 
 FlownMode = Literal["follow", "rtl", "land", "other"]
-"""The guardian's word for a mode: by our targets, by the autopilot, or by another."""
+"""The guardian's name for a mode: by our targets, by the autopilot, or by another."""
 
 
 class Holder(Enum):
-    """The one whose commands the vehicle follows."""
+    """The holder of control, whose commands the vehicle follows."""
 
     OURS = "ours"
     GUARDIAN = "guardian's"
@@ -59,31 +59,31 @@ class AirState(Enum):
 
     @property
     def is_flying(self) -> bool:
-        """Whether it was reported off the ground, and not on the ground since."""
+        """True if it was reported off the ground, and not on the ground since."""
         return self in (AirState.AIRBORNE, AirState.LANDING)
 
     @property
     def may_be_up(self) -> bool:
-        """Whether it counts as in the air: from the first NAV_TAKEOFF that is sent."""
+        """True if it counts as in the air: from the first NAV_TAKEOFF that is sent."""
         return self.is_flying or self is AirState.TAKING_OFF
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """The one mode that is asked for."""
+    """The present request for a mode."""
 
     mode: int
     since_s: float
     before: int | None = None
-    """The mode at the request; under our control until the mode asked for is reported."""
+    """Mode at the request; under our control until the requested mode is reported."""
     late: tuple[int, ...] = ()
     """Modes of earlier requests that may still be carried out until `LATE_S` after this one."""
     confirmed: bool = False
     acknowledged_s: float | None = None
-    """When the autopilot first acknowledged it; None again where it then refused it."""
+    """Time of the autopilot's first acknowledgement, s; None again if it then refused it."""
 
     def allows(self, mode: int, now_s: float) -> bool:
-        """Whether a mode other than the one asked for follows from our requests."""
+        """Return whether another mode than the requested one follows from our requests."""
         if mode in self.late and now_s - self.since_s <= LATE_S:
             return True
         put_back = self.acknowledged_s is not None and now_s - self.acknowledged_s > PUT_BACK_S
@@ -91,30 +91,32 @@ class Request:
 
 
 class Beat(NamedTuple):
-    """What HEARTBEAT or CURRENT_MODE reports, and when it was heard."""
+    """The content of HEARTBEAT or CURRENT_MODE, with the time of its arrival."""
 
     mode: int
     armed: bool
     failsafe: bool
-    """Whether a failsafe flies."""
+    """True if a failsafe flies."""
     t_s: float
     landed_state: int | None = None
-    """Of CURRENT_MODE, which holds the mode alone: armed and failsafe are those of the heartbeat
-    before it, and this is the MAV_LANDED_STATE reported last."""
+    """Last reported MAV_LANDED_STATE, for a CURRENT_MODE.
+
+    That holds the mode alone: armed and failsafe are those of the heartbeat before it.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What the vehicle reports of being on the ground."""
+    """The vehicle's reports on being on the ground."""
 
     armed: bool
     landed_state: int
-    """MAV_LANDED_STATE; UNDEFINED where none was reported for a while."""
+    """MAV_LANDED_STATE; UNDEFINED if none was reported for a while."""
     height_m: float | None
-    """Above home; None where it was not reported."""
+    """Height above home, m; None if it was not reported."""
 
     def off(self, air: AirState) -> bool:
-        """Whether it is off the ground: by the landed state, else by armed and height."""
+        """Return whether it is off the ground: by the landed state, else by armed and height."""
         if self._unsaid:
             up = self.height_m is not None and self.height_m > OFF_GROUND_M
             return self.armed and (up or air.is_flying)
@@ -122,12 +124,12 @@ class Ground:
 
     @property
     def stands(self) -> bool:
-        """Whether it is on the ground with its motors off."""
+        """True if it is on the ground with its motors off."""
         return not self.armed and (self._unsaid or self._told_on)
 
     @property
     def on(self) -> bool:
-        """Whether it is reported on the ground, with its motors on or off."""
+        """True if it is reported on the ground, with its motors on or off."""
         return self.stands or self._told_on
 
     @property
@@ -141,44 +143,44 @@ class Ground:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Control:
-    """Who controls a vehicle, in what mode, and whether it flies."""
+    """The holder of a vehicle's control, its mode, and whether it flies."""
 
     holder: Holder = Holder.OURS
     cause: str = ""
-    """Why a failsafe flies it, in the autopilot's words."""
+    """Cause of a failsafe, in the autopilot's words."""
     request: Request | None = None
-    """None: nothing was asked for, and it stands in whatever mode it was found in."""
+    """None: no mode was requested, and it is in the mode in which it was found."""
     air: AirState = AirState.UNKNOWN
     off_ground: bool = False
-    """Whether the latest report has it off the ground."""
+    """True if the latest report has it off the ground."""
     mode: int | None = None
     armed: bool = False
     failsafe: bool = False
-    """Whether the heartbeat reports that a failsafe flies."""
+    """True if the heartbeat reports that a failsafe flies."""
     heard_s: float = float("-inf")
-    """When the mode was last reported."""
+    """Time of the last report of the mode, s."""
     mode_changes: int = 0
     taken_on_ground: bool = False
-    """Whether the pilot took it with its motors off: there it is given back, too."""
+    """True if the pilot took control with its motors off: control may also return there."""
     took_off_s: float = float("-inf")
-    """When NAV_TAKEOFF was last sent."""
+    """Time of the last NAV_TAKEOFF, s."""
 
     @property
     def is_ours(self) -> bool:
-        """Whether the mission or the guardian may send."""
+        """True if the mission or the guardian may send."""
         return self.holder in (Holder.OURS, Holder.GUARDIAN)
 
     @property
     def in_air(self) -> bool:
-        """Whether it has to be taken for in the air: armed, and not known to be on the ground."""
+        """True if it counts as in the air: armed, and not known to be on the ground."""
         return self.armed and self.air is not AirState.ON_GROUND
 
     def knows_mode(self, now_s: float) -> bool:
-        """Whether the mode is known well enough to command another."""
+        """Return whether the mode is known well enough to command another."""
         return now_s - self.heard_s <= MODE_KNOWN_S
 
     def flown(self, kind: Autopilot) -> FlownMode:
-        """The mode in the guardian's words."""
+        """Return the mode by the guardian's name."""
         if not self.is_ours or self.failsafe:
             return "other"
         if self.mode == kind.rtl:
@@ -190,7 +192,7 @@ class Control:
 
     # --- what the vehicle reports ----------------------------------------------------------------
     def noted(self, beat: Beat) -> Control:
-        """The control with what a heartbeat reports, before it is judged."""
+        """Return the control with the content of a heartbeat, before it is judged."""
         turned = self.mode is not None and beat.mode != self.mode
         return replace(
             self, mode=beat.mode, armed=beat.armed, failsafe=beat.failsafe, heard_s=beat.t_s,
@@ -198,7 +200,7 @@ class Control:
         )  # fmt: skip
 
     def heard(self, kind: Autopilot, beat: Beat) -> Control:
-        """The control after a report of the mode."""
+        """Return the control after a report of the mode."""
         if self._waits_for_heartbeat(kind, beat):
             return replace(self, heard_s=float("-inf"))
         mode, armed, failsafe, now_s, _ = beat
@@ -207,7 +209,7 @@ class Control:
         now = self.noted(beat)
         if not self.is_ours:
             given = turned and mode == kind.follows and before not in kind.by_itself
-            # taken in the air, it is given back in the air: a landed PX4 holds by itself
+            # control taken in the air returns in the air: a landed PX4 holds by itself
             if given and not failsafe and (armed or self.taken_on_ground):
                 return now._holding(mode, now_s)
             return replace(now, holder=Holder.FAILSAFE) if armed and failsafe else now
@@ -224,7 +226,7 @@ class Control:
         if armed:
             found = request is None and mode in (kind.follows, kind.takes_off_in)
             return now._holding(mode, now_s) if found else replace(now, holder=Holder.PILOT)
-        # disarming changes the mode of a PX4, and whoever turns to the mode that we want helps
+        # disarming changes the mode of a PX4, and a turn to the requested mode is no objection
         quiet = was_armed or not turned or failsafe or self.air.may_be_up or mode == kind.follows
         if not quiet:
             return replace(now, holder=Holder.PILOT, taken_on_ground=True)
@@ -232,18 +234,22 @@ class Control:
         return now if pending else replace(now, request=None)
 
     def _waits_for_heartbeat(self, kind: Autopilot, beat: Beat) -> bool:
-        """Whether a mode can be judged only with a heartbeat: a PX4 goes into Hold when it disarms
-        after a landing, and in a failsafe that waits."""
+        """Return whether a mode can be judged only with a heartbeat.
+
+        A PX4 goes into Hold when it disarms after a landing, and in a failsafe that waits.
+        """
         if beat.landed_state is None or beat.mode != kind.follows or beat.mode == self.mode:
             return False
         lands = self.mode in (kind.rtl, kind.land)
         return not self.is_ours or (lands and beat.landed_state not in OFF_GROUND)
 
     def connected(self, kind: Autopilot, *, resumed: bool) -> Control:
-        """The control by the mode reported when a link was opened, or is back. `resumed`: it was
-        returning or landing by our command when an earlier process ended."""
+        """Return the control by the mode reported when a link was opened, or is back.
+
+        `resumed`: it was returning or landing by our command when an earlier process ended.
+        """
         if not self.in_air:
-            # in whatever mode it stands, the pilot has not taken it yet
+            # on the ground the pilot has not taken it yet, in any mode
             return replace(self, holder=Holder.OURS, request=None, taken_on_ground=False)
         modes = {kind.follows, kind.takes_off_in}
         if resumed:
@@ -259,37 +265,37 @@ class Control:
         return self._holding(self.mode, self.heard_s)
 
     def acknowledged(self, now_s: float) -> Control:
-        """The control after the autopilot acknowledged the request."""
+        """Return the control after the autopilot acknowledged the request."""
         if self.request is None or self.request.acknowledged_s is not None:
             return self
         return replace(self, request=replace(self.request, acknowledged_s=now_s))
 
     def denied(self) -> Control:
-        """The control after the autopilot did not carry out what it had acknowledged."""
+        """Return the control after the autopilot did not carry out an acknowledged request."""
         if self.request is None:
             return self
         return replace(self, request=replace(self.request, acknowledged_s=None))
 
     def because(self, cause: str | None) -> Control:
-        """The control after the cause of its loss was found; None: there is no failsafe's."""
+        """Return the control with the cause of its loss; None: it was no failsafe."""
         if self.is_ours or cause is None:
             return self
         return replace(self, holder=Holder.FAILSAFE, cause=cause)
 
     def stood(self, ground: Ground, kind: Autopilot, now_s: float) -> Control:
-        """The control after a report of the ground."""
+        """Return the control after a report of the ground."""
         air = _air_after(self, ground, kind, now_s)
         off_ground = ground.off(self.air)
         if air is self.air and off_ground == self.off_ground:
             return self
         request = self.request
         if air is AirState.ON_GROUND and self.air.is_flying and request and request.confirmed:
-            request = None  # it stays in the mode in which it landed until somebody changes it
+            request = None  # it stays in the mode in which it landed until it is changed
         return replace(self, air=air, off_ground=off_ground, request=request)
 
     # --- what we do ------------------------------------------------------------------------------
     def asking(self, mode: int, now_s: float) -> Control:
-        """The control after a request for a mode, just before it is sent."""
+        """Return the control after a request for a mode, just before it is sent."""
         old = self.request
         if old is not None and old.mode == mode:
             return replace(self, request=replace(old, acknowledged_s=None))
@@ -301,24 +307,24 @@ class Control:
         return replace(self, request=request)
 
     def refused(self) -> Control:
-        """The control after the autopilot refused a request: it stays where it was."""
+        """Return the control after the autopilot refused a request: the mode stays."""
         if not self.is_ours or self.request is None or self.request.confirmed or self.mode is None:
             return self
         return self._holding(self.mode, self.request.since_s)
 
     def takes_off(self, now_s: float) -> Control:
-        """The control after NAV_TAKEOFF was sent."""
+        """Return the control after NAV_TAKEOFF was sent."""
         air = self.air if self.air.is_flying else AirState.TAKING_OFF
         return replace(self, air=air, took_off_s=now_s)
 
     def acting(self, *, guardian: bool) -> Control:
-        """The control after the guardian took it from the mission, or left it to the mission."""
+        """Return the control after the guardian took it from the mission, or returned it."""
         if not self.is_ours:
             return self
         return replace(self, holder=Holder.GUARDIAN if guardian else Holder.OURS)
 
     def crashed(self) -> Control:
-        """The control after a crash was detected."""
+        """Return the control after a crash was detected."""
         return replace(self, air=AirState.DOWN)
 
     def _holding(self, mode: int, now_s: float) -> Control:
@@ -330,7 +336,7 @@ class Control:
 def _air_after(control: Control, ground: Ground, kind: Autopilot, now_s: float) -> AirState:
     air = control.air
     if air is AirState.DOWN:
-        return air  # what believes to fly after a crash does not
+        return air  # a vehicle that is down does not fly, whatever it reports
     if ground.off(air):
         lands = control.mode == kind.land
         return AirState.LANDING if lands else AirState.AIRBORNE

@@ -2,8 +2,8 @@
 
     manoeuvres, guardian -> control is asked -> session -> MAVLink
 
-Each command ends as soon as a pilot or a failsafe has the vehicle, its repetitions included. Each
-copy of a command for a mode is sent only on a mode that was reported just now; no other command
+Each command ends as soon as a pilot or a failsafe has the vehicle, including its repetitions. Each
+copy of a command for a mode is sent only after a recent report of the mode; no other command
 changes the mode. The guardian has commands of its own: while it acts, those of the mission are
 refused.
 """
@@ -31,17 +31,18 @@ PAUSE_S: Final = 0.1
 MODE_S: Final = 2.5
 """Maximum time until a new mode is reported, s."""
 _STAMP_WRAPS_S: Final = 250.0
-"""Before a time of transmission loses its milliseconds in a float, it begins anew."""
+"""Time after which a time of transmission restarts, s: a float would lose its milliseconds."""
 _LEAPS_WITHIN_S: Final = 1.0
-"""Time after a place was taken in which the reported position leaps to it, s."""
+"""Time after an accepted position in which the reported position jumps to it, s."""
 Copy = Callable[[Control, float], Control]
-"""The control after a copy of a command for a mode was sent at a time of the loop's clock."""
+"""Returns the control after a copy of a command for a mode was sent at a time of the loop's
+clock."""
 _PLACE_ALONE: Final = 0b1101_1111_1000
 """The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
 
 class NotOursError(CommandRefusedError):
-    """The vehicle is not under our control: nothing is sent."""
+    """The vehicle is not under our control: no command is sent."""
 
 
 def _never() -> bool:
@@ -57,7 +58,7 @@ def position_target(
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
     yaw_rad: float = 0.0,
 ) -> Message:
-    """SET_POSITION_TARGET_GLOBAL_INT; `type_mask` names what of it does not count."""
+    """Return SET_POSITION_TARGET_GLOBAL_INT; `type_mask` marks its unused fields."""
     return mav.MAVLink_set_position_target_global_int_message(
         0, view.system_id, view.autopilot_component, frame, type_mask, round(place.lat_deg * 1e7),
         round(place.lon_deg * 1e7), z, *velocity_ned_m_s, 0.0, 0.0, 0.0, yaw_rad, 0.0,
@@ -67,8 +68,8 @@ def position_target(
 class ControlledCommands:
     """Commands, each repeated until it is acknowledged, or `done`: the vehicle is seen to do it.
 
-    Each raises `NotOursError`, `CommandRefusedError` where the vehicle refuses, and `LinkError`
-    where it does not answer.
+    Each raises `NotOursError`, `CommandRefusedError` if the vehicle refuses, and `LinkError`
+    without an answer.
     """
 
     def __init__(self, session: Session, monitor: Monitor, *, guardian: bool = False) -> None:
@@ -79,31 +80,32 @@ class ControlledCommands:
 
     @property
     def may_send(self) -> bool:
-        """Whether the vehicle is under our control."""
+        """True if the vehicle is under our control."""
         holder = self.monitor.control.holder
         return holder is Holder.OURS or (self._guardian and holder is Holder.GUARDIAN)
 
     # --- modes -------------------------------------------------------------------------------
     async def follow(self) -> None:
-        """Into the mode in which the vehicle flies to targets."""
+        """Command the mode in which the vehicle flies to targets."""
         kind = self._view.kind
         await self._into(kind.follows, mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
 
     async def follow_stream(self) -> None:
-        """Into the mode in which it follows a stream of setpoints."""
+        """Command the mode in which it follows a stream of setpoints."""
         kind = self._view.kind
         await self._into(kind.stream_mode, mav.MAV_CMD_DO_SET_MODE, *kind.stream_params)
 
     async def land(self, done: Callable[[], bool] = _never) -> None:
-        """Land where it is."""
+        """Command a landing in place."""
         await self._into(self._view.kind.land, mav.MAV_CMD_NAV_LAND, done=done)
 
     async def return_to_launch(self) -> None:
-        """Return by its autopilot."""
+        """Command a return by its autopilot."""
         await self._into(self._view.kind.rtl, mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 
     async def take_off(self, height_m: float, done: Callable[[], bool]) -> None:
-        """Take off to a height (m) above home; from the first copy on it counts as in the air."""
+        """Command a take-off to a height (m) above home; from the first copy on it counts as
+        airborne."""
         kind = self._view.kind
         _, wire_m = kind.altitude_on_wire(height_m, self._view.home_amsl_m)
         unused = kind.unused_param
@@ -123,20 +125,23 @@ class ControlledCommands:
             await self.session.command(command, *params, done=done)
 
     async def arm(self) -> None:
-        """Motors on."""
+        """Arm the motors."""
         await self.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, done=lambda: self._view.armed)
 
     async def speed(self, speed_m_s: float) -> None:
-        """The speed over ground to targets (m/s), until the mode changes."""
+        """Set the speed over ground to targets (m/s), until the mode changes."""
         await self.command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, speed_m_s, -1)
 
     async def descent_speed(self, speed_m_s: float) -> None:
-        """The speed down to targets (m/s), until the mode changes."""
+        """Set the descent speed to targets (m/s), until the mode changes."""
         await self.command(mav.MAV_CMD_DO_CHANGE_SPEED, 3, speed_m_s, -1)
 
     async def fly_to(self, place: LatLon, height_m: float) -> None:
-        """MAV_CMD_DO_REPOSITION, without the flag that changes the mode, refused in any but that of
-        `follow`. `height_m` is above home, or above the ground there if the view has one."""
+        """Send MAV_CMD_DO_REPOSITION, without the flag that changes the mode.
+
+        It is refused in any mode but that of `follow`. `height_m` is above home, or above the
+        ground there if the view has one.
+        """
         kind = self._view.kind
         above_home_m = height_m + self._view.ground_m(place)
         frame, wire_m = kind.altitude_on_wire(above_home_m, self._view.home_amsl_m)
@@ -151,8 +156,10 @@ class ControlledCommands:
             )
 
     def point_to(self, place: LatLon, height_m: float) -> None:
-        """SET_POSITION_TARGET_GLOBAL_INT of a place, for a vehicle that refuses `fly_to`: not
-        acknowledged, and ignored in any mode but that of streams."""
+        """Send SET_POSITION_TARGET_GLOBAL_INT of a place, for a vehicle that refuses `fly_to`.
+
+        It is not acknowledged, and ignored in any mode but that of streams.
+        """
         if not self.may_send:
             raise self._not_ours()
         frame, up_m = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, height_m + self._view.ground_m(place)
@@ -160,8 +167,10 @@ class ControlledCommands:
         self.session.send(target)
 
     async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
-        """MAV_CMD_EXTERNAL_POSITION_ESTIMATE, good to `sigma_m`: taken by either autopilot while it
-        has no satellites, but not by a PX4 with optical flow. It moves nothing: nothing is asked.
+        """Send MAV_CMD_EXTERNAL_POSITION_ESTIMATE, good to `sigma_m`.
+
+        Either autopilot accepts it while it has no satellites, but not a PX4 with optical flow. It
+        moves nothing, so no permission is needed.
         """
         boot_s = self._view.since_boot_s or 0.0
         self._view.aided_until_s = math.inf
@@ -193,7 +202,7 @@ class ControlledCommands:
     async def _into(
         self, mode: int | Copy, command: int, *params: float, done: Callable[[], bool] = _never
     ) -> None:
-        """Command a mode, noted before each copy. Raises `LinkError` where none is reported."""
+        """Command a mode, noted before each copy. Raises `LinkError` if none is reported."""
         copy: Copy = mode if callable(mode) else lambda control, now_s: control.asking(mode, now_s)
         permit = _KnownMode(self, self.session, self.monitor, copy)
         async with self._while_ours():
@@ -206,8 +215,10 @@ class ControlledCommands:
 
 @dataclass(frozen=True, slots=True)
 class _KnownMode:
-    """Permits a copy of a command while the vehicle is under our control by a mode that was just
-    reported; notes it in the control before each."""
+    """Permits a copy of a command while the vehicle is under our control by a recent mode.
+
+    It notes the copy in the control before each send.
+    """
 
     commands: ControlledCommands
     session: Session

@@ -1,4 +1,4 @@
-"""What an order asks of a vehicle, in the guardian's terms: a path, a height, about how long."""
+"""Orders in the guardian's terms: a path, a height, an estimated time."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from missions.units import GridPoint
 from uavmap.aircraft.reporter import Reporter
 
 SETTLE_S: Final = 5.0
-"""To get going, and to come to rest."""
+"""Time to start, and to come to rest, s."""
 
 
 class GuardedTasks:
-    """The tasks of one vehicle, from where it is now."""
+    """The tasks of one vehicle, from its present position."""
 
     def __init__(self, reporter: Reporter, setting: Layout) -> None:
         self._reporter = reporter
         self._view = reporter.view
         self._setting = setting
         self._course: Course | None = None
-        """What is flown, if it is a path."""
+        """Course of the path that is flown, if any."""
 
     def task(self, order: Order) -> Task:
-        """What an order asks that is given now."""
+        """Return the task of an order that is given now."""
         if not isinstance(order, FlyPath):
             self._course = None
         task = Task("ground", self._reporter.now_s(), name=type(order).__name__)
@@ -43,9 +43,9 @@ class GuardedTasks:
                 return replace(task, doing="land")
             case FlyTo():
                 return self.leg(order)
-            case Hold():  # it flies on until it has heard of it
+            case Hold():  # it flies on until it has received the order
                 return replace(task, doing="hold", height_m=self._view.height_m)
-            case Look(height_m=height_m) | Sweep(height_m=height_m):  # which begins with its camera
+            case Look(height_m=height_m) | Sweep(height_m=height_m):  # its camera starts first
                 here, drift_m_s = self._reporter.position(), self._setting.grid.drift_speed_m_s
                 return replace(
                     task, doing="hold", path=(here,), height_m=height_m, drift_m_s=drift_m_s
@@ -53,17 +53,17 @@ class GuardedTasks:
         return task
 
     def begun(self, order: Order, target: GridPoint) -> Task:
-        """What an order asks whose first target was acknowledged now."""
+        """Return the task of an order whose first target was acknowledged now."""
         if isinstance(order, FlyTo | Sweep):
             return self.leg(order)
-        if isinstance(order, Hold):  # braking takes it beyond, and back it comes
+        if isinstance(order, Hold):  # braking takes it beyond, and it comes back
             path = (self._reporter.position(), target)
             since_s, height_m = self._reporter.now_s(), self._view.height_m
             return Task("hold", since_s, path, height_m=height_m, name="Hold")
         return self.task(order)
 
     def _along(self, order: FlyPath) -> Task:
-        """A path that is flown from its beginning on, and until then the one before it."""
+        """Return the task of a path from its beginning on, and until then the path before it."""
         since_s = self._reporter.now_s()
         plan, before = order.trajectory, self._course
         self._course = Course((plan,)) if before is None else before.then(plan, since_s)
@@ -74,7 +74,7 @@ class GuardedTasks:
         )  # fmt: skip
 
     def leg(self, order: Order) -> Task:
-        """A leg that begins now."""
+        """Return the task of a leg that begins now."""
         since_s, grid = self._reporter.now_s(), self._setting.grid
         points: tuple[GridPoint, ...] = ()
         height_m = self._view.height_m

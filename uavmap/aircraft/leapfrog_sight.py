@@ -1,12 +1,12 @@
-"""Two vehicles that look after each other: where both are, by what one sees of the other.
+"""Two vehicles that observe each other: the positions of both, by one's view of the other.
 
-    tracker's frame -> marker of the mapper -> difference of both errors
-    who hovers      -> ground as when it stopped -> how far it was moved
-    telemetry       -> way that it tells to have flown
-                       all -> by how much each told place is off -> navigation -> view.off_deg
+    tracker's frame    -> marker of the mapper -> difference of both errors
+    hovering vehicle   -> ground as when it stopped -> its drift
+    telemetry          -> its reported way
+                       all -> error of each reported place -> navigation -> view.off_deg
 
-`missions.flight.strategy.leapfrog` says who moves when; here is what is measured meanwhile.
-While satellites are good a sighting only shows whether they are.
+`missions.flight.strategy.leapfrog` decides on moves; this module has the measurements. While
+satellites are good a sighting only shows whether they are.
 """
 
 from __future__ import annotations
@@ -33,30 +33,30 @@ from vision.projection import Frame
 HOVERS_M_S: Final = 0.4
 """Reported speed below which a vehicle hovers, m/s."""
 STRAYS_M: Final = 1.5
-"""Distance from where it stopped beyond which a vehicle hovers elsewhere, m."""
+"""Distance from its stop beyond which a vehicle hovers elsewhere, m."""
 SEARCH_M: Final = 1.0
 """Maximum error of a hovering vehicle's reported place since it stopped, m."""
 HELD_RAD: Final = math.radians(0.1)
-"""By how much the attitude's error changes while a vehicle hovers."""
+"""Change of the attitude's error while a vehicle hovers, rad."""
 ERRORS: Final = SightingErrors(tilt_rad=math.radians(0.2), heading_rad=math.radians(0.1))
-"""Of the camera from one picture to the next; errors that stay are unknowns of their own."""
+"""Errors of the camera from one picture to the next; constant errors are unknowns of their own."""
 TOLD_TILT_RAD: Final = math.radians(1.5)
 """Standard deviation of the mapper's reported tilt at the exposure, rad."""
 TIMING_S: Final = 0.03
-"""How well exposure and telemetry of both agree in time: what moves is seen that far off."""
+"""Difference in time of exposure and telemetry, s: the error of a moving vehicle's sighting."""
 LOOK_S: Final = 0.9
-"""Between two looks for the marker: sightings soon after each other err alike."""
+"""Interval between two searches for the marker, s: close sightings err alike."""
 GAP_S: Final = 0.5
-"""Maximum gap between telemetry and exposure by which the mapper's place is known, s."""
+"""Maximum gap between telemetry and exposure for the mapper's place, s."""
 APART_TIMES: Final = 5
 """Number of sightings in a row that must contradict satellites."""
 BY_SATELLITES_M: Final = 1.0
-"""Difference of two places by satellites beside a sighting's error, m."""
+"""Allowed difference of two places by satellites besides a sighting's error, m."""
 
 
 @dataclass(slots=True)
 class Member:
-    """One of the two, as `uavmap.aircraft.map_navigation` asks it, and what is remembered of it."""
+    """One of the two, for `uavmap.aircraft.map_navigation`, with its memory."""
 
     leapfrog: Leapfrog
     role: Role
@@ -65,19 +65,19 @@ class Member:
     told: GridPoint | None = None
     told_s: float = 0.0
     ground: Patch | None = None
-    """As it saw it when it stopped..."""
+    """Picture of the ground when it stopped."""
     stopped_at: GridPoint | None = None
-    """... and where it then reported to be."""
+    """Reported place at that time."""
     framed_s: float = float("-inf")
 
     @property
     def off(self) -> GridPoint:
-        """The error of its reported place."""
+        """Error of its reported place."""
         return GridPoint(*self.leapfrog.offsets.off(self.role))
 
     @property
     def sigma_m(self) -> float:
-        """How well that is known."""
+        """Standard deviation of that, m."""
         return self.leapfrog.offsets.sigma_m(self.role)
 
     def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
@@ -97,7 +97,7 @@ class Member:
 
     def take(self, frame: Frame) -> None:
         """Use its picture, with the pose as reported."""
-        if frame.t_s <= self.framed_s:  # one that comes late says nothing of now
+        if frame.t_s <= self.framed_s:  # a late one does not show the present state
             return
         self.framed_s = frame.t_s
         self.leapfrog.look_for_mapper(self, frame)
@@ -126,7 +126,7 @@ class Member:
 
 
 class Leapfrog:
-    """What both vehicles measure of each other; `say` logs a line."""
+    """The measurements of both vehicles of each other; `say` logs a line."""
 
     def __init__(self, wanted: NavigationSection, say: Callable[[str], None]) -> None:
         self._wanted, self._say = wanted, say
@@ -142,7 +142,7 @@ class Leapfrog:
         return member
 
     def look_for_mapper(self, tracker: Member, frame: Frame) -> None:
-        """Look for the mapper in a picture of the tracker, now and then."""
+        """Search the mapper in a picture of the tracker, at intervals."""
         due = frame.t_s - self._looked_s >= LOOK_S
         if tracker.role is not Role.TRACKER or len(self._members) < len(Role) or not due:
             return
@@ -179,11 +179,11 @@ class Leapfrog:
         late_m: float,
         tilts_m: NDArray[np.float64],
     ) -> None:
-        """Hold a sighting against what both tell."""
+        """Compare a sighting with both reports."""
         cos, sin = math.cos(up_rad), math.sin(up_rad)
         apart = (seen.east_m * cos - seen.north_m * sin, seen.east_m * sin + seen.north_m * cos)
         if not all(member.good for member in self._members.values()):
-            # the grid is turned by a degree or two: a covariance is about the same along its axes
+            # the grid is turned by a degree or two: a covariance is nearly the same along its axes
             covariance = seen.covariance_m2[:2, :2] + late_m**2 * np.eye(2)
             after_s = t_s - self._sighted_s
             if self.offsets.sighted(told, apart, covariance, after_s, tilts_m):
@@ -199,7 +199,7 @@ class Leapfrog:
             )
 
     def _carrier(self, mapper: Member, loop_s: float) -> Carrier:
-        """How the mapper was tilted, as far as it has said."""
+        """Return the tilt of the mapper, as far as it has reported it."""
         turned = mapper.reporter.view.attitude_at(loop_s)
         if turned is None:
             return Carrier()
@@ -208,8 +208,11 @@ class Leapfrog:
 
 
 def _tilts_m(frame: Frame, below_m: float, up_rad: float) -> NDArray[np.float64]:
-    """How far ground that lies so much lower seems to move, along the grid's axes, by a radian of
-    tilt; columns: to the right and downwards in the picture."""
+    """Return how far ground `below_m` lower seems to move by a radian of tilt, along the grid's
+    axes.
+
+    Columns: to the right and downwards in the picture.
+    """
     north_east = rotation(frame.pose.attitude)[:2, 1:]
     cos, sin = math.cos(up_rad), math.sin(up_rad)
     to_grid = np.array([[-sin, cos], [cos, sin]])  # from north and east to east and north

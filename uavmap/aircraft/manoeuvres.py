@@ -1,8 +1,8 @@
-"""How a vehicle carries out its orders: what is sent, and when an order is done.
+"""The execution of a vehicle's orders: the commands, and the end of each order.
 
-One order at a time, cancelled by the next. A command without an acknowledgement is sent again while
-the link lives (`uavmap.aircraft.vehicle`): only a refusal, or what the vehicle is seen not to do,
-ends an order.
+One order runs at a time, cancelled by the next. A command without an acknowledgement is sent again
+while the link works (`uavmap.aircraft.vehicle`). Only a refusal, or a failure that the vehicle
+shows, ends an order.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from uavmap.aircraft.path_stream import PathStream, StreamTimeout
 from uavmap.aircraft.reporter import Reporter
 
 FIND_WAY_S: Final = 0.5
-"""Between two pictures on a leg, where a vehicle may have to find its way by them."""
+"""Interval between two pictures on a leg, if a vehicle may need them to navigate, s."""
 LIE_M_S: Final = 1.0
 """Speed of a satellites' error that a map follows, m/s."""
 SINK_S: Final = 12.0
-"""To come down to that height takes no longer, or it lands from where it is."""
+"""Maximum time of a descent to that height, s; after it the vehicle lands from its place."""
 LOW_M: Final = 4.0
-"""Pictures from lower down show too little to find the way by."""
+"""Height below which pictures show too little for navigation, m."""
 RESEND_S: Final = 3.0
 DRIFT_RESEND_S: Final = 0.5
 STOP_RADIUS_M: Final = 0.7
@@ -54,7 +54,7 @@ PASS_RADIUS_M: Final = 2.0
 
 
 class Manoeuvres:
-    """Carries out orders with a session, under the eyes of a monitor."""
+    """Carries out orders with a session, watched by a monitor."""
 
     def __init__(
         self,
@@ -78,11 +78,14 @@ class Manoeuvres:
         timeout = StreamTimeout(reporter.name, commands.session, reporter.line)
         self._timeout = None if by_places else timeout
         self._on_path = False
-        """Whether a path is flown that another may replace on the way."""
+        """True while a path is flown that another may replace on its way."""
         self._paced_in: int | None = None
         self.under_way: Callable[[Order, GridPoint], None] = lambda order, target: None
-        """Called when a sweep begins to move (its camera comes first, which may take a while), and
-        when the first target of an order was acknowledged: until then an older one is flown to."""
+        """Called when a sweep begins to move (its camera starts first, which may take a while).
+
+        Also called when the first target of an order was acknowledged: until then an older one is
+        flown.
+        """
         self.navigation: Navigation | None = None
         self._order: Order | None = None
         self._aimed = False
@@ -109,7 +112,7 @@ class Manoeuvres:
                 await self._pad.swap_battery()
             case Hold():
                 await self._hold()
-            case StandDown() | ReturnToLaunch():  # returning by itself is the guardian's
+            case StandDown() | ReturnToLaunch():  # a return by itself belongs to the guardian
                 pass
 
     # --- along --------------------------------------------------------------------------------
@@ -124,7 +127,7 @@ class Manoeuvres:
         self._arrived()
 
     async def _find_way(self) -> None:
-        """Take pictures to find the way by, until cancelled; no map depends on them."""
+        """Take pictures for navigation, until cancelled; no map depends on them."""
         with contextlib.suppress(LinkError):
             async with self._camera.to_navigate(FIND_WAY_S) as frames:
                 async for _ in frames.judged(None):
@@ -147,7 +150,7 @@ class Manoeuvres:
         return lambda: self._grid.to_fixed(centre, self._reporter.now_s())
 
     async def _reach(self, target: Callable[[], GridPoint], height_m: float, *, stop: bool) -> None:
-        """Fly to a point that may move, until there (and slow, if it is to stop)."""
+        """Fly to a point that may move, until there (and slow, for a stop)."""
         drift_m_s = self._grid.drift_speed_m_s
         radius_m = STOP_RADIUS_M if stop else min(PASS_RADIUS_M, 0.5 * self._grid.cell_m)
         slow_m_s = self._mission.flight.settle_m_s + drift_m_s
@@ -156,7 +159,7 @@ class Manoeuvres:
 
         def there() -> bool:
             off_m = self._reporter.position().distance_to(target())
-            # satellites that lie tell of a movement that is none
+            # false satellites report a movement that does not exist
             lie_m_s = LIE_M_S if self._goes_by_map else 0.0
             rests = not stop or (
                 self._view.ground_speed_m_s <= slow_m_s + lie_m_s
@@ -178,11 +181,11 @@ class Manoeuvres:
             left_m = self._reporter.position().distance_to(target())
             if reason := watch.wrong(self._reporter.now_s(), left_m):
                 self._reporter.line(reason)
-                self._paced_in = None  # the speed is sent again behind the next target
+                self._paced_in = None  # the speed is sent again after the next target
 
     @property
     def _goes_by_map(self) -> bool:
-        """Whether its pictures correct the autopilot's place again and again."""
+        """True if its pictures correct the autopilot's place repeatedly."""
         return self.navigation is not None and self.navigation.by_map
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
@@ -198,32 +201,35 @@ class Manoeuvres:
             self._paced_in = changes
 
     async def _hold(self) -> None:
-        """Stay here, until seen to: the acknowledgement may be a late one, of the leg before."""
+        """Stay here, until that is seen: the acknowledgement may be a late one, of the leg
+        before."""
         if self._view.armed:
             here, height_m = self._reporter.position(), self._view.height_m
             await self._reach(lambda: here, height_m, stop=True)
             if self.navigation is not None and self.navigation.watches_at_rest:
-                await self._find_way()  # until it is told something else
+                await self._find_way()  # until the next order
 
     # --- along a path -------------------------------------------------------------------------
     def goes_on(self, order: FlyPath) -> bool:
-        """Fly a path after the present one, without a halt; False if none is flown just now."""
+        """Fly a path after the present one, without a halt; return False if none is flown now."""
         if self._on_path:
             self._stream.go_on(order)
             self._order = order
         return self._on_path
 
     def called_off(self) -> None:
-        """What is carried out ends: a path can only begin anew."""
+        """Note the end of an order: a path can only begin anew."""
         self._on_path = False
 
     async def _leave_path(self) -> None:
         if await self._stream.leave():
-            self._paced_in = None  # the next target is of another kind, and puts a speed back
+            self._paced_in = None  # the next target is of another kind, and resets the speed
 
     async def _fly_path(self, order: FlyPath) -> None:
-        """Stream setpoints, and take pictures beside it; at the end wait for the pictures, and fly
-        a path that comes meanwhile."""
+        """Stream setpoints, and take pictures beside it.
+
+        At the end wait for the pictures, and fly a path that comes meanwhile.
+        """
         self._stream.begin(order)
         self._on_path = True
         end = order.trajectory.at(order.trajectory.end_s).place
@@ -254,7 +260,8 @@ class Manoeuvres:
             await frames.go_on(stream.order.every_s)
 
     async def _judged_to_the_end(self, frames: Frames) -> bool:
-        """Wait for the pictures that are under way; False if another path has come meanwhile."""
+        """Wait for the pictures that are under way; return False if another path has come
+        meanwhile."""
         course = self._stream.course
         async with asyncio.TaskGroup() as tasks:
             ending = tasks.create_task(frames.finish())
@@ -317,8 +324,8 @@ class Manoeuvres:
         stood = not monitor.control.armed and not monitor.control.air.may_be_up
         landing = lambda: self._view.mode == kind.land  # noqa: E731
         await insist(lambda: self._commands.land(landing))
-        # touch-down and disarming are watched for all the time; but a take-off that was called
-        # off in time never left the ground
+        # touch-down and disarming are watched all the time; a take-off that was cancelled in time
+        # never left the ground
         if stood:
             await self._session.until(landing, MODE_S)
             if not monitor.control.armed and monitor.control.air is AirState.ON_GROUND:

@@ -1,15 +1,15 @@
-"""Where one vehicle is when satellites do not say so, or do not tell the truth.
+"""The position of one vehicle when satellites give none, or a false one.
 
-    frame -> own map -> by how much the told position is off -> view.off_deg
+    frame -> own map -> error of the reported position -> view.off_deg
 
-The map that a vehicle makes tells it where it is (`vision.own_map.map_position`): each picture is
-held against those before it. While satellites are good that only shows whether they are; when they
-are lost, or found to lie, the position that the autopilot goes on to tell is corrected by it, and
-so is every target (`uavmap.mavlink.vehicle_view`). So whatever flies the vehicle needs to know
-nothing of this: fence, energy, separation and votes hold for the place where it is.
+The map that a vehicle makes gives its position (`vision.own_map.map_position`): each picture is
+compared with those before it. While satellites are good that only shows whether they are. When they
+are lost, or found to be false, it corrects the position that the autopilot reports, and every
+target (`uavmap.mavlink.vehicle_view`). So other code needs to know nothing of this: fence, energy,
+separation and votes hold for the true position.
 
-What a mission wants to be done is `navigation.gnss_loss`; an autopilot that lands or returns by a
-failsafe of its own has the last word, as ever.
+`navigation.gnss_loss` is the mission's choice. An autopilot that lands or returns by a failsafe of
+its own has priority, as always.
 """
 
 from __future__ import annotations
@@ -39,32 +39,35 @@ if TYPE_CHECKING:
 Gnss = Literal["good", "lost", "wrong"]
 
 SAME_SCALE: Final = 1.5
-"""Heights of the map up to which a picture is matched with it."""
+"""Maximum ratio of heights at which a picture is matched with the map."""
 LOST_S: Final = 1.5
 """Time for which a filter reports no position on Earth before it counts as lost, s."""
 LEAP_S: Final = 2.0
-"""Time that a navigation filter takes to show a leap of its satellites, s."""
+"""Time that a navigation filter takes to show a jump of its satellites, s."""
 BACK_S: Final = 5.0
 """Time after which satellites that are back are used again, s."""
 COMPARE_S: Final = 0.5
-"""Between two looks at whether satellites and pictures agree."""
+"""Interval between two comparisons of satellites and pictures, s."""
 AGREE_S: Final = 30.0
-"""Time for which satellites that were wrong must agree with the pictures, s."""
+"""Time for which satellites that were false must agree with the pictures, s."""
 AGREE_M: Final = 1.0
 TELL_S: Final = 5.0
-"""Between two events while satellites are not gone by."""
+"""Interval between two events while satellites are not used, s."""
 UNSURE_S: Final = 10.0
-"""Time for which a vehicle may not know where it is before it is sent home, s."""
+"""Time for which a vehicle's position may be unknown before it is sent home, s."""
 UNSEEN_S: Final = 1.0
-"""Time without a picture after which the position becomes less sure with the distance, s."""
+"""Time without a picture after which the position becomes less certain with the distance, s."""
 AID_EVERY_S: Final = 2.0
 AID_M: Final = 0.3
-"""Error from which on the autopilot is sent its place, m."""
+"""Error from which on the autopilot is sent its position, m."""
 
 
 class Navigation:
-    """What one vehicle goes by. `act` has its guardian return or land, `fail` reports that it
-    cannot go on, `aid` sends the autopilot its place with a standard deviation."""
+    """The navigation of one vehicle.
+
+    `act` has its guardian return or land, `fail` reports that it cannot continue. `aid` sends the
+    autopilot its position with a standard deviation.
+    """
 
     def __init__(self, reporter: Reporter, mission: Mission) -> None:
         self._reporter = reporter
@@ -72,22 +75,22 @@ class Navigation:
         self._wanted = mission.navigation
         self._altitude_m = mission.altitude_m(reporter.number - 1)
         self._metres_per_pixel = resolution_m(mission.camera.optics, self._altitude_m)
-        """Of the ground that is held against other ground: pictures are from all heights."""
+        """Resolution of the compared ground, m per pixel: pictures are from all heights."""
         self._most_m = 0.5 * mission.grid.cell_m
-        """Positions that are less sure decide on no cell."""
+        """Standard deviation of a position beyond which it decides on no cell, m."""
         self._own = OwnMap() if mission.navigation.watches else None
         self._pair = mission.strategy == LEAPFROG.name
         self.partner: Member | None = None
-        """In a leapfrog: what both see of each other."""
+        """In a leapfrog: the measurements of both."""
         self.gnss: Gnss = "good"
         self.sigma_m = 0.0
-        """How well the corrected position is known, one standard deviation."""
+        """Standard deviation of the corrected position, m."""
         self.act: Callable[[Action, str], None] = lambda action, reason: None
         self.fail: Callable[[str], None] = lambda reason: None
         self.aid: Callable[[LatLon, float], None] = lambda place, sigma_m: None
         self._off = GridPoint(0.0, 0.0)
         self._since_s: float | None = None
-        """Since when the filter reports otherwise than `gnss`."""
+        """Time since which the filter reports otherwise than `gnss`, s."""
         self._agrees_s: float | None = None
         self._pictured_s = float("-inf")
         self._flown_m = 0.0
@@ -99,33 +102,33 @@ class Navigation:
 
     @property
     def streams(self) -> Mapping[int, float]:
-        """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
+        """Rates, Hz, by message id, that it needs besides a mission's."""
         rates = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0} if self.watches else {}
         return {**rates, mav.MAVLINK_MSG_ID_ATTITUDE: 10.0} if self._pair else rates
 
     @property
     def watches(self) -> bool:
-        """Whether pictures are wanted wherever it flies."""
+        """True if pictures are needed wherever it flies."""
         return self._own is not None or self._pair
 
     @property
     def watches_at_rest(self) -> bool:
-        """Whether they are wanted while it waits, too."""
+        """True if pictures are needed while it waits as well."""
         return self.partner is not None
 
     @property
     def _by_partner(self) -> bool:
-        """Whether it goes by sightings where satellites are lost."""
+        """True if it uses sightings when satellites are lost."""
         return self.partner is not None and self._wanted.gnss_loss == "leapfrog"
 
     @property
     def by_map(self) -> bool:
-        """Whether positions are corrected by pictures: its own, or its partner's."""
+        """True if positions are corrected by pictures: its own, or its partner's."""
         return self.gnss != "good" and (self._own is not None or self._by_partner)
 
     # --- what its filter says ------------------------------------------------------------------
     def look(self, *, airborne: bool) -> None:
-        """Look at the telemetry; call it with every position."""
+        """Check the telemetry; call it with every position."""
         if self._view.position is None:
             return
         now_s = self._reporter.now_s()
@@ -145,7 +148,7 @@ class Navigation:
             self._look_how_sure(now_s)
 
     def _hear_partner(self, now_s: float) -> None:
-        """Share this position with the partner, and use what both have measured."""
+        """Share this position with the partner, and use the measurements of both."""
         if self.partner is None or self._view.told is None:
             return
         told = self._reporter.grid.fixed(self._view.told)
@@ -157,12 +160,15 @@ class Navigation:
 
     @property
     def _goes_on_without_fix(self) -> bool:
-        """Whether the receiver has no fix, which is reason enough for pictures, but not to return
-        or to land: the filter may have another receiver."""
+        """Return whether the receiver has no fix.
+
+        That is reason enough for pictures, but not to return or to land: the filter may have
+        another receiver.
+        """
         return self._view.has_no_fix and self._wanted.gnss_loss in ("map", "leapfrog")
 
     def leapt(self, how: str) -> bool:
-        """Note that the reported position leapt; False where no pictures show the true one."""
+        """Note that the reported position jumped; return False if no pictures show the true one."""
         if self._own is None:
             return False
         if self.gnss == "good":
@@ -173,7 +179,7 @@ class Navigation:
         return True
 
     def _grounded(self, now_s: float) -> None:
-        """Take its home for its place; satellites that were wrong are not flown with again."""
+        """Take its home for its place; satellites that were false are not used again."""
         self._last, self._since_s, self._unsure_s = None, None, None
         if self.gnss == "lost" and not self._view.by_dead_reckoning:
             self._changed("good", now_s)
@@ -226,15 +232,17 @@ class Navigation:
 
     # --- what its pictures say -----------------------------------------------------------------
     def placed(self, frame: Frame) -> Frame:
-        """A frame with the pose as the vehicle's pictures show it. Raises `ImageError` where it is
-        not known well enough to decide on a cell."""
+        """Return a frame with the pose by the vehicle's pictures.
+
+        Raises `ImageError` if it is not known well enough to decide on a cell.
+        """
         if self.partner is not None:
             self.partner.take(frame)
         if self._own is None and not self._by_partner:
             return frame
         now_s = self._reporter.now_s()
         told = self._reporter.grid.fixed(frame.pose.position)
-        # one that comes late says nothing of now
+        # a late one does not show the present state
         if self._own is not None and frame.t_s > self._taken_s:
             self._taken_s = frame.t_s
             up_rad = self._reporter.grid.convergence_rad
@@ -276,7 +284,7 @@ class Navigation:
             self._aid()
 
     def _correct(self, off: GridPoint) -> None:
-        """Correct the reported place by so much, along the grid's axes, from now on."""
+        """Correct the reported place by `off`, along the grid's axes, from now on."""
         self._off = off
         grid, told = self._reporter.grid, self._view.told
         if told is None:
@@ -288,7 +296,7 @@ class Navigation:
         self._last = None
 
     def _look_whether_right(self, now_s: float) -> None:
-        """Use satellites that were wrong again once they have long agreed."""
+        """Use satellites that were false again once they have long agreed."""
         if self.gnss != "wrong":
             return
         agrees = math.hypot(*self._off) + self.sigma_m < AGREE_M
@@ -300,7 +308,7 @@ class Navigation:
             self._changed("good", now_s)
 
     def _look_how_sure(self, now_s: float) -> None:
-        """Reckon how sure it is without pictures; a vehicle that knows too little comes home."""
+        """Estimate the certainty without pictures; a vehicle that knows too little returns."""
         if self._own is not None and now_s - self._pictured_s > UNSEEN_S:
             known_m = self._own.track.estimate().sigma_m if self._own.keyframes else math.inf
             self.sigma_m = math.hypot(known_m, self._own.errors.reckoned_share * self._flown_m)
@@ -318,7 +326,7 @@ class Navigation:
             self.fail(f"{what} tells where it is to ±{self.sigma_m:.0f} m only")
 
     def _aid(self) -> None:
-        """Send the autopilot its place, where it has lost its satellites and knows less."""
+        """Send the autopilot its position if it has lost its satellites and knows less."""
         now_s = self._reporter.now_s()
         off_m = math.hypot(*self._off)
         if now_s - self._aided_s < AID_EVERY_S or off_m < max(AID_M, self.sigma_m):

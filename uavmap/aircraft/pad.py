@@ -1,4 +1,4 @@
-"""A vehicle on its pad: armed, lifted off, given a fresh battery; what that waits for is logged."""
+"""A vehicle on its pad: arming, take-off, a fresh battery; long waits are logged."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOOK_S: Final = 1.0
 
 
 class Waiting:
-    """One wait for one vehicle; what takes long is logged: for what, and how long."""
+    """One wait for one vehicle; a long wait is logged with its reason and duration."""
 
     def __init__(self, reporter: Reporter, session: Session) -> None:
         self._reporter = reporter
@@ -35,7 +35,7 @@ class Waiting:
     async def until(
         self, condition: Callable[[], bool], timeout_s: float, what: Callable[[], str]
     ) -> bool:
-        """`Session.until`; logs what is waited for."""
+        """Wait as `Session.until`, and log the reason."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + timeout_s
         while (left_s := end_s - loop.time()) > 0.0:
@@ -52,7 +52,7 @@ class Waiting:
         self._reporter.line(f"{name}: waits for {what}, for {waited_s:.0f} s by now")
         view = self._session.view
         if view.system_id and not view.armed and not view.ready_to_arm:
-            # an ArduPilot gives its reasons every half minute, or when asked
+            # an ArduPilot gives its reasons every half minute, or on request
             self._session.send_command(mav.MAV_CMD_RUN_PREARM_CHECKS)
 
 
@@ -64,13 +64,13 @@ ARM_TRIES: Final = 10
 ARM_PAUSE_S: Final = 3.0
 CLIMB_TOLERANCE_M: Final = 0.4
 HOME_S: Final = 5.0
-"""A position above the home that arming has set comes within this time."""
+"""Maximum time until a position above the home that arming has set, s."""
 FULL: Final = 0.9
-"""From this part of its capacity on a battery counts as fresh."""
+"""Share of its capacity from which on a battery counts as fresh."""
 
 
 async def insist(ask: Callable[[], Awaitable[None]]) -> None:
-    """Ask until acknowledged: the watch on the link ends this when there is no link."""
+    """Repeat a request until acknowledged: the watch on the link ends this without a link."""
     while True:
         try:
             await ask()
@@ -99,7 +99,7 @@ class Pad:
         session, view, kind = self._session, self._view, self._view.kind
         waiting = Waiting(self._reporter, session)
         if kind.streams_apart and view.mode == kind.stream_mode:
-            # where its stream ended a PX4 stands in OFFBOARD, and its checks fail there
+            # after a stream a PX4 is in OFFBOARD, and its checks fail there
             await insist(self._commands.follow)
         if not await waiting.until(
             lambda: self._monitor.control.air is not AirState.UNKNOWN,
@@ -116,7 +116,7 @@ class Pad:
                 f"not ready to arm within {READY_S:g} s, in {view.mode_name}{view.recent_texts()}"
             )
         await self._arm(waiting)
-        if kind.amsl:  # arming has moved home, and the height is to be above the new one
+        if kind.amsl:  # arming has moved home, and the height is above the new one
             armed_s = asyncio.get_running_loop().time()
             await session.until(lambda: view.position_s > armed_s, HOME_S)
         view.keeps_home = True
@@ -137,12 +137,12 @@ class Pad:
         reporter.happened(Airborne, home=reporter.home(), home_amsl_m=reporter.home_amsl_m())
 
     async def _arm(self, waiting: Waiting) -> None:
-        """Into the mode that follows us, and motors on."""
+        """Command the mode that follows us, and arm the motors."""
         kind = self._view.kind
         for attempt in range(ARM_TRIES):
             try:
                 await self._commands.follow()
-                # a PX4 acknowledges it unseen: only a heartbeat tells
+                # a PX4 acknowledges it unseen: only a heartbeat confirms it
                 await self._session.until(lambda: self._view.mode == kind.follows, MODE_S)
                 await self._commands.arm()
                 break
@@ -172,6 +172,7 @@ class Pad:
             await self._session.until(fresh)
         else:
             await self._crew(reporter.number)
-            # a word without a battery is heard, and nothing would tell why nobody takes off
+            # a confirmation without a battery is possible, and the reason for the wait must be
+            # shown
             await Waiting(reporter, self._session).until(fresh, math.inf, what)
         reporter.happened(BatterySwapped, reporter.remaining())

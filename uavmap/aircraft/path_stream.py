@@ -1,13 +1,13 @@
 """The stream of setpoints along a path: place and velocity, ten times a second.
 
-Setpoints depend on mission time only, not on telemetry, so that a slow link does no harm: each is
-the course smoothed over `SMOOTH_S`, its parts as far ahead as the autopilot answers late
+Setpoints depend on mission time only, not on telemetry, so that a slow link does no harm. Each is
+the course smoothed over `SMOOTH_S`, its parts ahead by the autopilot's delay
 (`uavmap.mavlink.autopilots`). A real ArduCopter follows a rounded path at 6 m/s within 0.54 m in 95
 % of the time, as fast as planned. A PX4 is put into OFFBOARD for it, and back into Hold afterwards.
 
 When the stream ends an ArduPilot flies on for GUID_TIMEOUT, by default 3 s, or 18 m at 6 m/s,
-before it brakes: that is shortened while paths are flown. PX4's own limit is a second, and is left
-alone.
+before it brakes: that is shortened while paths are flown. PX4's own limit is a second, and is not
+changed.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from uavmap.mavlink.parameters import Parameter, Parameters
 from uavmap.mavlink.session import Message, Session
 
 INTERVAL_S: Final = 0.1
-"""4 Hz were enough for a real one: some may get lost."""
+"""Interval of setpoints, s; 4 Hz were enough for a real one: some may get lost."""
 SMOOTH_S: Final = 0.5
 """Time over which the course is averaged, s: no vehicle changes its acceleration at once."""
 SAMPLES: Final = 10
 FIRST_S: Final = 0.6
-"""PX4 wants to see a stream for half a second before it changes to OFFBOARD."""
+"""Time of the stream before the change to OFFBOARD, s: PX4 requires half a second."""
 MODE_TRIES: Final = 4
 BRAKE_S: Final = 6.0
-"""A real one comes to rest from 10 m/s in 4.2 s."""
+"""Maximum time to come to rest, s; a real one takes 4.2 s from 10 m/s."""
 SLOW_M_S: Final = 0.5
 PLACES_INTERVAL_S: Final = 0.5
 """Interval between two places that are sent instead of a stream, s."""
 PLACES_SPEED_M_S: Final = 9.0
-"""That it may fly to catch up with a place."""
+"""Speed at which it may catch up with a place, m/s."""
 
 _NO_ACCELERATION: Final = 0x1C0
 _NO_YAW: Final = 0x400
@@ -70,7 +70,7 @@ class Setpoint(NamedTuple):
 
 
 def setpoint(course: Course, t_s: float, place_lead_s: float, velocity_lead_s: float) -> Setpoint:
-    """The setpoint at mission time `t_s`: the course, smoothed, each part ahead by its lead."""
+    """Return the setpoint at mission time `t_s`: the course, smoothed, each part with its lead."""
     first_s, step_s = t_s + place_lead_s - 0.5 * SMOOTH_S, SMOOTH_S / SAMPLES
     places = [course.at(first_s + (index + 0.5) * step_s) for index in range(SAMPLES)]
     ahead_s = t_s + velocity_lead_s
@@ -92,19 +92,19 @@ class PathStream:
         self._session, self._monitor = commands.session, commands.monitor
         self._commands = commands
         self._by_places = by_places
-        """Whether places ahead are sent instead of a stream: it stops there without the next."""
+        """True if places ahead are sent instead of a stream: it stops there without the next."""
         self._view = commands.session.view
         self._reporter = reporter
         self._grid = reporter.grid
         self._course: Course | None = None
         self._orders: tuple[FlyPath, ...] = ()
-        """The one that is flown, and, until it begins, the one that replaces it."""
+        """The path that is flown, and, until it begins, the path that replaces it."""
         self._home_amsl_m = 0.0
         self._left = True
 
     @property
     def course(self) -> Course:
-        """What is flown. Raises RuntimeError before `begin`."""
+        """Course that is flown. Raises RuntimeError before `begin`."""
         if self._course is None:
             raise RuntimeError("no path was given")
         return self._course
@@ -115,25 +115,27 @@ class PathStream:
         return self._orders[-1]
 
     def begin(self, order: FlyPath) -> None:
-        """Begin a path from rest, or from wherever it begins."""
+        """Begin a path from rest, or from its own beginning."""
         self._course, self._orders = Course((order.trajectory,)), (order,)
-        # heights are above where home is now, should it be told otherwise in flight
+        # heights are above the present home, even if it moves in flight
         self._home_amsl_m = self._view.home_amsl_m
         self._left = False
 
     def go_on(self, order: FlyPath) -> None:
-        """A path that replaces the present one, which is flown until the new one begins."""
+        """Replace the present path, which is flown until the new one begins."""
         self._course = self.course.then(order.trajectory, self._reporter.now_s())
         self._orders = (self._flown_now(), order)
 
     def there(self) -> bool:
-        """Whether it is past its end in time: it should be at rest there."""
+        """True if it is past its end in time: it should be at rest there."""
         return self._reporter.now_s() >= self.course.end_s
 
     # --- sending ----------------------------------------------------------------------------
     async def run(self) -> None:
-        """Send setpoints until cancelled, in a mode of their own where they need one. Raises
-        `LinkError` when the vehicle does not take it."""
+        """Send setpoints until cancelled, in a mode of their own if they need one.
+
+        Raises `LinkError` when the vehicle does not accept it.
+        """
         if self._by_places:
             await self._tell_places()
             return
@@ -149,16 +151,16 @@ class PathStream:
     async def _send_on(self) -> None:
         loop = asyncio.get_running_loop()
         due_s = loop.time()
-        while self._commands.may_send:  # not one more, however soon this is called off
+        while self._commands.may_send:  # not one more, however soon this is cancelled
             self._send_once()
             due_s = max(due_s + INTERVAL_S, loop.time())
             await asyncio.sleep(due_s - loop.time())
 
     async def _tell_places(self) -> None:
-        """Send where it will be in a while, until cancelled: it stops there without the next."""
+        """Send its place in a while, until cancelled: it stops there without the next."""
         view, told = self._view, 0
         while self._commands.may_send:
-            if told % 10 == 0:  # either autopilot may have forgotten its speed
+            if told % 10 == 0:  # either autopilot may have dropped its speed
                 self._session.send_command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, PLACES_SPEED_M_S, -1)
             now_s = self._reporter.now_s()
             at = self.course.at(now_s + view.kind.places_lead_s)
@@ -168,7 +170,8 @@ class PathStream:
             await asyncio.sleep(PLACES_INTERVAL_S)
 
     def _place_message(self, point: Setpoint, order: FlyPath) -> Message:
-        """A target without a velocity: of a PX4 in Hold only MAV_CMD_DO_REPOSITION is one."""
+        """Return a target without a velocity: for a PX4 in Hold only MAV_CMD_DO_REPOSITION is
+        one."""
         view, height_m = self._view, order.height_m + self._highest_to(point)
         message = self._message(point, order, height_m)
         if not view.kind.streams_apart:
@@ -182,7 +185,7 @@ class PathStream:
         )  # fmt: skip
 
     def _highest_to(self, point: Setpoint) -> float:
-        """The highest ground, above home, on the way to a place that is sent ahead of its time."""
+        """Return the highest ground, above home, on the way to a place that is sent early, m."""
         view, here = self._view, self.course.at(self._reporter.now_s())
         if view.ground is None:
             return 0.0
@@ -205,7 +208,8 @@ class PathStream:
         return begun[-1] if begun else self._orders[0]
 
     def _message(self, point: Setpoint, order: FlyPath, height_m: float) -> Message:
-        """SET_POSITION_TARGET_GLOBAL_INT of a setpoint. Raises `LinkError` if it is not finite."""
+        """Return SET_POSITION_TARGET_GLOBAL_INT of a setpoint. Raises `LinkError` if it is not
+        finite."""
         if not all(map(math.isfinite, point)):
             raise LinkError(f"no place to send a vehicle to: {point}")
         view, grid = self._view, self._grid
@@ -237,7 +241,7 @@ class PathStream:
                 await ask()
             except NotOursError:
                 raise
-            except LinkError as error:  # refused, or not answered: it may have come all the same
+            except LinkError as error:  # refused, or not answered: it may have come anyway
                 refusal = error
             seen = lambda: view.mode == mode or not monitor.control.is_ours  # noqa: E731
             if await self._session.until(seen, MODE_S):
@@ -286,14 +290,17 @@ class PathStream:
 
 
 TIMEOUT_S: Final = 1.0
-"""From 6 m/s a real ArduCopter then stands 15 m on, and 27 m with its default."""
+"""Timeout of a stream, s: from 6 m/s a real ArduCopter stops after 15 m, by default after 27 m."""
 LEAST_S: Final = 0.5
-"""A link that loses some setpoints must not look like one that has died."""
+"""Minimum timeout, s: a link that loses some setpoints must not look like a dead one."""
 
 
 class StreamTimeout:
-    """Sets how long a vehicle flies on when its stream ends; its own value is saved before the
-    flight and put back after it (`uavmap.runner.preflight.autopilot_setup`)."""
+    """Sets how long a vehicle flies on when its stream ends.
+
+    Its own value is saved before the flight and restored after it
+    (`uavmap.runner.preflight.autopilot_setup`).
+    """
 
     def __init__(self, name: str, session: Session, tell: Callable[[str], None]) -> None:
         self._name = name
@@ -304,7 +311,7 @@ class StreamTimeout:
         self._told = False
 
     async def shorten(self) -> None:
-        """Set it to `TIMEOUT_S`, once in a flight; log once what cannot be set."""
+        """Set it to `TIMEOUT_S`, once in a flight; log a failure once."""
         parameter = self._view.kind.stream_timeout
         if parameter is None or self._settled:
             return

@@ -1,4 +1,4 @@
-"""What a vehicle tells the mission: telemetry in the mission's units, rounded."""
+"""The reports of a vehicle to the mission: telemetry in the mission's units, rounded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ P = ParamSpec("P")
 Report = Callable[[Event], None]
 
 BATTERY_STALE_S: Final = 10.0
-"""A charge that is older counts as none: the vehicle comes home while it can."""
+"""Maximum age of a charge, s; without a newer one the vehicle returns while it can."""
 
 
 @dataclass(slots=True, eq=False)
@@ -30,9 +30,9 @@ class Reporter:
     capacity_wh: float
     grid: Grid
     now_s: Callable[[], float]
-    """Mission time."""
+    """Mission time, s."""
     loop_s: Callable[[], float]
-    """The loop's clock."""
+    """The loop's clock, s."""
     battery_stale_s: float = BATTERY_STALE_S
     """Age from which a charge is unknown, s of the loop's clock."""
     operator: Callable[[str], None] = lambda text: None
@@ -51,39 +51,43 @@ class Reporter:
     def happened(
         self, kind: Callable[Concatenate[int, float, P], Event], *values: P.args, **named: P.kwargs
     ) -> None:
-        """Report an event of the vehicle, of now."""
+        """Report an event of the vehicle, at the present time."""
         self.report(kind(self.number, self.t_s(), *values, **named))
 
     def position(self) -> GridPoint:
-        """Where the vehicle is, in the fixed frame. Raises `LinkError` if it is not reported."""
+        """Return the vehicle's position, in the fixed frame. Raises `LinkError` if it is not
+        reported."""
         return self._place(self.view.position, "it is")
 
     def home(self) -> GridPoint:
-        """Where its home is, in the fixed frame. Raises `LinkError` if it is not reported."""
+        """Return its home, in the fixed frame. Raises `LinkError` if it is not reported."""
         return self._place(self.view.home, "its home is")
 
     def _place(self, position: LatLon | None, what: str) -> GridPoint:
-        """A position in the fixed frame, to a centimetre."""
+        """Return a position in the fixed frame, to a centimetre."""
         if position is None:
             raise LinkError(f"{self.name}: the vehicle has not said where {what}")
         point = self.grid.fixed(position)
         return GridPoint(round(point.east_m, 2), round(point.north_m, 2))
 
     def height_m(self) -> float:
-        """Height above home, to a centimetre."""
+        """Return the height above home, to a centimetre, m."""
         return round(self.view.height_m, 2)
 
     def home_amsl_m(self) -> float:
-        """Height of home above the sea, to a decimetre."""
+        """Return the height of home above the sea, to a decimetre, m."""
         return round(self.view.home_amsl_m, 1)
 
     def remaining_wh(self) -> float | None:
-        """The charge, None when it is not known or not known any more."""
+        """Return the charge, Wh; None when it is unknown or too old."""
         if self.loop_s() - self.view.battery_s > self.battery_stale_s:
             return None
         return self.view.remaining_wh(self.capacity_wh)
 
     def remaining(self) -> float:
-        """The charge for an event, Wh; 0 where it is unknown or the autopilot reports it as low:
-        the vehicle comes home, and does not take off."""
+        """Return the charge for an event, Wh.
+
+        0 if it is unknown or the autopilot reports it as low: the vehicle returns, and does not
+        take off.
+        """
         return 0.0 if self.view.grounded_by else round(self.remaining_wh() or 0.0, 3)

@@ -1,4 +1,4 @@
-"""What vehicles report beside events, for who looks on: sent behind their places, in no journal."""
+"""Reports of vehicles beside events, for onlookers: sent after their positions, in no journal."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ LOSS_REPORTS: Final = 10
 
 
 class TelemetryReports:
-    """Reports of vehicles, each behind an event that its process sends anyway: no timer of its own
-    changes what a simulated flight does."""
+    """Reports of vehicles, each after an event that its process sends anyway.
+
+    So no timer of its own changes a simulated flight.
+    """
 
     def __init__(self, sessions: Mapping[int, Session], send: Callable[[Telemetry], None]) -> None:
         self._sessions = sessions
@@ -30,7 +32,7 @@ class TelemetryReports:
         )
 
     def follow(self, event: Event) -> None:
-        """Send a report behind a place of a vehicle, if the last one is old enough."""
+        """Send a report after a position of a vehicle, if the last one is old enough."""
         if not isinstance(event, Tracked) or event.t_s < self._due_s.get(event.vehicle, 0.0):
             return
         self._due_s[event.vehicle] = event.t_s + EVERY_S

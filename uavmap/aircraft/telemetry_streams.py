@@ -1,4 +1,4 @@
-"""The streams of telemetry that a mission needs: asked for, and seen to come."""
+"""The streams of telemetry that a mission needs: requested, and seen to come."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from missions.errors import CommandRefusedError, LinkError
 from uavmap.mavlink.session import Session
 
 SILENT_S: Final = 5.0
-"""Silence of a stream after which it is asked for, and interval to ask again, s."""
+"""Silence of a stream after which it is requested, and interval to request it again, s."""
 TRIES: Final = 10
-"""... and number of requests: an autopilot may not have it."""
+"""Maximum number of requests: an autopilot may not have the stream."""
 LOOKED_AT: Final = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0}
-"""Streams that only who looks on needs, Hz by message id: asked for in flight, without waiting."""
+"""Streams for onlookers only, Hz by message id: requested in flight, without waiting."""
 ASK_S: Final = 120.0
 """Maximum time for all streams to be acknowledged, s."""
 
 
 class Streams:
-    """The streams of one vehicle: those of a mission, and those that others need (`also`)."""
+    """The streams of one vehicle: those of a mission, and others (`also`)."""
 
     def __init__(self, name: str, session: Session, *also: Mapping[int, float]) -> None:
         self._name = name
@@ -30,15 +30,17 @@ class Streams:
         self._session = session
         self._view = session.view
         self._reboots = 0
-        """How often the vehicle had restarted when they were asked for."""
+        """Number of restarts of the vehicle at the last request."""
         self._asked_s = 0.0
         self._tried: dict[int, int] = {}
         self._refused: set[int] = set()
-        """Streams that the autopilot does not have, or sends as it likes."""
+        """Streams that the autopilot does not have, or sends at its own rate."""
 
     async def ask(self, hears: Callable[[], bool]) -> None:
-        """Ask for every stream until it is acknowledged, while the vehicle is heard; one that is
-        refused may come all the same. Raises `LinkError`."""
+        """Request every stream until it is acknowledged, while the vehicle is received.
+
+        A refused stream may come anyway. Raises `LinkError`.
+        """
         begin_s = asyncio.get_running_loop().time()
         self._reboots = self._view.gate.clock.reboots
         for message_id, rate_hz in self._rates.items():
@@ -59,21 +61,23 @@ class Streams:
 
     @property
     def _rates(self) -> Mapping[int, float]:
-        """Hz, by message id."""
+        """Rates, Hz, by message id."""
         every = (self._view.kind.streams, *self._also)
         return {message_id: hz for rates in every for message_id, hz in rates.items()}
 
     @property
     def go_on(self) -> bool:
-        """Whether a vehicle that is heard again sends all that it was asked for before: asking anew
-        takes a minute over a link that loses much."""
+        """Return whether a vehicle that is back still sends all requested streams.
+
+        New requests take a minute over a link that loses much.
+        """
         return self._view.gate.clock.reboots == self._reboots and all(
             self._silent_s(message_id) < SILENT_S
             for message_id in self._rates.keys() - self._refused
         )
 
     def keep(self) -> None:
-        """Ask again for what does not come, without waiting; call it about once a second.
+        """Request missing streams again, without waiting; call it about once a second.
 
         An acknowledgement names no stream: on a link that delays or doubles frames one may have
         been taken for another's.

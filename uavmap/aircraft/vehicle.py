@@ -2,10 +2,10 @@
 
     orders -> vehicle.give(order) -> MAVLink -> events
 
-`give` replaces whatever is being carried out (`uavmap.aircraft.manoeuvres`). What the vehicle does
-by itself, a pilot's mode change, a landing, is watched all the time
-(`uavmap.aircraft.guardian.monitor`), and so is the link. Its guardian
-(`uavmap.aircraft.guardian.guardian`) hears of every order, and may take the vehicle away.
+`give` replaces the present order (`uavmap.aircraft.manoeuvres`). The vehicle's own actions, a
+pilot's mode change, a landing, are watched all the time (`uavmap.aircraft.guardian.monitor`), and
+so is the link. Its guardian (`uavmap.aircraft.guardian.guardian`) receives every order, and may
+take control of the vehicle.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from uavmap.mavlink.vehicle_view import GroundBelow, VehicleView
 
 LINK_LOST_S: Final = 5.0
 HEARD_ANEW_S: Final = 2.5
-"""Maximum wait for a heartbeat and a position of a vehicle that is heard again, s."""
+"""Maximum wait for a heartbeat and a position of a vehicle that is back, s."""
 AFTER_ENDURANCE_S: Final = 60.0
 """Wait after its battery must be empty before a silent vehicle is given up, s."""
 ON_GROUND_S: Final = 120.0
@@ -115,7 +115,7 @@ class MavlinkVehicle:
         camera.navigation = self._navigation if self._navigation.watches else None
         self._aiding: asyncio.Task[None] | None = None
         self._aids = True
-        """Whether its autopilot takes a position from elsewhere, as far as is known."""
+        """True while its autopilot is known to accept a position from outside."""
         self._manoeuvres.under_way = lambda order, target: self.guardian.told(
             self._guarded_tasks.begun(order, target)
         )
@@ -128,16 +128,18 @@ class MavlinkVehicle:
 
     @property
     def view(self) -> VehicleView:
-        """The latest of what the vehicle has reported."""
+        """The latest reports of the vehicle."""
         return self._view
 
     def leapfrog(self, both: Leapfrog, role: Role) -> None:
-        """Have it and another one look after each other."""
+        """Have it and another vehicle observe each other."""
         self._navigation.partner = both.join(role, self._reporter)
 
     def was_flying(self) -> None:
-        """Note, before `connect`, that it flew by our order when an earlier process ended: should
-        that fail, its guardian brings it home."""
+        """Note, before `connect`, that it flew by our order when an earlier process ended.
+
+        If `connect` fails, its guardian returns it.
+        """
         self.guardian.entrusted = True
 
     def was_returning(self) -> None:
@@ -145,7 +147,7 @@ class MavlinkVehicle:
         self._monitor.resumed = True
 
     async def connect(self) -> None:
-        """Wait for the vehicle and ask for what the mission needs. Raises `LinkError`."""
+        """Wait for the vehicle and request the mission's telemetry. Raises `LinkError`."""
         session = self._session
         await answered(session, self.name)
         begin_s = asyncio.get_running_loop().time()
@@ -176,8 +178,10 @@ class MavlinkVehicle:
                 self._tasks = None
 
     def give(self, order: Order) -> None:
-        """Carry out an order instead of the present one; nothing is begun while its guardian has
-        the vehicle. A path after a path is flown without a halt."""
+        """Carry out an order instead of the present one; not while its guardian has the vehicle.
+
+        A path after a path is flown without a halt.
+        """
         if self._tasks is None:
             raise RuntimeError("a vehicle takes orders only while it runs")
         self._monitor.on_path = isinstance(order, FlyPath)
@@ -197,14 +201,14 @@ class MavlinkVehicle:
         self._task = self._tasks.create_task(self._carry_out(order))
 
     def land_here(self, reason: str) -> bool:
-        """Land it where it is; False where it is not in the air under our control."""
+        """Land it in place; return False if it is not in the air under our control."""
         if not self.guardian.responsible:
             return False
         self.guardian.take_over("land", reason)
         return True
 
     def report_again(self) -> None:
-        """Report where it is to a mission that is back; a silent vehicle when it is heard."""
+        """Report its position to a mission that is back; a silent vehicle does so later."""
         if self._monitor.connected:
             self._monitor.report_connected()
             self.guardian.heard_again()
@@ -222,12 +226,12 @@ class MavlinkVehicle:
             await self._manoeuvres.carry_out(order)
         except* LinkError as group:
             errors = leaves(group)
-            # of one that is not ours any more its monitor has told
+            # its monitor has reported the loss of control
             if not any(isinstance(error, NotOursError) for error in errors):
                 self._order_failed("; ".join(str(error) for error in errors))
 
     def _aid(self, place: LatLon, sigma_m: float) -> None:
-        """Send its autopilot its place; one that does not take it gets no more."""
+        """Send its autopilot its position; one that refuses it gets no more."""
         busy = self._aiding is not None and not self._aiding.done()
         ours = self._monitor.control.is_ours
         if self._tasks is not None and self._aids and ours and not busy:
@@ -246,7 +250,7 @@ class MavlinkVehicle:
 
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:
-        """Report when the vehicle falls silent, and reconnect it when it is heard again."""
+        """Report when the vehicle falls silent, and reconnect it when it is received again."""
         monitor = self._monitor
         give_up_after_s: float | None = None
         while True:
@@ -294,7 +298,7 @@ class MavlinkVehicle:
             raise LinkError(f"{self.name}: it does not report its place and its mode")
 
     def _waited_for_s(self) -> float | None:
-        """Maximum wait for a vehicle that has fallen silent, s."""
+        """Return the maximum wait for a vehicle that has fallen silent, s."""
         if not self._monitor.control.air.may_be_up:
             return self._ground_patience_s
         battery = self._setting.mission.battery
@@ -316,12 +320,12 @@ class MavlinkVehicle:
         return self._view.silent_s(asyncio.get_running_loop().time())
 
     def _hears(self) -> bool:
-        """Whether it is heard, and of now; its position may be missing."""
+        """Return whether it is received without delay; its position may be missing."""
         heard_s = asyncio.get_running_loop().time() - self._view.heard_s
         return heard_s < self._link_lost_s and not self._view.gate.clock.late
 
     def _missing(self, since_s: float) -> str:
-        """What the vehicle has yet to report; a position from before does not count."""
+        """Return the missing reports of the vehicle; a position from before does not count."""
         view = self._view
         return " and ".join(
             what

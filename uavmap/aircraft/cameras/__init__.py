@@ -1,3 +1,1 @@
-"""Where pictures come from: cameras, streams, folders, each behind
-`uavmap.aircraft.cameras.source`.
-"""
+"""Sources of pictures: cameras, streams, folders, each behind `uavmap.aircraft.cameras.source`."""

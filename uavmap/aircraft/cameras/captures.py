@@ -1,6 +1,6 @@
 """Devices and streams that give one picture after the other, read in a thread of their own.
 
-OpenCV reads V4L2 devices, RTSP and video over HTTP; programs that write JPEGs to their standard
+OpenCV reads V4L2 devices, RTSP and video over HTTP. Programs that write JPEGs to their standard
 output read the rest (libcamera, GStreamer).
 """
 
@@ -25,25 +25,25 @@ from uavmap.base.image_files import MAX_PICTURE_BYTES
 OPEN_TIMEOUT_MS: Final = 10_000
 READ_TIMEOUT_MS: Final = 5_000
 URL_SETTLE_S: Final = 1.5
-"""FFmpeg reads ahead, up to a second, to find out what a stream holds; that comes first."""
+"""Time that FFmpeg reads ahead to analyse a stream, s; old pictures come first."""
 DEVICE_SETTLE_S: Final = 0.3
 _CHUNK_BYTES: Final = 1 << 16
 _BEGIN, _END = b"\xff\xd8\xff", b"\xff\xd9"
 
 
 class OpenCvCapture:
-    """A device or URL that OpenCV reads. All but `interrupt` is called from one thread."""
+    """A device or URL that OpenCV reads. One thread calls all but `interrupt`."""
 
     def __init__(self, target: str, name: str, size_px: tuple[int, int]) -> None:
         device = target.startswith("/dev/")
         self._name = name
         self.settle_s = DEVICE_SETTLE_S if device else URL_SETTLE_S
-        """Real seconds after its opening for which it may give old pictures."""
+        """Time after its opening in which it may give old pictures, real seconds."""
         if device:
             self._capture = cv2.VideoCapture(target, cv2.CAP_V4L2)
             self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, size_px[0])
             self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, size_px[1])
-            # an old frame that waited in a buffer would be dated too late
+            # an old frame in a buffer would be dated too late
             self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         else:
             limits = [
@@ -61,11 +61,11 @@ class OpenCvCapture:
             raise LinkError(f"{name}: cannot be opened; {remedy}")
 
     def grab(self) -> bool:
-        """Wait for the next picture; False when there will be none."""
+        """Wait for the next picture; return False at the end."""
         return bool(self._capture.grab())
 
     def retrieve(self) -> Loaded:
-        """The picture that was grabbed last. Raises `ImageError`."""
+        """Return the last grabbed picture. Raises `ImageError`."""
         good, image = self._capture.retrieve()
         if not good or image is None:
             raise ImageError(f"{self._name}: a frame cannot be decoded")
@@ -74,10 +74,10 @@ class OpenCvCapture:
         return image.astype(np.uint8, copy=False)
 
     def interrupt(self) -> None:
-        """OpenCV cannot be interrupted; its own limits end a `grab`."""
+        """Do nothing: OpenCV cannot be interrupted; its own limits end a `grab`."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the device."""
         self._capture.release()
 
 
@@ -99,7 +99,7 @@ class PipeCapture:
             raise LinkError(f"{name}: {arguments[0]} cannot be run: {error.strerror}") from None
 
     def grab(self) -> bool:
-        """Wait for the end of the next JPEG; False when there will be none."""
+        """Wait for the end of the next JPEG; return False at the end."""
         assert self._process.stdout is not None
         while (jpeg := next_jpeg(self._buffer)) is None:
             try:
@@ -113,16 +113,16 @@ class PipeCapture:
         return True
 
     def retrieve(self) -> Loaded:
-        """The JPEG that was grabbed last."""
+        """Return the last grabbed JPEG."""
         return self._jpeg
 
     def interrupt(self) -> None:
-        """End the program, and with it a `grab` that waits; from another thread."""
+        """End the program, and with it a waiting `grab`; call it from another thread."""
         with contextlib.suppress(OSError):
             self._process.kill()
 
     def close(self) -> None:
-        """End the program and clear up behind it."""
+        """End the program and close its pipe."""
         self.interrupt()
         self._process.wait()
         if self._process.stdout is not None:
@@ -131,13 +131,13 @@ class PipeCapture:
 
 Capture = OpenCvCapture | PipeCapture
 Open = Callable[[], Capture]
-"""Raises `LinkError` with the remedy."""
+"""Opens a capture; raises `LinkError` with the remedy."""
 
 
 def next_jpeg(buffer: bytearray) -> bytes | None:
     """Cut the first whole JPEG from the beginning of a stream; None while there is none.
 
-    Cameras' JPEGs carry no thumbnail in such streams, so that the first end is its end.
+    Cameras' JPEGs carry no thumbnail in such streams, so the first end marker is its end.
 
     >>> stream = bytearray(bytes.fromhex("00 ffd8ff01ffd9 ffd8ff02"))
     >>> next_jpeg(stream).hex(), next_jpeg(stream), stream.hex()
@@ -157,8 +157,10 @@ def next_jpeg(buffer: bytearray) -> bytes | None:
 
 
 def libcamera_command(number: str, size_px: tuple[int, int], interval_s: float) -> list[str]:
-    """A command that writes JPEGs of a Raspberry Pi's camera to its standard output, more than are
-    ordered: each is fresh when it is due."""
+    """Return a command that writes JPEGs of a Raspberry Pi's camera to its standard output.
+
+    It writes more than ordered: each picture is fresh when it is due.
+    """
     program = "rpicam-vid" if shutil.which("rpicam-vid") else "libcamera-vid"
     width, height = size_px
     return [
@@ -169,6 +171,6 @@ def libcamera_command(number: str, size_px: tuple[int, int], interval_s: float) 
 
 
 def gstreamer_command(pipeline: str) -> list[str]:
-    """What has a pipeline whose end is raw video write JPEGs to its standard output."""
+    """Return a command that writes JPEGs of a raw-video pipeline to its standard output."""
     tail = "videoconvert ! jpegenc quality=95 ! fdsink fd=1 sync=false"
     return ["gst-launch-1.0", "-q", *shlex.split(pipeline), *f"! {tail}".split()]

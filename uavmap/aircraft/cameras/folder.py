@@ -1,4 +1,4 @@
-"""A folder that fills up with pictures, as a source: of a camera that shoots by its own rhythm."""
+"""A folder that fills up with pictures, as a source: for a camera with its own rhythm."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from uavmap.mavlink.continuity import RecentLeast
 
 SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png"})
 POLL_S: Final = 0.04
-"""Between two looks into the folder: the appearance of a file is known within this."""
+"""Interval of looks into the folder, s: the time of a new file is known within this."""
 STABLE_S: Final = 1.0
-"""Time without a change after which a file is whole, even if it does not look so, s."""
+"""Time without a change after which a file counts as whole, s."""
 _ENDS: Final = (b"\xff\xd9", b"\x00\x00\x00\x00IEND\xaeB\x60\x82")
 _TAIL_BYTES: Final = 64
-"""Some cameras write a little behind the end of a JPEG."""
+"""Bytes at the end of a file: some cameras write a little after the end of a JPEG."""
 
 
 @dataclass(slots=True)
@@ -34,27 +34,29 @@ class NewFile:
     path: Path
     size: int
     since_s: float
-    """Since when it has this size."""
+    """Time since which it has this size, s."""
     appeared_s: float
     unsure_s: float
 
 
 @dataclass(slots=True)
 class FolderWatch:
-    """Looks into one folder; what lies there at the first look is not new.
+    """Watches one folder for new pictures; files at the first look are not new.
 
-    Files whose names begin with a dot, or end otherwise than pictures do, are not looked at: write
+    Files whose names begin with a dot, or have another ending than pictures, are ignored: write
     under such a name and rename, or write in place.
     """
 
     folder: Path
     _known: dict[str, NewFile | None] = field(default_factory=dict)
-    """None: taken, or there from the beginning."""
+    """Known files; None: passed on, or there from the beginning."""
     _looked_s: float | None = None
 
     def look(self, now_s: float) -> list[NewFile]:
-        """The pictures that became whole since the last look, in their order. Raises `LinkError`
-        where the folder cannot be read; what was known stays known."""
+        """Return the pictures that became whole since the last look, in their order.
+
+        Raises `LinkError` if the folder cannot be read; known files stay known.
+        """
         sizes = self._sizes()
         before_s, self._looked_s = self._looked_s, now_s
         if before_s is None:
@@ -96,7 +98,7 @@ class FolderWatch:
         except FileNotFoundError:
             if not self.folder.is_dir():
                 raise LinkError(f"{self.folder}: no such folder") from None
-            # else a file went away between two steps: it is looked for again
+            # else a file vanished between two steps: the next look finds it
         except OSError as error:
             raise LinkError(f"{self.folder}: cannot be read: {error.strerror}") from None
         return sizes
@@ -114,7 +116,7 @@ def _ends(path: Path) -> bool:
 
 
 def read_file(path: Path) -> bytes:
-    """The bytes of a picture. Raises `LinkError`."""
+    """Return the bytes of a picture. Raises `LinkError`."""
     try:
         if path.stat().st_size > MAX_PICTURE_BYTES:
             raise LinkError(f"{path}: a picture has at most {MAX_PICTURE_BYTES} bytes")
@@ -124,8 +126,10 @@ def read_file(path: Path) -> bytes:
 
 
 def exif_time_s(path: Path) -> float | None:
-    """EXIF DateTimeOriginal with SubsecTimeOriginal, in seconds of the camera's clock; None where a
-    tag is missing: whole seconds are too coarse for a place."""
+    """Return EXIF DateTimeOriginal with SubsecTimeOriginal, in seconds of the camera's clock.
+
+    None if a tag is missing: whole seconds are too coarse for a position.
+    """
     try:
         with opened(path, str(path)) as picture:
             detail = picture.getexif().get_ifd(ExifTags.IFD.Exif)
@@ -144,15 +148,15 @@ def exif_time_s(path: Path) -> float | None:
 
 @dataclass(slots=True)
 class CardClock:
-    """A camera's clock beside ours: what came fastest after its exposure shows it best."""
+    """A camera's clock beside ours: the shortest delay after an exposure shows it best."""
 
     same_s: float = 30.0
-    """By more than this nothing comes late: the camera's clock was set."""
+    """Maximum delay of a file, s; a longer one means that the camera's clock was set."""
     lead: RecentLeast = field(default_factory=lambda: RecentLeast(60.0))
-    """The least time from an exposure to its word, in both clocks, s."""
+    """Minimum time from an exposure to its file, by both clocks, s."""
 
     def taken_s(self, told_s: float, heard_s: float) -> float:
-        """When, on our clock, a picture was taken: later by the least delay of its file."""
+        """Return the exposure of a picture on our clock, by the shortest delay of a file, s."""
         lead_s, least_s = heard_s - told_s, self.lead.value
         if least_s is not None and abs(lead_s - least_s) > self.same_s:
             self.lead.clear()
@@ -166,17 +170,17 @@ _TELL_EVERY_S: Final = 10.0
 
 T = TypeVar("T")
 Slowly = Callable[[Callable[[], T]], Awaitable[T]]
-"""Runs what may take a while: `asyncio.to_thread`, but for tests on virtual time."""
+"""Runs slow work: `asyncio.to_thread`, but for tests on virtual time."""
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class CardPicture:
-    """A picture that lies in a folder, with the best that is known of its time."""
+    """A picture in a folder, with the best estimate of its time."""
 
     path: Path
     taken_s: float
-    """When it was exposed, on the loop's clock."""
+    """Time of the exposure on the loop's clock, s."""
     fault: str | None
 
 
@@ -195,12 +199,12 @@ class Card:
         self._told_s = float("-inf")
 
     async def begin(self) -> None:
-        """Note what lies there already. Raises `LinkError` where there is no such folder."""
+        """Note the existing files. Raises `LinkError` without such a folder."""
         loop = asyncio.get_running_loop()
         await self._slowly(lambda: self._watch.look(loop.time()))
 
     async def run(self, found: Callable[[CardPicture], None]) -> None:
-        """Call `found` with each new picture, until cancelled; a folder may go and come."""
+        """Call `found` with each new picture, until cancelled; the folder may vanish and return."""
         loop = asyncio.get_running_loop()
 
         def look() -> list[tuple[NewFile, float | None]]:
@@ -220,19 +224,19 @@ class Card:
         at_s = new.appeared_s
         if exif_s is not None:
             at_s = round(self._clock.taken_s(exif_s, new.appeared_s), 6)
-        # by its own clock a picture is known as well as the clocks are, however late it is seen
+        # its own clock gives a picture's time, however late the file is seen
         vague = exif_s is None and new.unsure_s > MOST_UNSURE_S
         fault = "nobody knows when it appeared: the folder is too slow" if vague else None
         return CardPicture(new.path, at_s - self._latency_s, fault)
 
     async def load(self, path: Path) -> bytes:
-        """The bytes of a picture. Raises `LinkError`."""
+        """Return the bytes of a picture. Raises `LinkError`."""
         data: bytes = await self._slowly(lambda: read_file(path))
         return data
 
 
 class FolderSource(LocalSource):
-    """The pictures of a folder; those that appear while nothing is ordered are left out."""
+    """The pictures of a folder; those that appear without an order are left out."""
 
     def __init__(
         self, folder: Path, latency_s: float, say: Say, slowly: Slowly[Any] = asyncio.to_thread
@@ -241,11 +245,11 @@ class FolderSource(LocalSource):
         self._card = Card(folder, latency_s, say, slowly)
 
     async def begin(self) -> None:
-        """Note what lies there already. Raises `LinkError` where there is no such folder."""
+        """Note the existing files. Raises `LinkError` without such a folder."""
         await self._card.begin()
 
     async def run(self) -> None:
-        """Look into the folder until cancelled."""
+        """Watch the folder until cancelled."""
         await self._card.run(self._found)
 
     def _found(self, picture: CardPicture) -> None:

@@ -1,7 +1,7 @@
-"""A camera that is a MAVLink component: commands to it, announcements and files from it.
+"""A camera that is a MAVLink component: its commands, announcements and files.
 
-Camera protocol v2: IMAGE_START_CAPTURE, CAMERA_IMAGE_CAPTURED with pose and `file_url`, asked for
-again by its index. Files come by HTTP, or by as much of MAVLink FTP as a picture needs.
+Camera protocol v2: IMAGE_START_CAPTURE, CAMERA_IMAGE_CAPTURED with pose and `file_url`, requested
+again by its index. Files come by HTTP, or by the part of MAVLink FTP that a picture needs.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from uavmap.mavlink.vehicle_view import STAMP_SLACK_S, VehicleView
 REPLY_S: Final = 0.5
 FTP_TRIES: Final = 6
 FETCH_S: Final = 60.0
-"""For a whole picture; a telemetry radio of 57600 baud carries 200 kB in that time."""
+"""Maximum time of a picture, s; a telemetry radio of 57600 baud carries 200 kB in that time."""
 
 TERMINATE, OPEN, BURST = 1, 4, 15
 NAK: Final = 129
@@ -54,28 +54,28 @@ class _Reply:
 
     @property
     def error(self) -> int:
-        """Why it refuses."""
+        """Code of its refusal."""
         return self.data[0] if self.data else 1
 
 
 class MavlinkFtp:
-    """Fetches files of the aircraft at the other end of a session; one after the other.
+    """Fetches files of the aircraft at the other end of a session, one after the other.
 
     A `file_url` such as `mftp:///DCIM/12.jpg` or `mftp://[;comp=100]/DCIM/12.jpg` names a file of a
-    component that speaks FILE_TRANSFER_PROTOCOL over the same link.
+    component that supports FILE_TRANSFER_PROTOCOL over the same link.
     """
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._sequence = 0
         self._asked = 0
-        """The component that is spoken to."""
+        """Component that is asked."""
         self._replies: asyncio.Queue[_Reply] = asyncio.Queue()
         self._one = asyncio.Lock()
         session.listen(self._on_message, "FILE_TRANSFER_PROTOCOL")
 
     async def fetch(self, url: str) -> bytes:
-        """The bytes of a file. Raises `LinkError`."""
+        """Return the bytes of a file. Raises `LinkError`."""
         match = _URL.fullmatch(url)
         name = printable(url)
         if match is None or not url.isascii() or len(match["path"]) > _DATA_BYTES:
@@ -94,7 +94,7 @@ class MavlinkFtp:
 
     @contextlib.asynccontextmanager
     async def _opened(self, path: str) -> AsyncIterator[tuple[int, int]]:
-        """The number of a session, and the size of the file."""
+        """Yield the number of a session, and the size of the file."""
         reply = await self._asked_for(OPEN, data=path.encode("ascii"))
         if len(reply.data) < 4:
             raise LinkError("the answer tells no size")
@@ -107,7 +107,7 @@ class MavlinkFtp:
             self._send(TERMINATE, reply.session)
 
     async def _read(self, number: int, size: int) -> bytes:
-        """All of a file: bursts from the first gap on, until there is none."""
+        """Return all of a file: bursts from the first gap on, until there is none."""
         data, known = bytearray(size), [False] * -(-size // _DATA_BYTES)
         tries = 0
         while not all(known):
@@ -183,37 +183,40 @@ class MavlinkFtp:
 
 
 Fetch = Callable[[str], Awaitable[bytes]]
-"""From a picture's `file_url` to its bytes. Raises `LinkError`."""
+"""Returns the bytes at a picture's `file_url`. Raises `LinkError`."""
 
 START_TRIES: Final = 3
-"""How often a camera may reject a start after it was stopped."""
+"""Maximum number of starts that a camera may reject after it was stopped."""
 
 
 class CommandedSource(FrameSource):
-    """A camera that is commanded by messages of a session, which may be lost, repeated and
-    rejected. `component` names at each sending whose they are: the camera's, or the autopilot's."""
+    """A camera that is commanded by messages of a session.
+
+    Messages may be lost, repeated and rejected. `component` returns at each send the target: the
+    camera or the autopilot.
+    """
 
     def __init__(self, session: Session, component: Callable[[], int]) -> None:
         super().__init__()
         self._session = session
         self._component = component
         self._idle = False
-        """Whether the camera is known to take no pictures just now."""
+        """True if the camera is known to take no pictures now."""
         self._ordered_s = float("-inf")
-        """When pictures were ordered last, on the loop's clock: none of them is older."""
+        """Time of the last order, on the loop's clock, s: no picture is older."""
 
     def uncertain(self) -> None:
-        """Nobody knows what the camera does."""
+        """Note that the camera's state is unknown."""
         self._idle = False
 
     def ended(self) -> None:
-        """A burst has taken all its pictures: the camera has stopped by itself."""
+        """Note that a burst has taken all its pictures: the camera has stopped by itself."""
         self._idle = True
 
     async def start(
         self, interval_s: float, count: int, coming: Callable[[], bool] = never
     ) -> None:
-        """MAV_CMD_IMAGE_START_CAPTURE; a count of 0 goes on until stopped.
+        """Send MAV_CMD_IMAGE_START_CAPTURE; a count of 0 continues until stopped.
 
         A camera that still captures (its stop was lost, or another process began it) rejects the
         start for the time being: it is stopped first. Pictures that come are as good as an
@@ -240,12 +243,12 @@ class CommandedSource(FrameSource):
                     raise
 
     async def _stop_first(self) -> None:
-        """IMAGE_STOP_CAPTURE, acknowledged; a camera that refuses has nothing to stop."""
+        """Send IMAGE_STOP_CAPTURE, acknowledged; a camera that refuses has nothing to stop."""
         with contextlib.suppress(LinkError):
             await self._session.command(mav.MAV_CMD_IMAGE_STOP_CAPTURE, component=self._component())
 
     def stop(self) -> None:
-        """MAV_CMD_IMAGE_STOP_CAPTURE, without waiting: it is sent while being called off."""
+        """Send MAV_CMD_IMAGE_STOP_CAPTURE, without waiting: it is sent during a cancellation."""
         self._idle = False
         self._session.send_command(mav.MAV_CMD_IMAGE_STOP_CAPTURE, component=self._component())
 
@@ -267,7 +270,7 @@ class MavlinkSource(CommandedSource):
         self._heard(self._announcement(message))
 
     async def fetch(self, url: str) -> bytes:
-        """The file of a picture, by MAVLink FTP or by HTTP. Raises `LinkError`."""
+        """Return the file of a picture, by MAVLink FTP or by HTTP. Raises `LinkError`."""
         if url.startswith("mftp://"):
             return await self._ftp.fetch(url)
         return await self._by_http(url)
@@ -290,7 +293,8 @@ class MavlinkSource(CommandedSource):
 
 
 def told_pose(message: Message, view: VehicleView) -> ToldPose:
-    """The pose in a CAMERA_IMAGE_CAPTURED; zeros and NaN stand for what a camera does not know."""
+    """Return the pose in a CAMERA_IMAGE_CAPTURED; zeros and NaN mean that a camera lacks a
+    value."""
     position = None
     if not message.lat == message.lon == 0:
         position = LatLon(message.lat / 1e7, message.lon / 1e7)

@@ -1,4 +1,4 @@
-"""From what a user writes for a camera to a source that is open."""
+"""The opening of a camera from its specification by the user."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ async def opened_camera(
     say: Say,
     slowly: Slowly[Any] = asyncio.to_thread,
 ) -> AsyncIterator[FrameSource]:
-    """Open the source that a specification names; `say` logs what happens to it.
+    """Open the source of a specification; `say` logs its events.
 
-    Raises `LinkError` where it cannot be opened, or does not give what `settings` demand.
+    Raises `LinkError` if it cannot be opened, or does not fulfil `settings`.
     """
     if spec.kind == "mavlink":
         yield MavlinkSource(session, fetch)
@@ -75,7 +75,7 @@ async def opened_camera(
 
 
 async def _kept_running(spec: CameraSpec, run: Callable[[], Any], say: Say) -> None:
-    """Run a camera again after any error, which is logged: it never ends a mission."""
+    """Restart a camera after any error, which is logged: it never ends a mission."""
     while True:
         try:
             await run()

@@ -1,7 +1,7 @@
-"""Where a camera was, and how it was turned, when it took a picture.
+"""The position and attitude of a camera when it took a picture.
 
-A possible pose of the camera's own is believed; what it does not report is interpolated from
-telemetry to the time of the exposure.
+A possible pose from the camera itself is used; missing values are interpolated from telemetry to
+the time of the exposure.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _NADIR: Final = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
 class Mount:
     """A camera under an aircraft that looks straight down, but for small angles.
 
-    `fixed`: bolted to the body, so that it tilts along; else a gimbal holds it straight down and
+    `fixed`: bolted to the body, so that it tilts with it; else a gimbal holds it straight down and
     only the heading turns it. `yaw_deg` is the bearing of the picture's upper edge relative to the
-    nose. `pitch_deg` and `roll_deg` are those of the plate that it is bolted to: by so much it
-    looks forward (pitch) and to the left (roll) of straight down.
+    nose. `pitch_deg` and `roll_deg` are the angles of its mounting plate, by which it looks forward
+    (pitch) and to the left (roll) of straight down.
 
     >>> level = Quaternion.from_euler(0.0, 0.0, 0.0)
     >>> [round(x, 3) for x in Mount().attitude(level)]
@@ -46,7 +46,7 @@ class Mount:
     roll_deg: float = 0.0
 
     def attitude(self, body: Quaternion) -> Quaternion:
-        """Camera axes to NED, of the body's attitude (body axes to NED)."""
+        """Return the camera axes to NED, from the body's attitude (body axes to NED)."""
         if not self.fixed:
             body = Quaternion.from_euler(0.0, 0.0, heading_rad(body))
         plate = Quaternion.from_euler(
@@ -56,13 +56,13 @@ class Mount:
 
 
 def heading_rad(q: Quaternion) -> float:
-    """Where the nose of a body points, clockwise from north."""
+    """Return the heading of a body's nose, clockwise from north, rad."""
     w, x, y, z = q
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """First `b`, then `a`."""
+    """Return the rotation of first `b`, then `a`."""
     return Quaternion(
         a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
         a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
@@ -72,18 +72,18 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 APART_M: Final = 15.0
-"""How far the camera's own idea of the place may be from where the autopilot then was."""
+"""Maximum distance of the camera's position from the autopilot's at that time, m."""
 SURE_S: Final = 1.0
 """Time from the nearest position within which the vehicle's speed gives its place, s."""
 RATE_HZ: Final = 10.0
 """Rate of the attitude, for a camera that does not report its own, Hz."""
 AFTER_S: Final = 0.6
-"""Maximum wait for telemetry of after an exposure, s."""
+"""Maximum wait for telemetry after an exposure, s."""
 _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 
 
 class Poses:
-    """The poses of one camera's pictures; `grid` None: on a computer that knows no mission."""
+    """The poses of one camera's pictures; `grid` None: on a computer without a mission."""
 
     def __init__(self, session: Session, mount: Mount, grid: Grid | None) -> None:
         self._session = session
@@ -92,7 +92,7 @@ class Poses:
         self._grid = grid
         self._told = False
         self.streams: dict[int, float] = {}
-        """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
+        """Rates, Hz, by message id, that it needs besides a mission's."""
 
     def need_telemetry(self) -> None:
         """Request the autopilot's attitude often: the camera does not report its own."""
@@ -103,8 +103,10 @@ class Poses:
             self._session.request_interval(mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ)
 
     async def pose_of(self, picture: Announcement) -> Pose:
-        """The pose of a picture; without one of the camera's the telemetry after the exposure is
-        waited for. Raises `ImageError` with what is wrong, which is counted."""
+        """Return the pose of a picture; without the camera's own, wait for later telemetry.
+
+        Raises `ImageError` with the fault, which is counted.
+        """
         told = picture.told
         if told.position is None or told.attitude is None:
             self._tell(picture)
@@ -138,7 +140,7 @@ class Poses:
         return beyond and self._view.attitudes.last_s >= boot_s
 
     def _pose(self, picture: Announcement) -> tuple[str | None, Pose | None]:
-        """What is wrong, and the pose."""
+        """Return the fault, and the pose."""
         told = picture.told
         if (told.position is None or told.attitude is None) and picture.fault is not None:
             return picture.fault, None
@@ -159,8 +161,10 @@ class Poses:
 
 
 def pose_fault(pose: Pose, view: VehicleView, grid: Grid | None, taken_s: float) -> str | None:
-    """What is wrong with a pose, against where the vehicle was when the picture was taken (loop's
-    time); None if nothing is."""
+    """Return the fault of a pose, by the vehicle's position at the exposure (loop's time).
+
+    None without a fault.
+    """
     position, height_m = pose.position, pose.height_m
     if abs(position.lat_deg) > 90.0 or abs(position.lon_deg) > 180.0:
         return "the position is not on Earth"

@@ -1,8 +1,8 @@
-"""What a mission needs of a camera, whatever it is: a source of pictures.
+"""The interface of a camera for a mission: a source of pictures.
 
 A source is started and stopped; each picture meanwhile is announced, with the time of its exposure,
-and loaded on demand. Silence, devices that vanish and other clocks are its own matter; a missing
-picture is noticed by the order. A `Cadence` selects the ordered pictures of a camera that takes
+and loaded on demand. Each source handles silence, vanished devices and other clocks itself; the
+order notices a missing picture. A `Cadence` selects the ordered pictures of a camera that takes
 them anyway.
 """
 
@@ -22,19 +22,19 @@ Loaded = bytes | Image
 
 
 def never() -> bool:
-    """Nothing is known to have come."""
+    """Return False: no picture is known to have come."""
     return False
 
 
 @dataclass(frozen=True, slots=True)
 class ToldPose:
-    """The pose of a picture as the camera reports it; None for what it does not report."""
+    """The pose of a picture as the camera reports it; None for missing values."""
 
     position: LatLon | None = None
     height_m: float = 0.0
-    """Above home; it belongs to `position`."""
+    """Height above home, m; it belongs to `position`."""
     attitude: Quaternion | None = None
-    """From the camera's axes to NED."""
+    """Rotation from the camera's axes to NED."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,59 +42,63 @@ class Announcement:
     """A picture that was taken."""
 
     name: str
-    """What to call it in an error."""
+    """Name for errors."""
     taken_s: float
-    """When it was exposed, on the loop's clock."""
+    """Time of the exposure on the loop's clock, s."""
     load: Callable[[], Awaitable[Loaded]]
-    """The picture. Raises `LinkError` where it cannot be had, `ImageError` where it is none."""
+    """Returns the picture. Raises `LinkError` if it is not available, `ImageError` if it is
+    invalid."""
     index: int | None = None
-    """Its number, counted by the camera without a gap; None where none could be asked for again."""
+    """Its number, counted by the camera without a gap; None if it cannot be requested again."""
     told: ToldPose = ToldPose()
     fault: str | None = None
-    """Why `taken_s` cannot be right, for a pose that depends on it."""
+    """Reason why `taken_s` cannot be right, for a pose that depends on it."""
     kind: str = "picture"
-    """What announced it: the kind of message, for the count of what was refused."""
+    """Source of the announcement: the kind of message, for the count of refused ones."""
 
 
 class FrameSource(ABC):
-    """A camera. A `start` while pictures are taken begins anew; nothing is announced that was taken
-    between `stop` and the next `start`."""
+    """A camera. A `start` during captures begins anew.
+
+    Pictures taken between `stop` and the next `start` are not announced.
+    """
 
     def __init__(self) -> None:
         self._heard: Callable[[Announcement], None] = lambda announcement: None
 
     def listen(self, heard: Callable[[Announcement], None]) -> None:
-        """Call `heard`, and nothing else, with each picture, from the loop, in their order."""
+        """Call only `heard` with each picture, from the loop, in their order."""
         self._heard = heard
 
     @abstractmethod
     async def start(
         self, interval_s: float, count: int, coming: Callable[[], bool] = never
     ) -> None:
-        """Take pictures, so far apart or somewhat more; a count of 0 goes on until stopped.
+        """Take pictures at least `interval_s` apart; a count of 0 continues until stopped.
 
-        `coming` says that pictures are seen to come, which is as good as an answer. Raises
-        `CommandRefusedError` where the camera refuses, `LinkError` where nothing answers.
+        `coming` returns whether pictures come, which is as good as an answer. Raises
+        `CommandRefusedError` if the camera refuses, `LinkError` without an answer.
         """
 
     @abstractmethod
     def stop(self) -> None:
-        """Take no more; at once, and without waiting for an answer."""
+        """Stop at once, without waiting for an answer."""
 
-    def ended(self) -> None:  # noqa: B027 - not every camera has to be told
-        """All pictures of a count have come: it has stopped by itself."""
+    def ended(self) -> None:  # noqa: B027 - not every camera needs it
+        """Note that all pictures of a count have come: the camera has stopped by itself."""
 
     def uncertain(self) -> None:  # noqa: B027
-        """Nobody knows what it does: another process may have begun it, or it restarted."""
+        """Note that the camera's state is unknown: another process may have begun it, or it
+        restarted."""
 
     def ask_again(self, index: int) -> None:  # noqa: B027
         """Have a lost announcement repeated, if that is possible."""
 
 
 EARLY: Final = 0.25
-"""A picture may be early by this share of the interval: no camera keeps time exactly."""
+"""Share of the interval by which a picture may be early: no camera keeps time exactly."""
 SLACK_S: Final = 0.05
-"""What the time of a picture is known to: of one that seems older than the order by no more."""
+"""Accuracy of a picture's time, s: one that seems older than the order by this is accepted."""
 
 
 class Cadence:
@@ -103,7 +107,7 @@ class Cadence:
     def __init__(self) -> None:
         self._interval_s = 0.0
         self._left: int | None = 0
-        """Pictures that are still wanted; None: until stopped."""
+        """Number of pictures that are still wanted; None: until stopped."""
         self._due_s = 0.0
         self._early_s = SLACK_S
         self._first = True
@@ -115,20 +119,20 @@ class Cadence:
         self._due_s, self._early_s, self._first = now_s, SLACK_S, True
 
     def stop(self) -> None:
-        """No more."""
+        """Select no more."""
         self._left = 0
 
     def wants(self, taken_s: float) -> bool:
-        """Whether a picture of this time would be taken."""
+        """Return whether a picture of this time would be selected."""
         return self._left != 0 and taken_s >= self._due_s - self._early_s
 
     def take(self, taken_s: float) -> bool:
-        """Whether it is taken; the next one is due an interval later."""
+        """Return whether it is selected; the next one is due an interval later."""
         if not self.wants(taken_s):
             return False
         if self._left is not None:
             self._left -= 1
-        # keeps the rhythm; what was missed is not made up for
+        # keeps the rhythm; missed ones are not replaced
         next_s = self._due_s + self._interval_s
         begins = self._first or next_s <= taken_s
         self._due_s = taken_s + self._interval_s if begins else next_s
@@ -138,8 +142,10 @@ class Cadence:
 
 
 class LocalSource(FrameSource):
-    """A camera that is no MAVLink component: what it takes anyway is taken when it is ordered.
-    `latency_s` passes from an exposure until its picture is there."""
+    """A camera that is no MAVLink component: of its own pictures the ordered ones are used.
+
+    `latency_s` is the time from an exposure until its picture is there.
+    """
 
     def __init__(self, latency_s: float) -> None:
         super().__init__()
@@ -149,9 +155,9 @@ class LocalSource(FrameSource):
     async def start(
         self, interval_s: float, count: int, coming: Callable[[], bool] = never
     ) -> None:
-        """Take those pictures from now on that an interval lies between."""
+        """Select pictures from now on, an interval apart."""
         self._cadence.start(asyncio.get_running_loop().time(), interval_s, count)
 
     def stop(self) -> None:
-        """Take no more."""
+        """Select no more."""
         self._cadence.stop()

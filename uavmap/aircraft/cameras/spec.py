@@ -1,4 +1,4 @@
-"""What a user writes for a camera."""
+"""The user's specification of a camera."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _URLS: Final = ("rtsp://", "rtsps://", "http://", "https://")
 
 @dataclass(frozen=True, slots=True)
 class CameraSpec:
-    """A kind of camera, and where it is."""
+    """A kind of camera, and its address."""
 
     kind: Kind
     target: str
     text: str
-    """As it was written."""
+    """Original text."""
 
 
 def parse_camera(text: str) -> CameraSpec:
-    """The camera that a text names. Raises `LinkError` with the remedy.
+    """Return the camera of a text. Raises `LinkError` with the remedy.
 
     >>> parse_camera("v4l2:/dev/video0").target
     '/dev/video0'

@@ -1,5 +1,4 @@
-"""A device or stream that gives pictures all the time, dated one by one, opened again at its
-end."""
+"""A device or stream of continuous pictures, dated one by one, reopened at its end."""
 
 from __future__ import annotations
 
@@ -19,29 +18,29 @@ from uavmap.base.image_files import decoded
 
 SHORTEST_STALL_S: Final = 0.3
 STALL_SPACINGS: Final = 4.0
-"""A stall in usual spacings; it is at least `SHORTEST_STALL_S` long."""
+"""Duration of a stall in usual spacings; at least `SHORTEST_STALL_S`."""
 BURST_SHARE: Final = 0.5
-"""Frames that follow each other faster than at this share of the usual spacing have piled up."""
+"""Share of the usual spacing below which frames follow each other as a backlog."""
 LONGEST_S: Final = 3.0
-"""Maximum duration of a backlog, whatever the spacing, s."""
+"""Maximum duration of a backlog, for any spacing, s."""
 _SHARE: Final = 0.1
 
 
 class Freshness:
-    """Whether a frame is there when it should be, or is one of a backlog.
+    """The check that a frame arrives when it should, and is not one of a backlog.
 
-    After a stall of the network a stream delivers what has piled up, frame upon frame. Such frames
-    are of an earlier moment, and would be put where the vehicle is by now.
+    After a stall of the network a stream delivers its backlog, frame upon frame. Such frames are of
+    an earlier moment, and would be placed at the vehicle's present position.
     """
 
     def __init__(self) -> None:
         self._last_s: float | None = None
         self._usual_s: float | None = None
         self._stalled_s: float | None = None
-        """When the backlog began to come, None while there is none."""
+        """Time when the backlog began, None without one."""
 
     def fresh(self, there_s: float) -> bool:
-        """Take note of a frame; whether it is of now."""
+        """Note a frame; return whether it is fresh."""
         last_s, self._last_s = self._last_s, there_s
         if last_s is None:
             return True
@@ -62,15 +61,15 @@ class Freshness:
 
 
 REOPEN_S: Final = 1.0
-"""Wait before a stream that ended is opened again, s."""
+"""Wait before a stream that ended is reopened, s."""
 SILENT_S: Final = 8.0
-"""A reader that is silent for longer hangs: it is left alone, and another one is begun."""
+"""Maximum silence of a reader, s; then it hangs: it is abandoned, and another one is begun."""
 FIRST_S: Final = 20.0
 """Maximum wait for the first picture, s."""
 JOIN_S: Final = 2.0
 """Maximum wait for a thread to end, s."""
 MOST_HELD: Final = 6
-"""Pictures that wait to be judged; of more the oldest are let go."""
+"""Maximum number of pictures that wait to be judged; the oldest are dropped."""
 _TELL_EVERY_S: Final = 10.0
 _WAITING: Final = 2
 
@@ -80,14 +79,14 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Grabbed:
-    """A frame of a stream, at the time of the loop when it was there."""
+    """A frame of a stream, with the time of its arrival on the loop's clock."""
 
     there_s: float
     loaded: Loaded | ImageError
 
 
 class ThreadReader:
-    """Reads a capture in a thread: grabs every frame, decodes those wanted, keeps the newest."""
+    """Reads a capture in a thread: grabs every frame, decodes the wanted ones, keeps the newest."""
 
     def __init__(self, open_capture: Open) -> None:
         self._open_capture = open_capture
@@ -156,7 +155,7 @@ class ThreadReader:
             self._news.set()
 
     async def next(self) -> Grabbed | None:
-        """The next frame that is wanted; None when the stream has ended."""
+        """Return the next wanted frame; None when the stream has ended."""
         while not self._frames:
             if self._ended:
                 return None
@@ -170,12 +169,12 @@ class ThreadReader:
         return self._frames.popleft()
 
     async def close(self) -> None:
-        """Let go of it; it may be opened again. The thread ends with what it is waiting for."""
+        """Close it; it may be reopened. The thread ends with its present wait."""
         self._over.set()
         capture, self._capture = self._capture, None
         if capture is not None:
             capture.interrupt()
-        if self._thread is not None:  # one that hangs is left behind
+        if self._thread is not None:  # a hanging one is abandoned
             await asyncio.to_thread(self._thread.join, JOIN_S)
 
 
@@ -187,7 +186,7 @@ def _retrieved(capture: Capture, there_s: float) -> Grabbed:
 
 
 class StreamSource(LocalSource):
-    """Frames of a stream, dated by when they were there, less `latency_s`."""
+    """Frames of a stream, dated by their arrival, less `latency_s`."""
 
     def __init__(
         self, name: str, reader: ThreadReader, latency_s: float, size_px: tuple[int, int], say: Say
@@ -203,7 +202,7 @@ class StreamSource(LocalSource):
         self._told_s = float("-inf")
 
     async def begin(self) -> None:
-        """Open it and check a picture. Raises `LinkError` where it is not as configured."""
+        """Open it and check a picture. Raises `LinkError` if it is not as configured."""
         self._first = True
         await self._reader.open(self._wants)
         try:
@@ -230,7 +229,7 @@ class StreamSource(LocalSource):
         return self._first or self._cadence.wants(there_s - self._latency_s)
 
     async def run(self) -> None:
-        """Take its frames until cancelled, and open it again at its end. `begin` comes first."""
+        """Announce its frames until cancelled, and reopen it at its end. `begin` comes first."""
         try:
             while True:
                 while (frame := await self._reader.next()) is not None:

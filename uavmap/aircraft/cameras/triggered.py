@@ -1,7 +1,7 @@
 """A camera that the autopilot triggers, as a source.
 
 The autopilot reports the pose of each exposure (CAMERA_FEEDBACK), a folder has the picture; they
-are matched by time. What has no partner is lost, and logged: a picture at another's place is worse.
+are matched by time. One without a partner is lost, and logged: a picture at a wrong place is worse.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from uavmap.mavlink.session import Message, Session
 PATIENCE_S: Final = 5.0
 """Maximum wait of a picture for its feedback, and of a feedback for its picture, s."""
 MOST_APART: Final = 0.5
-"""Further apart than this share of the interval they are not partners."""
+"""Maximum difference in time of two partners, as a share of the interval."""
 _SHORTEST_S: Final = 0.4
 _LEAD_WINDOW_S: Final = 30.0
 _CLOCK_SET_S: Final = 60.0
@@ -45,7 +45,7 @@ class _Shot:
 
 
 class TriggeredSource(CommandedSource):
-    """Pictures that the autopilot at the other end of a session has taken."""
+    """The pictures that the autopilot at the other end of a session has triggered."""
 
     def __init__(
         self,
@@ -81,7 +81,7 @@ class TriggeredSource(CommandedSource):
         await super().start(interval_s, count, coming)
 
     def stop(self) -> None:
-        """Have it stop; what it has triggered until now may still come."""
+        """Have it stop; pictures triggered until now may still come."""
         if self._active:
             self._stopped_s = asyncio.get_running_loop().time()
         self._active = False
@@ -96,7 +96,7 @@ class TriggeredSource(CommandedSource):
         if taken_s < self._ordered_s - _SHORTEST_S:
             return  # before the order
         if not self._active and taken_s > self._stopped_s:
-            return  # somebody else's
+            return  # triggered by another
         position = None
         if not message.lat == message.lng == 0:
             position = LatLon(message.lat / 1e7, message.lng / 1e7)
@@ -107,7 +107,8 @@ class TriggeredSource(CommandedSource):
         self._bring_together()
 
     def _taken_s(self, time_usec: int) -> float:
-        """When, on the loop's clock: the feedback that came fastest shows the difference best."""
+        """Return the exposure on the loop's clock: the fastest feedback shows the difference
+        best."""
         now_s = asyncio.get_running_loop().time()
         if time_usec == 0:  # it does not know the time yet
             return now_s
@@ -115,11 +116,11 @@ class TriggeredSource(CommandedSource):
 
     # --- pictures ----------------------------------------------------------------------------
     async def begin(self) -> None:
-        """Note what lies in the folder already. Raises `LinkError` where there is none."""
+        """Note the existing files of the folder. Raises `LinkError` without one."""
         await self._card.begin()
 
     async def run(self) -> None:
-        """Look into the folder until cancelled."""
+        """Watch the folder until cancelled."""
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._card.run(self._found))
             while True:
@@ -131,8 +132,10 @@ class TriggeredSource(CommandedSource):
         self._bring_together()
 
     def _bring_together(self) -> None:
-        """Announce each picture with the exposure nearest in time, if nearer than half of the
-        interval: where a feedback is lost, the next one is the neighbour's."""
+        """Announce each picture with the nearest exposure, if nearer than half of the interval.
+
+        After a lost feedback, the next one belongs to the neighbour.
+        """
         most_s = MOST_APART * self._interval_s
         for picture in list(self._pictures):
             near = min(

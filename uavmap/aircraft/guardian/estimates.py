@@ -1,9 +1,9 @@
-"""What telemetry shows of the flight beside its values: the wind, leaps of satellites, impacts.
+"""Estimates from telemetry: the wind, jumps of satellite navigation, impacts.
 
-Wind is measured by the tilt of a multicopter: at a steady speed the thrust leans against the drag,
-which gives the speed through the air; its difference to the speed over ground is the wind. The drag
-grows with the airspeed as that of a small quadcopter (4 degrees in 3.6 m/s, 30 degrees at 13 m/s),
-times a factor of the airframe, learned from its own speeding up and braking, before and after which
+Wind is measured by the tilt of a multicopter. At a steady speed the thrust leans against the drag,
+which gives the airspeed; its difference to the ground speed is the wind. The drag grows with the
+airspeed as that of a small quadcopter (4 degrees in 3.6 m/s, 30 degrees at 13 m/s), times a factor
+of the airframe. The factor is learned from its own acceleration and braking, before and after which
 the wind is nearly the same.
 """
 
@@ -25,21 +25,21 @@ DRAG_LINEAR_1_S: Final = 0.10
 DRAG_QUADRATIC_1_M: Final = 0.025
 BLOCK_S: Final = 2.0
 BLOCKS: Final = 4
-"""Blocks of a mean: over less a single braking tilts as much as a gale."""
+"""Number of blocks of a mean: over fewer a single braking tilts as much as a gale."""
 LEARNED_FROM_M_S: Final = 1.5
-"""Least difference of two mean velocities by which the airframe's drag is learned, m/s."""
+"""Minimum difference of two mean velocities by which the airframe's drag is learned, m/s."""
 DRAG_PRIOR: Final = 1.5
-"""How much the quadcopter counts against what was learned: less than one leg at 6 m/s."""
+"""Weight of the quadcopter against the learned factor: less than one leg at 6 m/s."""
 MOST_LEARNED: Final = 60
-"""Number of last legs that are remembered."""
+"""Maximum number of last legs that are kept."""
 FAR_OFF: Final = 2.0
-"""Maximum ratio of a leg's drag to the median of the others: beyond it, it is left out."""
+"""Maximum ratio of a leg's drag to the median of the others; beyond it, it is left out."""
 LEAST_FACTOR: Final = 0.5
 MOST_FACTOR: Final = 8.0
 
 
 def drag_m_s2(airspeed_m_s: float) -> float:
-    """Deceleration of the quadcopter by its drag.
+    """Return the deceleration of the quadcopter by its drag, m/s^2.
 
     >>> round(drag_m_s2(3.6), 2)
     0.68
@@ -48,7 +48,7 @@ def drag_m_s2(airspeed_m_s: float) -> float:
 
 
 def airspeed_m_s(drag: float) -> float:
-    """The inverse: at which airspeed the drag is so large."""
+    """Return the airspeed of a drag: the inverse, m/s."""
     a, b = DRAG_QUADRATIC_1_M, DRAG_LINEAR_1_S
     return (math.sqrt(b * b + 4.0 * a * max(drag, 0.0)) - b) / (2.0 * a)
 
@@ -61,14 +61,14 @@ class _Block:
     velocity: tuple[float, float]
 
     def expected(self, wind: tuple[float, float]) -> tuple[float, float]:
-        """The drag of the quadcopter at this velocity, in a wind towards north and east."""
+        """Return the drag of the quadcopter at this velocity, in a wind towards north and east."""
         north, east = self.velocity[0] - wind[0], self.velocity[1] - wind[1]
         speed_m_s = math.hypot(north, east)
         share = drag_m_s2(speed_m_s) / speed_m_s if speed_m_s > 1e-6 else 0.0
         return share * north, share * east
 
     def wind(self, factor: float) -> tuple[float, float]:
-        """The wind towards north and east, for an airframe of this drag."""
+        """Return the wind towards north and east, for an airframe with this drag factor."""
         drag = math.hypot(*self.drag)
         share = airspeed_m_s(drag / factor) / drag if drag > 1e-6 else 0.0
         return self.velocity[0] - share * self.drag[0], self.velocity[1] - share * self.drag[1]
@@ -79,24 +79,24 @@ class WindEstimate:
 
     def __init__(self) -> None:
         self._tilt: tuple[float, float] | None = None
-        # when, thrust to the north and east (m/s2), velocity to the north and east (m/s)
+        # time, thrust to the north and east (m/s2), velocity to the north and east (m/s)
         self._samples: list[tuple[float, float, float, float, float]] = []
         self._blocks: deque[_Block] = deque(maxlen=BLOCKS)
-        # what single legs say of the airframe's drag, and how much each counts
+        # drag factors of single legs, with their weights
         self._learned: deque[tuple[float, float]] = deque(maxlen=MOST_LEARNED)
 
     def forget(self) -> None:
-        """Begin anew: it stands on the ground. What was learned of the airframe stays."""
+        """Begin anew on the ground; the learned factor of the airframe stays."""
         self._tilt = None
         self._samples.clear()
         self._blocks.clear()
 
     @property
     def factor(self) -> float:
-        """The drag of this airframe, in that of the quadcopter: the mean over its legs.
+        """Drag of this airframe, relative to the quadcopter: the mean over its legs.
 
-        Without those far from their median: a gust between two means looks like the airframe's own
-        doing.
+        Legs far from their median are left out: a gust between two means looks like the airframe's
+        drag.
         """
         middle = _median(self._learned)
         near = [(f, w) for f, w in self._learned if middle / FAR_OFF <= f <= middle * FAR_OFF]
@@ -105,7 +105,7 @@ class WindEstimate:
         return min(max(mean, LEAST_FACTOR), MOST_FACTOR)
 
     def tilted(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> None:
-        """An attitude: right side down, nose up, clockwise from true north."""
+        """Add an attitude: right side down, nose up, clockwise from true north, rad."""
         if not abs(roll_rad) < 1.3 or not abs(pitch_rad) < 1.3 or not math.isfinite(yaw_rad):
             return
         forward = -GRAVITY_M_S2 * math.tan(pitch_rad)
@@ -114,7 +114,7 @@ class WindEstimate:
         self._tilt = (forward * cos - right * sin, forward * sin + right * cos)
 
     def moved(self, t_s: float, north_m_s: float, east_m_s: float) -> None:
-        """A velocity over ground, with the attitude that was heard last."""
+        """Add a velocity over ground, with the last received attitude."""
         if self._tilt is None:
             return
         if self._samples and not 0.0 <= t_s - self._samples[-1][0] <= BLOCK_S:
@@ -130,7 +130,7 @@ class WindEstimate:
         north, east, v_north, v_east = (
             sum(sample[i] for sample in self._samples) / len(self._samples) for i in range(1, 5)
         )
-        # what the thrust does not put into speeding up, it puts against the drag
+        # thrust that does not accelerate it works against the drag
         north -= (last[3] - first[3]) / elapsed_s
         east -= (last[4] - first[4]) / elapsed_s
         return _Block((north, east), (v_north, v_east))
@@ -152,7 +152,7 @@ class WindEstimate:
 
     @property
     def speed_m_s(self) -> float | None:
-        """The mean wind, to a decimetre a second; None while it is not known."""
+        """Mean wind, to a decimetre a second; None while it is not known."""
         wind = self._wind
         return None if wind is None else round(math.hypot(*wind), 1)
 
@@ -166,7 +166,7 @@ class WindEstimate:
 
 
 def _median(said: Collection[tuple[float, float]]) -> float:
-    """The weighted median of (value, weight); 1 of nothing.
+    """Return the weighted median of (value, weight); 1 without any.
 
     >>> _median([(9.0, 1.0), (1.0, 1.0), (2.0, 3.0)])
     2.0
@@ -181,33 +181,33 @@ def _median(said: Collection[tuple[float, float]]) -> float:
 
 LEAP_WINDOW_S: Final = 1.0
 LEAP_GAP_S: Final = 1.5
-"""Maximum gap over which a leap can be seen, s: how it flew in a longer one is unknown."""
+"""Maximum gap over which a jump can be seen, s: the flight in a longer one is unknown."""
 LEAP_ACCEL_M_S2: Final = 20.0
-"""More than a gale at once, with full tilt, does to a small multicopter."""
+"""Acceleration beyond that of a sudden gale and full tilt on a small multicopter, m/s^2."""
 LEAP_NOISE_M: Final = 5.0
 LEAP_NOISE_M_S: Final = 2.0
 
 
 class Leaps:
-    """A position or a speed that leaps: satellite navigation errs, for no aircraft can do it.
+    """Jumps of a position or a speed: satellite navigation errs, for no aircraft can do it.
 
-    The gate (`uavmap.mavlink.continuity`) refuses larger leaps until they stay. This one notices
-    smaller leaps, and by the speed those that a filter has smoothed. A slow drift looks like wind,
-    and is not noticed. Times are of the vehicle's own clock.
+    The gate (`uavmap.mavlink.continuity`) refuses larger jumps until they persist. This class
+    notices smaller jumps, and by the speed those that a filter has smoothed. A slow drift looks
+    like wind, and is not noticed. Times are of the vehicle's own clock.
     """
 
     def __init__(self) -> None:
         self._fixes: deque[tuple[float, LatLon, tuple[float, float]]] = deque()
         self.leapt = ""
-        """What leapt last, in words; its reader empties it."""
+        """Text on the last jump; its reader empties it."""
 
     def forget(self) -> None:
-        """Begin anew: it stands on the ground, where it may be carried about."""
+        """Begin anew on the ground, where it may be carried about."""
         self._fixes.clear()
         self.leapt = ""
 
     def take(self, boot_s: float, position: LatLon, velocity_ne_m_s: tuple[float, float]) -> None:
-        """Take in where it was at a time of its clock, and how fast."""
+        """Add its position and velocity at a time of its clock."""
         fixes = self._fixes
         if fixes and boot_s <= fixes[-1][0]:
             fixes.clear()
@@ -231,15 +231,15 @@ class Leaps:
 
     def _noted(self, what: str) -> None:
         self.leapt = what
-        self._fixes.clear()  # what comes next goes on from here
+        self._fixes.clear()  # the next values count from here
 
 
 REST_M_S: Final = 0.3
-"""A vehicle that sinks more slowly does not sink."""
+"""Sink rate below which a vehicle does not descend, m/s."""
 DESCENT_END_S: Final = 0.6
-"""The end of a descent, s: a vehicle that comes to rest in the air was slow so shortly before."""
+"""End of a descent, s: a vehicle that comes to rest in the air was slow this long before."""
 IMPACT_KEPT_S: Final = 5.0
-"""Time for which an impact is remembered, s: until motors off is reported, and over a bounce."""
+"""Time for which an impact is kept, s: until motors off is reported, and over a bounce."""
 LEAST_FALL: Final = 0.3
 MOST_FALL: Final = 1.5
 """Shares of gravity with which a free fall gains speed by its messages."""
@@ -248,11 +248,12 @@ FALLS_S: Final = 2.0
 
 
 class Impact:
-    """How hard a vehicle met the ground, by its reported vertical speeds, by its own clock.
+    """The speed at which a vehicle met the ground, by its reported vertical speeds, by its own
+    clock.
 
-    A landing ends at half a metre a second. A vehicle whose motors stop in the air reports a
-    landing, too: disarmed, on the ground. Only its speed shows the difference. One wrong message is
-    no impact: the second of the greatest speeds counts, and the greatest only at the end of a free
+    A landing ends at half a metre a second. A vehicle whose motors stop in the air also reports a
+    landing: disarmed, on the ground. Only its speed shows the difference. One wrong message is no
+    impact: the second of the greatest speeds counts, and the greatest only at the end of a free
     fall, which three messages in a row show.
 
     >>> impact = Impact()
@@ -268,16 +269,16 @@ class Impact:
 
     def __init__(self) -> None:
         self.sinks = False
-        """Whether it sinks now."""
+        """True if it descends now."""
         self.speed_m_s = 0.0
-        """Of the end of its fastest descent in the last `IMPACT_KEPT_S`, in m/s downwards."""
+        """Speed at the end of its fastest descent in the last `IMPACT_KEPT_S`, m/s downwards."""
         self._descent: deque[tuple[float, float]] = deque()
         self._rested_s = float("-inf")
 
     def take(self, t_s: float, sink_m_s: float) -> None:
-        """Take in how fast it sinks at a time of its clock, in s and m/s."""
+        """Add its sink rate at a time of its clock, in s and m/s."""
         descent = self._descent
-        if descent and t_s < descent[-1][0]:  # its clock began anew
+        if descent and t_s < descent[-1][0]:  # its clock restarted
             descent.clear()
             self.speed_m_s = 0.0
         descent.append((t_s, sink_m_s))
@@ -296,7 +297,7 @@ class Impact:
 
 
 def _falls(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether it gained speed as in a free fall, or nearly: some thrust and drag may be left."""
+    """Return whether it gained speed as in a free fall, or nearly, with some thrust and drag."""
     elapsed_s, gained_m_s = other[0] - one[0], other[1] - one[1]
     most_m_s = GRAVITY_M_S2 * elapsed_s
     return LEAST_FALL * most_m_s <= gained_m_s <= MOST_FALL * most_m_s

@@ -1,9 +1,9 @@
-"""The guardian of one aircraft, on the wire: whatever becomes of the mission, it is not left alone.
+"""The guardian of one aircraft, on its link: it keeps watch, whatever becomes of the mission.
 
-It sends our heartbeat, watches telemetry by the rules of `missions.guardian`, and has the autopilot
-return or land where those demand it, until that is seen to happen. It needs a session and nothing
-else: no journal, no strategy, no camera. So it goes on when the service has ended, until the
-aircraft is on the ground or a pilot has it.
+It sends our heartbeat and watches telemetry by the rules of `missions.guardian`. If those demand
+it, it has the autopilot return or land, until that is seen to happen. It needs a session and
+nothing else: no journal, no strategy, no camera. So it continues when the service has ended, until
+the aircraft is on the ground or a pilot has it.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from uavmap.mavlink.session import Session
 
 HEARTBEAT_S: Final = 1.0
 SLEW_S: Final = 4.0
-"""Time that a navigation filter takes to follow a leap, s."""
+"""Time that a navigation filter takes to follow a jump, s."""
 STALE_S: Final = 3.0
-"""Maximum age of telemetry, s; older is not of now."""
+"""Maximum age of telemetry, s."""
 JUDGED_S: Final = 1.0
 """Maximum age of a position by which a vehicle is judged, s, by the vehicle's own clock."""
 PATIENCE_S: Final = 60.0
 """Wait for a silent vehicle beyond what its battery can have lasted, s."""
 CORNER_S: Final = 5.0
-"""To get going towards one, and to come to rest there."""
+"""Time to start towards a corner, and to come to rest there, s."""
 LEAVE_S: Final = 15.0
 """Wait, for an operator who leaves at once, to see that the autopilot returns, s."""
 
@@ -53,7 +53,7 @@ _WORDS: Final = {"rtl": "return by its autopilot", "land": "land where it is"}
 
 
 class Guardian:
-    """Keeps one aircraft from being left alone; `stand_aside` ends the mission's order."""
+    """Keeps watch over one aircraft; `stand_aside` ends the mission's order."""
 
     def __init__(
         self, session: Session, reporter: Reporter, monitor: Monitor, limits: Limits
@@ -72,27 +72,29 @@ class Guardian:
         self._last_wh = limits.energy.capacity_wh
         self._reason = ""
         self._leapt_s = float("-inf")
-        """When its position leapt last, on the loop's clock."""
+        """Time of the last jump of its position, on the loop's clock, s."""
         self.entrusted = False
-        """Whether it was in the air by our order when an earlier process ended."""
+        """True if it was in the air by our order when an earlier process ended."""
         self.stand_aside: Callable[[], None] = lambda: None
         self.order_failed: Callable[[str, bool], None] = lambda reason, behind: None
 
     # --- what the driver tells it -----------------------------------------------------------
     @property
     def acting(self) -> bool:
-        """Whether the vehicle is the guardian's now."""
+        """True if the guardian has the vehicle now."""
         return self._monitor.control.holder is Holder.GUARDIAN
 
     def told(self, task: Task) -> None:
-        """The mission gave a new order."""
+        """Note a new order of the mission."""
         if self.acting and not self._view.armed:
             self._let_go()
         self._guard = self._guard.told(task)
 
     def take_over(self, action: Action, reason: str, *, hurry: bool = False) -> None:
-        """Have the autopilot return or land by itself, and ensure it; not where a pilot has
-        control. `hurry`: it first descends as fast as it flies."""
+        """Have the autopilot return or land by itself, and ensure it; not if a pilot has control.
+
+        `hurry`: it first descends as fast as it flies.
+        """
         if not self._monitor.control.is_ours:
             return
         self._guard = self._guard.acting(action, self._reporter.now_s(), hurry=hurry)
@@ -113,7 +115,7 @@ class Guardian:
         self._pursuit = begin(pursuit)
 
     def heard_again(self) -> None:
-        """Resume, and log, what it had the vehicle do before the link was lost."""
+        """Repeat, and log, its command from before the link was lost."""
         action = self._guard.action
         if action is not None and self._view.armed:
             self.take_over(action, self._reason)
@@ -136,7 +138,7 @@ class Guardian:
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _watch(self) -> None:
-        """Look at every new position, but not too often: by an old one it seems to stand still."""
+        """Check every new position, but not too often: by an old one it seems to stand still."""
         looked_s = seen_s = float("-inf")
         while True:
             await asyncio.sleep(LOOK_S)
@@ -170,15 +172,15 @@ class Guardian:
             self.take_over(action, verdict.reason, hurry=verdict.hurry)
 
     def _look_for_leaps(self, seen: Seen) -> None:
-        """End the mission of a vehicle whose position leapt: its places mean nothing."""
+        """End the mission of a vehicle whose position jumped: its positions mean nothing."""
         track, leaps = self._view.gate.track, self._monitor.leaps
         leapt, leaps.leapt = leaps.leapt, ""
-        if track.jumps != self._jumps:  # too far to be believed at once, and it stayed
+        if track.jumps != self._jumps:  # too far to be accepted at once, and it persisted
             self._jumps, leapt = track.jumps, f"its position has leapt by {track.jumped_m:.0f} m"
         if leapt:
             self._leapt_s = self._reporter.loop_s()
         if low(seen):
-            return  # the ground has stopped it: nothing that lies there is told to fly on
+            return  # the ground has stopped it: a vehicle on the ground gets no order to fly on
         if leapt and not self.acting and seen.airborne and seen.mode != "other":
             finder = self._monitor.navigation
             if finder is not None and finder.leapt(leapt):
@@ -186,7 +188,7 @@ class Guardian:
             self.order_failed(f"{leapt}: satellite navigation is not to be trusted", False)
 
     def _seen(self) -> Seen | None:
-        """The telemetry, None where it is not of now."""
+        """Return the telemetry, None if it is too old."""
         view, reporter = self._view, self._reporter
         if not self._monitor.connected or view.position is None or view.home is None:
             return None
@@ -224,7 +226,7 @@ class Guardian:
         self._begin(self._flight.stop_motors(struck=struck))
 
     def _let_go(self) -> None:
-        """End its action: a pilot has control, or it stands on the ground."""
+        """End its action: a pilot has control, or the vehicle is on the ground."""
         self._monitor.control = self._monitor.control.acting(guardian=False)
         self._guard = self._guard.released()
         if self._pursuit is not None:
@@ -232,7 +234,7 @@ class Guardian:
             self._pursuit = None
 
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
-        """Ask until the autopilot does it; what it refuses, it lands instead."""
+        """Command the action until the autopilot does it; if it refuses, land instead."""
         if action == "rtl" and await self._flight.fly_home_by_map():
             self.take_over("land", "it is over its home, as its own map tells")
             return
@@ -241,7 +243,7 @@ class Guardian:
         if refusal:
             self.take_over("land", refusal)
             return
-        # where it has been carried to the ground may be lower than at its home
+        # at its place the ground may be lower than at its home
         high = lambda: self._flight.descent_aim_m() is not None  # noqa: E731
         if quickly and await self._session.until(high, PATIENCE_S):
             await self._pursue(action, hurry=True)
@@ -249,7 +251,7 @@ class Guardian:
     # --- the end of a flight ----------------------------------------------------------------
     @property
     def responsible(self) -> bool:
-        """Whether the vehicle is in the air, as far as is known, and under our control."""
+        """True if the vehicle is in the air, as far as known, and under our control."""
         control = self._monitor.control
         known = self._monitor.met or self.entrusted
         return known and control.air.may_be_up and control.is_ours
@@ -268,20 +270,23 @@ class Guardian:
         self._tasks.create_task(around())
 
     async def bring_home(self, reason: str) -> None:
-        """Return a vehicle in the air, and wait until it is down, a pilot has it, or it is silent
-        for longer than its battery can have lasted."""
+        """Return a vehicle in the air, and wait for the end of its flight.
+
+        The flight ends when it is down, a pilot has it, or it is silent for longer than its battery
+        can have lasted.
+        """
         await self._turn_corners(reason)
         while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
             self._take_up()
             if not self.acting:
                 self.take_over("rtl", reason)
             await self._session.until(lambda: not self.responsible, min(left_s, HEARTBEAT_S))
-        self._look()  # how it came down is told by nobody else
+        self._look()  # no other code reports how it came down
         if self._monitor.control.air is AirState.DOWN:
             await self._session.until(lambda: not self._view.armed, STOP_MOTORS_S)
 
     def _take_up(self) -> None:
-        """Reconnect a vehicle that was silent when the mission ended, and is heard again."""
+        """Reconnect a vehicle that was silent when the mission ended, and is received again."""
         monitor, view = self._monitor, self._view
         heard = view.silent_s(self._reporter.loop_s()) <= STALE_S
         if monitor.met and not monitor.connected and heard:
@@ -289,8 +294,10 @@ class Guardian:
             self.heard_again()
 
     async def _turn_corners(self, reason: str) -> None:
-        """Fly it around what the fence forbids until home lies straight ahead, watched by the same
-        rules: what goes wrong ends in its autopilot's return."""
+        """Fly it around holes of the fence until home lies straight ahead.
+
+        The same rules watch it: a fault ends in its autopilot's return.
+        """
         reporter, height_m, energy = self._reporter, self._view.height_m, self._limits.energy
         if not self._corners():
             return
@@ -298,7 +305,7 @@ class Guardian:
         self.stand_aside()
         here = reporter.position()
         if self._view.ground_speed_m_s > BRISK_M_S:
-            # who flies fast flies on for a while, perhaps over a corner
+            # a fast vehicle flies on for a while, perhaps over a corner
             self.told(self._towards(here, here, height_m, CORNER_S))
             if not await self._flight.reach(here, height_m, self._over, slow=True):
                 return
@@ -310,7 +317,7 @@ class Guardian:
                 return
 
     def _corners(self) -> tuple[GridPoint, ...]:
-        """Where to turn until home lies straight ahead, if it obeys targets."""
+        """Return the places to turn at until home lies straight ahead, if it follows targets."""
         if self.acting or not self._flies_for_us():
             return ()
         return corners_home(self._limits.fence, self._reporter.position(), self._reporter.home())
@@ -324,7 +331,7 @@ class Guardian:
         )  # fmt: skip
 
     def _over(self) -> bool:
-        """Whether a flight to a corner ends: the guardian acts, a pilot has it, or it is empty."""
+        """Return whether a flight to a corner ends: guardian, pilot, or empty battery."""
         return self.acting or not self._flies_for_us() or self._endurance_left_s() <= 0.0
 
     def _flies_for_us(self) -> bool:
@@ -337,7 +344,7 @@ class Guardian:
         return max(self._view.heard_s, 0.0) + endurance_s - self._reporter.loop_s()
 
     async def leave(self, reason: str) -> None:
-        """Have a vehicle that is in the air return, and wait only until it is seen to do so."""
+        """Have a vehicle that is in the air return, and wait only until that is seen."""
         if not self.responsible:
             return
         if not self.acting:
@@ -348,8 +355,10 @@ class Guardian:
         )
 
     def fate(self) -> str | None:
-        """Where the vehicle is at the very end, in words; empty at home, None if it never reported
-        so much that it could have been commanded."""
+        """Return where the vehicle is at the very end, as text.
+
+        Empty at home; None if it never reported enough to be commanded.
+        """
         view, reporter = self._view, self._reporter
         if view.position is None or view.home is None:
             return None

@@ -1,10 +1,10 @@
-"""However a mission ends, its aircraft are looked after before the process ends.
+"""The watch over aircraft after a mission: however it ends, they are taken care of.
 
     watched_over(keeper, mission) -> what the mission returns
 
-The keeper of the aircraft lives around the mission: when it fails, it brings home every vehicle in
-the air; when the operator leaves at once, the autopilots do, and that is seen before the process
-ends.
+The keeper of the aircraft surrounds the mission. If the mission fails, it returns every vehicle in
+the air. If the operator leaves at once, the autopilots do that, and the process ends only when it
+is seen.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NOT_HOME: Final = "an aircraft was not brought home"
 
 
 class Keeper(Protocol):
-    """Keeps all aircraft of a flight from being left alone."""
+    """Keeps watch over all aircraft of a flight."""
 
     async def run(self) -> None:
         """Watch until cancelled."""
@@ -34,7 +34,7 @@ class Keeper(Protocol):
         """Return, and wait until that is seen."""
 
     def fates(self) -> Mapping[int, str]:
-        """Where each aircraft that was heard is, in words, empty for one at home."""
+        """Return where each received aircraft is, as text, empty for one at home."""
 
 
 class Guardians:
@@ -48,8 +48,10 @@ class Guardians:
         await asyncio.gather(*(guardian.run() for guardian in self._guardians.values()))
 
     async def bring_home(self, reason: str) -> None:
-        """Return, and wait until all are down, each whatever becomes of the others. Raises an
-        `ExceptionGroup` of the guardians' failures."""
+        """Return all, and wait until all are down, each independently of the others.
+
+        Raises an `ExceptionGroup` of the guardians' failures.
+        """
 
         async def bring_home(guardian: Guardian) -> None:
             try:
@@ -69,7 +71,7 @@ class Guardians:
         await asyncio.gather(*waits, return_exceptions=True)
 
     def fates(self) -> dict[int, str]:
-        """Where each aircraft that was heard is, in words, empty for one at home."""
+        """Return where each received aircraft is, as text, empty for one at home."""
         return {
             number: fate
             for number, guardian in self._guardians.items()
@@ -81,10 +83,9 @@ async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) ->
     """Run a mission with the keeper of its aircraft around it.
 
     `leave`: an operator's interrupt leaves real aircraft to their autopilots; simulated ones end
-    with the process. Raises what the mission raises; `AircraftError`, with each aircraft that is
-    not at home, after a mission that failed; a defect of the program keeps its type, with these
-    lines as notes. Where one guardian fails, the others go on, and both failures are raised in a
-    group.
+    with the process. Raises the mission's error. After a failed mission it raises `AircraftError`,
+    with each aircraft that is not at home. A defect of the program keeps its type, with these lines
+    as notes. If one guardian fails, the others continue, and both failures are raised in a group.
     """
     keeping = asyncio.create_task(keeper.run())
     try:
@@ -105,7 +106,7 @@ async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) ->
             await _left(keeper, reason)
         except Exception as further:
             failure = ExceptionGroup(NOT_HOME, [failure, further])
-        if is_defect(failure):  # which keeps its traceback
+        if is_defect(failure):  # it keeps its traceback
             for fate in _not_home(keeper):
                 failure.add_note(fate)
             raise failure
@@ -117,7 +118,7 @@ async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) ->
 
 
 async def unless_failed(mission: Awaitable[T], keeping: asyncio.Task[None]) -> T:
-    """The mission's result; a keeper that fails ends the mission, loudly."""
+    """Return the mission's result; a keeper that fails ends the mission with its error."""
     flying = asyncio.ensure_future(mission)
     try:
         done, _ = await asyncio.wait([flying, keeping], return_when=asyncio.FIRST_COMPLETED)
@@ -131,13 +132,13 @@ async def unless_failed(mission: Awaitable[T], keeping: asyncio.Task[None]) -> T
 
 
 async def _left(keeper: Keeper, reason: str) -> None:
-    """Leave the aircraft to their autopilots; who interrupts that, too, still gets their places."""
+    """Leave the aircraft to their autopilots; a further interrupt still shows their places."""
     with contextlib.suppress(asyncio.CancelledError):
         await keeper.leave(reason)
 
 
 def is_defect(failure: Exception) -> bool:
-    """Whether the program itself failed, and not something around it."""
+    """Return whether the program itself failed, and not its environment."""
     found = leaves(failure) if isinstance(failure, BaseExceptionGroup) else [failure]
     return not all(isinstance(error, UavmapError) for error in found)
 
@@ -152,7 +153,7 @@ def _say_fates(keeper: Keeper, cause: str) -> None:
 
 
 def in_words(failure: BaseException) -> str:
-    """A failure in one line."""
+    """Return a failure as one line."""
     if isinstance(failure, BaseExceptionGroup):
         return "; ".join(in_words(error) for error in leaves(failure))
     return str(failure) or type(failure).__name__

@@ -1,5 +1,4 @@
-"""Watches at every message what a vehicle does without a command: mode changes, landings, its
-place."""
+"""The monitor of a vehicle's own actions: mode changes, landings, its position at every message."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ from uavmap.mavlink.vehicle_view import OFF_GROUND_M
 
 TRACK_S: Final = 1.0
 PATH_TRACK_S: Final = 0.4
-"""Interval on a path that is flown without stopping, s: plans follow one another so fast."""
+"""Interval on a path that is flown without stopping, s: plans follow that fast."""
 
 
 class PlaceFinder(Protocol):
@@ -30,45 +29,45 @@ class PlaceFinder(Protocol):
 
     @property
     def by_map(self) -> bool:
-        """Whether positions are corrected by the vehicle's own pictures."""
+        """True if positions are corrected by the vehicle's own pictures."""
 
     def leapt(self, how: str) -> bool:
-        """Note that the reported position leapt; False where the true one cannot be known."""
+        """Note that the reported position jumped; return False if the true one cannot be known."""
 
     def look(self, *, airborne: bool) -> None:
-        """Look at the telemetry; called with every position."""
+        """Check the telemetry; called with every position."""
 
 
 class Monitor:
-    """The state of a vehicle that matters to the mission, and the events that follow from it."""
+    """The state of a vehicle that matters to the mission, and its events."""
 
     def __init__(self, reporter: Reporter) -> None:
         self.control = Control()
-        """Who controls it and whether it flies, by the latest report."""
+        """Holder of its control and state of flight, by the latest report."""
         self.connected = False
         self.on_path = False
-        """Whether its order is a path without stopping."""
+        """True if its order is a path without stopping."""
         self.met = False
-        """Whether it was ever connected."""
+        """True once it has been connected."""
         self.resumed = False
-        """Whether it was landing or returning by our order when an earlier process ended."""
+        """True if it was landing or returning by our order when an earlier process ended."""
         self.wind = WindEstimate()
         self.leaps = Leaps()
         self.impact = Impact()
         self.why: Callable[[str], str | None] = lambda mode: None
-        """Why the vehicle is in a mode that was not commanded, by its own texts."""
+        """Returns the cause of a mode that was not commanded, by the vehicle's own texts."""
         self.navigation: PlaceFinder | None = None
         self.struck_m_s = 0.0
-        """How fast it struck the ground; its reader sets it to 0."""
+        """Speed at which it struck the ground, m/s; its reader sets it to 0."""
         self._reporter = reporter
         self._view = reporter.view
         self._scopes: set[asyncio.Timeout] = set()
         self._tracked_s = float("-inf")
         self._down_s: float | None = None
-        """Since when it reports itself on the ground, while that is not passed on yet."""
+        """Time since which it reports itself on the ground without that being passed on, s."""
 
     def on_message(self, message: Message) -> None:
-        """Look at the vehicle after a message of it."""
+        """Check the vehicle after one of its messages."""
         name = message.get_type()
         before = self.control
         if name == "HEARTBEAT" and message.get_srcComponent() == self._view.autopilot_component:
@@ -93,12 +92,12 @@ class Monitor:
 
     @property
     def mode(self) -> FlownMode:
-        """How it is flown: by us (in what way), or by another."""
+        """Flown mode: by us (in what way), or by another."""
         return self.control.flown(self._view.kind)
 
     @property
     def by_map(self) -> bool:
-        """Whether its autopilot does not know where it is, and its pictures do."""
+        """True if its autopilot does not know its position, and its pictures do."""
         return self.navigation is not None and self.navigation.by_map
 
     @contextlib.contextmanager
@@ -112,8 +111,10 @@ class Monitor:
 
     # --- control -----------------------------------------------------------------------------
     def _watch_mode(self, landed_state: int | None) -> None:
-        """End our control at a mode that we did not command, on the ground, too: it is the pilot's.
-        `landed_state`: None where a heartbeat reports the mode."""
+        """End our control at a mode that we did not command, also on the ground: it is the pilot's.
+
+        `landed_state`: None for the mode of a heartbeat.
+        """
         view, before = self._view, self.control
         if view.mode is None:
             return
@@ -133,7 +134,7 @@ class Monitor:
 
     def _report_control(self, before: Control) -> None:
         control, reporter = self.control, self._reporter
-        # from one mode to another, too: in RTL it flies where in LOITER it did not
+        # also from one mode to another: RTL and LOITER fly to different places
         turned = control.armed and control.mode != before.mode
         if not control.is_ours and (before.is_ours or turned):
             reporter.happened(Overridden, self._view.mode_name, cause=control.cause or None)
@@ -142,7 +143,7 @@ class Monitor:
             reporter.happened(Released, reporter.position(), height_m)
 
     def _hear_acknowledgement(self, ack: Message) -> None:
-        """Note whether the autopilot takes the mode that was commanded.
+        """Note whether the autopilot accepts the commanded mode.
 
         A PX4 acknowledges DO_SET_MODE on receipt and when its commander has decided. Either may be
         lost: the first acceptance counts until a refusal follows.
@@ -164,8 +165,11 @@ class Monitor:
 
     # --- flight ------------------------------------------------------------------------------
     def _watch_ground(self) -> None:
-        """Note whether it is on the ground. One whose motors stopped in the air reports so, too: it
-        still falls, or has struck the ground, which its guardian reports as a crash."""
+        """Note whether it is on the ground.
+
+        A vehicle whose motors stopped in the air reports so as well: it still falls, or has struck
+        the ground, which its guardian reports as a crash.
+        """
         view, now_s = self._view, self._reporter.loop_s()
         height_m = view.height_m if view.position is not None else None
         ground = Ground(view.armed, view.landed_state, height_m)
@@ -193,7 +197,7 @@ class Monitor:
             self.landed()
 
     def landed(self) -> None:
-        """Say that the vehicle stands on the ground."""
+        """Report that the vehicle is on the ground."""
         reporter = self._reporter
         self.wind.forget()
         reporter.happened(Landed, reporter.remaining(), position=reporter.position())
@@ -225,7 +229,7 @@ class Monitor:
             )  # fmt: skip
 
     def report_connected(self) -> None:
-        """Say where the vehicle is, after its link was opened."""
+        """Report the vehicle's position after its link was opened."""
         view, reporter = self._view, self._reporter
         self.connected = self.met = True
         self.control = replace(self.control, air=AirState.UNKNOWN)

@@ -1,4 +1,4 @@
-"""The orders by which a guardian (which decides when) brings an aircraft home or down."""
+"""The orders by which a guardian (which decides when) returns or lands an aircraft."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from uavmap.aircraft.legs import aim_over_ground
 from uavmap.aircraft.reporter import Reporter
 
 LOOK_S: Final = 0.5
-"""Interval between two targets where the place of home or the ground below changes, s."""
+"""Interval between two targets while the place of home or the ground below changes, s."""
 RETRY_S: Final = 2.0
 """Interval between two commands for the same thing, s."""
 DESCENT_M_S: Final = 1.0
-"""Least descent speed of a multicopter with a target below, in GUIDED or Hold, m/s."""
+"""Minimum descent speed of a multicopter with a target below, in GUIDED or Hold, m/s."""
 CORNER_M: Final = 2.0
-"""A corner of the way around a fence is turned so near to it."""
+"""Distance at which a corner of the way around a fence counts as reached, m."""
 OVER_HOME_M: Final = 1.0
 """Distance from the place above its home within which a vehicle lands there, m."""
 BRISK_M_S: Final = 1.0
@@ -33,7 +33,7 @@ LYING_S: Final = 5.0
 STOP_MOTORS_S: Final = 60.0
 """Time after a mission that is waited for the motors of a vehicle which is down, s."""
 FORCED: Final = 21196.0
-"""Parameter of MAV_CMD_COMPONENT_ARM_DISARM that disarms whatever the autopilot thinks."""
+"""Parameter of MAV_CMD_COMPONENT_ARM_DISARM that disarms in any state."""
 
 
 class RecoveryFlight:
@@ -48,24 +48,27 @@ class RecoveryFlight:
         self._speed_m_s = limits.energy.speed_m_s
 
     def descent_aim_m(self) -> float | None:
-        """How high to aim in a quick descent; None where it lands, stands, or a pilot has it."""
+        """Return the target height of a quick descent, m.
+
+        None if it lands or is on the ground, or a pilot has it.
+        """
         ours = self._monitor.control.off_ground and self._monitor.control.is_ours
         return quick_aim_m(self._view.height_m) if ours else None
 
     async def descend(self) -> bool:
-        """Quickly down to where a landing takes but a few seconds; False if it refuses that."""
+        """Descend quickly to where a landing takes only a few seconds; False if it refuses that."""
         kind, view, session = self._view.kind, self._view, self._session
         loop = asyncio.get_running_loop()
         due_s = loop.time() + abs(view.height_m) / DESCENT_M_S + RETRY_S
         fenced, slow = kind.fence_by_command, True
         while (aim_m := self.descent_aim_m()) is not None and view.armed and loop.time() < due_s:
             try:
-                if fenced:  # outside of its own fence it takes no target, and turns round
+                if fenced:  # outside its own fence it takes no target, and turns round
                     with contextlib.suppress(CommandRefusedError):
                         await self._commands.command(mav.MAV_CMD_DO_FENCE_ENABLE, 0)
                     fenced = False
                 await self._aim_or_point(self._reporter.position(), aim_m)
-                if slow:  # after the target: an ArduPilot forgets its speeds at the first one
+                if slow:  # after the target: an ArduPilot drops its speeds at the first one
                     with contextlib.suppress(CommandRefusedError):
                         await self._commands.descent_speed(HASTE_M_S)
                     slow = False
@@ -78,7 +81,7 @@ class RecoveryFlight:
         return True
 
     async def _aim_or_point(self, point: GridPoint, height_m: float) -> None:
-        """A target, if need be by a message where the command for it is refused."""
+        """Send a target, if need be by a message if its command is refused."""
         try:
             await self.aim_at(point, height_m)
         except NotOursError:
@@ -91,7 +94,7 @@ class RecoveryFlight:
             self._commands.point_to(self._reporter.grid.position(aim), aim_m)
 
     async def aim_at(self, point: GridPoint, height_m: float) -> None:
-        """Into the mode that follows targets, and a target. Raises `LinkError`."""
+        """Command the mode that follows targets, and a target. Raises `LinkError`."""
         view = self._view
         if view.mode != view.kind.follows:
             await self._commands.follow()
@@ -99,7 +102,7 @@ class RecoveryFlight:
         await self._commands.fly_to(self._reporter.grid.position(aim), aim_m)
 
     async def fly_home_by_map(self) -> bool:
-        """To its home by targets; False where it does not take them, or needs none."""
+        """Fly to its home by targets; return False if it refuses them, or needs none."""
         view, fence = self._view, self._fence
         height_m = view.height_m
         while self._monitor.by_map and view.armed and self._monitor.control.is_ours:
@@ -115,13 +118,15 @@ class RecoveryFlight:
             except LinkError:
                 await asyncio.sleep(PAUSE_S)
                 continue
-            # the place that its autopilot takes for home changes with every picture
+            # its autopilot's place of home changes with every picture
             await asyncio.sleep(LOOK_S)
         return False
 
     async def ask_autopilot(self, action: Action) -> str:
-        """Command a return or landing until the autopilot does it, a refused landing again; return
-        why it refuses to return, else an empty text."""
+        """Command a return or landing until the autopilot does it; repeat a refused landing.
+
+        Return why it refuses to return, else an empty text.
+        """
         view, commands = self._view, self._commands
         wanted = view.kind.rtl if action == "rtl" else view.kind.land
         ask = commands.return_to_launch if action == "rtl" else commands.land
@@ -134,13 +139,16 @@ class RecoveryFlight:
                 if action == "rtl":
                     return str(refusal)
             except LinkError:
-                pass  # no answer: ask again, for as long as it takes
+                pass  # no answer: repeat, for as long as it takes
             await self._session.until(lambda: view.mode == wanted, RETRY_S)
         return ""
 
     async def stop_motors(self, *, struck: bool) -> None:
-        """Land a vehicle that is down, which may disarm it, and disarm by force one that struck, is
-        low and under our control: its autopilot may not notice that it has landed."""
+        """Land a vehicle that is down, which may disarm it, or disarm it by force.
+
+        The force is for one that struck, is low and under our control: its autopilot may not notice
+        that it has landed.
+        """
         view, session, vehicle = self._view, self._session, f"vehicle {self._reporter.number}"
 
         def is_armed() -> bool:
@@ -170,7 +178,8 @@ class RecoveryFlight:
     async def reach(
         self, corner: GridPoint, height_m: float, over: Callable[[], bool], *, slow: bool = False
     ) -> bool:
-        """Fly to a corner, or, `slow`, come to rest; False if that is `over`, or is refused."""
+        """Fly to a corner, or, `slow`, come to rest; return False if that is `over`, or is
+        refused."""
 
         def there() -> bool:
             if slow:

@@ -1,4 +1,4 @@
-"""How a mission judges pictures: frame -> plausible -> look(frame, grid, detector) -> FrameSeen."""
+"""Judging pictures of a mission: frame -> plausible -> look(frame, grid, detector) -> FrameSeen."""
 
 from __future__ import annotations
 
@@ -32,20 +32,24 @@ Verdicts = tuple[Verdict, ...]
 
 @dataclass(slots=True)
 class Classifier:
-    """How one vehicle's pictures are judged: camera, detector, the share that makes a cell ROI.
-    Remembers the vehicle's last picture, by which it knows a stalled camera."""
+    """The judge of one vehicle's pictures: camera, detector, minimum share of an ROI cell.
+
+    It keeps the vehicle's last picture, by which it detects a stalled camera.
+    """
 
     mission: Mission
     grid: Grid
     camera: Camera
     detector: Detector
     from_above: Detector | None = None
-    """What judges pictures from the height of a search, where that has layers of its own. Its
-    verdicts are suspicions: from there all ground looks unlike what was painted from below."""
+    """Detector for pictures from search height, if that has layers of its own.
+
+    Its verdicts are suspicions: from there all ground differs from the marks made from below.
+    """
     overview_above_m: float | None = None
-    """Height from which on a frame is from there; None where there is none."""
+    """Height above which a frame is from search height, m; None without one."""
     ground: Terrain | None = None
-    """The ground above which frames are taken; None: flat."""
+    """Ground below the frames; None: flat."""
     _last: Image | None = field(default=None, repr=False)
 
     @classmethod
@@ -56,9 +60,10 @@ class Classifier:
         height_m: float | None = None,
         detector: Detector | None = None,
     ) -> Classifier:
-        """The classifier that a mission file describes, for a vehicle at a height; `detector`
-        replaces the mission's. Raises `MissionFileError` for a model that cannot be read, or is
-        another one.
+        """Return the classifier of a mission file, for a vehicle at a height.
+
+        `detector` replaces the mission's. Raises `MissionFileError` for a model that cannot be
+        read, or is another one.
         """
         camera = camera_of(mission)
         lowest_m, search_m = mission.altitude_m(0), mission.search_altitude_m(0)
@@ -72,23 +77,28 @@ class Classifier:
         return cls(mission, grid, camera, at_height, above, over, mission.ground)
 
     def is_overview(self, frame: Frame) -> bool:
-        """Whether a frame is from the height of a search that has layers of its own."""
+        """Return whether a frame is from the height of a search that has layers of its own."""
         above_m = self.overview_above_m
         return above_m is not None and frame.pose.height_m > above_m
 
     def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, Verdicts]:
-        """The vantage of a frame, by default the cell below, and what the frame shows. Raises
-        `ImageError` for a picture that is no evidence (`vision.plausible`), or of another size."""
+        """Return the vantage of a frame, by default the cell below, and its verdicts.
+
+        Raises `ImageError` for a picture that is no evidence (`vision.plausible`), or of another
+        size.
+        """
         here = vantage or self.grid.cell_at(frame.pose.position, frame.t_s)
         return here, self._judged(frame, self.mission.detector.view, here)
 
     def votes_anywhere(self, frame: Frame) -> Verdicts:
-        """What a frame shows of every whole cell, `camera.pose_error_m` from its rim, whatever
-        `detector.view` is. Raises `ImageError` as `votes`."""
+        """Return a frame's verdicts on every whole cell, `camera.pose_error_m` from its edge.
+
+        It does not depend on `detector.view`. Raises `ImageError` as `votes`.
+        """
         return self._judged(frame, "all", None)
 
     def doubt(self, frame: Frame) -> str | None:
-        """Why a frame is no evidence, beside the one that was judged last; None if it may be."""
+        """Return why a frame is no evidence, beside the last judged one; None if it may be."""
         return implausible(frame.image, self._last, noiseless=self.mission.camera.noiseless)
 
     def _judged(
@@ -113,7 +123,7 @@ class Classifier:
 
 @dataclass(frozen=True, slots=True)
 class Blind:
-    """In the place of a detector that cannot be had, where only the way home is left to fly."""
+    """A substitute for a missing detector, if vehicles only fly home."""
 
     name: ClassVar[str] = "none"
     calibrated: ClassVar[bool] = False
@@ -128,23 +138,25 @@ class Blind:
 
 
 def camera_of(mission: Mission) -> Camera:
-    """The optics of a mission's camera."""
+    """Return the optics of a mission's camera."""
     optics = mission.camera.optics
     return Camera(optics.hfov_rad, optics.width_px, optics.height_px)
 
 
 def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:
-    """The detector that a mission file names (`uavmap.load.detector_source`)."""
+    """Return the detector of a mission file (`uavmap.load.detector_source`)."""
     return detector_of_section(mission.detector, height_ratio)
 
 
 class Taken(NamedTuple):
-    """A picture, where it was taken, and the cell that it was ordered for (`vantage`, by default
-    the cell below); `anywhere`: it is evidence of all that it shows."""
+    """A picture, its pose, and the cell that it was ordered for (`vantage`, by default that below).
+
+    `anywhere`: it is evidence of all that it shows.
+    """
 
     vehicle: int
     t_s: float
-    """Mission time of the exposure."""
+    """Mission time of the exposure, s."""
     pose: Pose
     vantage: Cell | None
     anywhere: bool
@@ -153,7 +165,7 @@ class Taken(NamedTuple):
 
 
 class PictureJudge:
-    """Judges the pictures of every vehicle of a service, each by a classifier of its own."""
+    """The judge of the pictures of every vehicle of a service, each by its own classifier."""
 
     def __init__(
         self, classifiers: Mapping[int, Classifier], keepers: Sequence[Keeper] = ()
@@ -162,7 +174,7 @@ class PictureJudge:
         self._keepers = keepers
 
     def verdict(self, taken: Taken) -> FrameSeen | FrameLost:
-        """What a picture shows of the cells around its vantage, or of all that it shows whole."""
+        """Return a picture's verdict on the cells around its vantage, or on all whole cells."""
         classifier = self._classifiers[taken.vehicle]
         camera = classifier.camera
         try:

@@ -1,4 +1,4 @@
-"""The pictures of one order, as they are announced: each is looked at, or said to be lost."""
+"""The pictures of one order, as they are announced: each is judged, or reported lost."""
 
 from __future__ import annotations
 
@@ -13,28 +13,30 @@ from missions.units import Cell
 from uavmap.aircraft.cameras.source import Announcement, FrameSource
 
 PICTURE_WAIT_S: Final = 3.0
-"""A picture that is late by twice this is given up."""
+"""Delay of a picture, s; after twice this it is given up."""
 
 MOST_WAITING: Final = 4
-"""Pictures of a stream that may wait to be judged, before older ones are left out."""
+"""Maximum number of pictures of a stream that wait to be judged; older ones are left out."""
 
 FIRST_ASK_S: Final = 1.5
 ASK_AGAIN_S: Final = 1.0
-"""Age at which an announcement is asked for, and interval to ask again: a bad link loses it."""
+"""Age at which an announcement is requested, and interval to request it again, s."""
 
 MOST_MISSING: Final = 20
-"""How many announcements are asked for again at once: a camera's count may jump."""
+"""Maximum number of announcements that are requested at once: a camera's count may jump."""
 
 LookAt = Callable[[Announcement, Cell | None], Awaitable[bool]]
-"""What is done with a picture that was announced, and the cell that it was ordered for: whether it
-counts. Raises `ImageError`, `LinkError`."""
+"""Judges an announced picture for its cell; returns whether it counts.
+
+Raises `ImageError`, `LinkError`.
+"""
 Lost = Callable[[str, Announcement | None], FrameLost]
-"""A picture that never came (None), or cannot be used, and why."""
+"""Makes the event of a picture that never came (None) or cannot be used, with the reason."""
 
 
 @contextlib.contextmanager
 def suppressed_silence() -> Iterator[None]:
-    """Let a camera that does not answer pass, and one that refuses not."""
+    """Ignore a camera that does not answer, but not one that refuses."""
     try:
         yield
     except CommandRefusedError:
@@ -44,8 +46,11 @@ def suppressed_silence() -> Iterator[None]:
 
 
 class Frames:
-    """The announced pictures of one order. `most` None: a stream, until it is stopped; else bursts
-    of `burst_size`, so many in all. `anywhere`: judged by all that they show."""
+    """The announced pictures of one order.
+
+    `most` None: a stream, until it is stopped; else bursts of `burst_size`, `most` pictures in all.
+    `anywhere`: judged by all that they show.
+    """
 
     def __init__(
         self,
@@ -65,22 +70,22 @@ class Frames:
         self._most = most
         self._burst_size = burst_size
         self.interval_s = interval_s
-        """Between two pictures."""
+        """Interval between two pictures, s."""
         self._announced: asyncio.Queue[Announcement] = asyncio.Queue()
         self._next_index: int | None = None
         self._seen: set[int] = set()
         self._pending = 0
         self._progress = asyncio.Event()
         self._left_out = False
-        """Whether it was logged that pictures are left out."""
+        """True once it was logged that pictures are left out."""
         self._whole = True
-        """Whether all pictures of the present burst were announced so far."""
+        """True while all pictures of the present burst were announced."""
         self.heard = 0
-        """How many pictures were announced."""
+        """Number of announced pictures."""
         self.capturing = False
 
     def announced(self, picture: Announcement) -> None:
-        """A picture was taken; ask for those between the last one and this."""
+        """Note a picture; request those between the last one and this."""
         if picture.index is not None and not self._new(picture.index):
             return
         self._pending += 1
@@ -98,8 +103,10 @@ class Frames:
         return True
 
     async def finish(self) -> None:
-        """Stop taking, and wait for the first picture, then as long as one after the other is
-        judged: a slow link takes its time, a dead one ends the wait."""
+        """Stop, and wait for the first picture, then while one after the other is judged.
+
+        A slow link takes its time, a dead one ends the wait.
+        """
         if self.heard == 0:
             await self._moved_on()
         self._source.stop()
@@ -108,28 +115,30 @@ class Frames:
             pass
 
     async def go_on(self, interval_s: float) -> None:
-        """Take further pictures, at an interval, after `finish` or while they are taken."""
+        """Take further pictures, at an interval, after `finish` or during captures."""
         self.interval_s = interval_s
         await self.start()
 
     async def begin(self) -> None:
-        """Begin a stream; bursts are begun one by one, as they are judged."""
+        """Begin a stream; bursts begin one by one, as they are judged."""
         if self._most is None:
             await self.start()
 
     async def start(self) -> None:
-        """Have pictures taken until stopped; a silent camera shows by missing ones."""
+        """Have pictures taken until stopped; missing ones show a silent camera."""
         with suppressed_silence():
             await self._start(0)
 
     async def _start(self, count: int) -> None:
-        """Have pictures taken; a count of 0 goes on until stopped. Raises `LinkError` where nothing
-        answers and none comes, or the camera refuses."""
+        """Have pictures taken; a count of 0 continues until stopped.
+
+        Raises `LinkError` if neither answer nor picture comes, or the camera refuses.
+        """
         self.capturing, before = True, self.heard
         await self._source.start(self.interval_s, count, lambda: self.heard > before)
 
     async def _moved_on(self) -> bool:
-        """Whether another picture is judged, or lost, within the time for one."""
+        """Return whether another picture is judged, or lost, within the time for one."""
         self._progress.clear()
         try:
             async with asyncio.timeout(self.interval_s + PICTURE_WAIT_S):
@@ -139,14 +148,13 @@ class Frames:
         return True
 
     def left_over(self) -> list[FrameLost]:
-        """The pictures that were announced and never judged, as lost."""
+        """Return the announced pictures that were never judged, as lost."""
         pending, self._pending = self._pending, 0
         late = "it came too late: the pictures are fetched slower than they are taken"
         return [self._lost(late, None) for _ in range(pending)]
 
     async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameLost | None]:
-        """Have every picture judged, in the order of their coming; yield each that is lost, and
-        None for each that the mission has."""
+        """Have every picture judged, in order; yield each lost one, and None for each good one."""
         if self._most is None:
             while True:
                 yield await self._streamed(vantage)
@@ -157,7 +165,7 @@ class Frames:
                 await self._start(count)
             except CommandRefusedError:
                 raise
-            except LinkError as silence:  # the link may live, and the camera may wake up
+            except LinkError as silence:  # the link may still work, and the camera may recover
                 taken += count
                 yield self._lost(f"the camera is silent: {silence}", None)
                 continue
@@ -167,8 +175,11 @@ class Frames:
                 yield await self._next(vantage, left)
 
     async def _streamed(self, vantage: Cell | None) -> FrameLost | None:
-        """The next picture of a stream. When none comes for long, one is lost, and the camera is
-        started again: it may have restarted, or missed the start."""
+        """Judge the next picture of a stream.
+
+        If none comes for long, one is lost, and the camera is started again: it may have restarted,
+        or missed the start.
+        """
         try:
             async with asyncio.timeout(2.0 * self.interval_s + PICTURE_WAIT_S):
                 picture = await self._announced.get()
@@ -198,7 +209,8 @@ class Frames:
         return None
 
     def _newest(self) -> Announcement:
-        """The last of those that wait; the older are left out, or the backlog would only grow."""
+        """Return the last waiting picture; older ones are left out, or the backlog would only
+        grow."""
         self._judged()
         while self._announced.qsize() > 1:
             self._announced.get_nowait()
@@ -210,8 +222,10 @@ class Frames:
         self._progress.set()
 
     async def _next(self, vantage: Cell | None, left: int) -> FrameLost | None:
-        """The next picture of a burst with `left` to come; ask for its announcement until it is
-        given up. Where none was heard at all, begin the burst once more."""
+        """Judge the next picture of a burst with `left` to come; request it until it is given up.
+
+        Without any announcement begin the burst once more.
+        """
         clock = asyncio.get_running_loop()
         begin_s = clock.time()
         due_s = begin_s + 2.0 * (self.interval_s + PICTURE_WAIT_S)

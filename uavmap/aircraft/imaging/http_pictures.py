@@ -22,7 +22,7 @@ from uavmap.base.image_files import MAX_PICTURE_BYTES
 from uavmap.base.printable import printable
 
 FETCH_TIMEOUT_S: Final = 10.0
-"""Real seconds for the whole of a download."""
+"""Maximum time of a download, real seconds."""
 _MAX_HEAD_BYTES: Final = 65_536
 _CHUNK_BYTES: Final = 65_536
 _FOUND: Final = 200
@@ -46,8 +46,8 @@ class PictureFetcher:
     """Fetches a picture by its URL from one of the allowed hosts. Raises `LinkError`.
 
     Args:
-        allowed_hosts: The names and addresses that may be asked, at the time of asking.
-        timeout_s: Real seconds for the whole of a download.
+        allowed_hosts: Returns the names and addresses that are allowed now.
+        timeout_s: Maximum time of a download, real seconds.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class PictureFetcher:
         self._timeout_s = timeout_s
 
     async def __call__(self, url: str) -> bytes:
-        """Fetch the bytes under a URL."""
+        """Return the bytes at a URL."""
         shown = printable(url) or "a picture"
         try:
             address = _address(url)
@@ -72,7 +72,7 @@ class PictureFetcher:
             reason = f"not done within {self._timeout_s:g} s"
         except (
             OSError,
-            EOFError,  # an answer that was cut short
+            EOFError,  # a truncated answer
             asyncio.LimitOverrunError,
             http.client.HTTPException,
             ValueError,
@@ -104,7 +104,7 @@ def _address(url: str) -> _Address:
 
 
 def _plain(host: str) -> str:
-    """One way to write a host: loopback has several names, an address several notations."""
+    """Return a host in a normal form: loopback has several names, an address several notations."""
     text = host.strip("[]").partition("%")[0].rstrip(".").lower()
     if text == "localhost":
         return "loopback"
@@ -134,11 +134,11 @@ async def _download(address: _Address) -> bytes:
             return await reader.readexactly(length)
         return await _to_the_end(reader)
     finally:
-        writer.transport.abort()  # also when called off: nothing waits for the other end
+        writer.transport.abort()  # also when cancelled: do not wait for the other end
 
 
 def _length(head: bytes) -> int | None:
-    """How many bytes an answer says that it has. Raises `LinkError` for one without a picture."""
+    """Return the length of an answer. Raises `LinkError` for one without a picture."""
     status, _, fields = head.partition(b"\r\n")
     version, _, rest = status.decode("latin-1").partition(" ")
     code, _, phrase = rest.partition(" ")

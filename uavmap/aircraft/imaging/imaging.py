@@ -1,6 +1,6 @@
-"""The camera of a vehicle: its pictures are sent to be judged, asked for again, or reported lost.
+"""The camera of a vehicle: its pictures are judged, requested again, or reported lost.
 
-source -> announcement -> pose, picture -> Taken -> judge
+    source -> announcement -> pose, picture -> Taken -> judge
 
 The judge belongs to the mission (`uavmap.aircraft.imaging.classifier.PictureJudge`).
 """
@@ -27,7 +27,7 @@ from vision.projection import Frame
 
 _Pictures = contextlib.AbstractAsyncContextManager[Frames]
 Judge = Callable[[Taken], Awaitable[bool]]
-"""Judges a picture; returns, when all that follows from it was ordered, whether it counts."""
+"""Judges a picture; returns, when its consequences are ordered, whether it counts."""
 
 
 class CameraDriver:
@@ -50,20 +50,20 @@ class CameraDriver:
         self._judge = judge
         self._now_s = mission_time_s
         self._last: Image | None = None
-        """The picture before: a camera that stalls shows it again."""
+        """Last picture: a stalled camera shows it again."""
         self.navigation: Navigation | None = None
-        """Finds where pictures were taken, better than the autopilot does; None where nothing is
-        looked for in them."""
+        """Finds the position of pictures better than the autopilot; None: it is not used."""
         self._frames: Frames | None = None
         source.listen(self._announced)
 
     @property
     def streams(self) -> Mapping[int, float]:
-        """Rates, Hz, by message id, that it needs of the autopilot; they may become more."""
+        """Rates, Hz, by message id, that it needs; more may follow."""
         return self._poses.streams
 
     def uncertain(self) -> None:
-        """Nobody knows what the camera does: another process may have begun it, or it restarted."""
+        """Note that the camera's state is unknown: another process may have begun it, or it
+        restarted."""
         self._source.uncertain()
 
     def _announced(self, picture: Announcement) -> None:
@@ -71,12 +71,12 @@ class CameraDriver:
             self._frames.announced(picture)
 
     def every(self, interval_s: float, *, anywhere: bool = False) -> _Pictures:
-        """Pictures at an interval while the context lasts; `anywhere`: of no vantage."""
+        """Take pictures at an interval while the context lasts; `anywhere`: without a vantage."""
         look = partial(self.judged, anywhere=anywhere)
         return self._heard_by(Frames(self._source, look, self.lost, interval_s, anywhere=anywhere))
 
     def to_navigate(self, interval_s: float) -> _Pictures:
-        """Pictures at an interval to find the position by, which the mission does not get."""
+        """Take pictures at an interval to find the position by; the mission does not get them."""
 
         async def look(picture: Announcement, vantage: Cell | None) -> bool:
             await self._taken(picture, vantage, anywhere=True)
@@ -85,7 +85,7 @@ class CameraDriver:
         return self._heard_by(Frames(self._source, look, self.lost, interval_s, anywhere=True))
 
     def burst(self, most: int) -> _Pictures:
-        """Pictures in bursts of `votes.frames`, at most `most`."""
+        """Take pictures in bursts of `votes.frames`, at most `most`."""
         look, interval_s = partial(self.judged, anywhere=False), self._mission.camera.interval_s
         size = self._mission.votes.frames
         return self._heard_by(
@@ -95,7 +95,7 @@ class CameraDriver:
     @contextlib.asynccontextmanager
     async def _heard_by(self, frames: Frames) -> AsyncIterator[Frames]:
         self._frames = frames
-        self._source.listen(self._announced)  # others may have, before the flight
+        self._source.listen(self._announced)  # others may have listened before the flight
         try:
             await frames.begin()
             yield frames
@@ -117,7 +117,7 @@ class CameraDriver:
         if finder is not None:
             camera = self._camera
             image = decoded(data, picture.name, (camera.width_px, camera.height_px))
-            # a camera that stalls shows a vehicle that stands while it is told to move
+            # a stalled camera shows a vehicle at rest while it is commanded to move
             stalls = implausible(image, self._last, noiseless=self._mission.camera.noiseless)
             self._last = image
             if not stalls:
@@ -125,7 +125,7 @@ class CameraDriver:
         return Taken(self._number, t_s, pose, vantage, anywhere, picture.name, data)
 
     def lost(self, reason: str, picture: Announcement | None = None) -> FrameLost:
-        """A picture that never came (None), or cannot be used."""
+        """Return the event of a picture that never came (None), or cannot be used."""
         t_s = round(self._now_s(), 3) if picture is None else self._exposed_s(picture)
         return FrameLost(self._number, t_s, printable(reason))
 

@@ -1,4 +1,4 @@
-"""The aircraft's end: orders become calls of vehicles, and what they report becomes messages."""
+"""The aircraft's end: orders become calls of vehicles, and their reports become messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ M = TypeVar("M")
 
 
 class Vehicle(Protocol):
-    """What the host needs of a vehicle."""
+    """The interface of a vehicle for the host."""
 
     async def run(self, report: Report) -> None:
         """Report, and carry out orders, until cancelled."""
@@ -29,14 +29,14 @@ class Vehicle(Protocol):
         """Carry out an order instead of the present one."""
 
     def land_here(self, reason: str) -> bool:
-        """Have its guardian land it where it is, if it is in the air and under our control."""
+        """Have its guardian land it in place, if it is in the air and under our control."""
 
     def report_again(self) -> None:
-        """Report where it is, for a mission that has been away."""
+        """Report its position, for a mission that has been away."""
 
 
 class Host:
-    """Stands between the vehicles of a service and the mission; `send` takes its messages."""
+    """The host between the vehicles of a service and the mission; `send` takes its messages."""
 
     def __init__(self, send: Callable[[say.Message], None]) -> None:
         loop = asyncio.get_running_loop()
@@ -47,14 +47,14 @@ class Host:
         self._pictures: dict[int, asyncio.Future[bool]] = {}
         self._swaps: dict[int, asyncio.Future[None]] = {}
         self.ready: say.Ready | None = None
-        """What was sent when the vehicles were ready."""
+        """Message that was sent when the vehicles were ready."""
         self._answer: asyncio.Future[bool | None] | None = None
         self._begun: asyncio.Future[say.Begin] = loop.create_future()
         self._flown: asyncio.Future[say.Fly] = loop.create_future()
         self.end: asyncio.Future[say.Finish | say.Leave] = loop.create_future()
         """The mission's last message."""
         self.left: asyncio.Future[say.Leave] = loop.create_future()
-        """The operator's, who does not wait."""
+        """Message of an operator who does not wait."""
 
     # --- from the mission -----------------------------------------------------------------------
     def receive(self, message: say.Message) -> None:
@@ -90,7 +90,7 @@ class Host:
         return await self._begun
 
     async def fly(self, vehicles: Mapping[int, Vehicle], ready: say.Ready) -> say.Fly:
-        """Say that the vehicles are ready, and wait until the mission has set its time."""
+        """Report that the vehicles are ready, and wait until the mission has set its time."""
         self._vehicles = vehicles
         self.ready = ready
         self._send(ready)
@@ -110,13 +110,13 @@ class Host:
 
     # --- a mission that is away -----------------------------------------------------------------
     def hold(self) -> None:
-        """The mission is gone: have each vehicle hold, and wait for nothing of the mission."""
+        """Have each vehicle hold, and wait for nothing of the mission, which is gone."""
         for vehicle in self._vehicles.values():
             vehicle.give(Hold())
 
     @property
     def state(self) -> Literal["new", "flying", "returning"]:
-        """What a mission that connects now finds."""
+        """State for a mission that connects now."""
         if not self._begun.done() and not self.end.done():
             return "new"
         return "flying" if self._flown.done() and self._vehicles else "returning"
@@ -165,7 +165,7 @@ class Host:
                 self._send(say.BatteryUnwanted(vehicle))
 
     async def ask(self, question: str) -> bool | None:
-        """Ask the operator; None where there is none."""
+        """Ask the operator; return None without one."""
         self._answer = asyncio.get_running_loop().create_future()
         self._send(say.Question(question))
         return await self._answer

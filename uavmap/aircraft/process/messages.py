@@ -1,10 +1,10 @@
-"""What passes between the mission and the aircraft: orders one way, events the other.
+"""The messages between the mission and the aircraft: orders one way, events the other.
 
     mission  -> Begin, Fly, Give, ... -> aircraft
     mission  <- Ready, Happened, Picture, Ended, ... <- aircraft
 
-A message is a value. On the wire it is eight bytes, the lengths of what follows, then its JSON, and
-behind that the bytes of a picture. Simulated flights pass the same bytes inside one process.
+A message is a value. On the wire it is eight bytes with the lengths of its parts, then its JSON,
+then the bytes of a picture. Simulated flights pass the same bytes inside one process.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MOST_TEXT_BYTES: Final = 32 << 20
 MOST_PICTURE_BYTES: Final = 96 << 20
 """Maximum length of a picture, bytes: the pixels of an 8K frame; files are smaller."""
 FIRST_BYTES: Final = 1024
-"""Maximum length of what a connection sends before its token is known, bytes."""
+"""Maximum length of a connection's data before its token is known, bytes."""
 
 
 # --- from the mission ---------------------------------------------------------------------------
@@ -47,36 +47,36 @@ class Attach:
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """What the journal knows of a vehicle when a flight is resumed."""
+    """The journal's knowledge of a vehicle when a flight is resumed."""
 
     flew: bool = False
-    """Whether it was in the air by our order."""
+    """True if it was in the air by our order."""
     returned: bool = False
-    """Whether it may have been landing or returning by our order."""
+    """True if it may have been landing or returning by our order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What the operator wants of the examination before a flight."""
+    """The operator's options for the examination before a flight."""
 
     lines: tuple[str, ...]
-    """What will be flown."""
+    """Lines on the planned flight."""
     yes: bool
     dry_run: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """Speak with the vehicles, and prepare them."""
+    """Connect to the vehicles, and prepare them."""
 
     t_s: float
-    """Mission time at which the clock of the loop was zero, until `Fly` sets another."""
+    """Mission time at which the clock of the loop was zero, until `Fly` sets another, s."""
     before: dict[int, Before]
     preflight: Asked | None
-    """None: a flight that is resumed, without questions."""
+    """None: a resumed flight, without questions."""
     keep_fence: bool
     waits_on_ground: bool
-    """Whether a crew stands beside silent vehicles on the ground."""
+    """True if a crew is beside silent vehicles on the ground."""
     kind: Literal["begin"] = "begin"
 
 
@@ -108,11 +108,11 @@ class LandHere:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A picture was judged, and all that follows from it was ordered."""
+    """A picture was judged, and its consequences are ordered."""
 
     serial: int
     seen: bool
-    """Whether it shows something of the ground; it is lost otherwise."""
+    """True if it shows something of the ground; it is lost otherwise."""
     kind: Literal["judged"] = "judged"
 
 
@@ -134,7 +134,7 @@ class Answered:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """The mission is over: bring home every vehicle that is in the air, put settings back, end."""
+    """The mission is over: return every vehicle in the air, restore settings, end."""
 
     reason: str
     kind: Literal["finish"] = "finish"
@@ -150,27 +150,30 @@ class Leave:
 
 @dataclass(frozen=True, slots=True)
 class Beat:
-    """The sender lives."""
+    """The sender is alive."""
 
     boot_s: float | None = None
-    """Time since the first vehicle was switched on, where the aircraft send it."""
+    """Time since the first vehicle was switched on, s, sent by the aircraft."""
     kept: int = 0
-    """The number of the last `Happened` that is in the journal, where the mission sends it."""
+    """Number of the last `Happened` that is in the journal, sent by the mission."""
     fates: dict[int, str] = field(default_factory=dict)
-    """As in `Ended`, if the flight ended now, where the aircraft send it."""
+    """Fates as in `Ended`, if the flight ended now, sent by the aircraft."""
     kind: Literal["beat"] = "beat"
 
 
 # --- from the aircraft --------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class Attached:
-    """The answer to `Attach`; refused while another mission has the aircraft, to another version,
-    and while they are brought home."""
+    """The answer to `Attach`.
+
+    It is a refusal while another mission has the aircraft, to another version, and while they
+    return.
+    """
 
     state: Literal["new", "flying", "returning", "refused"]
     reason: str = ""
     fates: dict[int, str] = field(default_factory=dict)
-    """As in `Ended`, while they are brought home."""
+    """Fates as in `Ended`, while they return."""
     kind: Literal["attached"] = "attached"
 
 
@@ -180,11 +183,11 @@ class Ready:
 
     boot_s: float | None
     start_s: float | None = None
-    """The mission time at which the clock of the loop was zero, where the aircraft know it."""
+    """Mission time at which the clock of the loop was zero, if the aircraft know it, s."""
     standing: dict[int, LatLon] = field(default_factory=dict)
-    """Where vehicles stand whose motors are off..."""
+    """Positions of vehicles whose motors are off."""
     pads: dict[int, PadHeight] = field(default_factory=dict)
-    """... and how high, by their receivers."""
+    """Heights of their pads, by their receivers."""
     kind: Literal["ready"] = "ready"
 
 
@@ -200,18 +203,18 @@ class Happened:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """What a vehicle reports beside events, for who looks on; None where it is not known."""
+    """A vehicle's report beside events, for onlookers; None for unknown values."""
 
     vehicle: int
     mode: str
-    """In the autopilot's words."""
+    """Mode by the autopilot's name."""
     satellites: int | None
     hdop: float | None
     volts: float | None
     loss: float | None
     """Share of the autopilot's frames that were lost, 0 to 1."""
     late_s: float
-    """Age of its latest position."""
+    """Age of its latest position, s."""
     kind: Literal["telemetry"] = "telemetry"
 
 
@@ -222,19 +225,19 @@ class Picture:
     serial: int
     vehicle: int
     t_s: float
-    """Mission time of the exposure."""
+    """Mission time of the exposure, s."""
     pose: Pose
     vantage: Cell | None
     anywhere: bool
     name: str
     shape: tuple[int, int, int] | None
-    """Of pixels, blue-green-red; None where `data` is a file (JPEG, PNG)."""
+    """Shape of pixels, blue-green-red; None if `data` is a file (JPEG, PNG)."""
     data: bytes = b""
     kind: Literal["picture"] = "picture"
 
     @property
     def content(self) -> bytes | NDArray[np.uint8]:
-        """The file, or the pixels."""
+        """Return the file, or the pixels."""
         if self.shape is None:
             return self.data
         return np.frombuffer(self.data, np.uint8).reshape(self.shape)
@@ -250,7 +253,7 @@ class BatteryWanted:
 
 @dataclass(frozen=True, slots=True)
 class BatteryUnwanted:
-    """It waits no longer."""
+    """The vehicle does not wait any longer."""
 
     vehicle: int
     kind: Literal["battery_unwanted"] = "battery_unwanted"
@@ -274,19 +277,19 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Recall:
-    """This process is asked to end: the mission is to call all vehicles home."""
+    """This process was asked to end: the mission must recall all vehicles."""
 
     kind: Literal["recall"] = "recall"
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The last message: what became of the aircraft."""
+    """The last message: the fate of the aircraft."""
 
     fates: dict[int, str]
-    """Where each vehicle that was heard is, in words; empty for one at home."""
+    """Position of each received vehicle, as text; empty for one at home."""
     error: str | None = None
-    """The name of an error of `missions.errors` that ended it; "defect" for one of the program."""
+    """Name of the error of `missions.errors` that ended it; "defect" for one of the program."""
     text: str = ""
     could_fly: bool = False
     kind: Literal["ended"] = "ended"
@@ -301,7 +304,7 @@ _ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(dis
 
 
 def encode(message: Message) -> bytes:
-    """The bytes of a message."""
+    """Return the bytes of a message."""
     data = b""
     if isinstance(message, Picture):
         data, message = message.data, dataclasses.replace(message, data=b"")
@@ -310,15 +313,15 @@ def encode(message: Message) -> bytes:
 
 
 class Decoder:
-    """Messages from bytes that come in pieces."""
+    """Decodes messages from bytes that come in pieces."""
 
     def __init__(self, *, known: bool = True) -> None:
         self.known = known
-        """Whether the sender is; one that is not can only send an `Attach`."""
+        """True if the sender is known; another can only send an `Attach`."""
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> Iterator[Message]:
-        """Yield the messages that are whole by now. Raises `LinkError` for what is none."""
+        """Yield the messages that are whole by now. Raises `LinkError` for invalid ones."""
         self._buffer += data
         while len(self._buffer) >= _LENGTHS.size:
             text_size, data_size = _LENGTHS.unpack_from(self._buffer)
@@ -339,7 +342,7 @@ class Decoder:
 
 
 def as_bytes(receive: Callable[[Message], None]) -> Callable[[Message], None]:
-    """Return what sends messages to `receive` inside a process, as the bytes of two processes."""
+    """Return a function that sends messages to `receive` in this process, as the bytes of two."""
     decoder = Decoder()
 
     def send(message: Message) -> None:

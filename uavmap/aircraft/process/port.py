@@ -22,14 +22,14 @@ LAST_REPORT: Final = (
 
 
 class Port:
-    """Stands between a mission and its aircraft; sends its messages when `connect` has said how.
+    """The port between a mission and its aircraft; it sends messages once `connect` was called.
 
     Args:
         post: Takes an event to the mission.
-        taken_in: Returns when all that was posted was taken in, and its orders given.
+        taken_in: Returns when all posted events were handled, and their orders given.
         swap: Returns when the crew has swapped a battery.
-        ask: Puts a question to the operator; None where there is none.
-        hear: Take what vehicles report beside events.
+        ask: Asks the operator a question; None without an operator.
+        hear: Take the vehicles' reports beside events.
     """
 
     def __init__(
@@ -60,14 +60,14 @@ class Port:
         self._last: say.Finish | say.Leave | None = None
         """The mission's last message."""
         self._received = 0
-        """The number of the last event of this process of the aircraft."""
+        """Number of the last event of this process of the aircraft."""
         self.kept = 0
-        """The number of the last one that is in the journal."""
+        """Number of the last event that is in the journal."""
         self._keeping: asyncio.Task[None] | None = None
         self._boot: tuple[float, float] | None = None
-        """The time since the first vehicle was switched on, and the loop's at which it was so."""
+        """Time since the first vehicle was switched on, and the loop's time of that report, s."""
         self._fates: Mapping[int, str] = {}
-        """Of each vehicle, as it was last reported."""
+        """Last reported fate of each vehicle."""
         self.ready: asyncio.Future[say.Ready] = loop.create_future()
         self.ended: asyncio.Future[say.Ended] = loop.create_future()
 
@@ -76,7 +76,7 @@ class Port:
         self._send = send
 
     def send(self, message: say.Message) -> None:
-        """Send a message; there is nothing to send it to once the aircraft have ended."""
+        """Send a message; drop it once the aircraft have ended."""
         if self._send is not None and not self.ended.done():
             self._send(message)
 
@@ -86,11 +86,11 @@ class Port:
         self.send(say.Give(vehicle, order))
 
     def land_here(self, vehicle: int, reason: str) -> None:
-        """Have a vehicle land where it is."""
+        """Have a vehicle land in place."""
         self.send(say.LandHere(vehicle, reason))
 
     async def begun(self, begin: say.Begin) -> say.Ready:
-        """Begin, and wait until the vehicles are ready. Raises what keeps them from it."""
+        """Begin, and wait until the vehicles are ready. Raises the reason that prevents it."""
         self.send(begin)
         either: list[asyncio.Future[Any]] = [self.ready, self.ended]
         await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
@@ -116,12 +116,12 @@ class Port:
         self._received = self.kept = 0
 
     def let_go(self) -> None:
-        """Another process has the vehicles: what was last reported of them here is of no use."""
+        """Drop the last reports here: another process has the vehicles."""
         self._fates = {}
 
     @property
     def since_boot_s(self) -> float | None:
-        """Time since the first vehicle was switched on, None where it is not reported."""
+        """Time since the first vehicle was switched on, s; None if it is not reported."""
         if self._boot is None:
             return None
         boot_s, at_s = self._boot
@@ -129,7 +129,7 @@ class Port:
 
     # --- from the aircraft ----------------------------------------------------------------------
     def receive(self, message: say.Message) -> None:
-        """Take a message in."""
+        """Handle a message."""
         match message:
             case say.Happened() if message.serial > self._received:
                 self._received = message.serial
@@ -204,13 +204,13 @@ class Port:
         self.send(say.Answered(await self._ask(question)))
 
     def close(self) -> None:
-        """Nothing is judged, waited for or asked any more."""
+        """Cancel all judging, waiting and questions."""
         for task in self._tasks:
             task.cancel()
 
     # --- the end, as `uavmap.aircraft.guardian.last_watch` asks for it ---------------------------
     async def run(self) -> None:
-        """Wait for an end that the mission has not asked for; raise why."""
+        """Wait for an end that the mission has not requested; raise its reason."""
         raise error_of(await asyncio.shield(self.ended))
 
     async def bring_home(self, reason: str) -> None:
@@ -219,7 +219,7 @@ class Port:
         await asyncio.shield(self.ended)
 
     async def leave(self, reason: str) -> None:
-        """Have every autopilot bring its vehicle home, and wait only until that is seen."""
+        """Have every autopilot return its vehicle, and wait only until that is seen."""
         self._end(say.Leave(reason))
         await asyncio.shield(self.ended)
 
@@ -228,14 +228,14 @@ class Port:
         self.send(last)
 
     def fates(self) -> Mapping[int, str]:
-        """Where each vehicle that was heard is, in words; the last report where it is not heard."""
+        """Return where each received vehicle is, as text; its last report if it is silent."""
         found = self.ended.result().fates if self.ended.done() else {}
         last = {n: fate and f"{fate}; {LAST_REPORT}" for n, fate in self._fates.items()}
         return {**last, **found}
 
 
 def error_of(ended: say.Ended) -> Exception:
-    """The error that ended the aircraft's part."""
+    """Return the error that ended the aircraft's part."""
     if ended.error == NotFlownError.__name__:
         return NotFlownError(ended.text, could_fly=ended.could_fly)
     kind = getattr(missions.errors, ended.error or "", None)
@@ -247,7 +247,7 @@ def error_of(ended: say.Ended) -> Exception:
 
 
 def ended_by(failure: BaseException | None, fates: Mapping[int, str], text: str) -> say.Ended:
-    """The last message after a failure, described by `text`."""
+    """Return the last message after a failure, described by `text`."""
     if failure is None:
         return say.Ended(dict(fates))
     name = type(failure).__name__ if isinstance(failure, UavmapError) else DEFECT
