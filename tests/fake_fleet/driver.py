@@ -211,7 +211,7 @@ class Driver:
         """Report that its position has leapt, as telemetry shows."""
         told = self.connected and self.hears and not self.overridden and self.guard.action is None
         if by_m > LEAP_M and self.craft.flying and told and self.order is not None:
-            self._fail(f"its position has leapt by {by_m:.0f} m")
+            self._fail(f"its position has jumped by {by_m:.0f} m")
 
     def _given_path(self, order: FlyPath) -> None:
         """Continue the present path with this one, or begin it at rest."""

@@ -194,8 +194,8 @@ class Leapfrog:
         if self._apart == APART_TIMES:
             number = self._members[Role.MAPPER].reporter.number
             self._say(
-                f"vehicle {number} is seen {off_m:.1f} m from where both tell it to be: satellites "
-                "or navigation.tag_m are wrong"
+                f"vehicle {number} is seen {off_m:.1f} m from its place by both reports: "
+                "satellites or navigation.tag_m are wrong"
             )
 
     def _carrier(self, mapper: Member, loop_s: float) -> Carrier:

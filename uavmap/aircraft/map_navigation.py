@@ -185,7 +185,7 @@ class Navigation:
             self._changed("good", now_s)
         if self.gnss == "wrong" and not self._failed:
             self._failed = True
-            self.fail("its satellite navigation has told a wrong place")
+            self.fail("its satellite navigation has given a wrong position")
 
     def _flown(self) -> None:
         here = self._reporter.position()
@@ -203,23 +203,23 @@ class Navigation:
             self._correct(GridPoint(0.0, 0.0))
             self._reporter.line(f"vehicle {number}: satellite navigation is back")
         else:
-            what = "is lost" if gnss == "lost" else "tells a wrong place"
+            what = "is lost" if gnss == "lost" else "gives a wrong position"
             how_on = self._how_on(before)
             self._reporter.line(f"vehicle {number}: satellite navigation {what}{how_on}")
         self._say(now_s)
         if gnss == "lost" and before == "good" and self._wanted.gnss_loss in ("rtl", "land"):
             self.act(self._wanted.gnss_loss, "satellite navigation is lost")
         elif gnss == "wrong" and self._wanted.gnss_loss == "land":
-            self.act("land", "satellite navigation tells a wrong place")
+            self.act("land", "satellite navigation gives a wrong position")
         elif gnss == "wrong" and self._wanted.gnss_loss == "rtl":
             # its autopilot would return to the wrong place
-            self.fail("satellite navigation tells a wrong place")
+            self.fail("satellite navigation gives a wrong position")
 
     def _how_on(self, before: Gnss) -> str:
         if self._wanted.gnss_loss == "map" and before == "good":
-            return f"; it goes on by its own map, to ±{self.sigma_m:.1f} m"
+            return f"; it continues by its own map, to ±{self.sigma_m:.1f} m"
         if self._by_partner and before == "good":
-            return "; it goes on by what both see of each other"
+            return "; it continues by mutual sightings"
         return ""
 
     def _say(self, now_s: float) -> None:
@@ -322,8 +322,8 @@ class Navigation:
         self._unsure_s = now_s if self._unsure_s is None else self._unsure_s
         if now_s - self._unsure_s >= UNSURE_S:
             self._failed = True
-            what = "what both see of each other" if self._by_partner else "its own map"
-            self.fail(f"{what} tells where it is to ±{self.sigma_m:.0f} m only")
+            what = "mutual sightings" if self._by_partner else "its own map"
+            self.fail(f"{what} gives its position to ±{self.sigma_m:.0f} m only")
 
     def _aid(self) -> None:
         """Send the autopilot its position if it has lost its satellites and knows less."""

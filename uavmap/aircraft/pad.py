@@ -165,7 +165,9 @@ class Pad:
             left_wh = reporter.remaining_wh()
             if reported := self._view.grounded_by:
                 return f"a fresh battery ({reported})"
-            told = "no charge told" if left_wh is None else f"{left_wh / capacity_wh:.0%} told"
+            told = (
+                "no charge reported" if left_wh is None else f"{left_wh / capacity_wh:.0%} reported"
+            )
             return f"a fresh battery ({told}, {FULL:.0%} wanted)"
 
         if self._view.is_simulator:

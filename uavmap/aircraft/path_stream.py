@@ -317,7 +317,7 @@ class StreamTimeout:
             return
         found = await self._parameters.read(parameter)
         if found is None:
-            self._note(f"the vehicle does not tell its {parameter}")
+            self._note(f"the vehicle does not report its {parameter}")
             return
         if LEAST_S <= found.value <= TIMEOUT_S:
             self._settled = True
@@ -331,5 +331,5 @@ class StreamTimeout:
         if not self._told:
             self._told = True
             self._tell(
-                f"{self._name}: {reason}: should the link fail, it flies on for as long as it says"
+                f"{self._name}: {reason}: if the link fails, it flies on for its own timeout"
             )

@@ -66,7 +66,7 @@ class Reporter:
     def _place(self, position: LatLon | None, what: str) -> GridPoint:
         """Return a position in the fixed frame, to a centimetre."""
         if position is None:
-            raise LinkError(f"{self.name}: the vehicle has not said where {what}")
+            raise LinkError(f"{self.name}: the vehicle has not reported where {what}")
         point = self.grid.fixed(position)
         return GridPoint(round(point.east_m, 2), round(point.north_m, 2))
 

@@ -313,7 +313,7 @@ class MavlinkVehicle:
             return f"silent for {self._silent_s():.0f} s, on the ground at {where}"
         return (
             f"silent for {self._silent_s():.0f} s, longer than its battery can have lasted; last "
-            f"heard in the air at {where}, {self._view.height_m:.0f} m up"
+            f"report in the air at {where}, {self._view.height_m:.0f} m up"
         )
 
     def _silent_s(self) -> float:

@@ -226,7 +226,7 @@ class Card:
             at_s = round(self._clock.taken_s(exif_s, new.appeared_s), 6)
         # its own clock gives a picture's time, however late the file is seen
         vague = exif_s is None and new.unsure_s > MOST_UNSURE_S
-        fault = "nobody knows when it appeared: the folder is too slow" if vague else None
+        fault = "its time is unknown: the folder is too slow" if vague else None
         return CardPicture(new.path, at_s - self._latency_s, fault)
 
     async def load(self, path: Path) -> bytes:

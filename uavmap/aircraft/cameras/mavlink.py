@@ -97,7 +97,7 @@ class MavlinkFtp:
         """Yield the number of a session, and the size of the file."""
         reply = await self._asked_for(OPEN, data=path.encode("ascii"))
         if len(reply.data) < 4:
-            raise LinkError("the answer tells no size")
+            raise LinkError("the answer has no size")
         (size,) = struct.unpack_from("<I", reply.data)
         try:
             if size > MAX_PICTURE_BYTES:

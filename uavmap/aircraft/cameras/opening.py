@@ -80,7 +80,7 @@ async def _kept_running(spec: CameraSpec, run: Callable[[], Any], say: Say) -> N
         try:
             await run()
         except Exception as error:
-            say(f"{spec.text}: {error or type(error).__name__}; it is begun again")
+            say(f"{spec.text}: {error or type(error).__name__}; it is restarted")
         await asyncio.sleep(AGAIN_S)
 
 

@@ -115,10 +115,10 @@ class Poses:
         fault, pose = self._pose(picture)
         if pose is None or fault is not None:
             self._view.gate.refuse(
-                picture.kind, f"the camera tells no usable pose: {fault}",
+                picture.kind, f"the camera reports no usable pose: {fault}",
                 asyncio.get_running_loop().time(),
             )  # fmt: skip
-            raise ImageError(f"the camera tells no usable pose: {fault}")
+            raise ImageError(f"the camera reports no usable pose: {fault}")
         return pose
 
     def _tell(self, picture: Announcement) -> None:
@@ -128,8 +128,8 @@ class Poses:
         self._told = True
         what = "attitude" if picture.told.attitude is None else "position"
         self._view.gate.say(
-            f"the camera does not tell its {what}: the autopilot's is taken, with camera.mounting, "
-            "camera.yaw_deg, camera.pitch_deg and camera.roll_deg"
+            f"the camera does not report its {what}: the autopilot's is used, with "
+            "camera.mounting, camera.yaw_deg, camera.pitch_deg and camera.roll_deg"
         )
 
     def _knows(self, taken_s: float) -> bool:
@@ -148,13 +148,13 @@ class Poses:
         if attitude is None:
             body = self._view.attitude_at(picture.taken_s)
             if body is None:
-                return "it tells no attitude, and the vehicle did not tell its own of then", None
+                return "it reports no attitude, and the vehicle's own at that time is unknown", None
             attitude = self._mount.attitude(body)
         position, height_m = told.position, told.height_m
         if position is None:
             place = self._view.place_at(picture.taken_s)
             if self._view.position is None or place is None or place.gap_s > SURE_S:
-                return "it tells no position, and the vehicle did not tell its own of then", None
+                return "it reports no position, and the vehicle's own at that time is unknown", None
             position, height_m = place.position, place.height_m
         pose = Pose(position, height_m, attitude)
         return pose_fault(pose, self._view, self._grid, picture.taken_s), pose
@@ -174,7 +174,7 @@ def pose_fault(pose: Pose, view: VehicleView, grid: Grid | None, taken_s: float)
         return fault
     place = view.place_at(taken_s)
     if view.position is None or place is None:
-        return "the vehicle has not said where it is"
+        return "the vehicle has not reported where it is"
     most_m = APART_M + FASTEST_M_S * max(place.gap_s - SURE_S, 0.0)
     if distance_m(position, place.position) > most_m:
         return "the position is not where the vehicle was"
@@ -188,4 +188,4 @@ def _off_the_map(position: LatLon, grid: Grid) -> str | None:
         finite = all(map(math.isfinite, grid.fixed(position)))
     except GeodesyError:
         finite = False
-    return None if finite else "the position is outside of the map"
+    return None if finite else "the position is outside the map"

@@ -49,7 +49,7 @@ CORNER_S: Final = 5.0
 LEAVE_S: Final = 15.0
 """Wait, for an operator who leaves at once, to see that the autopilot returns, s."""
 
-_WORDS: Final = {"rtl": "return by its autopilot", "land": "land where it is"}
+_WORDS: Final = {"rtl": "return (RTL)", "land": "land where it is"}
 
 
 class Guardian:
@@ -104,7 +104,7 @@ class Guardian:
         number = self._reporter.number
         by_map = action == "rtl" and self._monitor.by_map
         way = "fly home by its own map" if by_map else _WORDS[action]
-        self._reporter.line(f"vehicle {number}: {reason}; it is told to {way}")
+        self._reporter.line(f"vehicle {number}: {reason}; it is commanded to {way}")
         self._reporter.happened(Guarded, action, reason)
         self._begin(self._pursue(action, hurry=hurry))
 
@@ -176,7 +176,7 @@ class Guardian:
         track, leaps = self._view.gate.track, self._monitor.leaps
         leapt, leaps.leapt = leaps.leapt, ""
         if track.jumps != self._jumps:  # too far to be accepted at once, and it persisted
-            self._jumps, leapt = track.jumps, f"its position has leapt by {track.jumped_m:.0f} m"
+            self._jumps, leapt = track.jumps, f"its position has jumped by {track.jumped_m:.0f} m"
         if leapt:
             self._leapt_s = self._reporter.loop_s()
         if low(seen):
@@ -185,7 +185,7 @@ class Guardian:
             finder = self._monitor.navigation
             if finder is not None and finder.leapt(leapt):
                 return
-            self.order_failed(f"{leapt}: satellite navigation is not to be trusted", False)
+            self.order_failed(f"{leapt}: satellite navigation cannot be trusted", False)
 
     def _seen(self) -> Seen | None:
         """Return the telemetry, None if it is too old."""
@@ -236,7 +236,7 @@ class Guardian:
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Command the action until the autopilot does it; if it refuses, land instead."""
         if action == "rtl" and await self._flight.fly_home_by_map():
-            self.take_over("land", "it is over its home, as its own map tells")
+            self.take_over("land", "it is over its home by its own map")
             return
         quickly = hurry and await self._flight.descend()
         refusal = await self._flight.ask_autopilot(action)
@@ -367,10 +367,10 @@ class Guardian:
         if self.responsible:
             silent_s = view.silent_s(reporter.loop_s())
             if silent_s > STALE_S * 2:
-                return f"in the air when it was last heard, {silent_s:.0f} s ago, at {where}"
+                return f"in the air at its last report, {silent_s:.0f} s ago, at {where}"
             return f"left to its autopilot in {view.mode_name} at {where}"
         if self._monitor.control.air.may_be_up:
-            return f"left to whoever flies it in {view.mode_name} at {where}"
+            return f"flown by a pilot or a failsafe in {view.mode_name} at {where}"
         away_m = reporter.position().distance_to(reporter.home())
         runs = ", and its motors still run" if view.armed else ""
         if away_m > PAD_M or runs:

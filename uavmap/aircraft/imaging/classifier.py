@@ -130,11 +130,11 @@ class Blind:
 
     def probability(self, image: Image) -> NDArray[np.float32]:
         """Raise `ImageError`."""
-        raise ImageError("there is no detector: the aircraft are only brought home")
+        raise ImageError("there is no detector: the aircraft only return home")
 
     def mask(self, image: Image) -> NDArray[np.uint8]:
         """Raise `ImageError`."""
-        raise ImageError("there is no detector: the aircraft are only brought home")
+        raise ImageError("there is no detector: the aircraft only return home")
 
 
 def camera_of(mission: Mission) -> Camera:

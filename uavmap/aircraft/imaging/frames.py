@@ -194,7 +194,7 @@ class Frames:
                 self._left_out = True
                 self._announced.put_nowait(picture)
                 return self._lost(
-                    "pictures are judged slower than they are taken: from now on some are left out",
+                    "detection is slower than the frame rate: pictures are dropped from now on",
                     None,
                 )
         return await self._looked_at(picture, vantage)

@@ -155,7 +155,7 @@ def _length(head: bytes) -> int | None:
     if text is None:
         return None
     if not (text.isascii() and text.isdecimal() and len(text) < 20):
-        raise LinkError("the answer does not tell its length")
+        raise LinkError("the answer has no length")
     if int(text) > MAX_PICTURE_BYTES:
         raise LinkError(f"{text} bytes; a picture has at most {MAX_PICTURE_BYTES}")
     return int(text)

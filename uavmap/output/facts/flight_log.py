@@ -32,7 +32,7 @@ _ORDERS: Final[Mapping[type[Event], str]] = {
 _GNSS: Final = {
     "good": "satellite navigation is back",
     "lost": "satellite navigation is lost",
-    "wrong": "satellite navigation tells a wrong place",
+    "wrong": "satellite navigation gives a wrong position",
 }
 
 

@@ -257,7 +257,7 @@ async def test_mode_in_flight_is_changed_by_landing_only(flight, /):
 
 @by(fly_up, on_px4)
 async def test_stand_down_after_landing_away_is_no_crash(flight, /):
-    """A spare pad: it is told to stand by while its motors still run, and it holds by itself."""
+    """A spare pad: it is commanded to stand by while its motors run, and holds by itself."""
     await flight.after(to(-11.0, -11.0), ev.Arrived)
     report = flight.driver._reporter.report
 

@@ -43,8 +43,7 @@ def test_a_strategy_that_says_what_is_wrong(monkeypatch):
     assert flight.raised == ""
     home, *_, last = (line for line in flight.said.splitlines() if "the stack is empty" in line)
     assert home == (
-        "vehicle 1: the mission failed (rdfs: the stack is empty); "
-        "it is told to return by its autopilot"
+        "vehicle 1: the mission failed (rdfs: the stack is empty); it is commanded to return (RTL)"
     )
     assert last == "uavmap: rdfs: the stack is empty"
     assert "to go on: uavmap resume" in flight.said
@@ -54,7 +53,7 @@ def test_a_strategy_with_a_defect(monkeypatch):
     flight = flight_with(monkeypatch, raises(ZeroDivisionError("division by zero")))
     assert flight.code is None
     assert "ZeroDivisionError: division by zero" in flight.raised
-    assert "the mission failed (division by zero); it is told to return" in flight.said
+    assert "the mission failed (division by zero); it is commanded to return" in flight.said
 
 
 def test_a_strategy_that_moves_where_nobody_can(monkeypatch):

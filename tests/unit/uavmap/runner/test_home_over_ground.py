@@ -50,5 +50,5 @@ async def test_a_long_leg_down_a_steep_slope_is_no_reason_to_fly_straight_over_a
     assert min(nearest_m) > 0.5
     assert [line.rpartition("; ")[2] for line in flight.said] == [
         "it is flown home around the fence",
-        "it is told to return by its autopilot",
+        "it is commanded to return (RTL)",
     ]

@@ -88,7 +88,7 @@ async def test_a_rogue_camera_costs_pictures_and_nothing_more(flight, /, how, us
     await flight.after(Look(Cell(0, 0), 5, UP_M), LookEnded)
     lost, seen = flight.seen(FrameLost), flight.seen(FrameSeen)
     assert (len(seen), len(lost)) == ((5, 0) if usable else (0, 5))
-    assert all("the camera tells no usable pose" in event.reason for event in lost)
+    assert all("the camera reports no usable pose" in event.reason for event in lost)
 
 
 @pytest.mark.parametrize("kind", forging.KINDS)

@@ -134,7 +134,7 @@ def test_a_position_that_leaps_by_55_m_is_noticed(autopilot):
     leaps = {"kind": "gps_glitch", "at_s": 25.0, "metres": 55.0, "for_s": 10.0}
     flight = scenario(autopilot, faults=[leaps])
     assert flight.code in (3, 4)  # 4: it was landed at once, and that is said
-    assert "satellite navigation is not to be trusted" in flight.said
+    assert "satellite navigation cannot be trusted" in flight.said
     assert gone_on_with(flight.said)
 
 

@@ -97,7 +97,7 @@ def test_satellites_that_are_lost_end_nothing_where_its_own_map_leads(flown, att
     assert flight.summary["fence_breaches"] == 0
     assert flight.summary["iou_cells"] > 0.6
     assert flight.pad_m < 3.0
-    assert "satellite navigation is lost; it goes on by its own map" in flight.told
+    assert "satellite navigation is lost; it continues by its own map" in flight.told
     known = flight.summary["navigation"]["1"]
     assert known["noticed_s"] == flight.navigated[0].t_s
     assert known["lost_s"] > 20.0
@@ -108,7 +108,7 @@ def test_satellites_that_are_lost_end_nothing_where_its_own_map_leads(flown, att
 
 def test_where_a_return_is_wanted_its_autopilot_returns(flown):
     flight = flown('gnss_loss = "rtl"', LOST, FLOW)
-    assert "satellite navigation is lost; it is told to return by its autopilot" in flight.told
+    assert "satellite navigation is lost; it is commanded to return (RTL)" in flight.told
     assert "RTL" in flight.modes
     assert not flight.summary["completed"]
     assert flight.summary["notes"]["1"].startswith("returning by its guardian: satellite")
@@ -130,7 +130,7 @@ def test_satellites_that_drift_are_noticed_before_they_are_off_by_a_cell(flown, 
     assert flight.navigated
     assert flight.navigated[0].gnss == "wrong"
     assert flight.off_m(flight.navigated[0].t_s - 0.5) < most_m
-    assert "satellite navigation tells a wrong place" in flight.told
+    assert "satellite navigation gives a wrong position" in flight.told
     assert flight.summary["fence_breaches"] == 0
 
 

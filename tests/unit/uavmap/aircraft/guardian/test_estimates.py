@@ -166,7 +166,7 @@ def test_a_leap_of_the_position_is_one(metres, bearing, gap_s):
     assert leaps.leapt == ""
     there = at(9.5 + metres * math.sin(bearing), metres * math.cos(bearing))
     leaps.take(101.9 + gap_s, there, (0.0, 5.0))
-    assert leaps.leapt.startswith("its position has leapt by ")
+    assert leaps.leapt.startswith("its position has jumped by ")
     leaps.leapt = ""
     leaps.take(102.0 + gap_s, there, (0.0, 5.0))
     assert leaps.leapt == ""  # once is enough
@@ -192,7 +192,7 @@ async def test_a_glitch_in_flight_ends_the_order(flight, /, metres):
     await on_a_leg(flight)
     flight.vehicle.fail.gps_glitch(metres=metres, toward_deg=90.0)
     failed = await flight.sees(OrderFailed, within_s=3.0)
-    assert "satellite navigation is not to be trusted" in failed.reason
+    assert "satellite navigation cannot be trusted" in failed.reason
 
 
 @pytest.mark.parametrize("gust_m_s", [8.0, 20.0])

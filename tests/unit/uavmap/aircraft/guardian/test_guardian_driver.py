@@ -70,7 +70,7 @@ async def test_guardian_mission_fails_flies_around_hole(flight, /, autopilot, on
     assert flight.driver.guardian.fate() == ""
     assert flight.said == [
         "vehicle 1: the disk is full; it is flown home around the fence",
-        "vehicle 1: the disk is full; it is told to return by its autopilot",
+        "vehicle 1: the disk is full; it is commanded to return (RTL)",
     ]
     assert not flight.seen(ev.Overridden)
 
@@ -83,7 +83,7 @@ async def test_return_order_is_flown_around_hole(flight, /, autopilot):
     await lands_without_touching_the_house(flight)
     assert [line.rpartition("; ")[2] for line in flight.said] == [
         "it is flown home around the fence",
-        "it is told to return by its autopilot",
+        "it is commanded to return (RTL)",
     ]
 
 
@@ -117,7 +117,7 @@ async def test_guardian_link_loses_half_comes_home(flight, /, seed):
     assert flight.vehicle.truth.landed
     assert flight.driver.guardian.fate() == ""
     assert flight.said[0] == (
-        "vehicle 1: the mission failed (disk full); it is told to return by its autopilot"
+        "vehicle 1: the mission failed (disk full); it is commanded to return (RTL)"
     )
 
 

@@ -127,7 +127,7 @@ def test_a_picture_is_judged():
 
 
 NAN, INF = math.nan, math.inf
-NO_ATTITUDE = "it tells no attitude, and the vehicle did not tell its own of then"
+NO_ATTITUDE = "it reports no attitude, and the vehicle's own at that time is unknown"
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_a_pose_that_makes_no_sense(how, reason):
 
     (event,) = judged(announced(**how), fetch=fetch)
     assert isinstance(event, FrameLost)
-    assert event.reason == f"the camera tells no usable pose: {reason}"
+    assert event.reason == f"the camera reports no usable pose: {reason}"
     assert asked == []
 
 
@@ -215,7 +215,7 @@ def forget(peer):
     [
         ({"fetch": small}, f"picture is 64 x 64 px, the camera {WIDTH_PX} x {HEIGHT_PX} px"),
         ({"fetch": gone}, "^http://127.0.0.1/0.jpg: gone$"),  # what comes from outside is made safe
-        ({"peers": forget}, "the vehicle has not said where it is"),
+        ({"peers": forget}, "the vehicle has not reported where it is"),
     ],
 )
 def test_a_frame_that_is_lost_has_its_reason(how, reason):

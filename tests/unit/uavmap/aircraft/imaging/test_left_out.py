@@ -59,7 +59,7 @@ def test_the_newest_of_those_that_wait_is_judged_next():
     steps = [b - a for a, b in zip(camera.indices, camera.indices[1:], strict=False)]
     assert max(steps) <= 10 + MOST_WAITING
     assert [event.reason for event in events] == [
-        "pictures are judged slower than they are taken: from now on some are left out"
+        "detection is slower than the frame rate: pictures are dropped from now on"
     ]
 
 
