@@ -165,10 +165,8 @@ class Pad:
             left_wh = reporter.remaining_wh()
             if reported := self._view.grounded_by:
                 return f"a fresh battery ({reported})"
-            told = (
-                "no charge reported" if left_wh is None else f"{left_wh / capacity_wh:.0%} reported"
-            )
-            return f"a fresh battery ({told}, {FULL:.0%} wanted)"
+            charge = "no charge" if left_wh is None else f"{left_wh / capacity_wh:.0%}"
+            return f"a fresh battery ({charge} reported, {FULL:.0%} wanted)"
 
         if self._view.is_simulator:
             await self._session.until(fresh)

@@ -34,7 +34,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(folder):
         failed, *left, last = lines(done)
         assert failed.endswith("return by its autopilot")
         # where the machine is slow its guardian may have to insist
-        assert all("it is told to" in line for line in left), done.err
+        assert all("it is commanded to" in line for line in left), done.err
         assert "journal.jsonl cannot be written" in last
         assert f"to go on: uavmap resume {folder}" in done.err
         goes_on(folder, urls)

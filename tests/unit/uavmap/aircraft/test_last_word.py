@@ -264,7 +264,7 @@ async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight, /):
     await asyncio.sleep(ON_GROUND_S + 10.0)
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.5)
     assert not flight.seen(ev.GivenUp)
-    assert "in the air when it was last heard" in flight.driver.guardian.fate()
+    assert "in the air at its last report" in flight.driver.guardian.fate()
     flight.to_driver = flight.to_vehicle = lambda message: True
     connected = await flight.sees(ev.Connected, 2)
     assert (connected.airborne, connected.ours) == (True, True)

@@ -133,7 +133,7 @@ def test_without_pictures_it_knows_less_with_every_metre_and_comes_home():
         flown.pass_s(1.0)
         sigmas.append(flown.navigation.sigma_m)
     assert len(flown.fails) == 1
-    assert "its own map tells where it is" in flown.fails[0]
+    assert "its own map gives its position" in flown.fails[0]
     told = [event for event in flown.events if isinstance(event, Navigated)]
     gaps = [b.t_s - a.t_s for a, b in itertools.pairwise(told)]
     assert all(gap >= TELL_S - 0.2 for gap in gaps)

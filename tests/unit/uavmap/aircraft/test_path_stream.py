@@ -401,7 +401,7 @@ async def test_a_timeout_that_cannot_be_had_is_told_once_and_is_no_failure():
     await mute.timeout.shorten()
     await mute.timeout.shorten()
     assert len(mute.told) == 1
-    assert "does not tell its GUID_TIMEOUT" in mute.told[0]
+    assert "does not report its GUID_TIMEOUT" in mute.told[0]
 
 
 @by(flown)

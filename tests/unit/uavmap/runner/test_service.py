@@ -272,5 +272,5 @@ def test_without_its_model_a_flight_can_be_called_home_and_no_more(tmp_path, the
 def test_who_has_no_detector_says_nothing_of_a_picture():
     picture = np.zeros((4, 4, 3), np.uint8)
     for judge in (Blind().mask, Blind().probability):
-        with pytest.raises(ImageError, match="only brought home"):
+        with pytest.raises(ImageError, match="only return home"):
             judge(picture)

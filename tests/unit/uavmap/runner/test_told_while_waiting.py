@@ -66,7 +66,7 @@ async def test_a_word_without_a_new_battery_is_answered(flight, /, monkeypatch):
     await flight.sees(BatterySwapped)
     waits = [line for line in flight.said if "waits for a fresh battery" in line]
     assert [line.partition("(")[2].partition(")")[0] for line in waits] == [
-        "42% told, 90% wanted",
+        "42% reported, 90% wanted",
         "no charge reported, 90% wanted",
     ]
 

@@ -139,7 +139,7 @@ async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight, /):
     flight.pilot_mode(Mode.LOITER)
     await asyncio.wait_for(home, 5.0)
     await flight.hears_nothing(10.0)
-    assert "left to whoever flies it" in flight.driver.guardian.fate()
+    assert "flown by a pilot or a failsafe" in flight.driver.guardian.fate()
     assert len(flight.seen(ev.Overridden)) == 1
 
 
