@@ -416,7 +416,7 @@ def found(t_s: float, at: GridPoint = HOME, wh: float = 30.0, home: GridPoint = 
 
 FIELD, NEAR = GridPoint(20.0, 20.0), GridPoint(0.0, 7.0)
 ON_PAD = [Tracked(1, 19.0, HOME, 6.0, 30.0), Crashed(1, 20.0, HOME, "it fell, 0 m from home")]
-LIES, NO_BATTERY = "lies there still", "fresh battery"
+LIES, NO_BATTERY = "is still there", "has not been replaced"
 CLEARED: dict[str, list[Event]] = {
     "given back": [Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0), Released(1, 60.0, HOME, 0.2)],
     "heard again": [LinkLost(1, 20.0), found(60.0, wh=58.0)],

@@ -190,7 +190,7 @@ def test_what_is_seen_leads_to_a_rung_of_the_ladder(situation):
         assert watched.pass_time(seconds, **moves) == rungs
     for _, verdict in watched.verdicts[:1]:
         assert says in verdict.reason
-        is_carried = any(part in verdict.reason for part in ("carrie", ", outside of"))
+        is_carried = any(part in verdict.reason for part in ("carrie", ", outside the"))
         assert verdict.hurry is (verdict.rung == "land" and is_carried)
 
 

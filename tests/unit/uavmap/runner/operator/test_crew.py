@@ -55,7 +55,7 @@ async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(terminal, s
     task = asyncio.create_task(alone.swap(1))
     assert not await answered(task)
     assert alone.keeps_waiting
-    assert "vehicle 1 was down: it takes off only at a terminal" in said[0]
+    assert "vehicle 1 was down: it takes off only after Enter at a terminal" in said[0]
     await drop(task)
     operator, stream = terminal
     crew = Crew(automatic=True, stream=stream)
