@@ -1,13 +1,14 @@
-"""Members of a fleet talk to each other: sealed datagrams over whatever radio there is.
+"""Communication between members of a fleet: sealed datagrams over any radio.
 
-    joining        its radio and seal; it talks as long as its flight, and a while after
+    joining        its radio and seal; it communicates during its flight, and a while after
                                                                              .fleet_radio
-      member       when we speak, and what becomes of what is heard          .member
-        airspace   air that is asked for, and promised                       .airspace_leases
-        peer       what we know of another one, its clock, what it lacks     .peer
-      seal         who may be believed: key, starts, counters                .sealing
+      member       the times of messages, and the use of received ones       .member
+        airspace   requested and agreed air                                  .airspace_leases
+        peer       the state of another member, its clock, missing facts     .peer
+      seal         accepted senders: key, starts, counters                   .sealing
       radio        carries datagrams: a multicast group, simulated air or zenoh
                                                    .radio, .simulated_radio, .zenoh_radio
 
-What is said is in `.codec`, by whom it is known in `.knowledge`. Nothing here commands a vehicle.
+`.codec` has the messages, `.knowledge` the members that know each fact. Nothing here commands a
+vehicle.
 """

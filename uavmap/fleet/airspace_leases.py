@@ -1,7 +1,7 @@
-"""Airspace that members reserve among each other: questions, promises, reservations.
+"""Airspace that members reserve among each other: requests, agreements, reservations.
 
-A vehicle that changes height where others fly asks for the column in which it does. The others
-close it to themselves, leave it, and promise; the vehicle goes once all active ones have.
+A vehicle that changes height in others' layers requests the column for it. The others close the
+column to themselves, leave it, and agree; the vehicle starts once all active ones have.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from uavmap.fleet.codec import Ask
 from uavmap.fleet.peer import Peer
 
 MOST_ASK_S: Final = 600.0
-"""Longest time for which airspace is asked for, or kept out of."""
+"""Maximum time for which airspace is requested, or kept clear, s."""
 
 
 class AirspaceLeases:
-    """What one member asks for, and has promised its `peers`; `hurry` sends the next message
-    soon."""
+    """The requests of one member, and its agreements to its `peers`.
+
+    `hurry` sends the next message soon.
+    """
 
     def __init__(
         self,
@@ -43,24 +45,24 @@ class AirspaceLeases:
         self._post = post
         self._hurry = hurry
         self._column: Column | None = None
-        """The air that ours asks for..."""
+        """Air that our vehicle requests."""
         self._question = 0
-        """... with the question of this number."""
+        """Number of that request."""
         self._leased = -1
-        """The question that all have promised."""
+        """Number of the request to which all have agreed."""
 
     def ask_for(self, column: Column | None) -> None:
-        """Ask for the air that our vehicle wants, or no longer."""
+        """Request the air that our vehicle needs, or end the request."""
         if column == self._column:
             return
         self._column = column
-        # by the time, so that what was promised to an earlier start is no answer to this one
+        # by the time, so that an agreement with an earlier start is no answer to this one
         self._question = max(self._question + 1, round(1_000 * self._now_s()))
         self._hurry()
 
     @property
     def question(self) -> Ask | None:
-        """What is asked now."""
+        """Return the present request."""
         column = self._column
         if column is None:
             return None
@@ -69,13 +71,13 @@ class AirspaceLeases:
         )
 
     def hear(self, sender: int, ask: Ask | None, its_s: float, now_s: float) -> None:
-        """Close the air to ours that another asks for, for as long as it does by its own clock."""
+        """Close the air that another requests to our vehicles, for its time by its own clock."""
         peer = self._peers[sender]
         if ask == peer.ask:
             return
         peer.ask = ask
         t_s = round(now_s, 3)
-        # (what the message took is added to that: the air is closed longer here, never shorter)
+        # (the message's delay adds to that: the air is closed longer here, never shorter)
         for_s = 0.0 if ask is None else ask.until_s - its_s
         if ask is None or not 0.0 < for_s <= MOST_ASK_S:
             self._post(Asked(sender, t_s, GridPoint(0.0, 0.0), 0.0, 0.0, t_s))
@@ -85,11 +87,11 @@ class AirspaceLeases:
         self._hurry()
 
     def promises(self, state: State | None) -> dict[int, int]:
-        """Return the questions that we promise airspace to, by vehicle: those that meet no wish of
-        ours.
+        """Return the requests that we agree to, by vehicle: those that meet no request of ours.
 
-        The reducer closed it when the question came; the promise follows once we are out of it. If
-        two want the same airspace, the lower number has it first, unless the other has it already.
+        The reducer closed the air when the request came; the agreement follows once we are out of
+        it. If two want the same airspace, the lower number has it first, unless the other has it
+        already.
         """
         found: dict[int, int] = {}
         if state is None:
@@ -106,8 +108,11 @@ class AirspaceLeases:
         return found
 
     def hear_promise(self, sender: int, question: int) -> None:
-        """Note that another promised this question of ours, -1 for none. Our service gets the
-        reservation once all that could be in that airspace have promised."""
+        """Note that another agreed to this request of ours, -1 for none.
+
+        Our service gets the reservation once all members that could be in that airspace have
+        agreed.
+        """
         self._peers[sender].promised = question
         column = self._column
         if column is None or self._leased == self._question:

@@ -10,11 +10,11 @@ from itertools import groupby
 import numpy as np
 
 MOST_CELLS = 1 << 20
-"""Of the rectangle in which the cells of a fact lie; a larger one is no fact."""
+"""Maximum number of cells in the rectangle of a fact."""
 
 
 class BytesError(ValueError):
-    """Bytes that nobody has written so."""
+    """Bytes that no `Writer` has written."""
 
 
 class Writer:
@@ -32,11 +32,11 @@ class Writer:
 
     @property
     def data(self) -> bytes:
-        """What was written."""
+        """Written bytes."""
         return bytes(self._data)
 
     def count(self, value: int) -> None:
-        """A number from 0 on: seven bits a byte, the low ones first."""
+        """Write a number from 0 on: seven bits a byte, the low ones first."""
         if value < 0:
             raise ValueError(f"{value} is negative")
         while value > 127:
@@ -45,16 +45,16 @@ class Writer:
         self._data.append(value)
 
     def signed(self, value: int) -> None:
-        """A number of either sign: near 0 it is short."""
+        """Write a number of either sign: near 0 it is short."""
         self.count(2 * value if value >= 0 else -2 * value - 1)
 
     def raw(self, data: bytes) -> None:
-        """Bytes, with their number before them."""
+        """Write bytes, with their number before them."""
         self.count(len(data))
         self._data += data
 
     def flags(self, bits: Sequence[bool]) -> None:
-        """A row of bits whose number the reader knows: as runs or one by one, what is shorter."""
+        """Write a row of bits whose number the reader knows: as runs or one by one, by length."""
         runs = _runs(bits)
         one_by_one = np.packbits(np.array(bits, np.bool_), bitorder="little").tobytes()
         as_runs = Writer()
@@ -70,18 +70,18 @@ class Writer:
 
 @dataclass(slots=True)
 class Reader:
-    """The inverse of `Writer`. Raises `BytesError` for what no writer writes."""
+    """The inverse of `Writer`. Raises `BytesError` for other bytes."""
 
     data: bytes
     place: int = 0
 
     @property
     def at_end(self) -> bool:
-        """Whether everything is read."""
+        """True if everything is read."""
         return self.place >= len(self.data)
 
     def count(self) -> int:
-        """A number from 0 on, below 2**63."""
+        """Read a number from 0 on, below 2**63."""
         value, shift = 0, 0
         while True:
             if self.at_end or shift > 56:
@@ -94,12 +94,12 @@ class Reader:
             shift += 7
 
     def signed(self) -> int:
-        """A number of either sign."""
+        """Read a number of either sign."""
         value = self.count()
         return value // 2 if value % 2 == 0 else -(value + 1) // 2
 
     def raw(self) -> bytes:
-        """Bytes with their number before them."""
+        """Read bytes with their number before them."""
         return self._part(self.count(), "bytes")
 
     def _part(self, length: int, what: str) -> bytes:
@@ -109,7 +109,7 @@ class Reader:
         return self.data[self.place - length : self.place]
 
     def flags(self, number: int) -> list[bool]:
-        """A row of so many bits."""
+        """Read a row of `number` bits."""
         head = self.count()
         if head % 2:
             part = np.frombuffer(self._part((number + 7) // 8, "bits"), np.uint8)
@@ -127,14 +127,17 @@ class Reader:
 
 
 def deflated(data: bytes) -> bytes:
-    """Bytes, smaller where they can be; the first tells which."""
+    """Return bytes, smaller if possible; the first byte shows which."""
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
     small = packer.compress(data) + packer.flush()
     return b"\x01" + small if len(small) < len(data) else b"\x00" + data
 
 
 def inflated(data: bytes, most: int) -> bytes:
-    """The inverse of `deflated`. Raises `BytesError`, also for more than `most` bytes."""
+    """Return the original bytes: the inverse of `deflated`.
+
+    Raises `BytesError`, also for more than `most` bytes.
+    """
     if data[:1] == b"\x00":
         return data[1:]
     if data[:1] != b"\x01":

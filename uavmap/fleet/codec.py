@@ -1,9 +1,9 @@
-"""What members of a fleet send to each other, as bytes: who is where, who knows what, and facts.
+"""The messages between members of a fleet, as bytes: positions, known facts, and facts.
 
-A message is one datagram. A fact is the rectangle in which its cells lie, which of them they are,
-what is decided of each, and their shares of classes, in tenths. A 0 before it says that it tells
-which cells are unsure. A batch of facts is deflated. Times are whole milliseconds of mission time,
-places half metres, and those of who maps what 4 m.
+A message is one datagram. A fact is the rectangle of its cells, the cells in it, their decisions,
+and their shares of classes, in tenths. A 0 before it marks a fact on the doubt of cells. A batch of
+facts is deflated. Times are whole milliseconds of mission time, places half metres, and those of
+work shares 4 m.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ _DOUBT: Final = 0
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """Where a member's vehicle is, and what it is about to do."""
+    """The position of a member's vehicle, and its next actions."""
 
     does: Does
     position: GridPoint
     height_m: float
     charge: float
-    """Of its battery, 0 to 1."""
+    """Charge of its battery, 0 to 1."""
     layer_m: float
     lanes: tuple[int, ...] = ()
     path: tuple[GridPoint, ...] = ()
@@ -62,7 +62,7 @@ ORDERS: Final[tuple[Order, ...]] = get_args(Order)
 
 
 class Ask(NamedTuple):
-    """The air above and below a place that a member asks for; its questions are numbered."""
+    """The air above and below a place that a member requests; its requests are numbered."""
 
     number: int
     place: GridPoint
@@ -72,39 +72,39 @@ class Ask(NamedTuple):
 
 
 class Word(NamedTuple):
-    """An operator's order; that with the highest stamp holds, and every member repeats it."""
+    """An operator's order; the one with the highest stamp holds, and every member repeats it."""
 
     stamp: int
     vehicle: int
-    """0: for all of them."""
+    """Number of the vehicle; 0: all of them."""
     order: Order
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One datagram: what a member says at a time."""
+    """One datagram: the message of a member."""
 
     t_s: float
     """Mission time of the sender."""
     presence: Presence | None = None
-    """None of a member without a vehicle."""
+    """Position of the vehicle; None for a member without one."""
     have: dict[int, Holding] = field(default_factory=dict)
-    """Which facts of each member the sender knows."""
+    """Facts of each member that the sender knows."""
     batches: tuple[Batch, ...] = ()
     words: tuple[Word, ...] = ()
     begun: bool = False
-    """Whether the sender's clock is that of the fleet, and moves no more."""
+    """True if the sender's clock is that of the fleet, and moves no more."""
     ask: Ask | None = None
     promised: dict[int, int] = field(default_factory=dict)
-    """Whose air the sender keeps out of, by vehicle: the number of the question."""
+    """Requests to which the sender agrees, by vehicle: the number of the request."""
     parts: tuple[Part, ...] = ()
-    """Who is to map what, as the sender has laid it out."""
+    """Work shares that the sender has laid out."""
     pad: PadHeight | None = None
-    """What the receiver of a vehicle reported that stood on its pad, by the half metre."""
+    """Height that a vehicle's receiver reported on its pad, by the half metre."""
 
 
 def encode(message: Message) -> bytes:
-    """The bytes of a message. Raises ValueError for what cannot be said: a negative count.
+    """Return the bytes of a message. Raises ValueError for an impossible value: a negative count.
 
     >>> here = Presence("flies", GridPoint(3.0, -4.5), 12.0, 0.8, 12.0)
     >>> said = Message(12.5, here, {1: Holding(7)})
@@ -147,12 +147,12 @@ def encode(message: Message) -> bytes:
 
 
 def decode(data: bytes) -> Message:
-    """The inverse of `encode`. Raises `BytesError` for anything else."""
+    """Return the message of bytes: the inverse of `encode`. Raises `BytesError` for other bytes."""
     inp = Reader(data)
     t_s = inp.signed() / 1000
     does, flags = divmod(inp.count(), 16)
     if does > len(DOES):
-        raise BytesError("nobody does that")
+        raise BytesError("no such activity")
     pad = PadHeight(inp.signed() * STEP_M, inp.count() * STEP_M) if flags & 8 else None
     presence = _presence(inp, DOES[does - 1]) if does else None
     have = {inp.count(): _holding(inp) for _ in range(_few(inp.count()))}
@@ -170,7 +170,7 @@ def decode(data: bytes) -> Message:
 
 
 def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
-    """Facts as bytes, each told by what it differs in from the one before."""
+    """Return facts as bytes, each by its difference from the one before."""
     out = Writer()
     t_ms, anchor = 0, Cell(0, 0)
     for fact in facts:
@@ -199,7 +199,7 @@ def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
 
 
 def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
-    """The inverse of `facts_to_bytes`. Raises `BytesError`."""
+    """Return the facts of bytes: the inverse of `facts_to_bytes`. Raises `BytesError`."""
     inp = Reader(data)
     t_ms, west, south = 0, 0, 0
     facts = []
@@ -269,7 +269,7 @@ def _presence(inp: Reader, does: Does) -> Presence:
     (position,), at = _places(inp, 1, STEP_M)
     height_m, charge, layer_m = inp.signed() * STEP_M, inp.count() / 100, inp.count() * STEP_M
     if charge > 1.0:
-        raise BytesError("no battery is fuller than full")
+        raise BytesError("a charge is above 1")
     lanes = tuple(inp.count() for _ in range(_few(inp.count())))
     path, _ = _places(inp, inp.count(), STEP_M, at)
     return Presence(does, position, height_m, charge, layer_m, lanes, path)
@@ -327,20 +327,20 @@ def _parts(inp: Reader) -> tuple[Part, ...]:
         places, at = _places(inp, inp.count(), PART_M, at)
         parts.append(Part(vehicle, places))
     if not parts:
-        raise BytesError("a share-out among nobody")
+        raise BytesError("a share-out without vehicles")
     return tuple(parts)
 
 
 def _word(inp: Reader) -> Word:
     stamp, vehicle, order = inp.count(), inp.count(), inp.count()
     if order >= len(ORDERS):
-        raise BytesError("nobody orders that")
+        raise BytesError("no such order")
     return Word(stamp, vehicle, ORDERS[order])
 
 
 def _few(number: int) -> int:
     if number > _MOST:
-        raise BytesError("nobody says so much")
+        raise BytesError("a number is too large")
     return number
 
 
@@ -351,7 +351,7 @@ def _ms(t_s: float) -> int:
 def _put_places(
     out: Writer, places: Sequence[GridPoint], step_m: float, at: tuple[int, int] = (0, 0)
 ) -> tuple[int, int]:
-    """Write places in steps from the one before, `at` first; returns the last."""
+    """Write places in steps from the one before, `at` first; return the last."""
     for place in places:
         east, north = round(place.east_m / step_m), round(place.north_m / step_m)
         out.signed(east - at[0])

@@ -1,4 +1,4 @@
-"""How a member with a real vehicle joins its fleet: its radio, its seal, and its talk."""
+"""The entry of a member with a real vehicle into its fleet: its radio, its seal, its messages."""
 
 from __future__ import annotations
 
@@ -35,19 +35,21 @@ TOLD_AT_END: Final = {
 }
 _LOG: Final = logging.getLogger("uavmap.fleet")
 START: Final = "fleet_start"
-"""In the journal's meta: the number of the member's latest start."""
+"""Key of the journal's meta: the number of the member's latest start."""
 
 
 @contextlib.asynccontextmanager
 async def joined_fleet(
     plan: FlightPlan, mission: Mission, journal: Journal
 ) -> AsyncIterator[SealedRadio | None]:
-    """Yield the radio of a member and its seal; None without a fleet, or without reach. Raises
-    `LinkError`, `JournalError`."""
+    """Yield the radio of a member and its seal; None without a fleet, or without a connection.
+
+    Raises `LinkError`, `JournalError`.
+    """
     network = plan.network
     if plan.member is None or network is None or network.alone:
         if plan.member is not None:
-            _LOG.info("neither --listen nor --peer nor --router: it flies alone, and hears nobody")
+            _LOG.info("no --listen, --peer or --router: running without fleet communication")
         yield None
         return
     seal = member_seal(network, mission, plan.member, journal)
@@ -59,13 +61,13 @@ async def joined_fleet(
 
 
 def check_network(network: FleetNetwork | None) -> None:
-    """Raise `LinkError` for what cannot be opened, before anything is: endpoints, key, Zenoh."""
+    """Raise `LinkError` for parts that cannot be opened, before any is: endpoints, key, Zenoh."""
     if network is None:
         return
     groups, links = _endpoints(network)
     if network.key_file is None and not network.alone:
         raise LinkError(
-            "--fleet-key FILE is missing: only who has the key of the fleet is believed; "
+            "--fleet-key FILE is missing: only holders of the fleet's key are accepted; "
             "`uavmap keys new FILE` makes one, every vehicle gets a copy"
         )
     if groups or links.all:
@@ -81,8 +83,11 @@ def member_seal(
     journal: Journal,
     now_utc_s: Callable[[], float] = time.time,
 ) -> Seal:
-    """Return the seal of a member at a new start, higher than any before, also by a clock set back.
-    The journal holds it before it is used. Raises `LinkError` for the key, `JournalError`."""
+    """Return the seal of a member at a new start.
+
+    It is higher than any before, also by a clock set back. The journal holds it before it is used.
+    Raises `LinkError` for the key, `JournalError`.
+    """
     start = max(int(journal.meta.get(START, 0)) + 1, int(now_utc_s()))
     journal.put_meta(START, start)
     key = fleet_key(read_key(Path(network.key_file or "")), mission)
@@ -91,7 +96,7 @@ def member_seal(
 
 @contextlib.asynccontextmanager
 async def opened_radio(network: FleetNetwork, mission: Mission) -> AsyncIterator[Radio]:
-    """The radio of a network, open until the end of the context. Raises `LinkError`."""
+    """Yield the radio of a network, open until the end of the context. Raises `LinkError`."""
     groups, links = _endpoints(network)
     parts: list[Radio] = []
     async with contextlib.AsyncExitStack() as stack:
@@ -118,7 +123,7 @@ def key_expression(name: str) -> str:
 
 
 def _endpoints(network: FleetNetwork) -> tuple[list[FleetEndpoint], ZenohLinks]:
-    """The multicast groups, and what Zenoh is for. Raises `LinkError`."""
+    """Return the multicast groups, and the links for Zenoh. Raises `LinkError`."""
     listen = [parse_endpoint("--listen", text) for text in network.listen]
     groups = [endpoint for endpoint in listen if endpoint.multicast]
     links = ZenohLinks(
@@ -143,8 +148,10 @@ LINGER_APART_S: Final = 120.0
 
 @contextlib.asynccontextmanager
 async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIterator[None]:
-    """Let a member talk in the context, and after it until the others know all of it. With
-    `may_leave` an operator may end that wait; its cancellation is no failure."""
+    """Let a member communicate in the context, and after it until the others know all of it.
+
+    With `may_leave` an operator may end that wait; its cancellation is no failure.
+    """
     if member is None:
         yield
         return
@@ -153,7 +160,7 @@ async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIte
         yield
         if may_leave and not member.level:
             _LOG.info(
-                "ours is done; waiting for what the others of the fleet still find (Ctrl-C ends it)"
+                "this vehicle is done; waiting for the others' last facts (Ctrl-C ends the wait)"
             )
         try:
             await _settle(member)
@@ -172,8 +179,10 @@ async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIte
 
 
 async def _settle(member: Member) -> None:
-    """Wait, within bounds, until all in contact are done and know what is known here. A member out
-    of contact that was not done comes home, where it hears us."""
+    """Wait, within bounds, until all in contact are done and know all facts of this member.
+
+    A member out of contact that was not done returns, and then receives our messages.
+    """
     waited_s = 0.0
     while waited_s < LINGER_S:
         least_s = 2.0 * BEAT_S if member.all_done else LINGER_APART_S

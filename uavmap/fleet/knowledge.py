@@ -1,8 +1,8 @@
-"""What a member knows of the facts of all: by whose frames made them, numbered from 0.
+"""A member's knowledge of all facts: by the member whose frames made them, numbered from 0.
 
 Facts only grow, and each counts by itself: one that comes twice, late or out of order changes
-nothing. What a member holds of another is a few numbers: all below one, and the first runs beyond
-it. By these, two members know to the fact what one lacks.
+nothing. A member's knowledge of another's facts is a few numbers: all below one, and the first runs
+beyond it. By these, two members know exactly which facts one lacks.
 """
 
 from __future__ import annotations
@@ -15,28 +15,29 @@ from typing import Final, NamedTuple
 from missions.fleet_events import Fact
 
 MOST_BEYOND: Final = 5_000
-"""Number of facts beyond the first missing one above which a fact is not taken; it comes again."""
+"""Maximum number of a fact beyond the first missing one; a higher one is refused, and comes
+again."""
 MOST_RUNS: Final = 3
-"""Number of runs beyond the first missing fact that are sent."""
+"""Maximum number of runs beyond the first missing fact that are sent."""
 
 
 class Run(NamedTuple):
-    """Facts of one member with numbers that follow each other."""
+    """Facts of one member with consecutive numbers."""
 
     first: int
     facts: tuple[Fact, ...]
 
 
 class Holding(NamedTuple):
-    """Which facts of a member somebody holds, as it has told."""
+    """The facts of a member that another holds, by its own report."""
 
     upto: int = 0
-    """All below this number..."""
+    """All facts below this number are held."""
     beyond: tuple[tuple[int, int], ...] = ()
-    """... and those runs: the first number of each, and the first that is not in it any more."""
+    """Further runs: the first number of each, and the first after it."""
 
     def holds(self, number: int) -> bool:
-        """Whether a fact is among them.
+        """Return whether a fact is among them.
 
         >>> [Holding(2, ((4, 6),)).holds(number) for number in (1, 2, 4, 6)]
         [True, False, True, False]
@@ -45,7 +46,7 @@ class Holding(NamedTuple):
 
     @property
     def top(self) -> int:
-        """The first number above all of them."""
+        """First number above all of them."""
         return self.beyond[-1][1] if self.beyond else self.upto
 
 
@@ -67,17 +68,17 @@ class Knowledge:
     """
 
     facts: dict[int, dict[int, Fact]] = field(default_factory=dict)
-    """By whose they are, and by number."""
+    """Facts by their member, and by number."""
     _upto: dict[int, int] = field(default_factory=dict)
-    """None below is missing."""
+    """Number below which no fact of a member is missing."""
 
     def upto(self, origin: int) -> int:
-        """Below which number all facts of a member are known."""
+        """Return the number below which all facts of a member are known."""
         return self._upto.get(origin, 0)
 
     @property
     def have(self) -> dict[int, Holding]:
-        """What is known of each member of whom there is something."""
+        """Holdings of each member with any known fact."""
         return {origin: self._holding(origin) for origin in sorted(self.facts)}
 
     def _holding(self, origin: int) -> Holding:
@@ -88,7 +89,7 @@ class Knowledge:
         return Holding(upto, tuple((run[0], run[-1] + 1) for run in beyond[:MOST_RUNS]))
 
     def take(self, origin: int, first: int, facts: Iterable[Fact]) -> list[Run]:
-        """Take facts in; returns those that are new."""
+        """Add facts; return the new ones."""
         known, upto = self.facts.get(origin, {}), self.upto(origin)
         new = {
             number: fact
@@ -105,13 +106,13 @@ class Knowledge:
         return [Run(run[0], tuple(new[number] for number in run)) for run in runs_of(sorted(new))]
 
     def runs(self, origin: int, first: int = 0) -> list[Run]:
-        """What is known of a member from a number on."""
+        """Return the known facts of a member from a number on."""
         known = self.facts.get(origin, {})
         numbers = sorted(number for number in known if number >= first)
         return [Run(run[0], tuple(known[number] for number in run)) for run in runs_of(numbers)]
 
     def missing(self, theirs: Mapping[int, Holding]) -> dict[int, list[int]]:
-        """Which facts that are known here another lacks who holds `theirs`, by whose they are."""
+        """Return the facts known here that another lacks who holds `theirs`, by member."""
         found = {}
         for origin, known in sorted(self.facts.items()):
             held = theirs.get(origin, NOTHING)
@@ -123,7 +124,7 @@ class Knowledge:
         return found
 
     def lacking(self, theirs: Mapping[int, Holding]) -> bool:
-        """Whether another who holds `theirs` knows facts that are missing here."""
+        """Return whether another who holds `theirs` knows facts that are missing here."""
         return any(
             held.upto > self.upto(origin)
             or any(
@@ -136,7 +137,7 @@ class Knowledge:
 
 
 def runs_of(numbers: Sequence[int]) -> list[Sequence[int]]:
-    """Ascending numbers, parted where one is left out.
+    """Return ascending numbers, split where one is left out.
 
     >>> runs_of([1, 2, 5])
     [[1, 2], [5]]

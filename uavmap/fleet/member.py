@@ -1,8 +1,9 @@
-"""A member of a fleet: sends what it knows and does, and receives the same of the others.
+"""A member of a fleet: sends its knowledge and state, and receives those of the others.
 
-About every `BEAT_S` it sends its number, place, reservations, and how many facts of each member it
-knows; then facts not sent yet, then those that others lack, within its budget of bytes. What it
-receives becomes events for its service (`Shared`, `Heard`, `Apart`), and so is in its journal.
+About every `BEAT_S` it sends its number, place, reservations, and the number of known facts of each
+member. Then it sends facts not sent yet, then those that others lack, within its budget of bytes.
+Received messages become events for its service (`Shared`, `Heard`, `Apart`), and so are in its
+journal.
 """
 
 from __future__ import annotations
@@ -40,23 +41,23 @@ from uavmap.fleet.sealing import CODE_BYTES, Seal
 
 BEAT_S: Final = 2.0
 QUIET_S: Final = 6.0
-"""Longest silence of a member that saves bytes for what it has to send."""
+"""Maximum silence of a member that saves bytes for its next messages, s."""
 HAVE_EVERY: Final = 2
-"""Messages from one that holds what the sender knows to the next."""
+"""Number of messages from one report of the sender's knowledge to the next."""
 APART_S: Final = 12.0
-"""Silence after which a member is out of contact."""
+"""Silence after which a member is out of contact, s."""
 BYTES_A_MINUTE: Final = 4_500
-"""Budget of a member, headers included: a narrow radio has 5 kB for each."""
+"""Budget of a member, bytes a minute, headers included: a narrow radio has 5 kB for each."""
 BURST_BYTES: Final = 2_000
-"""Largest budget that is saved up, for a member that comes back into contact."""
+"""Maximum budget that is saved up, for a member that comes back into contact."""
 MOST_BYTES: Final = 900
-"""Of facts in a datagram, which stays below what any network carries whole."""
+"""Maximum bytes of facts in a datagram, which stays below every network's maximum."""
 HEADER_BYTES: Final = CODE_BYTES + 12
-"""Of a seal."""
+"""Bytes of a seal."""
 PARTS_EVERY_S: Final = 6.0
-"""Shortest time between two messages that hold who maps what."""
+"""Minimum time between two messages with work shares, s."""
 SOON_S: Final = 0.5
-"""Shortest time between urgent messages."""
+"""Minimum time between urgent messages, s."""
 
 
 _OF_ALL: Final[Mapping[Order, type[Recalled | Paused | Continued]]] = {
@@ -74,7 +75,7 @@ def _carried_out(event: Event) -> Word | None:
 
 
 class Member:
-    """One member's part in the talk of its fleet."""
+    """The communication of one member with its fleet."""
 
     def __init__(
         self,
@@ -93,7 +94,7 @@ class Member:
         self._number = seal.member
         none = Belief(setting.mission.votes.frames, setting.mission.votes.positive)
         self._own = OwnCells(none, none, setting.mission.detector.explored)
-        """Not of the state, whose map counts what others have decided as votes, too."""
+        """Not those of the state, whose map also counts others' decisions as votes."""
         self.knowledge = Knowledge()
         self.peers: dict[int, Peer] = {}
         self._clock = FleetClock(setting, self._number, self.peers)
@@ -111,11 +112,11 @@ class Member:
         self._soon: asyncio.TimerHandle | None = None
         self._failed = False
         self._parts_s = (-math.inf, -math.inf)
-        """Of when what was told last of who maps what is, and when it was told."""
+        """Time of the last sent work shares, and time when they were sent, s."""
         self._pad: PadHeight | None = None
 
     def remember(self, events: Iterable[Event]) -> None:
-        """Take in what the journal of an earlier start holds."""
+        """Add the events in the journal of an earlier start."""
         for event in events:
             self._note(event)
             if isinstance(event, Shared):
@@ -124,7 +125,7 @@ class Member:
                 self._words[word.vehicle] = word
 
     def observe(self, event: Event, state: State) -> None:
-        """Our service has acted on an event."""
+        """Note an event that our service has handled."""
         self._state = state
         self._note(event)
         self._airspace.ask_for(state.vehicles[self._number].asks if state.ours else None)
@@ -139,10 +140,10 @@ class Member:
 
     # --- the clock -----------------------------------------------------------------------------
     async def agree(self, wait_s: float, pad: PadHeight | None) -> float:
-        """Listen until all are heard, at most `wait_s`; return by how much our clock moves on, s.
+        """Listen until all are received, at most `wait_s`; return the change of our clock, s.
 
-        Facts of others on cells count once `clock_moved` was called. `pad` is what our vehicle's
-        receiver reports; None of one in the air.
+        Facts of others on cells count once `clock_moved` was called. `pad` is the report of our
+        vehicle's receiver; None for one in the air.
         """
         self._pad = pad
         self.beat_soon()
@@ -150,25 +151,24 @@ class Member:
 
     @property
     def pads(self) -> dict[int, PadHeight]:
-        """The heights of the pads on which vehicles of the fleet stood, as far as known."""
+        """Return the heights of the pads of the fleet's vehicles, as far as known."""
         known = {self._number: self._pad, **{n: peer.pad for n, peer in self.peers.items()}}
         return {number: pad for number, pad in sorted(known.items()) if pad is not None}
 
     def clock_moved(self, by_s: float) -> None:
-        """Our clock was put forward, or back, by so much: as `agree` said."""
+        """Note that our clock was moved by `by_s`, the result of `agree`."""
         self._clock.moved(by_s)
         self._budget_s += by_s
         self._telling.clock_moved(by_s)
 
     # --- an operator's word --------------------------------------------------------------------
     def command(self, order: Order, vehicle: int = 0) -> None:
-        """Send all an order of the operator here, newer than all others, whatever the clock
-        says."""
+        """Send an order of the operator here, newer than all others, by any clock."""
         newest = max((word.stamp for word in self._words.values()), default=0)
         self.order(Word(max(newest + 1, int(time.time())), vehicle, order))
 
     def order(self, word: Word) -> None:
-        """Tell all what an operator has ordered, and do it."""
+        """Send an operator's order, and carry it out."""
         known = self._words.get(word.vehicle)
         if known is not None and known.stamp >= word.stamp:
             return
@@ -181,14 +181,14 @@ class Member:
 
     # --- speaking ------------------------------------------------------------------------------
     async def run(self) -> None:
-        """Talk until cancelled."""
+        """Communicate until cancelled."""
         self._radio.listen(self.heard)
         while True:
             self._beat_safely()
             await asyncio.sleep(BEAT_S)
 
     def beat_soon(self) -> None:
-        """Speak before the next beat: somebody waits for it."""
+        """Send before the next beat: another member waits for it."""
         if self._soon is not None:
             return
         loop = asyncio.get_running_loop()
@@ -201,7 +201,7 @@ class Member:
         self._beat_safely()
 
     def _beat_safely(self) -> None:
-        """Aircraft are flown whether the talk fails or not; that it fails is told once."""
+        """Send, and log a failure once: aircraft fly without communication."""
         try:
             self.beat()
         except Exception as failure:
@@ -209,12 +209,12 @@ class Member:
                 return
             self._failed = True
             self._log.info(
-                f"the talk with the fleet fails ({type(failure).__name__}: {failure}), which is a "
-                "defect of the program; each aircraft goes on by itself"
+                f"internal error in fleet communication ({type(failure).__name__}: {failure}); "
+                "vehicles continue independently"
             )
 
     def beat(self) -> None:
-        """Say what there is to say, and note who is out of contact."""
+        """Send the present message, and note members out of contact."""
         now_s = self._now_s()
         for number, peer in sorted(self.peers.items()):
             if not peer.apart and now_s - peer.heard_s > APART_S:
@@ -239,7 +239,7 @@ class Member:
         datagram = self._seal.sealed(encode(message))
         self._send(datagram)
         if len(datagram) > MOST_BYTES / 2 and self._budget > MOST_BYTES / 2:
-            self.beat_soon()  # there is more to tell, and enough was saved
+            self.beat_soon()  # there is more to send, and enough was saved
 
     def _message(self, now_s: float) -> Message:
         return Message(
@@ -274,7 +274,7 @@ class Member:
 
     # --- hearing -------------------------------------------------------------------------------
     def heard(self, datagram: bytes) -> None:
-        """A datagram has come in."""
+        """Handle a received datagram."""
         opened = self._seal.opened(datagram)
         if opened is None:
             return
@@ -289,12 +289,12 @@ class Member:
         self._clock.heard(peer, message.t_s, now_s, begun=message.begun)
         for word in message.words:
             self.order(word)
-        # what one does or asks for now is told by its last message: facts alone may come late
+        # only the last message has the present state and requests: facts alone may come late
         latest = not self._seal.overtaken
         if latest:
             self._hear_state(sender, peer, message, now_s)
         if not self._clock.agreed or self._clock.is_elsewhere(sender):
-            return  # what is not taken is told again
+            return  # refused facts are sent again
         for batch in message.batches:
             if batch.origin == self._number:
                 continue
@@ -312,7 +312,7 @@ class Member:
             peer.have, peer.have_s = message.have, now_s
         if message.presence is not None:
             peer.done = message.presence.does in ("ended", "down")
-        else:  # one that flies a vehicle, and has just started, does not know yet what it does
+        else:  # one that flies a vehicle, and has just started, does not know its activity yet
             peer.done = not self._is_vehicle(sender)
         peer.told_all = peer.done and (peer.told_all or bool(message.have))
         peer.begun = message.begun
@@ -334,18 +334,18 @@ class Member:
         return 0 < number <= len(self._setting.mission.vehicles)
 
     def end(self) -> None:
-        """Say nothing more."""
+        """Send nothing more."""
         if self._soon is not None:
             self._soon.cancel()
 
     @property
     def all_done(self) -> bool:
-        """Whether everybody that was ever heard is done."""
+        """True if every member that was ever received is done."""
         return all(peer.done for peer in self.peers.values())
 
     @property
     def level(self) -> bool:
-        """Whether everybody in contact knows what is known here, and nobody knows more."""
+        """True if all in contact know all facts of this member, and none knows more."""
         return all(
             peer.done
             and (peer.told_all or not self.knowledge.have)

@@ -1,8 +1,8 @@
-"""What a member knows of the others: their state, their clocks, and which facts they lack.
+"""A member's knowledge of the others: their state, their clocks, and the facts that they lack.
 
-Members count the same seconds, whatever their computers say. Facts are sent in this order: those of
-a lost datagram, new ones of ours, those that others lack. A fact is sent again only to a member
-that has reported since, without it, what it holds. Facts of a third member are relayed after a
+Members count the same seconds, whatever their computers' clocks. Facts are sent in this order:
+those of a lost datagram, new ones of ours, those that others lack. A fact is sent again only to a
+member that has since reported its holdings without it. Facts of a third member are relayed after a
 while without news of it.
 """
 
@@ -27,30 +27,30 @@ from uavmap.fleet.knowledge import NOTHING, Holding, Knowledge, runs_of
 
 @dataclass(slots=True)
 class Peer:
-    """Another member, as it was heard; times are those of our clock."""
+    """Another member, by its messages; times are those of our clock."""
 
     heard_s: float
     have: dict[int, Holding] = field(default_factory=dict)
-    """Which facts of each member it knows..."""
+    """Its known facts of each member."""
     have_s: float = -math.inf
-    """... as it said then."""
+    """Time of that report, s."""
     lacks_since_s: dict[int, float] = field(default_factory=dict)
-    """Since when it lacks facts of a member that are known here, and got no later one of it."""
+    """Time since which it lacks known facts of a member, and got no later one, s."""
     apart: bool = False
     done: bool = False
     told_all: bool = False
-    """Whether it has told what it knows since it was done."""
+    """True if it has sent its knowledge since it was done."""
     begun: bool = False
-    """Whether its clock moves no more."""
+    """True if its clock moves no more."""
     ask: Ask | None = None
     promised: int = -1
-    """Which of our questions for air it has promised."""
+    """Number of our request for air to which it has agreed."""
     pad: PadHeight | None = None
     ahead_s: float = -math.inf
-    """By how much its clock is ahead of ours, at least: what comes late seems less."""
+    """Minimum lead of its clock over ours, s: a late message seems less."""
 
     def clock_moved(self, by_s: float) -> None:
-        """Our clock was put forward, or back, by so much."""
+        """Note that our clock was moved by `by_s`."""
         self.heard_s += by_s
         self.have_s += by_s
         self.ahead_s -= by_s
@@ -58,13 +58,13 @@ class Peer:
 
 
 PATH_S: Final = 8.0
-"""Time between the places of a path that are sent..."""
+"""Time between the places of a path that are sent, s."""
 PATH_PLACES: Final = 4
-"""... and are so many."""
+"""Number of such places."""
 
 
 def presence_of(state: State, vehicle: VehicleState) -> Presence:
-    """What a member tells of its vehicle."""
+    """Return a member's report on its vehicle."""
     capacity_wh = state.setting.mission.battery.capacity_wh
     return Presence(
         _does(vehicle),
@@ -78,7 +78,7 @@ def presence_of(state: State, vehicle: VehicleState) -> Presence:
 
 
 def heard_of(setting: Setting, sender: int, now_s: float, said: Presence) -> Heard:
-    """What another has told of its vehicle, for our service."""
+    """Return another's report on its vehicle, for our service."""
     capacity_wh = setting.mission.battery.capacity_wh
     return Heard(
         sender, round(now_s, 3), said.position, said.height_m,
@@ -114,14 +114,14 @@ def _places_ahead(vehicle: VehicleState, t_s: float) -> tuple[GridPoint, ...]:
 
 # --- the clock -----------------------------------------------------------------------------------
 AGREE_S: Final = 15.0
-"""Time to listen for others before a first take-off."""
+"""Time to listen for others before a first take-off, s."""
 _STEP_S: Final = 0.5
 ELSEWHERE_CELLS: Final = 0.25
-"""Distance, by a cell's edge, from which on cells are other ground."""
+"""Offset, by a cell's edge, from which on cells are other ground."""
 
 
 class FleetClock:
-    """How one member's clock stands to those of the others, which are in `peers`."""
+    """The relation of one member's clock to those of the others, which are in `peers`."""
 
     def __init__(
         self,
@@ -135,14 +135,16 @@ class FleetClock:
         self._log = messages.bound("uavmap.fleet")
         self._strangers: set[int] = set()
         self.begun = False
-        """Whether our vehicle has taken off."""
+        """True if our vehicle has taken off."""
         self.agreed = False
-        """Whether our clock is that of the fleet."""
+        """True if our clock is that of the fleet."""
 
     async def agree(self, wait_s: float) -> float:
-        """Listen until all on the ground reported their pads' heights, at most `wait_s`; return by
-        how much our clock moves on, s: to that of a member that took off, else of the lowest
-        number."""
+        """Listen until all on the ground reported their pads' heights, at most `wait_s`.
+
+        Return the change of our clock, s: to that of a member that took off, else of the lowest
+        number.
+        """
         everybody = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
         waited_s = 0.0
         while waited_s < wait_s:
@@ -156,24 +158,24 @@ class FleetClock:
         clocks = {n: p.ahead_s for n, p in (flying or self._peers).items()}
         if not flying:
             clocks[self._number] = 0.0
-        if len(clocks) > 1:  # who only listens follows
+        if len(clocks) > 1:  # a listener follows
             clocks.pop(0, None)
         return round(clocks[min(clocks)], 3) if clocks else 0.0
 
     def moved(self, by_s: float) -> None:
-        """Our clock was put forward, or back, by so much: as `agree` said."""
+        """Note that our clock was moved by `by_s`, the result of `agree`."""
         self.agreed = True
         for peer in self._peers.values():
             peer.clock_moved(by_s)
 
     def heard(self, peer: Peer, its_s: float, now_s: float, *, begun: bool) -> None:
-        """Another has told what its clock says, and whether that moves no more."""
-        if begun and not peer.begun:  # its clock may have been moved just now
+        """Note another's clock, and whether it moves no more."""
+        if begun and not peer.begun:  # its clock may have just been moved
             peer.ahead_s = -math.inf
         peer.ahead_s = max(peer.ahead_s, its_s - now_s)
 
     def is_elsewhere(self, sender: int) -> bool:
-        """Whether the cells of another are not ours: it began apart, and the region drifts."""
+        """Return whether another's cells are not ours: it began apart, and the region drifts."""
         grid, peer = self._setting.grid, self._peers[sender]
         off_m = abs(peer.ahead_s) * grid.drift_speed_m_s
         elsewhere = self.agreed and peer.begun and off_m > ELSEWHERE_CELLS * grid.cell_m
@@ -181,7 +183,7 @@ class FleetClock:
             self._strangers.add(sender)
             self._log.info(
                 f"vehicle {sender} began apart from us, its clock is {peer.ahead_s:+.0f} s off, "
-                "and the region drifts: its cells are other ground, and are not taken"
+                "and the region drifts: its cells are other ground, and are ignored"
             )
         return elsewhere
 
@@ -190,27 +192,29 @@ class FleetClock:
 RELAY_S: Final = 8.0
 """Time without news of a third member, after which others relay its facts, s."""
 UNDERWAY_S: Final = 1.0
-"""Longest time that a datagram and its acknowledgement take."""
+"""Maximum time of a datagram and its acknowledgement, s."""
 
 
 class Telling:
-    """What one member has told of facts, and tells the others, which are in `peers`."""
+    """The sending of one member's facts to the others, which are in `peers`."""
 
     def __init__(self, number: int, peers: Mapping[int, Peer]) -> None:
         self._number = number
         self._peers = peers
         self._told_s: dict[int, dict[int, float]] = {}
-        """When facts were told last, by whose they are and by number."""
+        """Time of the last send of facts, by member and number, s."""
 
     def clock_moved(self, by_s: float) -> None:
-        """Our clock was put forward, or back, by so much."""
+        """Note that our clock was moved by `by_s`."""
         for told_s in self._told_s.values():
             for number in told_s:
                 told_s[number] += by_s
 
     def batches(self, knowledge: Knowledge, now_s: float, room: int) -> tuple[Batch, ...]:
-        """Return facts to send, in at most so many bytes: lost ones first, but in half of the room,
-        for to a member that receives nothing they are always lost."""
+        """Return facts to send, in at most `room` bytes: lost ones first, but in half of the room.
+
+        Facts to a member that receives nothing are always lost.
+        """
         new = self._new(knowledge, now_s)
         found: list[Batch] = []
         lost = self._lost(knowledge, now_s)
@@ -223,9 +227,10 @@ class Telling:
         return tuple(found)
 
     def _new(self, knowledge: Knowledge, now_s: float) -> list[int]:
-        """Facts of ours that were not told since this start, and somebody may not know."""
+        """Return facts of ours that were not sent since this start, and that a member may not
+        know."""
         if self._peers and all(peer.apart for peer in self._peers.values()):
-            return []  # nobody hears it, and what is saved is there for who comes back
+            return []  # no member receives it, and the saved bytes are for one that comes back
         told_s = self._told_s.setdefault(self._number, {})
         untold = sorted(
             number for number in knowledge.facts.get(self._number, ()) if number not in told_s
@@ -247,7 +252,7 @@ class Telling:
         now_s: float,
         room: int,
     ) -> int:
-        """Add as many of the facts that are wanted as there is room for; returns their bytes."""
+        """Add as many of the wanted facts as there is room for; return their bytes."""
         used = 0
         for origin, numbers in wanted.items():
             for run in runs_of(numbers):
@@ -261,7 +266,7 @@ class Telling:
         return used
 
     def _lost(self, knowledge: Knowledge, now_s: float) -> dict[int, list[int]]:
-        """What somebody lacks that it should have heard, by whose it is; ours first."""
+        """Return facts that a member lacks although they were sent, by member; ours first."""
         lost: dict[int, set[int]] = {}
         for peer in (p for p in self._peers.values() if not p.apart):
             for origin, numbers in knowledge.missing(peer.have).items():
@@ -281,7 +286,7 @@ class Telling:
 def _fitting(
     knowledge: Knowledge, origin: int, first: int, count: int, room: int
 ) -> tuple[Batch | None, int]:
-    """As many facts of a member from `first` on, of so many, as there is room for; their bytes."""
+    """Return the facts of a member from `first` on, at most `count`, that fit; and their bytes."""
     facts = [knowledge.facts[origin][first + k] for k in range(count)]
     while count > 0:
         batch = Batch(origin, first, tuple(facts[:count]))

@@ -1,4 +1,4 @@
-"""What carries datagrams between members: its endpoints, and the radio of a multicast group.
+"""The carriers of datagrams between members: endpoints, and the radio of a multicast group.
 
 Members reach each other at `tcp/HOST:PORT`, `udp/HOST:PORT` (Zenoh's notation) or a multicast
 group, which names its interface, so nothing is sent by another one.
@@ -29,7 +29,7 @@ _SHAPE: Final = "tcp/192.168.7.11:7447, udp/192.168.7.11:7447, or udp/224.0.0.22
 
 @dataclass(frozen=True, slots=True)
 class FleetEndpoint:
-    """One of them."""
+    """An endpoint of a fleet's network."""
 
     transport: str
     """tcp or udp."""
@@ -39,15 +39,15 @@ class FleetEndpoint:
 
     @property
     def multicast(self) -> bool:
-        """Whether it is a group, which all hear who have joined it."""
+        """True if it is a group, which all members receive that have joined it."""
         try:
             return ipaddress.ip_address(self.host).is_multicast
-        except ValueError:  # a name
+        except ValueError:  # a host name
             return False
 
     @property
     def url(self) -> str:
-        """As Zenoh writes it."""
+        """URL in Zenoh's notation."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         end = "" if self.interface is None else f"#iface={self.interface}"
         return f"{self.transport}/{host}:{self.port}{end}"
@@ -85,22 +85,22 @@ def parse_endpoint(option: str, text: str) -> FleetEndpoint:
 
 
 class Radio(Protocol):
-    """Carries datagrams to whoever can hear them; any may be lost, doubled, or come late."""
+    """Carries datagrams to all in range; any may be lost, doubled, or come late."""
 
     @property
     def overhead_bytes(self) -> int:
-        """What a datagram takes on the way besides itself."""
+        """Bytes of a datagram on its way besides itself."""
 
     def send(self, datagram: bytes) -> None:
         """Send to all. Never raises, never waits."""
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
-        """Have what comes in passed on, in the event loop's thread."""
+        """Pass received datagrams on, in the event loop's thread."""
 
 
 @dataclass(frozen=True, slots=True)
 class SealedRadio:
-    """How one member of a fleet speaks with the others."""
+    """The communication of one member of a fleet with the others."""
 
     radio: Radio
     seal: Seal
@@ -108,13 +108,13 @@ class SealedRadio:
 
 @dataclass(frozen=True, slots=True)
 class Radios:
-    """Several as one: each carries everything. Without any it is silent."""
+    """Several radios as one: each carries everything. Without any it is silent."""
 
     parts: Sequence[Radio] = ()
 
     @property
     def overhead_bytes(self) -> int:
-        """That of the dearest."""
+        """Maximum overhead of its radios."""
         return max((radio.overhead_bytes for radio in self.parts), default=0)
 
     def send(self, datagram: bytes) -> None:
@@ -123,7 +123,7 @@ class Radios:
             radio.send(datagram)
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
-        """Have what comes in by any passed on."""
+        """Pass datagrams received by any radio on."""
         for radio in self.parts:
             radio.listen(heard)
 
@@ -131,7 +131,7 @@ class Radios:
 _LOG: Final = logging.getLogger("uavmap.fleet")
 # --- a multicast group ---------------------------------------------------------------------------
 HEADER_BYTES: Final = 14 + 20 + 8
-"""Of Ethernet (a Wi-Fi header is about as long), IPv4 and UDP."""
+"""Bytes of Ethernet (a Wi-Fi header is about as long), IPv4 and UDP."""
 LARGEST_BYTES: Final = 1_400
 RETRY_S: Final = 2.0
 """Time after which a lost interface is tried again, s of the loop."""
@@ -152,11 +152,11 @@ class MulticastRadio:
         self._told = ""
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
-        """Have what comes in passed on."""
+        """Pass received datagrams on."""
         self._listeners.append(heard)
 
     def open(self) -> None:
-        """Join the group, or try again and again until that can be."""
+        """Join the group, or try again until that succeeds."""
         self._again = None
         try:
             self._socket = _joined(self._endpoint)
@@ -169,7 +169,7 @@ class MulticastRadio:
         self._told = ""
 
     def send(self, datagram: bytes) -> None:
-        """Send to the group; nothing while its interface is not there."""
+        """Send to the group; drop while its interface is missing."""
         if self._socket is None or len(datagram) > LARGEST_BYTES:
             return
         try:
@@ -216,7 +216,10 @@ class MulticastRadio:
 
 
 def _joined(endpoint: FleetEndpoint) -> socket.socket:
-    """A socket that sends to a group and hears it, by one interface only. Raises `OSError`."""
+    """Return a socket that sends to and receives from a group, by one interface only.
+
+    Raises `OSError`.
+    """
     assert endpoint.interface is not None
     index = socket.if_nametoindex(endpoint.interface)
     group = socket.inet_aton(endpoint.host)
@@ -226,7 +229,7 @@ def _joined(endpoint: FleetEndpoint) -> socket.socket:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if hasattr(socket, "SO_REUSEPORT"):
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-        made.bind((endpoint.host, endpoint.port))  # nothing but what is sent to the group
+        made.bind((endpoint.host, endpoint.port))  # only datagrams that are sent to the group
         by_interface = struct.pack("=4s4si", group, socket.inet_aton("0.0.0.0"), index)
         made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, by_interface)
         made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, by_interface)

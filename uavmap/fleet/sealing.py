@@ -4,7 +4,7 @@ A datagram carries its sender's number, the number of its start, a counter, and 
 that under the key (keyed BLAKE2s, RFC 7693). A higher start replaces a lower one. Each counter of a
 start is accepted once, in a window for datagrams that overtake each other. Clocks have no part.
 
-An unknown start is believed only after it answers a fresh random number: it may be a replay of an
+An unknown start is accepted only after it answers a fresh random number: it may be a replay of an
 earlier flight with the same key.
 """
 
@@ -25,17 +25,17 @@ from uavmap.fleet.bits import BytesError, Reader, Writer
 CODE_BYTES: Final = 8
 NONCE_BYTES: Final = 8
 WINDOW: Final = 64
-"""Number of counters that a datagram may be late."""
+"""Maximum lag of a datagram's counter."""
 MOST_SENDERS: Final = 1_000
 DATA: Final = 0
 ASKS: Final = 1
-"""The body is a random number, to be answered..."""
+"""Kind of a datagram whose body is a random number, to be answered."""
 ANSWERS: Final = 2
-"""... and this one holds such numbers."""
+"""Kind of a datagram whose body holds such numbers."""
 
 
 class _RefusedError(Exception):
-    """Why a datagram is refused."""
+    """The reason for the refusal of a datagram."""
 
 
 @dataclass(slots=True)
@@ -48,25 +48,25 @@ class _Heard:
 
 @dataclass(slots=True)
 class Seal:
-    """Seals what a member says and opens what it hears."""
+    """Seals the messages of a member and opens received ones."""
 
     key: bytes
     member: int
     start: int
-    """Higher at each start of this member's program."""
+    """Number of this start; higher at each start of this member's program."""
     refused: Counter[str] = field(default_factory=Counter)
-    """How many datagrams were not believed, by reason."""
+    """Number of refused datagrams, by reason."""
     overtaken: bool = False
-    """Whether a later one of the same sender was opened before the one that was opened last."""
+    """True if a later one of the same sender was opened before the last one."""
     _counter: int = 0
     _nonce: bytes = field(default_factory=lambda: secrets.token_bytes(NONCE_BYTES))
     _heard: dict[int, _Heard] = field(default_factory=dict)
     _asked: deque[bytes] = field(default_factory=lambda: deque(maxlen=16))
-    """What others have asked with, and was not answered yet."""
+    """Random numbers of others that are not answered yet."""
     _ask: bool = False
 
     def sealed(self, body: bytes, kind: int = DATA) -> bytes:
-        """A datagram."""
+        """Return a datagram."""
         out = Writer()
         out.count(kind)
         out.count(self.member)
@@ -77,7 +77,7 @@ class Seal:
         return out.data + self._code(out.data)
 
     def opened(self, datagram: bytes) -> tuple[int, bytes] | None:
-        """Who says what; None for what is not to be believed, is not new, or asks or answers."""
+        """Return sender and body; None for a refused, old, asking or answering one."""
         try:
             return self._opened(datagram)
         except _RefusedError as refused:
@@ -121,7 +121,7 @@ class Seal:
         return (sender, body) if kind == DATA else None
 
     def errands(self) -> list[bytes]:
-        """Datagrams that have to be sent so that we are believed, and others are by us."""
+        """Return datagrams that have to be sent so that members accept each other."""
         out = []
         if self._asked:
             out.append(self.sealed(b"".join(dict.fromkeys(self._asked)), ANSWERS))
@@ -161,15 +161,15 @@ def fleet_key(key: bytes, mission: Mission) -> bytes:
     """Derive the 32 bytes that seal a fleet's datagrams from a file of `uavmap keys new`.
 
     The key, which may also sign MAVLink, cannot be derived from them. Members whose missions differ
-    in what facts mean (grid, box, votes) or in airspace (pads, heights, layers) get different ones,
-    and refuse each other's datagrams.
+    in the meaning of facts (grid, box, votes) or in airspace (pads, heights, layers) get different
+    ones, and refuse each other's datagrams.
     """
     return blake2s(LABEL + meaning_of(mission), key=key).digest()
 
 
 def meaning_of(mission: Mission) -> bytes:
-    """What has to be the same in the missions of all members: 32 bytes."""
-    # a height may be a word, "auto", which is no number to warn of
+    """Return 32 bytes of all that has to be the same in the missions of all members."""
+    # a height may be "auto", which is no number to warn of
     told = mission.model_dump(mode="json", include=set(_MEANING), warnings=False)
     told["pads"] = [vehicle.home for vehicle in mission.vehicles]
     told["pad heights"] = home_heights_m(mission)

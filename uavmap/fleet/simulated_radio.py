@@ -13,12 +13,12 @@ from missions.fleet_events import Partition
 from missions.units import GridPoint
 
 OVERHEAD_BYTES: Final = 28
-"""Of IPv4 and UDP: what a datagram takes on the air besides itself."""
+"""Bytes of IPv4 and UDP: of a datagram on the air besides itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkModel:
-    """What becomes of a datagram between two members."""
+    """The fate of a datagram between two members."""
 
     range_m: float = math.inf
     loss: float = 0.0
@@ -26,12 +26,12 @@ class LinkModel:
     jitter_s: float = 0.0
     doubled: float = 0.0
     bytes_per_s: float = math.inf
-    """How much one sender gets through; what is more waits, and is lost beyond a second of it."""
+    """Maximum throughput of one sender, bytes/s; more waits, and is lost beyond a second of it."""
     partitions: Sequence[Partition] = ()
 
 
 MEETING_M: Final = 20.0
-"""Distance within which two meet."""
+"""Distance within which two members meet, m."""
 
 
 def link_model(text: str) -> LinkModel:
@@ -62,7 +62,7 @@ class Air:
     model: LinkModel
     seed: int = 0
     sent_bytes: dict[int, int] = field(default_factory=dict)
-    """On the air, by sender, with `OVERHEAD_BYTES` a datagram."""
+    """Bytes on the air, by sender, with `OVERHEAD_BYTES` a datagram."""
     _places: dict[int, Callable[[], tuple[GridPoint, float]]] = field(default_factory=dict)
     _heard: dict[int, Callable[[bytes], None]] = field(default_factory=dict)
     _free_s: dict[int, float] = field(default_factory=dict)
@@ -72,16 +72,16 @@ class Air:
         self._random = random.Random(self.seed)
 
     def radio(self, member: int, place: Callable[[], tuple[GridPoint, float]]) -> AirRadio:
-        """The radio of a member, which is where `place` says: over ground, and how high."""
+        """Return the radio of a member at `place`: over ground, and its height."""
         self._places[member] = place
         return AirRadio(self, member)
 
     def silence(self, member: int) -> None:
-        """A member's program has ended: it neither hears nor is heard."""
+        """Note the end of a member's program: it neither receives nor is received."""
         self._heard.pop(member, None)
 
     def can_hear(self, one: int, other: int, t_s: float) -> bool:
-        """Whether two are in range of each other, and nothing parts them."""
+        """Return whether two are in range of each other, and no partition separates them."""
         if any(partition.parts(one, other, t_s) for partition in self.model.partitions):
             return False
         if math.isinf(self.model.range_m):
@@ -90,7 +90,7 @@ class Air:
         return math.hypot(here.distance_to(there), high_m - low_m) <= self.model.range_m
 
     def carry(self, sender: int, datagram: bytes) -> None:
-        """Let whoever is in range hear a datagram, or not."""
+        """Deliver a datagram to members in range, or not."""
         loop = asyncio.get_running_loop()
         now_s, model = loop.time(), self.model
         size = len(datagram) + OVERHEAD_BYTES
@@ -116,7 +116,7 @@ class Air:
             heard(datagram)
 
     def joined(self, member: int, heard: Callable[[bytes], None]) -> None:
-        """A member listens from now on."""
+        """Note that a member listens from now on."""
         self._heard[member] = heard
 
 
@@ -133,7 +133,7 @@ class AirRadio:
         self.air.carry(self.member, datagram)
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
-        """Have what comes in passed on."""
+        """Pass received datagrams on."""
         self.air.joined(self.member, heard)
 
 
@@ -149,7 +149,7 @@ _MEANT: Final = {
 
 @dataclass(frozen=True, slots=True)
 class LinkWords:
-    """What was said: a kind, numbers by key, and the texts of other keys as often as they came."""
+    """A parsed text: a kind, numbers by key, and the texts of other keys as often as they came."""
 
     kind: str
     numbers: Mapping[str, float]
@@ -164,7 +164,7 @@ def link_words(
     Args:
         text: As on the command line.
         kinds: Names without a number.
-        unit: Of the range, for messages.
+        unit: Unit of the range, for messages.
         keys: Those with a number, each at most once: not negative, a loss at most 1, a rate above
             0. A range and a rate may be infinite.
         others: Those whose values are any text.

@@ -1,8 +1,8 @@
 """A radio over Zenoh: from peer to peer, or by a router.
 
 Nothing goes to a host that was not named: no scouting, no gossip. A datagram is sent once to each
-neighbour, and dropped where a link is stuck. Zenoh's threads hand what comes in to the event loop.
-A thread opens the session, and reopens it where Zenoh gave it up or all were silent for long.
+neighbour, and dropped if a link is stuck. Zenoh's threads pass received datagrams to the event
+loop. A thread opens the session, and reopens it if Zenoh gave it up or all were silent for long.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from uavmap.fleet.radio import FleetEndpoint
 TCP_BYTES: Final = 156
 """Bytes beside a datagram: Ethernet, IPv4, TCP, Zenoh's frame and key, one acknowledgement."""
 UDP_BYTES: Final = 64
-"""The same of UDP, without acknowledgements."""
+"""The same for UDP, without acknowledgements."""
 LARGEST_BYTES: Final = 1_400
 LEASE_S: Final = 24.0
-"""Silence after which a neighbour is gone: eight beats of a member."""
+"""Silence after which a neighbour is gone, s: eight beats of a member."""
 KEEP_ALIVES: Final = 3
-"""In a lease; they are sent only where nothing else is."""
+"""Number of keep-alives in a lease; they are sent only if nothing else is."""
 RETRY_S: Final = (2.0, 15.0)
-"""Between two attempts to connect: at first, and at most."""
+"""Time between two attempts to connect, s: at first, and at most."""
 SILENT_S: Final = (30.0, 120.0)
-"""Silence after which a session is reopened: at first, and at most."""
+"""Silence after which a session is reopened, s: at first, and at most."""
 DECLARE_S: Final = 20.0
-"""Time between declarations over UDP, which may be lost."""
+"""Time between declarations over UDP, which may be lost, s."""
 LOOK_S: Final = 0.5
 CLOSE_S: Final = 3.0
 MOST_WAITING: Final = 256
-"""Number of datagrams that wait for the event loop, above which others are dropped."""
+"""Maximum number of datagrams that wait for the event loop; more are dropped."""
 _WHERE: Final = re.compile(r" at \S+\.rs:\d+\.?")
 SEND_BUFFER_BYTES: Final = 8_192
-"""Of a TCP link: what waits longer than a few beats is old."""
+"""Send buffer of a TCP link, bytes: data that waits longer than a few beats is old."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +53,15 @@ class ZenohLinks:
     listen: tuple[FleetEndpoint, ...] = ()
     peers: tuple[FleetEndpoint, ...] = ()
     routers: tuple[FleetEndpoint, ...] = ()
-    """Where there are any, all goes by one of them."""
+    """Routers; with any, all goes by one of them."""
 
     @property
     def all(self) -> tuple[FleetEndpoint, ...]:
-        """Every endpoint of it."""
+        """Return every endpoint of it."""
         return (*self.listen, *self.peers, *self.routers)
 
     def config(self) -> dict[str, Any]:
-        """What Zenoh is told."""
+        """Return the configuration for Zenoh."""
         connect = self.routers or self.peers
         retry = {
             "period_init_ms": int(1000 * RETRY_S[0]),
@@ -118,16 +118,16 @@ class ZenohRadio:
         self._thread = threading.Thread(target=self._keep, name="fleet radio", daemon=True)
         self._told = ""
         self.opened = 0
-        """How many sessions there were."""
+        """Number of opened sessions."""
 
     @property
     def overhead_bytes(self) -> int:
-        """Of its dearest link."""
+        """Overhead of its most expensive link, bytes."""
         tcp = any(endpoint.transport == "tcp" for endpoint in self._links.all)
         return TCP_BYTES if tcp else UDP_BYTES
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
-        """Have what comes in passed on."""
+        """Pass received datagrams on."""
         self._listeners.append(heard)
 
     def open(self) -> None:
@@ -136,18 +136,18 @@ class ZenohRadio:
         self._thread.start()
 
     def send(self, datagram: bytes) -> None:
-        """Send to all neighbours; nothing while there is no session."""
+        """Send to all neighbours; drop without a session."""
         publisher = self._publisher
         if publisher is None or len(datagram) > LARGEST_BYTES:
             return
         try:
             publisher.put(datagram)
-        except Exception:  # the session is gone, whatever Zenoh says of it
+        except Exception:  # the session is gone, whatever Zenoh's error
             self._publisher = None
             self._broken.set()
 
     async def close(self) -> None:
-        """End the session; waits for it `CLOSE_S` seconds at most."""
+        """End the session; wait for it `CLOSE_S` seconds at most."""
         self._stop.set()
         self._broken.set()
         self._publisher = None
@@ -210,7 +210,7 @@ class ZenohRadio:
         )
 
     def _tell(self, text: str) -> None:
-        """Say something that was not said last, in the loop's thread."""
+        """Log a text that was not the last one, in the loop's thread."""
         if text == self._told:
             return
         self._told = text
@@ -228,7 +228,7 @@ class ZenohRadio:
 
     # --- in Zenoh's threads ----------------------------------------------------------------------
     def _came_in(self, sample: Any) -> None:
-        with contextlib.suppress(Exception):  # what is raised here would go nowhere
+        with contextlib.suppress(Exception):  # an exception here would go nowhere
             datagram = bytes(sample.payload)
             self._heard_s = time.monotonic()
             if len(datagram) <= LARGEST_BYTES and self._waiting < MOST_WAITING:
@@ -244,7 +244,7 @@ class ZenohRadio:
 
 
 def imported_zenoh() -> Any:
-    """Zenoh, which only members of a fleet need. Raises `LinkError` where it is missing."""
+    """Return Zenoh, which only members of a fleet need. Raises `LinkError` if it is missing."""
     try:
         import zenoh  # noqa: PLC0415 - an extra
     except ImportError as error:
@@ -256,6 +256,6 @@ def imported_zenoh() -> Any:
 
 
 def _told(error: Exception) -> str:
-    """What Zenoh says, without where in its sources."""
+    """Return Zenoh's error text, without the place in its sources."""
     words = " ".join(_WHERE.sub("", str(error)).split())
     return f"the network of the fleet: {words}; tried again"

@@ -150,7 +150,7 @@ class _Arena:
                     return
                 if not moved and self.team is None and self.radio is None:
                     raise StrategyError(
-                        f"{self.explorer.name}: everybody waits at t = {self.t:g}, and ROI cells "
+                        f"{self.explorer.name}: all robots wait at t = {self.t:g}, and ROI cells "
                         "are left"
                     )
                 if self.radio is None:

@@ -149,7 +149,7 @@ def test_a_talk_that_fails_is_told_once_and_goes_on(said):
 
     stations = together(lambda: in_a_row(1.0, 100.0, 1), listen)
     assert len(said) == 1
-    assert "the talk with the fleet fails (ValueError" in said[0]
+    assert "internal error in fleet communication (ValueError" in said[0]
     assert stations[1].told(Recalled) == [Recalled]
 
 

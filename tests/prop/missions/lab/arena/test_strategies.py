@@ -93,7 +93,7 @@ def test_a_right_one_passes():
 @pytest.mark.parametrize(
     ("mend", "check_name", "said"),
     [
-        (waits, "explores everything and returns", "everybody waits"),
+        (waits, "explores everything and returns", "all robots wait"),
         (jumps, "explores everything and returns", "moves from"),
         (forgets_a_robot, "a pure function of the situation", "it moves"),
         (changes_its_memory, "a pure function of the situation", "changes what it is given"),

@@ -179,8 +179,8 @@ def test_who_failed_is_not_told_to_the_explorer():
     [
         (lambda s: {0: Cell(0, 1)}, "robot 0 moves from"),  # not known
         (lambda s: {0: START}, "robot 0 moves from"),  # to itself
-        (lambda s: {0: None}, "everybody waits at t = 0"),
-        (lambda s: {}, "everybody waits"),
+        (lambda s: {0: None}, "all robots wait at t = 0"),
+        (lambda s: {}, "all robots wait"),
         (lambda s: {0: Cell(2, 0) if Cell(2, 0) in s.tree else Cell(1, 0)}, "moves from"),
         (lambda s: {0: ROW[1] if s.at[0] == START else START}, "does not come to an end"),
     ],
