@@ -67,7 +67,7 @@ class Packer:
 EVENT: Final = 410
 CURRENT_MODE: Final = 436
 CRC_EXTRA_OF_OTHERS: Final = {EVENT: 160, CURRENT_MODE: 193}
-"""Of messages that the simulated vehicles send and the dialect does not define."""
+"""CRC extras of messages that the simulated vehicles send and the dialect does not define."""
 
 
 def crc_extra_of(message_id: int) -> int:
@@ -87,7 +87,7 @@ class Cutter:
 
     @property
     def empty(self) -> bool:
-        """Whether no piece is unfinished."""
+        """True if no piece is unfinished."""
         return not self._rest
 
     def feed(self, data: bytes) -> list[bytes]:

@@ -1,4 +1,4 @@
-"""What a simulation consists of, and how it is built: a home, vehicles, wind, a world."""
+"""The parts of a simulation, and their construction: a home, vehicles, wind, a world."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sitl.faults.faults import Faults
 
 STEP_S = 0.05
-_LOOK_S = 0.005  # on a socket: how often to look, wall time
+_LOOK_S = 0.005  # interval of checks on a socket, wall time
 _STUCK_S = 20.0  # wall time in which the simulation has to get on
 _TEXTS = 5
 
@@ -51,7 +51,7 @@ class Vehicle:
 
     @property
     def truth(self) -> VehicleTruth:
-        """The true state: `position`, `height_m`, `velocity_m_s`, `mode`, `armed`, ..."""
+        """True state: `position`, `height_m`, `velocity_m_s`, `mode`, `armed`, ..."""
         return self.fleet.asked(lambda: self._vehicle.truth)
 
     @property
@@ -94,9 +94,9 @@ class Vehicle:
         return data
 
     def ground_station(self) -> None:
-        """Send a ground station's heartbeat: a PX4 sends its texts only to stations it has heard.
+        """Send a ground station's heartbeat: a PX4 sends its texts only to known stations.
 
-        A real one forgets a station after 2.5 s without a heartbeat.
+        A real one drops a station after 2.5 s without a heartbeat.
         """
         self.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
 
@@ -142,7 +142,7 @@ class Vehicle:
 
     @property
     def url(self) -> str:
-        """Where a client connects; the first use puts the whole fleet on sockets."""
+        """URL for a client; the first use puts the whole fleet on sockets."""
         return self.fleet.urls[self.fleet.vehicles.index(self)]
 
     # --- inside ---------------------------------------------------------------------------------
@@ -158,7 +158,7 @@ class Vehicle:
             f"vehicle {self.system_id} at {truth.t_s:.1f} s: {truth.mode.name}, "
             f"{'armed' if truth.armed else 'disarmed'}, {truth.height_m:.1f} m high"
         )
-        if self.fleet.serving:  # what it says goes to its clients
+        if self.fleet.serving:  # its frames go to its clients
             return doing
         self._decode()
         return f"{doing}; it said: {'; '.join(self._texts) or 'nothing'}"
@@ -191,7 +191,7 @@ class Fleet(Sequence[Vehicle]):
 
     @property
     def serving(self) -> bool:
-        """Whether it is on sockets, where time passes by itself."""
+        """True if it is on sockets, where time passes by itself."""
         return self._background is not None
 
     @property
@@ -201,7 +201,7 @@ class Fleet(Sequence[Vehicle]):
 
     @property
     def urls(self) -> list[str]:
-        """Where clients connect, in the vehicles' order; the first use puts them on sockets."""
+        """URLs for clients, in the vehicles' order; the first use puts them on sockets."""
         if self._background is None:
             self._background = Background(
                 self._simulated, speedup=self.setup.speedup, tcp=self.setup.tcp

@@ -45,7 +45,7 @@ _IDLE_POWER = 0.08  # motors turning on the ground
 
 
 class SimVehicle:
-    """A multicopter with a camera that flies in a `World` and speaks MAVLink 2."""
+    """A multicopter with a camera that flies in a `World` and uses MAVLink 2."""
 
     def __init__(self, spec: VehicleSpec, world: World) -> None:
         self.spec = spec
@@ -183,7 +183,7 @@ class SimVehicle:
 
     @property
     def banner(self) -> bytes:
-        """The greeting of a TCP client."""
+        """Greeting of a TCP client."""
         return self._interpreter.banner
 
     @property
@@ -193,7 +193,7 @@ class SimVehicle:
 
     @property
     def truth(self) -> VehicleTruth:
-        """The true state."""
+        """True state."""
         body = self._body
         roll, pitch = body.roll_pitch
         return VehicleTruth(

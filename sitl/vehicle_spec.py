@@ -1,4 +1,4 @@
-"""What a simulated vehicle consists of, its true state, and the choice of its autopilot."""
+"""The parts of a simulated vehicle, its true state, and the choice of its autopilot."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What ArduPilot's EKF3 fuses into its position.
+"""The sources of ArduPilot's EKF3 for its position.
 
-SET_EKF_SOURCE_SET chooses one of three sets of sources (EK3_SRCn_POSXY). Besides it takes a second
+SET_EKF_SOURCE_SET chooses one of three sets of sources (EK3_SRCn_POSXY). It also uses a second
 receiver by GPS_INPUT, a companion's positions by VISO_TYPE, and one position at a time by
 EXTERNAL_POSITION_ESTIMATE, once no position has been fused for a second.
 """
@@ -18,11 +18,11 @@ _GPS, _EXTERNAL_NAV = 3, 6  # EK3_SRCn_POSXY
 _BY_MAVLINK = 14  # GPS2_TYPE
 _SWITCHES = (1, 4)  # GPS_AUTO_SWITCH: the best, the first while it has a fix
 _FIX_3D = 3
-_RECEIVER_S = 4.0  # without a message for so long a receiver is gone
+_RECEIVER_S = 4.0  # time without a message after which a receiver is gone
 _VISION_S = 0.3  # a companion's positions come at 4 Hz at least
-_DEAD_RECKONING_S = 1.0  # without a position for so long it takes one by command
-_ABSOLUTE_S = 10.0  # so long it goes on to call its position absolute
-_NO_AIDING_S = 15.0  # without any help for so long its horizontal position is given up
+_DEAD_RECKONING_S = 1.0  # time without a position after which it accepts one by command
+_ABSOLUTE_S = 10.0  # time for which it still calls its position absolute
+_NO_AIDING_S = 15.0  # time without any help after which its horizontal position is given up
 _LARGEST_SIGMA_M = 100.0
 
 
@@ -41,7 +41,7 @@ class Ek3Aiding(Aiding):
 
     @property
     def absolute(self) -> bool:
-        """Whether a position was fused in the last seconds."""
+        """True if a position was fused in the last seconds."""
         return self._error.no_fix_s < _ABSOLUTE_S
 
     def step(self, t_s: float) -> None:
@@ -87,7 +87,7 @@ class Ek3Aiding(Aiding):
             self._take(east_m, north_m, sigma_m, leapt)
 
     def receiver(self, east_m: float, north_m: float, sigma_m: float, fix_type: int) -> None:
-        """Fuse GPS_INPUT where it has a fix and the first receiver has none."""
+        """Fuse GPS_INPUT if it has a fix and the first receiver has none."""
         if fix_type < _FIX_3D or not self._is_somewhere(east_m, north_m):
             return
         self._receiver_s = self._t_s

@@ -1,4 +1,4 @@
-"""What an ArduCopter decides: modes, arming, take-off, guided flight, missions, failsafes."""
+"""The decisions of an ArduCopter: modes, arming, take-off, guided flight, missions, failsafes."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Autopilot(Aircraft):
 
     @property
     def in_mission(self) -> bool:
-        """Whether it is in AUTO."""
+        """True if it is in AUTO."""
         return self.mode == Mode.AUTO
 
     # --- what can be asked for ------------------------------------------------------------------

@@ -70,7 +70,7 @@ class ArduPilotFailsafes(Failsafes):
 
     @property
     def active(self) -> bool:
-        """Whether any of them is active: the heartbeat reports CRITICAL."""
+        """True if any of them is active: the heartbeat reports CRITICAL."""
         return self.charge_state != CHARGE_OK or bool(self.lost) or self._broken_fence
 
     def step(self, craft: Craft) -> None:

@@ -54,12 +54,12 @@ class Battery:
 
     @property
     def empty(self) -> bool:
-        """Whether no energy is left: the motors stop."""
+        """True if no energy is left: the motors stop."""
         return self.energy_wh <= 0.0
 
     @property
     def full(self) -> bool:
-        """Whether it was not drawn from since the last swap."""
+        """True if it was not drawn from since the last swap."""
         return self.energy_wh >= self.capacity_wh
 
     @property

@@ -174,7 +174,7 @@ class DeadReckoning:
 
 
 _FLOW_SEED = 44
-_REGAINED_S = 1.0  # so long there is a fix before it counts
+_REGAINED_S = 1.0  # time of a fix before it counts
 _FIX_M = 0.3 / math.sqrt(2.0)  # accuracy of the position by satellites, each axis
 _GROWTH_M2_S = 0.15  # of the variance between two measurements: what an IMU leaves open
 _WANDER_M2_S = 0.004  # of the variance by optical flow, at rest
@@ -205,7 +205,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self.flow = flow
         self.satellites_used = True
         self.aided = False
-        """The positions of a second receiver or a companion are used."""
+        """True if positions of a second receiver or a companion are used."""
         self.fix = (0.0, 0.0)
         """Error of the receiver alone, once something else is used."""
         self.no_fix_s = 0.0
@@ -213,7 +213,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self.outage_s = 0.0
         """Since satellites were last fused."""
         self.still_near = True
-        """The estimate has stayed near the satellites: their return needs no reset."""
+        """True if the estimate has stayed near the satellites: their return needs no reset."""
         self.resets = 0
         """Count of leaps of the position."""
         self._plain = not flow
@@ -228,17 +228,17 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
 
     @property
     def calm(self) -> bool:
-        """Whether there are satellites, and there was never anything else."""
+        """True if there are satellites, and there was never anything else."""
         return self._plain and not self.lost and self.outage_s == 0.0
 
     @property
     def by_satellites(self) -> bool:
-        """Whether satellites are fused now."""
+        """True if satellites are fused now."""
         return self.satellites_used and not self.lost and self._regained_s >= _REGAINED_S
 
     @property
     def unaided(self) -> bool:
-        """Whether neither position nor velocity is measured."""
+        """True if neither position nor velocity is measured."""
         if self.flow or self.aided:
             return False
         return self.lost or not self.satellites_used

@@ -102,7 +102,7 @@ class AttitudeError:
 
     @property
     def any(self) -> bool:
-        """Whether there is an error at all."""
+        """True if there is an error at all."""
         return any(self._sigmas)
 
     def step(self, dt_s: float) -> None:

@@ -59,7 +59,7 @@ class CameraSpec:
 
     @property
     def to_pixel(self) -> Matrix:
-        """The matrix from the camera's axes (forward, right, down) to homogeneous pixels."""
+        """Matrix from the camera's axes (forward, right, down) to homogeneous pixels."""
         focal, centre = self.focal_px, ((self.width_px - 1) / 2.0, (self.height_px - 1) / 2.0)
         return np.array([[centre[0], focal, 0.0], [centre[1], 0.0, focal], [1.0, 0.0, 0.0]])
 

@@ -1,4 +1,4 @@
-"""What a camera on a tilted vehicle sees of the world, rendered as JPEG."""
+"""The view of a camera on a tilted vehicle of the world, rendered as JPEG."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _JPEG_QUALITY = 90
 _SHIFT = 4  # binary digits of a pixel's fraction in polygon filling
 _NOISE_MARGIN_PX = 97
 _NOISE_SEED = 5
-_SHARP_PX = 0.5  # a picture that moves by less is not blurred by what anybody could see
+_SHARP_PX = 0.5  # a motion below this makes no visible blur
 _SMEAR_SAMPLES = 4  # for each pixel of the way of a point during the exposure
 # Brightness of blue, green, red over gray for grass; 0.114 b + 0.587 g + 0.299 r stays 1
 _GRASS_BGR = (0.80, 1.06, 0.9603)
@@ -158,7 +158,8 @@ def _fixed(pixels: Matrix) -> npt.NDArray[np.int32]:
 def _with_films(
     world: World, roi: Gray, ground: Picture, films: Sequence[tuple[Rgb | None, Outlines]]
 ) -> Picture:
-    """The films of the ROI over the ground, each within its outlines and over those before it."""
+    """Draw the films of the ROI over the ground, each within its outlines and over those before
+    it."""
     view = ground
     for rgb, outlines in films:
         if not outlines:
@@ -180,7 +181,7 @@ def _with_films(
 
 
 def _tinted(gray: Gray, mean: float, rgb: Rgb) -> Picture:
-    """The pattern of a gray film around a colour, blue-green-red."""
+    """Return the pattern of a gray film around a colour, blue-green-red."""
     levels = np.arange(256, dtype=np.float64)[:, None] - mean
     table = np.clip(np.round(np.array(rgb[::-1]) + levels), 0, 255).astype(np.uint8)
     return np.asarray(cv2.applyColorMap(gray, table[:, None, :]), dtype=np.uint8)
@@ -196,7 +197,7 @@ def _wrapped(tile: Gray, east_m: Matrix, north_m: Matrix) -> Gray:
 
 
 def _blend(upper: Picture, lower: Picture, mask: Gray) -> Picture:
-    """Return `upper` where the mask is 255, `lower` where it is 0."""
+    """Return `upper` if the mask is 255, `lower` if it is 0."""
     view = lower.copy()
     cv2.copyTo(upper, mask, view)
     rim = cv2.findNonZero(cv2.inRange(mask, (1.0,), (254.0,)))

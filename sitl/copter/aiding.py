@@ -1,6 +1,6 @@
-"""What an autopilot fuses into its position: satellites, a second receiver, a companion.
+"""The sources of an autopilot for its position: satellites, a second receiver, a companion.
 
-Measurements are in the world's plane (east, north). Each autopilot decides which of them it takes
+Measurements are in the world's plane (east, north). Each autopilot decides which of them it uses
 and what it answers: `sitl.ardupilot.aiding`, `sitl.px4.aiding`.
 """
 
@@ -43,7 +43,7 @@ class Aiding(ABC):
     @property
     @abstractmethod
     def absolute(self) -> bool:
-        """Whether the filter reports an absolute position."""
+        """True if the filter reports an absolute position."""
 
     @abstractmethod
     def step(self, t_s: float) -> None:

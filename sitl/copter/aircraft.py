@@ -1,4 +1,4 @@
-"""What every simulated autopilot has: an estimate, home, readiness, plans, texts, time.
+"""The common part of every simulated autopilot: an estimate, home, readiness, plans, texts, time.
 
 A subclass decides: `sitl.ardupilot.autopilot` is an ArduCopter, `sitl.px4.autopilot` a PX4.
 """
@@ -42,7 +42,7 @@ class Notice(NamedTuple):
 
 
 class Device(NamedTuple):
-    """What an autopilot is built into; `seed`: the world's, and the system id."""
+    """The device around an autopilot; `seed`: the world's, and the system id."""
 
     body: Body
     error: Estimator
@@ -90,7 +90,7 @@ class Aircraft(Motion, ABC):
 
     @property
     def prearm_ok(self) -> bool:
-        """The prearm bit of SYS_STATUS."""
+        """Prearm bit of SYS_STATUS."""
         settled = self.t_s >= _PREARM_SHARE * self._airframe.ready_after_s
         if not settled or self.body.crashed or self.position_lost:
             return False
@@ -98,25 +98,25 @@ class Aircraft(Motion, ABC):
 
     @property
     def position_ok(self) -> bool:
-        """Whether the navigation filter has an absolute position."""
+        """True if the navigation filter has an absolute position."""
         return self.t_s >= self._airframe.ready_after_s and not self.failsafes.position_gone(
             self.t_s
         )
 
     @property
     def position_lost(self) -> bool:
-        """Whether there are no satellites, and nothing in their place."""
+        """True if there are no satellites, and nothing in their place."""
         return self.error.unaided
 
     @property
     def satellites_lost(self) -> bool:
-        """Whether there are no satellites, although the position depends on them."""
+        """True if there are no satellites, although the position depends on them."""
         return self.error.lost and self.error.satellites_used
 
     @property
     @abstractmethod
     def in_mission(self) -> bool:
-        """Whether the mode is the one that flies missions."""
+        """True if the mode is the one that flies missions."""
 
     # --- what can be asked for ------------------------------------------------------------------
 

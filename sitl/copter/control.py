@@ -25,7 +25,7 @@ _BRAKING_SHARE = 0.85
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the parameters allow, in SI units, limited to what can be flown."""
+    """Limits by the parameters, in SI units, within the capability of the airframe."""
 
     speed_m_s: float
     climb_m_s: float

@@ -1,7 +1,7 @@
-"""What the failsafes of every autopilot share: what they watch, when they begin and end.
+"""The common part of the failsafes of every autopilot: conditions, beginning and end.
 
-A subclass decides what follows: `sitl.ardupilot.failsafes`, `sitl.px4.failsafes`. All times are the
-vehicle's own.
+A subclass decides on the action: `sitl.ardupilot.failsafes`, `sitl.px4.failsafes`. All times are
+the vehicle's own.
 """
 
 from __future__ import annotations
@@ -64,22 +64,22 @@ class Failsafes(ABC):
     @property
     @abstractmethod
     def active(self) -> bool:
-        """Whether the heartbeat reports CRITICAL."""
+        """True if the heartbeat reports CRITICAL."""
 
     def hear_station(self, now_s: float) -> None:
         """Note a heartbeat of the ground station."""
         self._station_s = now_s
 
     def silent_s(self, now_s: float) -> float:
-        """Return how long the ground station is silent, s; below 0 before it is first heard."""
+        """Return the silence of the ground station, s; below 0 before its first message."""
         return -1.0 if self._station_s is None else now_s - self._station_s
 
     def position_gone(self, now_s: float) -> bool:
-        """Whether the filter has no position any more."""
+        """Return whether the filter has no position any more."""
         return self._position_s is not None and now_s - self._position_s >= self._gone_after_s
 
     def is_fresh_pack(self, craft: Craft) -> bool:
-        """Return whether the battery was swapped since the last look; its charge is good then."""
+        """Return whether the battery was swapped since the last call; its charge is good then."""
         before_mah, self._consumed_mah = self._consumed_mah, craft.battery.consumed_mah
         if self._consumed_mah >= before_mah:
             return False
@@ -114,7 +114,7 @@ class Failsafes(ABC):
         return self.begins(craft, POSITION, gone or POSITION in self.lost)
 
     def breaks_fences(self, craft: Craft) -> int:
-        """Return the fences, bits of FENCE_TYPE, that were broken since the last look."""
+        """Return the fences, bits of FENCE_TYPE, that were broken since the last call."""
         return craft.fence.watch(
             craft.parameters, craft.home, craft.estimate.place, craft.t_s,
             flying=craft.armed and craft.airborne,

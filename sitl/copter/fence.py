@@ -20,7 +20,7 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """A polygon (`ring`) or a circle (a point and a radius) to stay inside, or outside of."""
+    """A polygon (`ring`) or a circle (a point and a radius) to stay inside, or outside."""
 
     ring: tuple[tuple[float, float], ...]
     radius_m: float
@@ -67,7 +67,7 @@ class Fence:
         self._risen = False
 
     def enabled(self, parameters: Parameters) -> bool:
-        """Whether FENCE_ENABLE is set."""
+        """Return whether FENCE_ENABLE is set."""
         return parameters["FENCE_ENABLE"] != 0.0
 
     def violations(
@@ -75,7 +75,7 @@ class Fence:
     ) -> int:
         """Return the bits of the fences that a place breaks; 0 while the fence is off.
 
-        `low`: look at FENCE_ALT_MIN too.
+        With `low` it also checks FENCE_ALT_MIN.
         """
         if not self.enabled(parameters):
             return 0

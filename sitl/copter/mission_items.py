@@ -62,7 +62,7 @@ IDLE_COMMANDS = {
 NAMES = {**NAVIGATION, **DOING, **IDLE_COMMANDS}
 
 SPEEDS = {0: "speed_m_s", 1: "speed_m_s", 2: "climb_m_s", 3: "descent_m_s"}
-"""What DO_CHANGE_SPEED changes, by its first parameter."""
+"""Limits that DO_CHANGE_SPEED changes, by its first parameter."""
 
 POLYGONS = (
     mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
@@ -113,7 +113,7 @@ class Item:
 
     @property
     def here(self) -> bool:
-        """Whether it has no place: 0, 0 is where the vehicle is."""
+        """True if it has no place: 0, 0 is the vehicle's place."""
         return self.x == 0 and self.y == 0
 
 
@@ -146,7 +146,7 @@ def check(kind: int, item: Item) -> int:
 
 
 def check_fence(items: list[Item]) -> int:
-    """Return MAV_MISSION_INVALID unless each polygon has as many vertices in a row as they say."""
+    """Return MAV_MISSION_INVALID unless each polygon has its stated number of vertices in a row."""
     at = 0
     while at < len(items):
         item = items[at]

@@ -25,7 +25,7 @@ UNARMABLE = (Mode.RTL, Mode.LAND, Mode.AUTO, Mode.BRAKE)
 
 
 class Phase(Enum):
-    """What the vehicle is doing."""
+    """The activity of the vehicle."""
 
     LANDED = "landed"
     SPOOL = "spool"

@@ -15,12 +15,12 @@ from sitl.copter.params import Parameters
 from sitl.copter.trajectory import Follower, Setpoint, Shaper, shaping_jerk
 
 _SPOOL_S = 2.5  # motors up to speed, before the climb
-_CONTACT_S = 1.0  # standing for so long counts as landed
+_CONTACT_S = 1.0  # time on the ground that counts as landed
 _ARRIVED_M = 0.2
 _TURN_TO_TARGET_M = 2.0
 _CHASE_SHARE = 2.0
 
-# a member looked up in its class costs more than what is done with it here
+# looking up a member in its class costs more than its use here
 _LANDED, _SPOOL, _CLIMB, _FLY = Phase.LANDED, Phase.SPOOL, Phase.CLIMB, Phase.FLY
 _RTL_CLIMB, _RTL_RETURN, _RTL_HOLD = Phase.RTL_CLIMB, Phase.RTL_RETURN, Phase.RTL_HOLD
 _DESCEND = Phase.DESCEND
@@ -78,7 +78,7 @@ class Motion:
 
     @property
     def tuning(self) -> Tuning:
-        """The parameters at present."""
+        """Present parameters."""
         if self._tuned_version != self.parameters.version:
             self._tuned_version = self.parameters.version
             self._tuning = self.tune(self.parameters)
@@ -86,23 +86,23 @@ class Motion:
 
     @property
     def airborne(self) -> bool:
-        """Whether it is off the ground by its own estimate."""
+        """True if it is off the ground by its own estimate."""
         return self.phase not in _STANDING
 
     @property
     def by_hand(self) -> bool:
-        """Whether the pilot's radio control is on; its sticks are centred."""
+        """True if the pilot's radio control is on; its sticks are centred."""
         return self._airframe.stick and not self.radio_lost
 
     @property
     def yaw_goal(self) -> float:
-        """The commanded bearing of the nose."""
+        """Commanded bearing of the nose."""
         goal = self._control.yaw_target
         return self.body.heading if goal is None else goal
 
     @property
     def turned(self) -> bool:
-        """Whether the nose is within 2 degrees of its bearing."""
+        """True if the nose is within 2 degrees of its bearing."""
         return abs(math.remainder(self.yaw_goal - self.body.heading, math.tau)) < math.radians(2.0)
 
     def distance_to(self, place: Place) -> float:
@@ -279,7 +279,7 @@ class Motion:
         command = self._control.command(now, self.body, velocity, climb, chase, dt_s, tau_s)
         if position:
             return command
-        self.hold = (now.east, now.north, hold[2])  # no way back to where it once was
+        self.hold = (now.east, now.north, hold[2])  # no return to its earlier place
         return command._replace(east_m_s2=0.0, north_m_s2=0.0)
 
     def _refresh_limits(self) -> None:

@@ -100,7 +100,7 @@ _ROWS = (
     Parameter("SIM_GPS_GLITCH_Y", 0.0, REAL32),  # degrees of longitude
     Parameter("SIM_RC_FAIL", 0, INT8),
     Parameter("SIM_SPEEDUP", 1.0, REAL32, fixed=True),
-    Parameter("SIM_WIND_DIR", 180.0, REAL32),  # degrees, where it comes from
+    Parameter("SIM_WIND_DIR", 180.0, REAL32),  # degrees, the direction that it comes from
     Parameter("SIM_WIND_SPD", 0.0, REAL32),  # m/s besides the world's
     Parameter("SYS_FAILURE_EN", 0, INT8),  # 1: MAV_CMD_INJECT_FAILURE is obeyed
     Parameter("VISO_POS_M_NSE", 0.2, REAL32),  # m

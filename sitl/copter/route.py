@@ -23,7 +23,7 @@ _MOST_JUMPS = 64  # without a navigation item between them
 
 
 class Progress(IntEnum):
-    """How far a mission is; the values are MISSION_STATE's."""
+    """The progress of a mission; the values are MISSION_STATE's."""
 
     NOT_STARTED = 2
     ACTIVE = 3
@@ -94,7 +94,7 @@ class Route:
 
     @property
     def begins_with_takeoff(self) -> bool:
-        """Whether the next navigation item is a take-off."""
+        """True if the next navigation item is a take-off."""
         start = self.current if self.progress == Progress.PAUSED else self.first
         ahead = self.plan[max(self.first, start) :]
         following = (item.command for item in ahead if item.command in NAVIGATION)
@@ -155,7 +155,7 @@ class Route:
             self.progress = Progress.NOT_STARTED
 
     def plan_changed(self) -> None:
-        """Note that the plan was replaced; a mission in flight goes on."""
+        """Note that the plan was replaced; a mission in flight continues."""
         if self.progress == Progress.ACTIVE:
             return
         self.progress = Progress.NOT_STARTED

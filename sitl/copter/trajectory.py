@@ -1,4 +1,4 @@
-"""How an autopilot flies to a place, and along a stream of setpoints.
+"""Flight of an autopilot to a place, and along a stream of setpoints.
 
 A path to a place is limited in jerk: a shaped point runs ahead within the limits, and the vehicle
 follows it. While it makes up for its lag it may exceed the limit, as the real one does.
@@ -66,7 +66,7 @@ class _ShapedPoint:
         self._place = self._velocity = self._acceleration = (0.0, 0.0)
 
     def _begin(self, now: Estimate) -> None:
-        """Start where the vehicle is, unless the path goes on."""
+        """Start at the vehicle's place, unless the path continues."""
         if not self.active:
             self.active = True
             self._place, self._velocity = (now.east, now.north), (now.v_east, now.v_north)
@@ -101,7 +101,7 @@ class Shaper(_ShapedPoint):
         jerk_m_s3: float,
         dt_s: float,
     ) -> tuple[float, float]:
-        """Return the vehicle's wanted velocity (east, north); `active`: the path goes on."""
+        """Return the vehicle's wanted velocity (east, north); `active`: the path continues."""
         self._begin(now)
         (east, north), (v_east, v_north) = self._place, self._velocity
         rate_1_s = jerk_m_s3 / limits.accel_m_s2
@@ -272,4 +272,4 @@ class DelayedFollower:
 
 
 Follower: TypeAlias = ShapedFollower | DelayedFollower
-"""How setpoints become the wanted velocity of the vehicle."""
+"""Conversion of setpoints to the wanted velocity of the vehicle."""

@@ -110,16 +110,16 @@ class Faults:
     def __init__(self) -> None:
         self.t_s = 0.0
         self.up = CLEAN
-        """Of the frames from the clients."""
+        """Fault of the frames from the clients."""
         self.down = CLEAN
-        """Of the frames to the clients."""
+        """Fault of the frames to the clients."""
         self.gust_m_s = (0.0, 0.0)
         """Wind besides the world's: towards east, towards north."""
         self.camera_stalled = False
         self.picture: Literal["", "black", "corrupt"] = ""
         """Damage of a picture taken now."""
         self.rc_lost = False
-        """The signal of the radio control is lost."""
+        """True while the signal of the radio control is lost."""
         self.reboots = 0
         """Count of cuts of the companion's connections."""
         # a test may set faults while another thread serves the vehicle

@@ -111,7 +111,7 @@ class Commands(ABC):
     default_s: ClassVar[Mapping[int, float]] = {}
     """Intervals of the messages that are streamed by default, s."""
     answers_for_camera: ClassVar[bool] = True
-    """The autopilot answers for a missing camera."""
+    """True if the autopilot answers for a missing camera."""
 
     ap: Aircraft
     telemetry: Telemetry

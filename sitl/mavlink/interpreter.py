@@ -48,11 +48,11 @@ class Interpreter:
     odometry_frames: ClassVar[tuple[int, ...]] = (mav.MAV_FRAME_LOCAL_FRD,)
     """Accepted frames of ODOMETRY; they lie north here."""
     banner: ClassVar[bytes] = b"\r\n\r\nInit ArduCopter V4.6.0\r\n\r\nFree RAM: 131072\r\n"
-    """The greeting of a TCP client."""
+    """Greeting of a TCP client."""
     sends_mode_at_once: ClassVar[bool] = True
     camera_feedback: ClassVar[bool] = True
     texts_to_stations: ClassVar[bool] = False
-    """Texts go only to links on which a ground station was heard."""
+    """True if texts go only to links from which a ground station was received."""
 
     system_id: int
     ap: Aircraft

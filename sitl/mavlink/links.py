@@ -25,7 +25,7 @@ from sitl.faults.faults import CLEAN, Faults, LinkQuality
 
 KEY_BYTES = 32
 NEW_STREAM_BEHIND = 6_000_000
-"""By how much a new stream may begin behind the newest timestamp: one minute."""
+"""Maximum lag of a new stream behind the newest timestamp: one minute."""
 
 _SIGNED = mav.MAVLINK_IFLAG_SIGNED
 _MAX_STREAMS = 16  # as in the C library: further streams are refused
@@ -42,7 +42,7 @@ class Signing:
 
     @property
     def active(self) -> bool:
-        """Whether there is a key: all frames are signed in both directions."""
+        """True if there is a key: all frames are signed in both directions."""
         return self._key is not None
 
     def set_up(self, key: bytes, timestamp: int) -> None:
@@ -125,7 +125,7 @@ class Lossy:
 
     @property
     def idle(self) -> bool:
-        """Whether no frame is on its way."""
+        """True if no frame is on its way."""
         return not self._waiting
 
     def put(self, frames: Iterable[bytes], quality: LinkQuality, now_s: float) -> None:

@@ -17,7 +17,7 @@ from sitl.copter.modes import Mode, Phase
 from sitl.quirks import Quirks
 from sitl.world.world import World
 
-_CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
+_CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat reports ACTIVE although the vehicle does not fly
 _AUTO = Mode.AUTO
 _GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE)
 
@@ -80,7 +80,7 @@ class Telemetry:
         "position_target_global_int", "battery_status", "autopilot_version", "wind",
         "ekf_status_report", "home_position", "extended_sys_state", "fence_status",
     )  # fmt: skip
-    """The messages that it sends, each by the method of its name."""
+    """Messages that it sends, each by the method of its name."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class Telemetry:
         self._wind = wind
         self._clock_rate = 1.0 + quirks.clock_ppm * 1e-6  # beside time
         self.origin = autopilot.home
-        """Of LOCAL_POSITION_NED, in the world's plane: the boot position."""
+        """Origin of LOCAL_POSITION_NED, in the world's plane: the boot position."""
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Packed | None]] = {
             _id_of(name): getattr(self, name) for name in self.kinds
@@ -112,7 +112,7 @@ class Telemetry:
 
     @property
     def streamable(self) -> Collection[int]:
-        """The messages whose interval can be set."""
+        """Messages whose interval can be set."""
         return self._builders.keys()
 
     def knows(self, message_id: int) -> bool:

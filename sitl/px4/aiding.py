@@ -1,7 +1,7 @@
-"""What PX4's EKF2 fuses into its position, and how the height of home is corrected.
+"""The sources of PX4's EKF2 for its position, and the correction of the height of home.
 
 EKF2_GPS_CTRL and EKF2_EV_CTRL (bit 0: horizontal position) choose the sources. Beside satellites
-only the changes of a companion's positions count: their offset is estimated. It takes a position
+only the changes of a companion's positions count: their offset is estimated. It accepts a position
 of EXTERNAL_POSITION_ESTIMATE while nothing else aids it.
 """
 
@@ -43,7 +43,7 @@ class Ekf2Aiding(Aiding):
 
     @property
     def absolute(self) -> bool:
-        """Whether satellites or a companion give its position."""
+        """True if satellites or a companion give its position."""
         return self._fuses_satellites or self._fuses_vision
 
     def step(self, t_s: float) -> None:
@@ -68,7 +68,7 @@ class Ekf2Aiding(Aiding):
         error.aided = self._fuses_vision
 
     def vision(self, east_m: float, north_m: float, sigma_m: float, resets: int) -> None:
-        """Take its position as it is where it is alone, with an offset beside satellites."""
+        """Fuse its position as it is if it is alone, with an offset beside satellites."""
         error = self._error
         if not int(self._get["EKF2_EV_CTRL"]) & _POSITION:
             return
@@ -158,5 +158,5 @@ class HomeCorrection:
         return self._up + self.height_m(flown_s) if flown_s <= _LASTS_S else up
 
     def end(self) -> None:
-        """Leave home where it is until the next take-off."""
+        """Keep home at its place until the next take-off."""
         self._since_s = -math.inf

@@ -1,4 +1,4 @@
-"""What a PX4 does: arming and modes, take-off, repositioning, missions, offboard flight."""
+"""The actions of a PX4: arming and modes, take-off, repositioning, missions, offboard flight."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from sitl.px4.params import TABLE, Px4Fence, px4_tuning
 # A stream of places and velocities at 10 Hz was followed 0.33 s late (0.12 to 0.73 s, 90 % of the
 # time), most in the first seconds of a path
 _SETPOINT_DELAY_S, _FIRST_DELAY_S = 0.2, 0.7
-_LIFTS_OFF_M = 0.3  # a setpoint so far above a vehicle on the ground lets it take off
+_LIFTS_OFF_M = 0.3  # height of a setpoint above a vehicle on the ground that lets it take off
 _OFFBOARD_CLIMB_M = 1.0
 _HOME_SEED = 43
 
 Wish = tuple[float | None, float | None, float | None]
-"""East, north, up; None where it is left open."""
+"""East, north, up; None for a free coordinate."""
 
 
 class Px4Autopilot(Aircraft):
@@ -59,22 +59,22 @@ class Px4Autopilot(Aircraft):
 
     @property
     def intended(self) -> Px4Mode:
-        """The mode that was requested last, whatever a failsafe does meanwhile."""
+        """Last requested mode, whatever a failsafe does meanwhile."""
         return self._intended if self.failsafes.engaged else self.mode
 
     @property
     def in_mission(self) -> bool:
-        """Whether it is in AUTO.MISSION."""
+        """True if it is in AUTO.MISSION."""
         return self.mode == Px4Mode.MISSION
 
     @property
     def position_lost(self) -> bool:
-        """Whether nothing aids it, or the filter's accuracy has passed COM_POS_FS_EPH."""
+        """True if nothing aids it, or the filter's accuracy has passed COM_POS_FS_EPH."""
         return self.error.unaided or self.position_poor
 
     @property
     def position_poor(self) -> bool:
-        """Whether the position by optical flow is worse than COM_POS_FS_EPH; below 0: never."""
+        """True if the position by optical flow is worse than COM_POS_FS_EPH; below 0: never."""
         if self.aiding.absolute or not self.error.flow:
             return False
         limit_m = self.parameters["COM_POS_FS_EPH"]
@@ -82,11 +82,11 @@ class Px4Autopilot(Aircraft):
 
     @property
     def prearm_ok(self) -> bool:
-        """Whether the checks before arming pass."""
+        """True if the checks before arming pass."""
         return self.prearm_refusal() is None
 
     def prearm_refusal(self) -> str | None:
-        """What the checks before arming object to, or None."""
+        """Return the objection of the checks before arming, or None."""
         if self.body.crashed:
             return "Preflight Fail: crash detected"
         if not self.position_ok:

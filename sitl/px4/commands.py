@@ -65,7 +65,7 @@ class Px4Commands(Commands):
         mode = None
         if base is not None and base & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and main is not None:
             mode = wanted(main & 0xFF, (sub or 0) & 0xFF)
-        # the receiver of the message accepts it unseen, before the commander looks at it
+        # the receiver of the message accepts it before the commander checks it
         return replace(self._mode(mode), before=(ACCEPTED,))
 
     def set_mode(self, number: int) -> Reply:

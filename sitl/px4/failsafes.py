@@ -149,15 +149,15 @@ class Px4Failsafes(Failsafes):
     def __init__(self) -> None:
         super().__init__()
         self.engaged = False
-        """A failsafe has changed the mode, and no pilot since."""
-        self._without_satellites = False  # it flies on, and has said so
+        """True if a failsafe has changed the mode, and no pilot since."""
+        self._without_satellites = False  # it flies on, and has reported that
         self._due: tuple[float, int] | None = None  # when the waiting in Hold ends, and what then
         self._action = 0
         self._streamless = False  # what is done is for a lost stream of setpoints
 
     @property
     def active(self) -> bool:
-        """Whether the heartbeat reports CRITICAL."""
+        """True if the heartbeat reports CRITICAL."""
         return self.engaged
 
     def hears_station(self, now_s: float, parameters: Parameters) -> bool:
@@ -275,5 +275,5 @@ class Px4Failsafes(Failsafes):
         self._action, self._due, self.engaged = action, None, True
         if action == MOTORS_OFF:
             craft.disarm(force=True)
-        elif craft.mode != Px4Mode.LAND:  # what lands goes on landing
+        elif craft.mode != Px4Mode.LAND:  # a vehicle that lands continues its landing
             craft.fail_to(Px4Mode(action))

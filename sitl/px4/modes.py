@@ -25,7 +25,7 @@ class Px4Mode(IntEnum):
 
     @property
     def automatic(self) -> bool:
-        """Whether its main mode is AUTO."""
+        """True if its main mode is AUTO."""
         return self >> 16 & 0xFF == MAIN_AUTO
 
 

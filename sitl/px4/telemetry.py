@@ -1,4 +1,4 @@
-"""A PX4's state as MAVLink messages: differences to ArduPilot's, and what it streams by default."""
+"""A PX4's state as MAVLink messages: differences to ArduPilot's, and its default streams."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ DEFAULT_HZ = {
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     CURRENT_MODE: 0.5,
 }
-"""What a link to a ground station carries without a request (PX4's mode "normal")."""
+"""Messages on a link to a ground station without a request (PX4's mode "normal")."""
 
 _NOT_SENT = ("ekf_status_report", "wind", "fence_status")  # which an ArduPilot sends
 DEFAULT_S = {int(message_id): 1.0 / hz for message_id, hz in DEFAULT_HZ.items()}
@@ -83,7 +83,7 @@ class Px4Telemetry(Telemetry):
 
     @property
     def reported_mode(self) -> Px4Mode:
-        """The mode; a blind descent out of OFFBOARD is reported as ALTITUDE."""
+        """Mode; a blind descent out of OFFBOARD is reported as ALTITUDE."""
         ap = self._ap
         blind = ap.failsafes.engaged and ap.mode == Px4Mode.LAND and not ap.position_ok
         return Px4Mode.ALTITUDE if blind and ap.intended == Px4Mode.OFFBOARD else ap.mode

@@ -115,7 +115,7 @@ PORTS_BETWEEN_VEHICLES = 10
 BASE_PORT = {"udp": 14550, "tcp": 5760}
 
 _STEP_S = 0.05
-_TICK_S = 0.01  # how often to look whether a step is due
+_TICK_S = 0.01  # interval of checks whether a step is due
 _BURST_S = 0.1  # wall time of stepping before the sockets get their turn
 
 Transport: TypeAlias = Literal["udp", "tcp"]

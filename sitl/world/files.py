@@ -28,7 +28,7 @@ from sitl.world.ground import Matrix, Orthophoto
 from sitl.world.world import Patch
 
 WGS84 = 4326
-_FARTHEST_M = 20_000.0  # from home: the plane is flat, and nothing so far would be seen
+_FARTHEST_M = 20_000.0  # from home: the plane is flat, and the camera sees nothing so far away
 _SUFFIXES = {"JPEG": (".jgw", ".jpgw", ".jpegw"), "PNG": (".pgw", ".pngw"), "TIFF": (".tfw",)}
 
 # TIFF tags and GeoTIFF keys (OGC 19-008)

@@ -1,4 +1,4 @@
-"""The ground truth: where the region of interest lies and drifts, the wind and the light.
+"""The ground truth: place and drift of the region of interest, the wind and the light.
 
 All is a function of the world's time `t_s`, which starts at 0, and of the seed.
 """
@@ -153,7 +153,7 @@ class World:
         # all vehicles of a fleet ask for the wind of the same moment
         self._wind_cache = (-1.0, self._wind)
         self.films = self._build_films()
-        """What is painted one over the other: a colour, None for gray, and its part of the ROI."""
+        """Layers of paint, one over the other: a colour, None for gray, and its part of the ROI."""
         self.roi_at_rest = shapely.union_all([film for _, film in self.films])
         """The ROI at time 0; the renderer moves the camera instead of the polygon."""
         shapely.prepare(self.roi_at_rest)
@@ -202,12 +202,12 @@ class World:
 
     @cached_property
     def ground_texture(self) -> Gray:
-        """The ground's tile: gray levels, `sitl.world.ground.METRES_PER_PIXEL`, wraps around."""
+        """Tile of the ground: gray levels, `sitl.world.ground.METRES_PER_PIXEL`, wraps around."""
         spec = self.spec
         return ground_tile((spec.seed, _GROUND), spec.ground_intensity, spec.texture)
 
     @cached_property
     def roi_texture(self) -> Gray:
-        """The ROI's tile, which drifts with the ROI."""
+        """Tile of the ROI, which drifts with the ROI."""
         spec = self.spec
         return roi_tile((spec.seed, _ROI), spec.roi_intensity, spec.texture)
