@@ -1,13 +1,13 @@
 """The arena: robots without noise explore a given ROI, led by an explorer.
 
-A robot that arrives at a vertex looks from it, learns which neighbours are ROI, and decides. Robots
-that arrive at one instant look first and decide together. On a resting ROI at unit speed the
-instants are the rounds of Sung and Tokekar, section 4.1.
+A robot that arrives at a vertex observes it, learns which neighbours are ROI, and decides. Robots
+that arrive at one instant first observe and then decide together. On a resting ROI at unit speed
+the instants are the rounds of Sung and Tokekar, section 4.1.
 
-With shared communication all have one tree. Robots that talk only where they meet (the paper's
-assumption) have a tree each and join them at a common vertex. Over a radio (`radio`) robots that
-hear each other at once decide together; with a delay or a limited rate each decides from what has
-reached it, together only with those at its vertex.
+With shared communication all have one tree. Robots that communicate only where they meet (the
+paper's assumption) have a tree each and join them at a common vertex. Over a radio (`radio`) robots
+in contact without delay decide together. With a delay or a limited rate each decides from the news
+that has reached it, together only with those at its vertex.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _SAME_INSTANT = 1e-9
 
 
 class Comms(StrEnum):
-    """When robots know what the others saw: always, or after a meeting."""
+    """The time when robots know the others' observations: always, or after a meeting."""
 
     SHARED = "shared"
     MEETING = "meeting"
@@ -77,22 +77,22 @@ def run(
     team: Team | None = None,
     limit: float | None = None,
 ) -> Run:
-    """Explore a ROI to the end and come home.
+    """Explore a ROI to the end and return.
 
     Args:
         explorer: the strategy.
         roi: the cells of the ROI; those that `start` does not reach stay unknown.
         start: the first vertex of all robots 0, 1, ...
         robots: their number.
-        metric: what a move costs, by default 1.
-        comms: when robots know what others saw, or their radio.
-        tree: what is known beforehand, by default nothing but the start.
+        metric: the cost of a move, by default 1.
+        comms: when robots know others' observations, or their radio.
+        tree: the tree at the beginning, by default only the start.
         team: the robots that take part, by default all. One that is left out stays at the vertex
             that it reaches and is hidden from the explorer, as a vehicle that failed.
         limit: the time after which the run is given up, by default plenty.
 
     Raises:
-        StrategyError: a strategy that jumps, never ends, or leaves everybody waiting.
+        StrategyError: a strategy that jumps, never ends, or leaves all robots waiting.
 
     >>> from missions.planning.stepwise import EXPLORERS
     >>> run(EXPLORERS["rdfs"], {Cell(0, 0), Cell(1, 0), Cell(2, 0)}, Cell(0, 0), 1).makespan
@@ -163,7 +163,7 @@ class _Arena:
                 )
 
     def everything(self) -> Tree:
-        """The tree that all know together."""
+        """Return the tree that all know together."""
         minds = list(self.minds.values())
         all_of_it = minds[0]
         for mind in minds[1:]:
@@ -192,7 +192,7 @@ class _Arena:
         return moved
 
     def _groups(self, ready: Iterable[int]) -> list[list[int]]:
-        """Robots that decide together: all, those that hear each other, or those at one vertex."""
+        """Return robots that decide together: all, those in contact, or those at one vertex."""
         ordered = sorted(ready)
         if self.comms is Comms.SHARED:
             return [ordered] if ordered else []
@@ -203,7 +203,7 @@ class _Arena:
         return list(together.values())
 
     def _audience(self, here: Sequence[int]) -> Iterable[int]:
-        """The robots that know at once what a group sees and does."""
+        """Return the robots that know at once what a group sees and does."""
         if self.comms is Comms.SHARED:
             return self.minds
         return here if self.radio is None else self.radio.together(here[0]) or here
@@ -229,8 +229,11 @@ class _Arena:
         return bool(moves)
 
     def _arrive(self) -> bool:
-        """Pass time until robots arrive, look and join their knowledge; with a radio at most to the
-        next whole unit of time. Returns whether any has arrived."""
+        """Pass time until robots arrive, observe and join their knowledge; return whether any has
+        arrived.
+
+        With a radio the time passes at most to the next whole unit.
+        """
         self.t = self._next_instant()
         arrived = sorted(r for r, leg in self.flying.items() if leg.end_t <= self.t + _SAME_INSTANT)
         for robot in arrived:
@@ -273,8 +276,10 @@ class _Arena:
         self._meet({self.at[r] for r in self.ready})
 
     def _in_order(self, arrived: list[int]) -> list[Cell]:
-        """The cells of arrivals by depth, then the outermost first. The first look makes a cell
-        that two see its child, so the order must not hang on the numbers of the robots.
+        """Return the cells of arrivals by depth, then the outermost first.
+
+        The first observation makes a cell that two see its child, so the order must not depend on
+        the numbers of the robots.
         """
         root = self.minds[0].tree.root
         depth = {self.at[r]: self.minds[r].tree.vertices[self.at[r]].depth for r in arrived}
@@ -304,15 +309,15 @@ class Certificate:
 
     makespan: float
     lower_bound: float
-    """No team is faster on this ROI."""
+    """Minimum makespan of any team on this ROI."""
     bound: float | None
-    """The strategy's promise for this ROI; None without one."""
+    """The strategy's bound for this ROI; None without one."""
     tree_depth: int
     cells: int
 
     @property
     def bound_held(self) -> bool | None:
-        """Whether the strategy kept its promise; None without one."""
+        """True if the strategy kept its bound; None without one."""
         if self.bound is None:
             return None
         return self.makespan <= self.bound * (1.0 + _ROUNDING)
@@ -326,11 +331,11 @@ def certify(
     static: LowerBounds,
     comms: Comms | Links = Comms.SHARED,
 ) -> Certificate:
-    """The certificate of a run in the arena that explored the whole ROI.
+    """Return the certificate of a run in the arena that explored the whole ROI.
 
-    `static` holds the bounds for steps to neighbours; straight flight has its own. Strategies
-    promise for teams that share what they know: other teams walk into what is explored already,
-    and get no bound, nor does a case that `promised_moves` excludes.
+    `static` holds the bounds for steps to neighbours; straight flight has its own. Bounds of
+    strategies hold for teams that share their knowledge. Other teams enter explored ground and get
+    no bound, nor does a case that `promised_moves` excludes.
     """
     tree = run.tree
     lower = flight_lower_bound(tree.vertices, tree.root, robots, metric)

@@ -84,7 +84,7 @@ _Check = Callable[[Explorer, Rois], Iterator[str]]
 
 
 def _first_failure(each: _Check, explorer: Explorer, rois: Rois) -> str | None:
-    """The first fault; a defect of the strategy is a failure like any other."""
+    """Return the first fault; a defect of the strategy is a failure like any other."""
     try:
         return next(each(explorer, rois), None)
     except StrategyError as error:
@@ -110,7 +110,7 @@ def _not_too_far(start: Cell, end: Cell) -> bool:
 
 
 def _radio(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """News comes late, in pieces or not at all."""
+    """Yield faults with news that comes late, in pieces or not at all."""
     for links in (Links(range_cells=2.0, loss=0.3, seed=1), Links(delay=2.0, rate=1.0)):
         yield from _runs(explorer, rois, 3, comms=links)
 
@@ -144,11 +144,14 @@ def _bound(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 
 def _dropouts(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """Of five robots one joins late, two leave for a while, one comes back at the very end."""
+    """Yield faults of five robots of which one joins late, and two leave for a while.
+
+    One comes back at the very end.
+    """
     away = {1: (0, 6), 2: (3, 9), 3: (5, 12), 4: (4, 1_000_000)}
 
     def team(t: float, tree: Tree) -> list[int]:
-        if tree.is_explored(START):  # a robot that was given up is brought home as well
+        if tree.is_explored(START):  # a robot that was given up returns as well
             return list(range(5))
         return [r for r in range(5) if not (r in away and away[r][0] <= t < away[r][1])]
 
@@ -164,13 +167,13 @@ def _repeats(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 def _pure(explorer: Explorer, rois: Rois) -> Iterator[str]:
     for kind in ("compact", "ring"):
-        watch: Any = _Watch(explorer)  # with all that the strategy says of itself
+        watch: Any = _Watch(explorer)  # with all attributes of the strategy
         run(watch, rois[kind], START, 3)
         yield from (f"{kind}: {why}" for why in watch.faults)
 
 
 def _restart(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """The journal restores the tree but not the memory."""
+    """Yield faults after a restart: the journal restores the tree but not the memory."""
     for kind, roi in rois.items():
         for rounds in (3, len(roi) // 2, len(roi)):
             party = _Party.of(3, roi)
@@ -179,7 +182,7 @@ def _restart(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 
 def _late(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """A cell turns out to be ROI late: half way, and when all else is explored."""
+    """Yield faults of a cell that becomes ROI late: half way, and when all else is explored."""
     for kind, roi in rois.items():
         for rounds in (len(roi) // 2, None):
             party = _Party.of(2, roi).after(explorer, roi, rounds)

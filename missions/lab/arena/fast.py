@@ -32,7 +32,7 @@ class Lattice:
 
     @classmethod
     def of(cls, roi: Collection[Cell] | NDArray[np.int64]) -> Lattice:
-        """From cells, or from an array (C, 2) of east and north.
+        """Return the lattice of cells, or of an array (C, 2) of east and north.
 
         Raises `RoiError` without cells, or when they are too far apart to be numbered.
 
@@ -84,11 +84,12 @@ def run_rdfs(
     *,
     plain: bool = False,
 ) -> Summary:
-    """The figures of `run(EXPLORERS["rdfs"], roi, start, robots, metric=metric)`.
+    """Return the figures of `run(EXPLORERS["rdfs"], roi, start, robots, metric=metric)`.
 
-    With `plain`, Algorithm 1 has the child rule and no more: the first of equal children in the
-    order north, east, south, west instead of the outermost; looks at one depth in the order of the
-    cells; home up the tree, not by a shortest way. Raises `RoiError` for a start outside the ROI.
+    With `plain`, Algorithm 1 has only the child rule: the first of equal children in the order
+    north, east, south, west instead of the outermost. Observations at one depth are in the order of
+    the cells. The way home is up the tree, not the shortest. Raises `RoiError` for a start outside
+    the ROI.
     """
     from missions.lab.kernels import rdfs_kernels as rdfs  # noqa: PLC0415 - as above
     from missions.planning.kernels import ground  # noqa: PLC0415 - importing numba takes a second

@@ -69,7 +69,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A change of what a cell is taken for: by a majority so far, or decided."""
+    """A change of a cell's verdict: by a majority so far, or decided."""
 
     t_s: float
     cell: Cell
@@ -89,14 +89,14 @@ class Flown:
     decisions: int
     """Number of plans."""
     paths: tuple[tuple[Trajectory, ...], ...] = ()
-    """By vehicle, each flown until the next begins; only of a recorded run."""
+    """Paths by vehicle, each flown until the next begins; only of a recorded run."""
     verdicts: tuple[Verdict, ...] = ()
-    """In the order of time; only of a recorded run."""
+    """Verdicts in the order of time; only of a recorded run."""
 
 
 @dataclass(slots=True)
 class Ground:
-    """The truth, and what the frames have shown of it."""
+    """The truth, and the part of it that frames have shown."""
 
     roi: Roi
     cell_m: float
@@ -125,7 +125,7 @@ class Ground:
         return GridPoint(self.roi.start.east * self.cell_m, self.roi.start.north * self.cell_m)
 
     def frame(self, t_s: float, path: Trajectory | None) -> int:
-        """Take a frame from a path, or over the start; returns the number of counted votes."""
+        """Take a frame from a path, or over the start; return the number of counted votes."""
         camera, chart = self.camera, self.chart
         x, y = self.home if path is None else self._middle(path, t_s)
         if camera.loss_rate and self._random.random() < camera.loss_rate:
@@ -160,7 +160,7 @@ class Ground:
         return np.asarray((chart.yes >= camera.majority) | (chart.no >= camera.against))
 
     def _standing(self) -> NDArray[np.int64]:
-        """By cell: 1 and -1 for a majority for and against ROI, twice that where decided."""
+        """Return by cell 1 and -1 for a majority for and against ROI, twice that if decided."""
         sign = np.sign(self.chart.yes - self.chart.no)
         standing: NDArray[np.int64] = np.where(self.decided(), 2 * sign, sign)
         return standing
@@ -281,7 +281,7 @@ class Run:
 
 
 def flown(roi: Roi, team: Team, *, seed: int = 1, record: bool = False) -> Flown:
-    """One run of a team that plans in flight; raises as `Team.kinematics`.
+    """Fly one run of a team that plans in flight; raises as `Team.kinematics`.
 
     >>> from missions.units import Cell
     >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))

@@ -1,10 +1,9 @@
 """Radio between the robots of the arena: range, loss, partitions, delay, and rate.
 
-At each instant (an arrival, or a whole unit of time) it is drawn which pairs hear each other, both
-ways. Lost news is sent again at the next instant; a robot passes on all that it knows. News is the
-cells from which robots have looked, and so which of their neighbours are ROI. A robot is not sent
-what it knows or what is on its way to it; what others know and where they are comes with every
-message and costs nothing.
+At each instant (an arrival, or a whole unit of time) pairs in contact are drawn, both ways. Lost
+news is sent again at the next instant; a robot relays all that it knows. News is the cells that
+robots have observed, and so which of their neighbours are ROI. A robot is not sent news that it has
+or that is on its way. Others' knowledge and positions come with every message and cost nothing.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from missions.units import Cell
 
 
 def look(tree: Tree, cell: Cell, roi: Collection[Cell]) -> Tree:
-    """The tree after a noise-free look from a cell."""
+    """Return the tree after a noise-free observation of a cell."""
     return tree.looked(cell, [c for c in cell.neighbours() if c in roi])
 
 
@@ -36,10 +35,10 @@ class Mind:
     heard: Mapping[int, tuple[float, Cell]]
     memory: object = None
     looked: int = 0
-    """The cells that were looked from, a bit each as `Radio` numbers them; 0 without a radio."""
+    """Observed cells, a bit each as `Radio` numbers them; 0 without a radio."""
 
     def meet(self, other: Mind) -> Mind:
-        """The joined knowledge of two; the strategy's memory is this one's."""
+        """Return the joined knowledge of two; the strategy's memory is this one's."""
         if other is self:
             return self
         tree = self.tree if other.tree is self.tree else self.tree.join(other.tree)
@@ -52,10 +51,10 @@ class Mind:
         heard: Mapping[int, tuple[float, Cell]],
         roi: Collection[Cell],
     ) -> Mind:
-        """This mind after news of looks (cells with their bits) and of places.
+        """Return this mind after news of observations (cells with their bits) and of places.
 
-        The robot looks from these cells itself, so to speak, in the order of the news: what hangs
-        in its tree stays there. Places outside the tree are ignored. Without news it is `self`.
+        The robot adds these cells as its own observations, in the order of the news: cells in its
+        tree stay there. Places outside the tree are ignored. Without news it is `self`.
         """
         tree, looked = self.tree, self.looked
         for cell, bit in news:
@@ -71,7 +70,7 @@ class Mind:
         return replace(self, tree=tree, heard={**self.heard, **newer}, looked=looked)
 
     def done(self, at: Cell) -> bool:
-        """Whether a robot at a cell has nothing to do."""
+        """Return whether a robot at a cell has nothing to do."""
         return at == self.tree.root and self.tree.is_explored(self.tree.root)
 
 
@@ -84,24 +83,25 @@ Pairs = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Links:
-    """The quality of the radio; lengths in cells, times in the unit of the metric. Robots at one
-    vertex share everything whatever the radio does.
+    """The quality of the radio; lengths in cells, times in the unit of the metric.
+
+    Robots at one vertex share everything, with any radio.
     """
 
     range_cells: float = math.inf
-    """Between the centres of two robots, in a straight line."""
+    """Range between the centres of two robots, in a straight line."""
     loss: float = 0.0
     """The share of exchanges that fail, drawn for each pair at each instant."""
     delay: float = 0.0
-    """From sending to the first instant after which the news is known."""
+    """Time from a send to the first instant after which the news is known."""
     rate: float = math.inf
-    """Cells of news that a robot can send in a unit of time, to all that hear it."""
+    """Cells of news that a robot can send in a unit of time, to all in contact."""
     apart: tuple[Partition, ...] = ()
     seed: int = 0
 
     @property
     def at_once(self) -> bool:
-        """Whether robots that hear each other know the same at once, and decide together."""
+        """True if robots in contact know the same at once, and decide together."""
         return self.delay == 0.0 and math.isinf(self.rate)
 
 
@@ -120,7 +120,7 @@ class Radio:
     links: Links
     roi: Collection[Cell]
     touch: dict[int, tuple[int, ...]] = field(default_factory=dict)
-    """By robot: all that it hears at this instant, also over others, and itself."""
+    """Robots in contact at this instant, by robot, also by relays, and itself."""
     _reach: Pairs = field(init=False)
     _hear: Pairs = field(init=False)
     _cells: tuple[Cell, ...] = field(init=False)
@@ -144,9 +144,9 @@ class Radio:
     def tune(
         self, t: float, places: Mapping[int, tuple[float, float]], at: Mapping[int, Cell]
     ) -> None:
-        """Draw which robots hear each other at an instant.
+        """Draw which robots are in contact at an instant.
 
-        `places` are those of all robots 0, 1, ...; `at` the vertices of those that stand at one.
+        `places` are those of all robots 0, 1, ...; `at` the vertices of those that are at one.
         """
         links, robots = self.links, len(places)
         reach = self._in_reach(t, places)
@@ -191,15 +191,15 @@ class Radio:
             yield tuple(sorted(group))
 
     def together(self, robot: int) -> tuple[int, ...]:
-        """The robots that decide with one because they hear each other at once; else none."""
+        """Return the robots that decide with one because they are in contact at once; else none."""
         return self.touch[robot] if self.links.at_once else ()
 
     def hear(self, minds: dict[int, Mind], done: Collection[int] = ()) -> None:
-        """Deliver what robots hear at this instant, before any looks.
+        """Deliver the news of this instant, before any observations.
 
-        A group that knows the same at once remembers the same: what its first robot does that is
-        not `done`. So one of those in flight never forgets where it is bound, and comes home; the
-        memory of a robot that is done may be out of date and send others to and fro without end.
+        A group that knows the same at once has one memory: that of its first robot that is not
+        `done`. So a robot in flight never forgets its target, and returns. The memory of a robot
+        that is done may be out of date and send others back and forth without end.
         """
         if self.links.at_once:
             for group in sorted(set(self.touch.values())):
@@ -228,8 +228,10 @@ class Radio:
                 minds[other] = minds[other].told((), minds[robot].heard, self.roi)
 
     def tell(self, minds: dict[int, Mind]) -> None:
-        """Have every robot send what it can; without a delay it arrives, and is passed on, at once.
-        Robots that share all at once have done so already."""
+        """Have every robot send its news; without a delay it arrives, and is relayed, at once.
+
+        Robots that share all at once have done so already.
+        """
         if self.links.at_once:
             return
         said = dict.fromkeys(minds, 0)
@@ -244,8 +246,10 @@ class Radio:
                 told = False
 
     def _say(self, sender: int, minds: Mapping[int, Mind], said: dict[int, int]) -> bool:
-        """Send one message: news nearest to the root first, so that it always hangs in the hearer's
-        tree. Returns whether it held any news."""
+        """Send one message: news nearest to the root first, so that it fits the receiver's tree.
+
+        Return whether it held any news.
+        """
         mind = minds[sender]
         lacks = {
             hearer: mind.looked & ~(minds[hearer].looked | self._coming.get(hearer, 0))
@@ -271,7 +275,7 @@ class Radio:
         return bool(news)
 
     def _news(self, mind: Mind, wanted: int) -> list[tuple[Cell, int]]:
-        """Cells of some bits, by depth in a robot's tree."""
+        """Return cells of some bits, by depth in a robot's tree."""
         found = []
         while wanted:
             bit = wanted & -wanted

@@ -19,12 +19,12 @@ from missions.mapping.tree import neighbours_in, reached
 from missions.units import Cell
 
 MAX_CELLS = 1_000_000
-"""Most cells of a ROI: a mistyped number should not fill the memory."""
+"""Maximum number of cells of a ROI: a mistyped number should not fill the memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class Roi:
-    """Cells that hang together, and the one where all robots start.
+    """Connected cells, and the start of all robots.
 
     >>> Roi.of("pair", Cell(0, 0), {Cell(0, 0), Cell(0, 1), Cell(7, 7)}).cells == {
     ...     Cell(0, 0), Cell(0, 1)}
@@ -37,7 +37,7 @@ class Roi:
 
     @classmethod
     def of(cls, name: str, start: Cell, cells: Collection[Cell]) -> Roi:
-        """The part of `cells` that hangs together with `start`."""
+        """Return the part of `cells` that is connected with `start`."""
         return cls(name, start, frozenset(component(cells, start)))
 
 
@@ -68,7 +68,7 @@ def _cluster(cells: int, rng: np.random.Generator, most_contacts: int) -> set[Ce
     """Grow by cells that touch at least one and at most `most_contacts` of the cluster."""
     roi: set[Cell] = set()
     contacts: dict[Cell, int] = {}
-    rim = [Cell(0, 0)]  # ascending, so that the draw does not hang on the order of a set
+    rim = [Cell(0, 0)]  # ascending, so that the draw does not depend on the order of a set
     while rim and len(roi) < cells:
         cell = rim.pop(int(rng.integers(len(rim))) if roi else 0)
         roi.add(cell)

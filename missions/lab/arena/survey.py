@@ -63,7 +63,7 @@ def surveyed(
     seed: int = 1,
     record: bool = False,
 ) -> Flown:
-    """A survey of the box around a region, judged as `missions.lab.arena.nonstop.flown` is.
+    """Return a survey of the box around a region, judged as `missions.lab.arena.nonstop.flown` is.
 
     Raises `StrategyError` for a footprint that never shows a whole cell, or not for long enough.
     """
@@ -72,9 +72,9 @@ def surveyed(
 
 
 def survey_paths(box: Box, robots: int, ground: Ground) -> list[Trajectory]:
-    """The paths of a team, from the start and back, that show every cell of a box.
+    """Return the paths of a team, from the start and back, that show every cell of a box.
 
-    Raises `StrategyError` where none do.
+    Raises `StrategyError` if none do.
     """
     best: list[Trajectory] = []
     best_s = math.inf
@@ -145,7 +145,7 @@ class _Lanes:
         return found[::-1] if self.flip_across else found
 
     def _shares(self, lanes: Sequence[_Lane], robots: int) -> Iterator[Sequence[_Lane]]:
-        """Neighbouring lanes for each vehicle, so that the last is done about soonest."""
+        """Yield neighbouring lanes for each vehicle, so that the last is done about soonest."""
         longest_s = max(self._about_s([lane]) for lane in lanes)
         low_s, high_s = longest_s, max(longest_s, self._about_s(lanes))
         for _ in range(30):
@@ -160,7 +160,7 @@ class _Lanes:
             yield ()
 
     def _cut(self, lanes: Sequence[_Lane], most_s: float) -> list[Sequence[_Lane]]:
-        """Parts of at most about `most_s` seconds, but one lane at least."""
+        """Return parts of at most about `most_s` seconds, but at least one lane."""
         parts, begin = [], 0
         for end in range(1, len(lanes) + 1):
             if end == len(lanes) or self._about_s(lanes[begin : end + 1]) > most_s:

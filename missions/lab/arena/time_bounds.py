@@ -59,7 +59,7 @@ from missions.units import Cell, GridPoint
 def lower_bound_s(
     needed: Collection[Cell], start: Cell, robots: int, cell_m: float, kinematics: Kinematics
 ) -> float:
-    """The least seconds of the last vehicle; the module has the proof.
+    """Return the minimum time of the last vehicle, s; the module has the proof.
 
     All cells of `needed` are seen whole, by 1 or more vehicles that begin and end over the centre
     of `start`. The camera does not tilt.
@@ -85,7 +85,7 @@ def lower_bound_s(
 def view_distances_m(
     needed: Collection[Cell], start: Cell, cell_m: float, kinematics: Kinematics
 ) -> Sequence[float]:
-    """Distances from the start to the view of each needed cell, m, ascending.
+    """Return the distances from the start to the view of each needed cell, m, ascending.
 
     >>> kinematics = Kinematics(6.0, 2.0, 0.2, half_east_m=5.0, half_north_m=5.0)
     >>> view_distances_m([Cell(0, 0), Cell(2, 0)], Cell(0, 0), 4.0, kinematics)
@@ -155,9 +155,9 @@ class _Search:
 
 
 def reference(roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: int = 1) -> Flown:
-    """The best run found for a team that knows the region; frames do not err or get lost.
+    """Return the best run found for a team that knows the region; frames do not err or get lost.
 
-    Raises `StrategyError` as `Team.kinematics`, and where nothing is found.
+    Raises `StrategyError` as `Team.kinematics`, and if none is found.
     """
     team = replace(team, camera=replace(team.camera, error_rate=0.0, loss_rate=0.0))
     best: Flown | None = None
@@ -178,7 +178,7 @@ def reference(roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: i
 
 
 def _first(ground: Ground, robots: int, start: int) -> kernels.Ways:
-    """First waypoints: lanes along the east, along the north, or none."""
+    """Return first waypoints: lanes along the east, along the north, or none."""
     ways = np.zeros((robots, kernels.MOST_WAYPOINTS, 3))
     counts = np.ones(robots, np.int64)
     lanes = list(_lanes(ground, along_north=start == 1)) if start < 2 else []
@@ -198,7 +198,7 @@ def _first(ground: Ground, robots: int, start: int) -> kernels.Ways:
 
 
 def _lanes(ground: Ground, *, along_north: bool) -> Sequence[tuple[GridPoint, GridPoint]]:
-    """Lanes through the needed cells, as far apart as a frame shows rows."""
+    """Return lanes through the needed cells, as far apart as a frame shows rows."""
     cells = [ground.chart.cell(int(index)) for index in ground.needed()]
     half_m = ground.kinematics.half_east_m if along_north else ground.kinematics.half_north_m
     rows = int(2.0 * half_m / ground.cell_m + 1e-9) + 1

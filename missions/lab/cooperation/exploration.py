@@ -1,4 +1,4 @@
-"""What an exploration was: the moves of its team, the map, the watching, and what was seen."""
+"""The record of an exploration: the moves of its team, the map, the observations, and the views."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STRAIGHT_RAD: Final = 1e-6
 
 
 class Why(StrEnum):
-    """What a move is for."""
+    """The purpose of a move."""
 
     SWEEP = "sweep"
     """It maps new ground."""
@@ -40,13 +40,13 @@ class Move:
 
     @property
     def length_m(self) -> float:
-        """Of the path."""
+        """Length of the path, m."""
         return sum(math.dist(a, b) for a, b in pairwise(self.path))
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A convex piece of the map, and with which move it was complete."""
+    """A convex piece of the map, and the move with which it was complete."""
 
     outline: tuple[Point, ...]
     moves: int
@@ -57,13 +57,13 @@ class Figures:
     """An exploration in numbers."""
 
     path_m: float
-    """Of all robots together."""
+    """Path of all robots together, m."""
     known_path_m: float
     """The part of it that leads through known ground."""
     steps: int
     """Moves; one ends where another robot begins. With two robots, exchanges of roles."""
     turns: int
-    """As the paper counts: changes of course while sweeping; coming into another stripe is one."""
+    """Changes of course while sweeping, as the paper counts; entering another stripe is one."""
     corners: int
     """Every change of course of every robot."""
     pieces: int
@@ -100,7 +100,7 @@ class Exploration:
         )
 
     def standing(self) -> Iterable[tuple[Move, list[Point]]]:
-        """Each move, with where every robot stands when it begins."""
+        """Yield each move, with the place of every robot at its beginning."""
         places = [self.start] * self.robots
         for move in self.moves:
             yield move, list(places)
@@ -116,7 +116,7 @@ def _area(ring: Sequence[Point]) -> float:
 
 
 def _courses(moves: Sequence[Move]) -> list[tuple[float, Why]]:
-    """The bearing of each leg that leads anywhere, and what it is for."""
+    """Return the bearing of each leg that leads anywhere, and its purpose."""
     return [
         (math.atan2(b[1] - a[1], b[0] - a[0]), move.why)
         for move in moves
@@ -126,7 +126,7 @@ def _courses(moves: Sequence[Move]) -> list[tuple[float, Why]]:
 
 
 def turned(one: float, other: float) -> float:
-    """The angle from one bearing to another, -pi to pi, in radians."""
+    """Return the angle from one bearing to another, -pi to pi, in radians."""
     return math.remainder(other - one, math.tau)
 
 
@@ -136,7 +136,7 @@ def _corners(moves: Sequence[Move]) -> int:
 
 
 def _turns(moves: Sequence[Move]) -> int:
-    """Changes of course from sweeping to sweeping; what lies between two sweeps is one turn."""
+    """Return changes of course from sweep to sweep; the way between two sweeps is one turn."""
     turns, last, moved_on = 0, None, False
     for course, why in _courses(moves):
         if why is Why.WAY:
@@ -149,7 +149,8 @@ def _turns(moves: Sequence[Move]) -> int:
 
 # --- what was seen of the ground, by the robots' places alone, whatever the map says ------------
 def places_of(exploration: Exploration, spacing_m: float) -> NDArray[np.float64]:
-    """Where robots were: the start, ends of legs, and between them at most `spacing_m` apart."""
+    """Return robots' places: the start, ends of legs, and between them at most `spacing_m`
+    apart."""
     found = [exploration.start]
     for move in exploration.moves:
         found += [point for point, _ in along(move, spacing_m)]
@@ -157,7 +158,7 @@ def places_of(exploration: Exploration, spacing_m: float) -> NDArray[np.float64]
 
 
 def along(move: Move, spacing_m: float) -> Iterator[tuple[Point, bool]]:
-    """Points along a move, after its first, and whether each is the end of a leg."""
+    """Yield points along a move, after its first, and whether each is the end of a leg."""
     for a, b in pairwise(move.path):
         parts = max(int(np.ceil(math.dist(a, b) / spacing_m)), 1)
         for part in range(1, parts + 1):
@@ -167,13 +168,14 @@ def along(move: Move, spacing_m: float) -> Iterator[tuple[Point, bool]]:
 def unseen(
     exploration: Exploration, points: NDArray[np.float64], spacing_m: float
 ) -> NDArray[np.float64]:
-    """Those of the points, of shape (n, 2), that were never within range and sight of any robot.
+    """Return those of the points, shape (n, 2), that were never in range and sight of any robot.
 
-    Robots are looked at every `spacing_m` along their ways: a point may be missing from sight only
-    in between, never the other way round.
+    Robots are checked every `spacing_m` along their ways: a point may only be missed in between,
+    never the other way round.
     """
     left = points
-    for spacing in (max(exploration.range_m, spacing_m), spacing_m):  # few need the many places
+    # few points need the many places
+    for spacing in (max(exploration.range_m, spacing_m), spacing_m):
         if len(left):
             places = places_of(exploration, spacing)
             left = left[[not _is_seen(exploration, point, places) for point in left]]
@@ -183,7 +185,7 @@ def unseen(
 def _is_seen(
     exploration: Exploration, point: NDArray[np.float64], places: NDArray[np.float64]
 ) -> bool:
-    """Whether a point is in sight of one of the places within the range, the nearest first."""
+    """Return whether a point is in sight of one of the places within the range, nearest first."""
     squares = ((places - point) ** 2).sum(axis=1)
     near = np.flatnonzero(squares <= exploration.range_m**2 * (1.0 + _SLACK))
     near = near[np.argsort(squares[near], kind="stable")]
@@ -197,7 +199,7 @@ def _is_seen(
 
 
 class Team:
-    """Where the robots stand, and what they did so far."""
+    """The places of the robots, and their actions so far."""
 
     def __init__(self, space: Space, start: Point, robots: int, range_m: float) -> None:
         self.range_m = range_m
@@ -206,7 +208,7 @@ class Team:
         self._last = 0
 
     def move(self, robot: int, way: Sequence[Point], why: Why) -> None:
-        """Let a robot go along a way; nothing happens where it stands there already."""
+        """Move a robot along a way; do nothing if it is there already."""
         path = [self.places[robot]]
         for point in way:
             if math.dist(path[-1], point) > 0.0:
@@ -225,11 +227,11 @@ class Team:
         self.log.pieces.append(Piece(tuple(outline), len(self.log.moves)))
 
     def in_turn(self) -> list[int]:
-        """All robots, who moved last first: so that going on is no exchange."""
+        """Return all robots, the last moved one first: so that continuing is no exchange."""
         return sorted(range(len(self.places)), key=lambda robot: robot != self._last)
 
     def gather(self, place: Point) -> None:
-        """Bring all, who stand on a line, to the one of them that stands at `place`.
+        """Bring all robots on a line to the one of them that is at `place`.
 
         The farthest comes first: those between see it pass.
         """
@@ -240,13 +242,15 @@ class Team:
             self.move(robot, [place], Why.WAY)
 
     def spread(self, rows: Sequence[Point]) -> list[int]:
-        """From one place onto a line through it, a robot on each row; returns who stands on which.
+        """Spread from one place onto a line through it, a robot on each row; return which is on
+        which.
 
-        Each row is taken before those behind it: who stands there sees the next one pass.
+        Each row is taken before those behind it: its robot sees the next one pass.
         """
         here = self.places[0]
         order = sorted(range(len(rows)), key=lambda row: math.dist(rows[row], here))
-        if math.dist(rows[order[0]], here) == 0.0:  # who stays is there from the beginning
+        # the robot that stays is there from the beginning
+        if math.dist(rows[order[0]], here) == 0.0:
             order = [*order[1:], order[0]]
         standing = [0] * len(rows)
         for row, robot in zip(order, self.in_turn(), strict=True):
@@ -255,9 +259,9 @@ class Team:
         return standing
 
     def travel(self, way: Sequence[Point]) -> None:
-        """All from the first point of a way along the others, each leg of which is free.
+        """Move all from the first point of a way along the others; each leg is free.
 
-        On legs longer than the range they stop: nobody is farther from a standing robot than that.
+        On legs longer than the range they stop: none is farther from a waiting robot than that.
         """
         for a, b in pairwise(way):
             legs = max(math.ceil(math.dist(a, b) / self.range_m - 1e-9), 1)

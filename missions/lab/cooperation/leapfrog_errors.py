@@ -1,9 +1,9 @@
-"""How well two multicopters know where they are that track each other, and one alone.
+"""The position errors of two multicopters that track each other, and of one alone.
 
-A Kalman filter over both: place, heading, and by how much the odometer reads too much. It is
-linearised about the plan, which both follow; all measurements then agree on what cannot be seen
-(where north is), so that the filter does not talk itself into knowing it. Both start at known
-places with known headings, in whatever frame: where the map lies on the earth is not asked.
+A Kalman filter over both: place, heading, and the scale error of the odometer. It is linearised
+about the plan, which both follow. All measurements then agree on what cannot be seen (where north
+is), so that the filter gains no false certainty. Both start at known places with known headings, in
+any frame: the map's place on the earth does not matter.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ _INDEX = {Role.MAPPER: 0, Role.TRACKER: _EACH}
 
 @dataclass(frozen=True, slots=True)
 class LeapfrogNoise:
-    """Standard deviations of what both measure; those of sightings are above 0.
+    """Standard deviations of the measurements of both; those of sightings are above 0.
 
     Attributes:
-        scale: Of an odometer (optical flow over a height): the share of the distance that it reads
-            too much, the same for the whole flight.
+        scale: Of an odometer (optical flow over a height): relative error of the distance, the
+            same for the whole flight.
         drift_rad: Of the heading after a metre, growing with the root of the way: that of a gyro,
             without a compass (beneath steel there is none to trust).
         place_m: Of a sighting, aside: the attitude's error times the height above.
         yaw_rad: Of the marker's heading in the tracker's picture.
         hover_m: Of the place that a hovering vehicle holds while the other one moves: it compares
-            what it sees of the ground with what it saw when it stopped.
+            the ground with its picture at the stop.
         hover_rad: Of its heading meanwhile.
     """
 
@@ -52,12 +52,12 @@ class LeapfrogNoise:
 
     @classmethod
     def of_tracker(cls, above_m: float, tilt_rad: float = math.radians(0.5)) -> LeapfrogNoise:
-        """With sightings by an attitude of such an error from such a height."""
+        """Return noise with sightings of such an attitude error from such a height."""
         return cls(place_m=above_m * math.tan(tilt_rad))
 
 
 class Team:
-    """What is believed of mapper and tracker, step by step."""
+    """The estimates for mapper and tracker, step by step."""
 
     def __init__(self, noise: LeapfrogNoise, mapper: Point, tracker: Point) -> None:
         """Begin with places and headings that are known exactly."""
@@ -68,15 +68,15 @@ class Team:
         self.spread[3, 3] = self.spread[7, 7] = noise.scale**2
 
     def place(self, role: Role) -> tuple[Array, Array]:
-        """Where a vehicle is believed to be, in m, and the covariance in m^2."""
+        """Return the estimated place of a vehicle, m, and the covariance, m^2."""
         i = _INDEX[role]
         return self.mean[i : i + 2].copy(), self.spread[i : i + 2, i : i + 2].copy()
 
     def reckon(self, role: Role, read: Array, drift_rad: float, leg: Array) -> None:
-        """Take in a straight leg by plan, metres east and north.
+        """Add a straight leg by plan, metres east and north.
 
-        `read` is what the odometer read, in the axes of the vehicle as it began the leg;
-        `drift_rad` by how much the gyro turned too far: believed, for nothing else is known.
+        `read` is the odometer's value, in the axes of the vehicle at the beginning of the leg;
+        `drift_rad` is the gyro's error of turn. Both are accepted, as nothing else is known.
         """
         i = _INDEX[role]
         heading, scale = self.mean[i + 2], self.mean[i + 3]
@@ -92,7 +92,7 @@ class Team:
         self.spread[own, own] += shaken @ by_gyro @ shaken.T
 
     def hover(self, role: Role) -> None:
-        """A vehicle has hovered through a step: it believes that it was still."""
+        """Add a hover of a vehicle through a step: it assumes that it was still."""
         i = _INDEX[role]
         noise = self._noise
         self.spread[i : i + 3, i : i + 3] += np.diag(
@@ -100,8 +100,11 @@ class Team:
         )
 
     def sight(self, measured: Array, apart: Array) -> None:
-        """Take in what the tracker sees of the mapper: metres along its own east and north, and the
-        heading beside its own. By the plan the mapper is `apart`, metres east and north."""
+        """Add the tracker's view of the mapper.
+
+        It is in metres along the tracker's own east and north, and the heading relative to its own.
+        By the plan the mapper is `apart`, metres east and north.
+        """
         mapper, tracker = self.mean[:3], self.mean[_EACH : _EACH + 3]
         expected = np.append(
             rotation(-tracker[2]) @ (mapper[:2] - tracker[:2]), mapper[2] - tracker[2]
@@ -139,7 +142,7 @@ class Flown:
 
 
 def fly_leapfrog(plan: Leapfrog, noise: LeapfrogNoise, seed: int) -> tuple[Flown, Flown]:
-    """Both on their plan, with one draw of the noise: tracked, and the mapper by odometry alone.
+    """Fly both on their plan, with one draw of the noise: tracked, and by odometry alone.
 
     Both read the same odometer.
     """
@@ -147,7 +150,7 @@ def fly_leapfrog(plan: Leapfrog, noise: LeapfrogNoise, seed: int) -> tuple[Flown
     mapper, tracker = _starts(plan)
     tracked, alone = (Team(noise, mapper, tracker) for _ in range(2))
     scales = {role: float(rng.normal(0.0, noise.scale)) for role in Role}
-    # what hovering moves and turns them by, unnoticed, is in the truth of those who hover only
+    # unnoticed drift and turns of a hover are only in the truth of hovering vehicles
     heading = dict.fromkeys(Role, 0.0)
     at = {Role.MAPPER: np.array(mapper), Role.TRACKER: np.array(tracker)}
     by_sight: list[tuple[Array, Array]] = []
@@ -190,12 +193,12 @@ class Comparison:
 
     @property
     def times_better(self) -> float:
-        """How many times smaller the errors are than those of odometry alone."""
+        """Return the ratio of the errors of odometry alone to these errors."""
         return self.alone_m / self.tracked_m
 
 
 def compare(plan: Leapfrog, noise: LeapfrogNoise, seeds: Sequence[int]) -> Comparison:
-    """What tracking each other is worth on a plan, by a flight for each seed."""
+    """Return the gain of tracking each other on a plan, by a flight for each seed."""
     flights = [fly_leapfrog(plan, noise, seed) for seed in seeds]
     rms = [math.sqrt(float(np.mean([f[i].rms_m ** 2 for f in flights]))) for i in (0, 1)]
     # of the last hop alone: those of one flight are not independent
@@ -204,13 +207,13 @@ def compare(plan: Leapfrog, noise: LeapfrogNoise, seeds: Sequence[int]) -> Compa
 
 
 def drift_covariance(noise: LeapfrogNoise, length_m: float) -> Array:
-    """Of the way aside and of the heading, by a gyro that wanders all along a straight leg."""
+    """Return the covariance of the way aside and of the heading, by a gyro along a straight leg."""
     drift, square = noise.drift_rad**2, length_m**2
     return drift * length_m * np.array([[square / 3.0, length_m / 2.0], [length_m / 2.0, 1.0]])
 
 
 def sighting_covariance(noise: LeapfrogNoise) -> Array:
-    """Of the mapper's place, east and north of the tracker, and of its heading."""
+    """Return the covariance of the mapper's place, east and north, and of its heading."""
     variances = np.array([noise.place_m, noise.place_m, noise.yaw_rad]) ** 2
     return np.asarray(np.diag(variances), dtype=np.float64)
 
@@ -231,7 +234,7 @@ def _legs(step: Step) -> Sequence[Array]:
 
 
 def _apart(step: Step) -> Array:
-    """From the tracker to the mapper at a step's end, by the plan."""
+    """Return the way from the tracker to the mapper at a step's end, by the plan."""
     towards = np.array(step.hovering) - np.array(step.end)
     return np.asarray(towards if step.mover is Role.TRACKER else -towards, dtype=np.float64)
 
@@ -250,5 +253,5 @@ def _flown(ends: list[tuple[Array, Array]]) -> Flown:
 
 
 def _across(leg: Array) -> Array:
-    """A leg turned left: where its end goes, for each radian."""
+    """Return a leg turned left: the motion of its end, for each radian."""
     return np.asarray([-leg[1], leg[0]], dtype=np.float64)

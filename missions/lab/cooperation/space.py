@@ -1,4 +1,4 @@
-"""The ground that is explored: a polygon with holes, and what is in sight in it."""
+"""The ground that is explored: a polygon with holes, and the lines of sight in it."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ Point = tuple[float, float]
 GRID_M: Final = 1e-4
 """Corners are rounded to this: two of them are either one, or well apart."""
 TOUCH_M: Final = 1e-6
-"""A line of sight may run along a wall: so far it may be inside of it by rounding."""
+"""Tolerance of a line of sight along a wall, m: rounding may put it inside."""
 MOST_CORNERS: Final = 2000
 
 
 def cross(a: Point, b: Point, c: Point) -> float:
-    """Twice the area of the triangle a, b, c in square metres; positive where it turns left."""
+    """Return twice the area of the triangle a, b, c in square metres; positive for a left turn."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def between(a: Point, b: Point, part: float) -> Point:
-    """The point at this part of the way from a to b."""
+    """Return the point at this part of the way from a to b."""
     return (a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1]))
 
 
@@ -44,9 +44,9 @@ class Space:
     """
 
     def __init__(self, ring: Iterable[Point], holes: Iterable[Iterable[Point]] = ()) -> None:
-        """Take the corners of a polygon in metres, open rings in any direction.
+        """Use the corners of a polygon in metres, open rings in any direction.
 
-        Raises `AreaError` for what is no polygon: rings that cross or touch, holes outside, too
+        Raises `AreaError` for an invalid polygon: rings that cross or touch, holes outside, too
         many corners.
         """
         rings = [_corners(points) for points in (ring, *holes)]
@@ -70,29 +70,29 @@ class Space:
                 for a, b in zip(points, points[1:] + points[:1], strict=True)
             ]
         )
-        """A row each: x and y of where an edge begins and ends."""
+        """Edges, a row each: x and y of the beginning and the end."""
         self._wide = self.polygon.buffer(TOUCH_M, join_style="mitre")
         shapely.prepare(self._wide)
 
     @property
     def corners(self) -> list[Point]:
-        """Of all rings."""
+        """Corners of all rings."""
         return [point for points in self.rings for point in points]
 
     @property
     def area_m2(self) -> float:
-        """Of the free ground."""
+        """Area of the free ground, m2."""
         return float(self.polygon.area)
 
     @property
     def diameter_m(self) -> float:
-        """Between the two corners that are farthest from each other."""
+        """Distance of the two corners that are farthest from each other, m."""
         hull = shapely.get_coordinates(self.polygon.convex_hull)
         return float(np.hypot(*(hull[:, None] - hull[None]).transpose(2, 0, 1)).max())
 
     @property
     def reflex_corners(self) -> int:
-        """How many corners the free ground turns around: there sight is broken."""
+        """Number of corners that the free ground turns around: there sight is broken."""
         return sum(
             cross(points[i - 1], points[i], points[(i + 1) % len(points)]) < 0.0
             for points in self.rings
@@ -100,25 +100,25 @@ class Space:
         )
 
     def sees(self, a: Point, b: Point) -> bool:
-        """Whether the straight line between two points is free; walls may be touched."""
+        """Return whether the straight line between two points is free; walls may be touched."""
         return bool(self._wide.covers(LineString((a, b))))
 
     def sees_all(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """The same for many pairs; both of shape (n, 2)."""
+        """Return the same for many pairs; both of shape (n, 2)."""
         lines = shapely.linestrings(np.stack([a, b], axis=1))
         return np.asarray(shapely.covers(self._wide, lines), dtype=bool)
 
     def is_free(self, corners: Sequence[Point]) -> bool:
-        """Whether nothing of a convex polygon lies in a wall."""
+        """Return whether no part of a convex polygon lies in a wall."""
         return bool(self._wide.covers(shapely.MultiPoint(corners).convex_hull))
 
     def holds(self, point: Point) -> bool:
-        """Whether a point is free; walls count as free."""
+        """Return whether a point is free; walls count as free."""
         return bool(self._wide.covers(shapely.Point(point)))
 
 
 def _corners(points: Iterable[Point]) -> list[Point]:
-    """Rounded, without repetitions and without corners on a straight line."""
+    """Return corners rounded, without repetitions and without corners on a straight line."""
     ring: list[Point] = []
     for x, y in points:
         if not (math.isfinite(x) and math.isfinite(y)):
@@ -129,7 +129,7 @@ def _corners(points: Iterable[Point]) -> list[Point]:
     while len(ring) > 1 and ring[0] == ring[-1]:
         ring.pop()
     kept = len(ring) + 1
-    while kept > len(ring) >= 3:  # what is left may be straight by now
+    while kept > len(ring) >= 3:  # the rest may be straight by now
         kept = len(ring)
         ring = [
             point
@@ -140,5 +140,5 @@ def _corners(points: Iterable[Point]) -> list[Point]:
 
 
 def _straight(a: Point, b: Point, c: Point) -> bool:
-    """Whether b is on the line from a to c, by rounding."""
+    """Return whether b is on the line from a to c, within rounding."""
     return abs(cross(a, b, c)) <= GRID_M * 1e-3 * (math.dist(a, b) + math.dist(b, c))

@@ -1,8 +1,8 @@
 """The trapezoid decomposition in stripes, as a graph: convex pieces of ground, and doors.
 
-Horizontal lines, a stripe's height apart, cut the free ground; vertical lines through the corners
-where the ground stops being convex cut each layer into pieces. Robots find out about a piece by
-sweeping it: see `trapezoids`, which asks for no more than what is in sight.
+Horizontal lines, a stripe's height apart, cut the free ground. Vertical lines through the corners
+where the ground stops being convex cut each layer into pieces. Robots find a piece by sweeping it:
+see `trapezoids`, which uses only ground in sight.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from missions.lab.cooperation.space import Point, Space
 
 _THIN_M: Final = 1e-6
-"""Ground narrower than this is no way."""
+"""Width below which ground is no way, m."""
 _SLOPE: Final = 1e-9
 
 
@@ -32,7 +32,7 @@ class Trapezoid:
     """y of the floor at x0 and at x1."""
     high: tuple[float, float]
     open_below: bool
-    """Whether the floor is a line between two layers, not a wall."""
+    """True if the floor is a line between two layers, not a wall."""
     open_above: bool
 
 
@@ -89,7 +89,7 @@ class Stripe:
         return floor + ceiling[::-1]
 
     def holds(self, point: Point) -> bool:
-        """Whether a point lies in it, its border included."""
+        """Return whether a point lies in it, its border included."""
         if not self.x0 - _THIN_M <= point[0] <= self.x1 + _THIN_M:
             return False
         low, high = self.span(point[0])
@@ -142,10 +142,10 @@ def _trapezoids(space: Space, bottom: float, top: float) -> list[Trapezoid]:
 def _column(
     edges: NDArray[np.float64], x0: float, x1: float, bottom: float, top: float
 ) -> list[Trapezoid]:
-    """What is free between two vertical lines, without a corner between them."""
+    """Return the free parts between two vertical lines, without a corner between them."""
     middle = (x0 + x1) / 2.0
     west, east = np.minimum(edges[:, 0], edges[:, 2]), np.maximum(edges[:, 0], edges[:, 2])
-    here = edges[(west <= middle) & (middle < east)]  # of a corner far above, one of two edges
+    here = edges[(west <= middle) & (middle < east)]  # for a corner far above, one of two edges
     slope = (here[:, 3] - here[:, 1]) / (here[:, 2] - here[:, 0])
     y = here[:, 1] + (middle - here[:, 0]) * slope
     order = np.argsort(y, kind="stable")
@@ -167,7 +167,7 @@ def _column(
 
 
 def _merged(parts: list[Trapezoid]) -> list[tuple[Trapezoid, ...]]:
-    """Neighbours that are one piece and convex together, as one."""
+    """Return neighbours that are one piece and convex together, as one."""
     chains: list[list[Trapezoid]] = []
     for part in parts:
         before = [c for c in chains if abs(c[-1].x1 - part.x0) < _THIN_M and _overlap(c[-1], part)]
@@ -179,13 +179,13 @@ def _merged(parts: list[Trapezoid]) -> list[tuple[Trapezoid, ...]]:
 
 
 def _overlap(west: Trapezoid, east: Trapezoid) -> tuple[float, float] | None:
-    """The y between which two neighbours are open to each other."""
+    """Return the y between which two neighbours are open to each other."""
     low, high = max(west.low[1], east.low[0]), min(west.high[1], east.high[0])
     return (low, high) if high - low > _THIN_M else None
 
 
 def _convex(west: Trapezoid, east: Trapezoid) -> bool:
-    """Whether two neighbours share their whole border, and are convex together."""
+    """Return whether two neighbours share their whole border, and are convex together."""
     if abs(west.low[1] - east.low[0]) > _THIN_M or abs(west.high[1] - east.high[0]) > _THIN_M:
         return False
     wide_w, wide_e = west.x1 - west.x0, east.x1 - east.x0
@@ -230,7 +230,7 @@ def _doors_between(below: list[Stripe], above: list[Stripe]) -> None:
 
 
 def _joined(pieces: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Pieces of a line, with those that touch as one."""
+    """Return pieces of a line, with those that touch as one."""
     joined = [pieces[0]]
     for west, east in pieces[1:]:
         if west - joined[-1][1] < _THIN_M:

@@ -1,8 +1,8 @@
-"""How well robots know where they are: by odometry alone, and watched by who stands.
+"""The errors of robots' positions: by odometry alone, and observed by a waiting robot.
 
-An extended Kalman filter over the places and headings of all robots at once, for who watches is
-uncertain itself, and its error goes on to whom it watches. All start at a known place with a known
-heading.
+An extended Kalman filter over the places and headings of all robots at once: the position of the
+observer is uncertain itself, and its error passes to the observed robot. All start at a known place
+with a known heading.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A turn and a straight way of one robot, and who watched the end of it."""
+    """A turn and a straight way of one robot, and the observer of its end."""
 
     robot: int
     turn_rad: float
@@ -58,7 +58,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is believed of robots: east, north and heading of each in a row."""
+    """The estimate of robots: east, north and heading of each in a row."""
 
     mean: Array
     spread: Array
@@ -84,7 +84,8 @@ class Ellipse:
 
 
 def legs_of(exploration: Exploration) -> Iterator[Leg]:
-    """The straight legs of an exploration; the nearest standing robot in range and sight watches.
+    """Yield the straight legs of an exploration; the nearest waiting robot in range and sight
+    observes.
 
     Robots start with the course of their first leg.
     """
@@ -111,39 +112,38 @@ def legs_of(exploration: Exploration) -> Iterator[Leg]:
 
 
 def first_courses(legs: list[Leg], robots: int) -> list[float]:
-    """The heading of each robot in the beginning: the course of its first leg."""
+    """Return the heading of each robot in the beginning: the course of its first leg."""
     return [
         next((leg.course_rad for leg in legs if leg.robot == robot), 0.0) for robot in range(robots)
     ]
 
 
 class Filter:
-    """What is believed, leg by leg.
+    """The estimates, leg by leg.
 
-    Errors are kept as a turn of the robot's world about the origin, and what is left of its place
-    then (a right-invariant filter). A common turn of all robots is what no tracker can see; in
-    these terms it looks the same whatever is believed, so that the filter does not talk itself into
-    knowing it.
+    Errors are kept as a turn of the robot's world about the origin, and the remaining error of its
+    place (a right-invariant filter). A common turn of all robots is what no tracker can see. In
+    these terms it looks the same for any estimate, so that the filter gains no false certainty.
     """
 
     def __init__(self, noise: Noise, start: Point, courses: list[float]) -> None:
-        """Begin with what is known exactly: the start and the headings."""
+        """Begin with the exactly known start and headings."""
         self._noise = noise
         self._mean = np.array([value for course in courses for value in (*start, course)])
         self._spread = np.zeros((len(self._mean), len(self._mean)))
 
     @property
     def known(self) -> Known:
-        """What is believed now."""
+        """Return the present estimate."""
         return Known(self._mean.copy(), self._spread.copy())
 
     def reckon(self, read: Array, leg: Leg) -> None:
-        """Take in what an odometer has read: turn, way ahead, way aside, drift of the heading."""
+        """Add the values of an odometer: turn, way ahead, way aside, drift of the heading."""
         i = 3 * leg.robot
         course = self._mean[i + 2] + read[0]
         cos, sin = math.cos(course), math.sin(course)
         step = np.array([cos * read[1] - sin * read[2], sin * read[1] + cos * read[2]])
-        # where the step began counts as its origin for what the turn does to it
+        # the beginning of the step is its origin for the effect of the turn
         x, y = self._mean[i : i + 2]
         self._mean[i : i + 2] += step
         self._mean[i + 2] = course + read[3]
@@ -153,7 +153,7 @@ class Filter:
         self._spread[own, own] += by_read @ odometry_noise(self._noise, leg) @ by_read.T
 
     def watch(self, robot: int, watcher: int, measured: Array) -> None:
-        """Take in the other's place and heading, as a standing robot measured them in its frame."""
+        """Add the other's place and heading, as a waiting robot measured them in its frame."""
         i, j = 3 * watcher, 3 * robot
         mean = self._mean
         cos, sin = math.cos(mean[i + 2]), math.sin(mean[i + 2])
@@ -182,16 +182,15 @@ class Filter:
 
 
 def rotation(angle_rad: float) -> Array:
-    """The matrix that turns against the clock."""
+    """Return the matrix of a counter-clockwise turn."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[cos, -sin], [sin, cos]])
 
 
 def swing(angle_rad: float) -> Array:
-    """What becomes of a shift that goes on all through a turn: the mean of `rotation`.
+    """Return the result of a shift all through a turn: the mean of `rotation`.
 
-    With it the exponential of a motion of the plane is exact: who turns where it stands does not
-    move.
+    With it the exponential of a motion of the plane is exact: a turn on the spot moves nothing.
     """
     if abs(angle_rad) < _SMALL_RAD:
         return np.eye(2)
@@ -200,9 +199,9 @@ def swing(angle_rad: float) -> Array:
 
 
 def odometry_noise(noise: Noise, leg: Leg) -> Array:
-    """Covariance of what is read on a leg: turn, ahead, aside, drift.
+    """Return the covariance of the values of a leg: turn, ahead, aside, drift.
 
-    The heading wanders all along the leg, so that its drift and the way aside hang together.
+    The heading drifts all along the leg, so that its drift and the way aside are correlated.
     """
     length, drift = leg.length_m, noise.drift_rad**2
     turn = noise.turn_rad**2 if abs(leg.turn_rad) > _STILL_M else 0.0
@@ -212,7 +211,7 @@ def odometry_noise(noise: Noise, leg: Leg) -> Array:
 
 
 def tracker_noise(noise: Noise, apart: Array) -> Array:
-    """Covariance of a measured place in the watcher's frame, and of the heading."""
+    """Return the covariance of a measured place in the observer's frame, and of the heading."""
     away = math.hypot(apart[0], apart[1])
     ahead = np.array([apart[0], apart[1]]) / away if away > 0.0 else np.array([1.0, 0.0])
     aside = np.array([-ahead[1], ahead[0]])
@@ -225,24 +224,24 @@ def tracker_noise(noise: Noise, apart: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What robots believe in the end, and where they are."""
+    """The final estimates of robots, and their true places."""
 
     known: Known
     truth: Array
 
     def error_m(self, robot: int) -> float:
-        """How far a robot is from where it believes to be."""
+        """Return the distance of a robot from its estimate, m."""
         place, _ = self.known.place(robot)
         return float(np.hypot(*(place - self.truth[3 * robot : 3 * robot + 2])))
 
     def sigma_m(self, robot: int) -> float:
-        """How far it believes that it may be: the root of the expected square."""
+        """Return its own estimate of that: the root of the expected square, m."""
         return math.sqrt(float(np.trace(self.known.place(robot)[1])))
 
     def nees(self, robot: int) -> float:
-        """Normalised estimation error squared of a robot's place and heading.
+        """Return the normalised estimation error squared of a robot's place and heading.
 
-        Of an honest filter it is distributed as chi square with 3 degrees of freedom.
+        For an honest filter it is distributed as chi square with 3 degrees of freedom.
         """
         i = 3 * robot
         x, y, heading = self.known.mean[i : i + 3]
@@ -253,7 +252,7 @@ class Outcome:
         return float(off @ np.linalg.solve(self.known.spread[i : i + 3, i : i + 3], off))
 
     def ellipse(self, robot: int) -> Ellipse:
-        """Where a robot believes to be, as one standard deviation."""
+        """Return the estimated place of a robot, as one standard deviation."""
         values, vectors = np.linalg.eigh(self.known.place(robot)[1])
         angle = math.degrees(math.atan2(vectors[1, 1], vectors[0, 1])) % 180.0
         minor, major = np.sqrt(np.maximum(values, 0.0))
@@ -263,9 +262,9 @@ class Outcome:
 def followed(
     exploration: Exploration, noise: Noise, seed: int, *, legs: list[Leg] | None = None
 ) -> tuple[Outcome, Outcome]:
-    """The end of an exploration with one draw of the noise: watched, and by odometry alone.
+    """Return the end of an exploration with one draw of the noise: observed, and by odometry alone.
 
-    Both read the same odometers. `legs` are those of the exploration, where they are known already.
+    Both read the same odometers. `legs` are those of the exploration, if they are known already.
     """
     legs = list(legs_of(exploration)) if legs is None else legs
     courses = first_courses(legs, exploration.robots)
@@ -294,7 +293,7 @@ def _drawn(covariance: Array, rng: np.random.Generator) -> Array:
 
 
 def _measured(noise: Noise, truth: Array, leg: Leg, off: Array) -> Array:
-    """What the watcher measures, with errors of `off` standard deviations."""
+    """Return the measurements of the observer, with errors of `off` standard deviations."""
     assert leg.watcher is not None
     i, j = 3 * leg.watcher, 3 * leg.robot
     cos, sin = math.cos(truth[i + 2]), math.sin(truth[i + 2])

@@ -1,14 +1,13 @@
-"""Exploration in stripes: the trapezoid decomposition, found out while it is swept.
+"""Exploration in stripes: the trapezoid decomposition, found during the sweep.
 
 Robots stand on rows between the floor and the ceiling of a stripe, and pass each other in turns:
-those of every other row stand and watch, the others move on as far as they are seen. With two
+those of every other row wait and observe, the others move on as far as they are seen. With two
 robots on two rows each move covers a triangle, or a diamond; more robots are a column. The stripes
 are explored depth first.
 
-What the explorer asks of the ground is in sight of a robot that stands: floor and ceiling within
-the range of who watches, and doors on the line along which somebody went. A stripe is looked up
-only when robots are in it, its ends count when they are within the range, its doors when it is
-swept.
+The explorer uses only ground in sight of a waiting robot: floor and ceiling within the range of the
+observer, and doors on the line along which a robot went. A stripe is looked up only when robots are
+in it. Its ends count when they are within the range, its doors when it is swept.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.stripes import Door, Stripe, stripes_of
 
 MOST_MOVES: Final = 100_000
-"""By a rough estimate, from area and range."""
+"""Maximum number of moves, by a rough estimate from area and range."""
 _SAME_M: Final = 1e-9
 _STEPS: Final = 60
 
 
 class Cover(StrEnum):
-    """What a move of one of two robots covers."""
+    """The area that a move of one of two robots covers."""
 
     TRIANGLES = "triangles"
     DIAMONDS = "diamonds"
@@ -41,10 +40,10 @@ class Cover(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """How stripes are swept.
+    """The pattern of sweeping stripes.
 
-    `theta_rad`, between 0 and pi, both excluded, is the angle that a move takes up for who watches
-    it: the larger it is, the fewer moves there are, and the lower the stripes.
+    `theta_rad`, between 0 and pi, both excluded, is the angle of a move in the observer's view: the
+    larger it is, the fewer moves there are, and the lower the stripes.
 
     >>> round(Pattern(10.0, math.radians(60.0)).height_m, 3)
     8.66
@@ -57,21 +56,21 @@ class Pattern:
 
     @property
     def row_m(self) -> float:
-        """Between two rows, where the stripe has its full height."""
+        """Distance between two rows at the full height of the stripe, m."""
         return self.range_m * math.cos(self.theta_rad / 2.0)
 
     @property
     def move_m(self) -> float:
-        """How far ahead of who watches it a robot gets, where the stripe has its full height."""
+        """Distance that a robot gets ahead of its observer at the full height of the stripe, m."""
         return self.range_m * math.sin(self.theta_rad / 2.0)
 
     @property
     def height_m(self) -> float:
-        """Of a stripe."""
+        """Height of a stripe, m."""
         return self.range_m if self.cover is Cover.DIAMONDS else (self.robots - 1) * self.row_m
 
     def rows(self, stripe: Stripe, x: float) -> list[Point]:
-        """Where robots stand in a stripe, from south to north."""
+        """Return the places of robots in a stripe, from south to north."""
         low, high = stripe.span(x)
         if self.cover is Cover.DIAMONDS:
             # the tips of a stripe lie between the rows of the next
@@ -108,7 +107,7 @@ class _Explorer:
         self._swept: set[int] = set()
 
     def explored(self) -> Exploration:
-        """Depth first: on from the stripe swept last, as long as it has a door to new ground."""
+        """Explore depth first: from the last swept stripe on, while it has a door to new ground."""
         start = self._team.places[0]
         here = max(
             (stripe for stripe in self._stripes if stripe.holds(start)),
@@ -136,7 +135,8 @@ class _Explorer:
     def _way(
         self, here: Stripe, place: Point, last: Stripe, door: Door
     ) -> tuple[float, tuple[Point, ...]]:
-        """The shortest way through swept stripes to a door of one of them, and its length."""
+        """Return the shortest way through swept stripes to a door of one of them, and its
+        length."""
         if here is last:
             point = _nearest(door, place)
             return math.dist(place, point), (place, point)
@@ -165,7 +165,7 @@ class _Explorer:
         raise AssertionError("swept stripes hang together")
 
     def _sweep(self, stripe: Stripe, entry: Point) -> None:
-        """Sweep a stripe from a place in it, where everybody is, to both ends."""
+        """Sweep a stripe from a place in it, where all robots are, to both ends."""
         ends = [x for x in (stripe.x0, stripe.x1) if abs(x - entry[0]) > _SAME_M]
         # an end that is in sight comes first where it is the nearer one
         seen = [x for x in ends if abs(x - entry[0]) <= self._pattern.range_m]
@@ -190,7 +190,8 @@ class _Explorer:
             x = stop
 
     def _pass(self, stripe: Stripe, standing: Sequence[int], x: float, stop: float) -> None:
-        """Every other row moves while the rows between watch, in turns, until all are at `stop`."""
+        """Move every other row while the rows between observe, in turns, until all are at
+        `stop`."""
         at = [x, x]
         moving = standing.index(self._team.in_turn()[0]) % 2
         while at != [stop, stop]:
@@ -204,11 +205,11 @@ class _Explorer:
             moving = 1 - moving
 
     def _reach(self, stripe: Stripe, x: float, stop: float, moving: int) -> float:
-        """How far the moving rows may go, up to `stop`, while those that stand at x see them."""
+        """Return how far the moving rows may go, up to `stop`, in sight of those at x."""
         watching = self._pattern.rows(stripe, x)
 
         def too_far(target: float) -> float:
-            """By how much the range is exceeded, in metres."""
+            """Return the excess over the range, m."""
             rows = self._pattern.rows(stripe, target)
             return max(
                 math.dist(watching[row], rows[beside]) - self._pattern.range_m
@@ -216,7 +217,7 @@ class _Explorer:
                 for beside in range(max(row - 1, 0), min(row + 2, len(rows)))
             )
 
-        # nobody is seen farther ahead than the range
+        # no robot is seen farther ahead than the range
         far = (
             stop
             if abs(stop - x) < self._pattern.range_m
@@ -272,13 +273,14 @@ class Reckoned:
     path_m: float
     steps: float
     turns: float
-    """As printed."""
+    """Turns as printed."""
     turns_corrected: float
-    """With the turns inside of stripes in every stripe; the print has those of one."""
+    """Turns with those inside stripes in every stripe; the print has those of one."""
 
 
 def reckoned(cover: Cover, x_m: float, y_m: float, range_m: float, theta_rad: float) -> Reckoned:
-    """The formulas, simplified: 1 + cos(a) is 2 cos(a/2)^2, and 1 - cos(a) is 2 sin(a/2)^2."""
+    """Return the formulas, simplified: 1 + cos(a) is 2 cos(a/2)^2, and 1 - cos(a) is 2
+    sin(a/2)^2."""
     if cover is Cover.TRIANGLES:
         rows_m = range_m * math.cos(theta_rad / 2.0)
         turns = 2.0 * y_m / rows_m

@@ -1,11 +1,12 @@
 """Exploration of ground that the range covers: one of two robots follows the walls.
 
-They stand at the ends of an edge, look at the unknown ground on one side of it, and one of them
-goes to a corner that both see: the triangle is mapped. Where the next corner along a wall is in
-sight it is that one. Edges of triangles behind which nothing is known are explored depth first; on
-the way to one the robots step from triangle to triangle, so that who moves is seen by who stands.
-What is asked of the ground are the corners that both see, and whether anything is in the triangle,
-which they see as well.
+They stand at the ends of an edge and see the unknown ground on one side of it. One of them goes to
+a corner that both see: the triangle is mapped. If the next corner along a wall is in sight it is
+that one. Edges of triangles with unknown ground behind them are explored depth first. On the way to
+one the robots step from triangle to triangle, so that the waiting robot sees the moving one.
+
+The explorer uses only the corners that both see, and whether anything is in the triangle, which
+they see as well.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from missions.lab.cooperation.exploration import Exploration, Team, Why
 from missions.lab.cooperation.space import GRID_M, Point, Space
 
 Corner = tuple[int, int]
-"""In units of `GRID_M`: whole numbers, so that what is left of what is exact."""
+"""Corner in units of `GRID_M`: whole numbers, so that computations are exact."""
 Edge = tuple[Corner, Corner]
 
 
@@ -50,7 +51,7 @@ class _Explorer:
         self._fronts: list[Edge] = []
         """Edges with unknown ground on their left; the last is explored next."""
         self._known: dict[frozenset[Corner], list[Corner]] = {}
-        """What lies opposite of an edge in the triangles that have it."""
+        """Corners opposite an edge in the triangles that have it."""
         self._at: list[Corner] = []
 
     def explored(self) -> Exploration:
@@ -67,7 +68,8 @@ class _Explorer:
         return self._team.log
 
     def _first_edge(self) -> Edge:
-        """A wall that both reach by straight lines and see whole; else a line across the ground."""
+        """Return a wall that both reach by straight lines and see whole; else a line across the
+        ground."""
         start = self._team.places[0]
         every = [(int(x), int(y)) for x, y in self._corners]
         corners = [corner for corner in every if self._space.sees(start, _point(corner))]
@@ -106,7 +108,7 @@ class _Explorer:
         raise AssertionError("triangles hang together")
 
     def _apex(self, edge: Edge) -> Corner:
-        """The corner with which an edge makes the next triangle, to its left."""
+        """Return the corner with which an edge makes the next triangle, to its left."""
         a, b = edge
         sides = _cross(a, b, self._corners)
         left = [(int(x), int(y)) for x, y in self._corners[sides > 0]]
@@ -121,7 +123,8 @@ class _Explorer:
         raise AssertionError("unknown ground beside an edge has a triangle there")
 
     def _is_new(self, a: Corner, b: Corner, c: Corner, borders: NDArray[np.int64]) -> bool:
-        """Whether a triangle is free and unknown: no corner in it, no wall or front through it."""
+        """Return whether a triangle is free and unknown: no corner in it, no wall or front through
+        it."""
         if _in_triangle(self._corners, a, b, c).any():
             return False
         return not (_crossed(a, c, borders).any() or _crossed(b, c, borders).any())
@@ -130,7 +133,7 @@ class _Explorer:
         """Let one of the two go to the third corner, and take the triangle into the map."""
         a, b = edge
         new = [side for side in ((c, b), (a, c)) if self._is_front(side)]
-        # who goes on next should stand right: the robot that leaves is not on the new edge
+        # the robot that leaves should not be on the new edge
         if len(new) == 1:
             leaving = a if new[0] == (c, b) else b
         else:
@@ -145,7 +148,8 @@ class _Explorer:
         self._team.mapped([_point(corner) for corner in (a, b, c)])
 
     def _is_front(self, side: Edge) -> bool:
-        """Whether unknown ground lies to the left of a new side; ends a front that it meets."""
+        """Return whether unknown ground lies to the left of a new side; end a front that it
+        meets."""
         back = (side[1], side[0])
         if back in self._walls:
             return False
@@ -173,17 +177,18 @@ def _cosine(a: Corner, b: Corner, c: Corner) -> float:
 
 
 def _cross(a: Corner, b: Corner, points: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Positive for points to the left of the line from a to b."""
+    """Return positive numbers for points to the left of the line from a to b."""
     return np.asarray(
         (b[0] - a[0]) * (points[:, 1] - a[1]) - (b[1] - a[1]) * (points[:, 0] - a[0]), np.int64
     )
 
 
 def _in_triangle(points: NDArray[np.int64], a: Corner, b: Corner, c: Corner) -> NDArray[np.bool_]:
-    """Which points lie in a triangle, its sides included and its corners not; in any direction."""
+    """Return which points lie in a triangle, its sides included and its corners not, in any
+    direction."""
     sides = np.stack([_cross(a, b, points), _cross(b, c, points), _cross(c, a, points)])
     inside = (sides >= 0).all(axis=0) | (sides <= 0).all(axis=0)
-    corners = np.array([a, b, c])  # one without area holds only what is between its ends
+    corners = np.array([a, b, c])  # one without area holds only the points between its ends
     inside &= ((points >= corners.min(axis=0)) & (points <= corners.max(axis=0))).all(axis=1)
     own = np.zeros(len(points), bool)
     for corner in (a, b, c):
@@ -192,7 +197,7 @@ def _in_triangle(points: NDArray[np.int64], a: Corner, b: Corner, c: Corner) -> 
 
 
 def _crossed(a: Corner, b: Corner, borders: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which borders cross the segment from a to b, beyond touching."""
+    """Return which borders cross the segment from a to b, beyond touching."""
     p, q = borders[:, :2], borders[:, 2:]
     beside = np.sign(_cross(a, b, p)) * np.sign(_cross(a, b, q)) < 0
     across = q - p

@@ -2,8 +2,8 @@
 
 After C. Tovey and S. Koenig, *Improved Analysis of Greedy Mapping*. A robot at a vertex learns its
 neighbours and goes, over known vertices, to a nearest unvisited one. The first unvisited vertex on
-a shortest way is the nearest, so all ways lead over visited vertices, and what is not known yet
-never matters: a breadth-first search that ends at the first unvisited vertex is all there is to it.
+a shortest way is the nearest, so all ways lead over visited vertices, and unknown ones never
+matter. A breadth-first search that ends at the first unvisited vertex is enough.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ VISITS = 1_000_000
 
 @kernel
 def adjacency(vertices: int, ends: Ints) -> tuple[Ints, Ints]:
-    """(first, beside) from `ends` (E, 2): v's neighbours are `beside[first[v]:first[v + 1]]`."""
+    """Return (first, beside) of `ends` (E, 2): v's neighbours are `beside[first[v]:first[v +
+    1]]`."""
     first = np.zeros(vertices + 1, np.int32)
     for e in range(ends.shape[0]):
         first[ends[e, 0] + 1] += 1
@@ -42,7 +43,7 @@ def adjacency(vertices: int, ends: Ints) -> tuple[Ints, Ints]:
 def nearest_unvisited(
     first: Ints, beside: Ints, rank: Ranks, visited: Ranks, seen: Ints, queue: Ints, start: int
 ) -> tuple[int, int]:
-    """A nearest unvisited vertex of the lowest rank, and its distance.
+    """Return a nearest unvisited vertex of the lowest rank, and its distance.
 
     `seen` holds the start of the last search that came by; `queue` is scratch space.
     """
@@ -78,7 +79,7 @@ def _visit(
     at: int,
     most: int,
 ) -> tuple[int, int]:
-    """Visit at most `most` vertices; returns the next, -1 where none is left, and the travel."""
+    """Visit at most `most` vertices; return the next, -1 if none is left, and the travel."""
     travel = 0
     for _ in range(most):
         visited[at] = 1
@@ -90,7 +91,8 @@ def _visit(
 
 
 def greedy_travel(first: Ints, beside: Ints, rank: Ranks, start: int) -> tuple[int, int]:
-    """The travel of Greedy Mapping up to the last vertex, and the number of visited vertices.
+    """Return the travel of Greedy Mapping up to the last vertex, and the number of visited
+    vertices.
 
     It returns to Python now and then, so that it can be interrupted.
     """

@@ -20,7 +20,7 @@ MASK = 0xFFFFFFFF
 
 @kernel
 def neighbours(m: int) -> tuple[Ints, Ints]:
-    """The neighbours of every vertex, shape (m m, 4), of which the first `degree` are used."""
+    """Return the neighbours of every vertex, shape (m m, 4); the first `degree` are used."""
     near = np.zeros((m * m, 4), np.int32)
     degree = np.zeros(m * m, np.int32)
     for v in range(m * m):
@@ -36,7 +36,7 @@ def neighbours(m: int) -> tuple[Ints, Ints]:
 
 @part
 def _draw(state: int) -> int:
-    """The next random number, 1 to 2^32 - 1: Marsaglia's xorshift."""
+    """Return the next random number, 1 to 2^32 - 1: Marsaglia's xorshift."""
     state ^= (state << 13) & MASK
     state ^= state >> 17
     return state ^ ((state << 5) & MASK)
@@ -44,7 +44,7 @@ def _draw(state: int) -> int:
 
 @kernel
 def shuffled(near: Ints, degree: Ints, seed: int) -> Ints:
-    """The neighbours of every vertex in an order of its own."""
+    """Return the neighbours of every vertex in a random order."""
     near = near.copy()
     state = seed
     for v in range(len(near)):
@@ -69,7 +69,7 @@ more. Of equals one by chance, with the state 0 the first in `near`. RANDOM leav
 def _step(
     rule: int, near: Ints, degree: Ints, marks: Ints, place: int, state: int
 ) -> tuple[int, int]:
-    """The next place by a rule, and the state of the random numbers then."""
+    """Return the next place by a rule, and the state of the random numbers then."""
     if rule == LRV:
         turn = marks[place]
         marks[place] = turn + 1 if turn + 1 < degree[place] else 0
@@ -126,7 +126,7 @@ def coverage(
 
 
 def cover(rule: int, near: Ints, degree: Ints, coverages: int, state: int) -> list[int]:
-    """Steps of each coverage; between two of them a run can be interrupted."""
+    """Return the steps of each coverage; between two of them a run can be interrupted."""
     marks, visited = np.zeros(len(near), np.int32), np.full(len(near), -1, np.int32)
     found, place = [], 0
     for number in range(coverages):

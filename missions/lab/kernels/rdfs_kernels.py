@@ -24,7 +24,7 @@ UNKNOWN = -1
 # A vertex is a row, half a cache line: its neighbours north, east, south, west, and
 PARENT = 4  # the vertex above, the start's is itself; -1 where no robot came
 DEPTH = 5
-_STATE = 6  # _LOOKED if it was looked from, and a bit for each neighbour that is unfinished
+_STATE = 6  # _LOOKED if it was observed, and a bit for each neighbour that is unfinished
 _BELOW = 7  # robots at or below it; not kept for the start
 
 _LOOKED = 16
@@ -32,7 +32,7 @@ _LOOKED = 16
 
 @part
 def _look(rows: Ints, v: int) -> None:
-    """Look from v: hang new children, and mark the subtrees that are explored by it."""
+    """Observe v: add new children, and mark the subtrees that are explored by it."""
     rows[v, _STATE] |= _LOOKED
     for d in range(4):
         w = rows[v, d]
@@ -50,7 +50,7 @@ def _look(rows: Ints, v: int) -> None:
 
 @part
 def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
-    """Smaller is better: not entered yet, then the fewest robots."""
+    """Return a rank, best first: not entered yet, then the fewest robots."""
     entered, robots = 0, 0
     for i in range(low, high):
         child = branch[i]
@@ -62,7 +62,7 @@ def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
 
 @part
 def _next(rows: Ints, away: Longs, branch: Ints, v: int) -> int:
-    """The next vertex of a robot at v; `branch` is scratch space for four children."""
+    """Return the next vertex of a robot at v; `branch` is scratch space for four children."""
     low, high = 0, 0
     for d in range(4):
         if rows[v, _STATE] >> d & 1:
@@ -86,7 +86,7 @@ def _next(rows: Ints, away: Longs, branch: Ints, v: int) -> int:
 
 @part
 def _homewards(rows: Ints, steps: Ints, v: int) -> int:
-    """The next cell on a shortest way to the start; of several the first."""
+    """Return the next cell on a shortest way to the start; of several the first."""
     best = -1
     for d in range(4):
         w = rows[v, d]
@@ -99,9 +99,9 @@ def _homewards(rows: Ints, steps: Ints, v: int) -> int:
 def _arrive(
     rows: Ints, away: Longs, at: Ints, end_t: Floats, t: float, arrived: Ints, fresh: Ints
 ) -> int:
-    """Let robots whose leg ends at t look, by depth, then the outermost first.
+    """Let robots whose leg ends at t observe, by depth, then the outermost first.
 
-    They are put into `arrived`, ascending; returns their number.
+    They are put into `arrived`, ascending; return their number.
     """
     count, new = 0, 0
     for robot in range(len(at)):
@@ -127,7 +127,7 @@ def _arrive(
 
 @part
 def _later(rows: Ints, away: Longs, v: int, w: int) -> bool:
-    """Whether v is looked from after w, if robots arrive there together."""
+    """Return whether v is observed after w, if robots arrive there together."""
     return (rows[v, DEPTH], -away[v], v) > (rows[w, DEPTH], -away[w], w)
 
 
