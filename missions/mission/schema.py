@@ -1,4 +1,4 @@
-"""The mission file: TOML in, a `Mission` out. docs/missions.md describes each key.
+"""The mission file: TOML in, a `Mission` out. docs/reference/missions.md describes each key.
 
 Unknown keys are errors. Every message names the file, the key, the value and the expected value.
 Checks that need geometry are in `missions.mission.checks`; `parse_mission` runs both. Defaults are

@@ -1,5 +1,4 @@
-"""The tables of a mission file that only the simulator reads; docs/missions.md describes the
-keys."""
+"""The tables of a mission file that only the simulator reads (docs/reference/missions.md)."""
 
 from __future__ import annotations
 

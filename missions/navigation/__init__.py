@@ -2,7 +2,7 @@
 
 Keyframes are moments with a reported position and a picture. Links are movements between two of
 them that their pictures show. Both give the error of the reported position, and show whether
-satellites can be trusted. docs/own-map.md describes purpose and method.
+satellites can be trusted. docs/explanation/own-map.md describes purpose and method.
 """
 
 from missions.navigation.network import Disagreement, Estimate, ToldErrors
