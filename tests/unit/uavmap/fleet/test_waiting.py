@@ -40,7 +40,7 @@ async def interrupted(*, may_leave: bool) -> str:
 
 def test_an_operator_ends_the_wait_and_gets_the_results(said):
     assert asyncio.run(interrupted(may_leave=True)) == "results"
-    assert "Ctrl-C ends it" in said[0]
+    assert "Ctrl-C ends the wait" in said[0]
     assert "uavmap merge" in said[1]
 
 

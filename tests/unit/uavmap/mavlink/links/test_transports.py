@@ -132,7 +132,7 @@ async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
         assert server.peer_host == "127.0.0.1"
         for _ in range(3):
             two.send(b"stranger")
-        await told.tells("speaks too")
+        await told.tells("is ignored")
         one.send(b"again")
         await ear.hears(b"again")
         assert b"stranger" not in ear.data
