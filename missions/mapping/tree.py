@@ -260,9 +260,10 @@ def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
     asked = [Cell(e + east, n + north) for e, n in fresh for east, north in cross]
     while asked:
         e, n = cell = asked.pop()
+        if cell not in tree or tree.has_looked(cell):
+            continue
         near = [Cell(e + east, n + north) for east, north in steps]
-        undecided = any(verdicts.get(each) is None for each in near)
-        if undecided or cell not in tree or tree.has_looked(cell):
+        if any(verdicts.get(each) is None for each in near):
             continue
         roi = [each for each in near if each in region]
         asked.extend(each for each in roi if each not in tree)
