@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
 from PIL import Image as PillowImage
+from reportlab import rl_config
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import Image, Spacer
 
@@ -49,6 +50,9 @@ from uavmap.output.report.blocks import (
 from uavmap.output.report.map_figure import CORNER_HEADS, map_figure
 from uavmap.output.report.pictures import small_jpeg
 from uavmap.output.report.timeline import timeline
+
+# as text a stream is a quarter larger, and plain Python would code it
+rl_config.useA85 = 0
 
 _TOP_PT: Final = HIGH_PT - 36.0
 _LOW_PT: Final = 46.0
