@@ -13,8 +13,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 # the generator of the site speaks of its own future otherwise
 SITE = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
-# one more than there are cores: tests on sockets wait for a simulator most of their time
-WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
+# two more than there are cores: tests on sockets wait for a simulator most of their time
+WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
 # a flight waits for the disk at each of its events; memory is quicker, where there is a lot of it
 SCRATCH := $(shell df -Pm /dev/shm 2>/dev/null | awk 'NR == 2 && $$4 > 2000 && $$NF == "/dev/shm" {print $$NF}')
 PIP = $(BIN)/python -m pip install --disable-pip-version-check --no-compile --no-deps
@@ -30,7 +30,7 @@ ifeq (,$(filter clean,$(MAKECMDGOALS)))
 MAKEFLAGS += -j2
 endif
 ifneq (,$(filter check,$(MAKECMDGOALS)))
-test: check
+test test-all: check
 endif
 
 .PHONY: run test test-unit test-all test-real check docs wheel setup lock clean
@@ -38,15 +38,19 @@ endif
 run: .venv/ready
 	$(BIN)/uavmap fly runway --sim
 
+# all tests in one run, where all are asked for: those that wait leave the cores to those that compute
+ifneq (,$(filter test-all,$(MAKECMDGOALS)))
+test: test-all
+else
 test: .venv/kernels
 	$(PYTEST) -m "not slow"
+endif
+
+test-all: .venv/kernels
+	$(PYTEST)
 
 test-unit: .venv/kernels
 	$(PYTEST) -m "not slow and not system" tests/unit
-
-# what `make test` has left out, after it
-test-all: test
-	$(PYTEST) -m slow
 
 # one after another: each flight has the whole computer. What they gave stands in a table afterwards
 test-real: .venv/kernels
@@ -73,6 +77,7 @@ setup: .venv/ready-dev
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("uavmap needs Python 3.11 or newer; set PYTHON=...")'
 	@echo "Installing uavmap into .venv: about 35 packages, 170 MB to download. This takes a minute or two."
 	$(PYTHON) -m venv .venv
+	-$(PIP) --quiet 'pip>=25' # the one of Python 3.11 takes more than twice as long
 	$(PIP) --require-hashes -r requirements.txt
 	$(PIP) --quiet --no-build-isolation -e .
 	touch $@

@@ -103,8 +103,15 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return ("not system" in asked and _needs_system(collection_path)) or None
 
 
+def _is_quick(file: tuple[Path, list[pytest.Item]]) -> bool:
+    return not any(test.get_closest_marker("slow") for test in file[1])
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests; spread the files that wait, those that compute, and doctests evenly."""
+    """Mark tests; spread the files that wait, those that compute, and doctests evenly.
+
+    Of each kind the files with slow tests come first: none of them is the last to end.
+    """
     kinds: dict[str, dict[Path, list[pytest.Item]]] = {}
     for item in items:
         # a line without parameters is for all of them
@@ -119,7 +126,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     places = [
         ((i + 0.5) / len(files), path, tests)
         for files in kinds.values()
-        for i, (path, tests) in enumerate(files.items())
+        for i, (path, tests) in enumerate(sorted(files.items(), key=_is_quick))
     ]
     items[:] = [item for *_, tests in sorted(places, key=lambda p: p[:2]) for item in tests]
 
