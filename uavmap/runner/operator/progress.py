@@ -42,7 +42,7 @@ from uavmap.base.printable import printable
 from uavmap.base.terminal import Terminal
 from uavmap.output.facts.detector_fit import DetectorFit
 from uavmap.runner.operator.company import Onlooker
-from uavmap.runner.operator.time_left import time_left
+from uavmap.runner.operator.time_left import Left, time_left
 from uavmap.runner.operator.traffic_words import DOING, traffic_news
 
 REDRAW_S: Final = 0.25
@@ -79,7 +79,7 @@ class ProgressTable(Onlooker):
         self._live: Live | None = None
         self._setting: Setting | None = None
         self._drawn_s = self._reckoned_s = float("-inf")
-        self._left = ""
+        self._left = Left()
         self._state: State | None = None
         self._t_s = float("-inf")
         """Mission time of the latest event that has arrived, s."""
@@ -123,7 +123,7 @@ class ProgressTable(Onlooker):
             return
         self._drawn_s = now_s
         if self._setting is not None and now_s - self._reckoned_s >= LEFT_S:
-            self._reckoned_s, self._left = now_s, time_left(state).told
+            self._reckoned_s, self._left = now_s, time_left(state)
         live = self._live
         if live is not None:
             self._terminal.write(lambda: live.update(self._table(state, again), refresh=True))
@@ -168,13 +168,12 @@ class ProgressTable(Onlooker):
 
     def _line(self, state: State, again: int) -> str:
         vehicles = "; ".join(
-            f"{v.vehicle}: {doing(v)} at {round(v.position.east_m)} m E"
-            f" {round(v.position.north_m)} m N"
-            f" {round(v.height_m)} m up, battery {self._battery(v):.0f} %"
+            f"{v.vehicle}: {doing(v)} {round(v.position.east_m)} E {round(v.position.north_m)} N"
+            f" {round(v.height_m)} m up, {self._battery(v):.0f} %"
             for v in state.vehicles.values()
         )
-        left = f"; {self._left}" if self._left else ""
-        return f"{state.t_s:7.0f} s  {phase(state)}, {cells_known(state)}{left}  [{vehicles}]" + (
+        known = ", ".join(filter(None, (phase(state), self._left.brief)))
+        return f"{state.t_s:7.0f} s  {known}  [{vehicles}]" + (
             f"  ({again} recorded events to repeat)" if again else ""
         )
 
@@ -194,7 +193,7 @@ class ProgressTable(Onlooker):
         head = f"{phase(state)}  {cells_known(state)}  mission time {state.t_s:.0f} s"
         if again:
             head += f"  ({again} recorded events to repeat)"
-        lines = [Text(head, style="bold"), *([Text(self._left)] if self._left else [])]
+        lines = [Text(head, style="bold"), *([Text(self._left.text)] if self._left.text else [])]
         return Group(*lines, table)
 
     def _battery(self, vehicle: VehicleState) -> float:

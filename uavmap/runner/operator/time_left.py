@@ -29,9 +29,9 @@ class Left:
         about_s: Mission time for the rest, s. The way home is from the vehicles' present places;
             battery swaps are not counted.
 
-    >>> Left("40 m of search lanes", "the search lanes", 0.756, 130.0).told
-    'about 75 % of the search lanes done, about 2 min of mission time left for 40 m of search lanes'
-    >>> Left().told
+    >>> Left("40 m of search lanes", "the search lanes", 0.756, 130.0).text
+    '75 % of the search lanes, about 2 min left for 40 m of search lanes'
+    >>> Left().text
     ''
     """
 
@@ -41,15 +41,18 @@ class Left:
     about_s: float | None = None
 
     @property
-    def told(self) -> str:
-        """Line for the operator; empty if nothing is known."""
+    def text(self) -> str:
+        """All that is known, for a table and a page; empty where nothing is."""
+        return f"{self.brief} for {self.what}" if self.about_s is not None else self.brief
+
+    @property
+    def brief(self) -> str:
+        """Share and time, for a line."""
         parts = []
         if self.share is not None:
-            percent = int(100 * self.share)
-            about = "about " if 0 < percent < 100 else ""
-            parts.append(f"{about}{percent} % of {self.of} done")
+            parts.append(f"{int(100 * self.share)} % of {self.of}")
         if self.about_s is not None:
-            parts.append(f"{duration(self.about_s)} of mission time left for {self.what}")
+            parts.append(f"{duration(self.about_s)} left")
         return ", ".join(parts)
 
 
