@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from missions.events import Connected, LinkLost, Tracked, from_json
+from missions.events import Connected, LinkLost, Tracked, TrafficSeen, from_json
 from missions.flight.step import step
+from missions.traffic import Track
 from missions.units import GridPoint
 from tests.e2e import rig
 from tests.e2e.flights.test_page import Page
@@ -106,6 +107,18 @@ def test_alarm_that_is_acknowledged_shows_and_sounds_again_only_when_it_comes_an
         flown.send()
         page.wait(f"{SEEN}.includes('vehicle 1: outside of the fence')")
         assert "battery below what the path home needs" in page.shows(SEEN)
+
+        t_s, still = flown.state.t_s, GridPoint(0.0, 0.0)
+        passes = Track("3C6444", "DLH1", t_s, GridPoint(4990.0, 600.0), 90.0, 0.0, still)
+        flown.happen(TrafficSeen(t_s, (passes,)))
+        flown.send()
+        page.wait(f"{SEEN}.includes('traffic is near')")
+        figures = page.shows("document.querySelector('.flight-figures').textContent")
+        assert "held for traffic" in figures
+        assert "DLH1, 5026 m E of the start, 90 m up" in figures
+        assert page.shows("flightMap.board.fields.traffic[0].name") == "DLH1"
+        page.wait("document.querySelector('[data-order=continue]').offsetParent")
+        keep_picture(page.driver, "page-traffic.jpg")
 
 
 def test_phone_shows_figures_legend_and_a_large_return_at_the_bottom():
