@@ -117,8 +117,7 @@ def has_energy_for(
 
 
 def way_home(setting: Setting, start: GridPoint, pad: GridPoint) -> tuple[GridPoint, ...]:
-    """Return the path to a pad inside the margin; the last metres to a pad in the margin are
-    straight."""
+    """Return the way to a pad inside the margin; to a pad in the margin the end is straight."""
     return setting.fence.route(start, pad) or setting.fence.route_near(start, pad) or (pad,)
 
 
@@ -176,8 +175,7 @@ def _stalls(state: State, vehicle: VehicleState) -> bool:
 
 
 def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
-    """Return whether the energy allows waiting, flying beside the pad, and landing with the
-    reserve."""
+    """Return whether the energy allows to wait, and to land beside the pad with the reserve."""
     energy = setting.energy.in_wind(vehicle.wind_m_s)
     need_wh = energy.home_wh(BESIDE_M, vehicle.height_m, vehicle.drawn_w)
     need_wh += energy.hover_wh(REACTION_S, vehicle.drawn_w)

@@ -3,9 +3,8 @@
 The reducer asks `setting.strategy`, `setting.team` and `setting.heights`. They keep nothing between
 two calls: a strategy remembers only what is in `State.memory`. So a resume repeats the flight.
 
-To add a strategy, inherit from `Strategy` or a strategy in `missions.flight.strategy`, and give it
-a name with `missions.flight.strategies.register`, or by an entry point
-(docs/explanation/strategies.md).
+To add a strategy, inherit from `Strategy` or one in `missions.flight.strategy`. Name it with
+`missions.flight.strategies.register` or an entry point (docs/explanation/strategies.md).
 """
 
 from __future__ import annotations
@@ -127,8 +126,7 @@ class Strategy(ABC):
 
     # --- the search -----------------------------------------------------------------------------
     def lane_done(self, state: State) -> Callable[[Cell], bool]:
-        """Return the predicate that a lane has done its work at a cell: a frame has judged the
-        cell."""
+        """Return the predicate that a lane has done its work at a cell: a frame judged it."""
         return state.setting.heights.searched(state)
 
     def seen_in_passing(self, state: State, event: FrameSeen, votes: Verdicts) -> State:
@@ -165,8 +163,7 @@ class Strategy(ABC):
         return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
 
     def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
-        """Give up the places that the last vehicle cannot reach on a full battery; None ends its
-        part."""
+        """Give up what the last vehicle cannot reach on a full battery; None ends its part."""
         return None
 
     def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
@@ -193,8 +190,7 @@ class Team(ABC):
         return Fences(whole, whole, None)
 
     def refusal(self, setting: Setting, vehicle: VehicleState) -> str:
-        """Return the reason that forbids a take-off from the vehicle's position; empty if none
-        does."""
+        """Return the reason that forbids a take-off from here; empty if none does."""
         return ""
 
     def urgent_order(self, state: State, vehicle: VehicleState) -> State | None:

@@ -61,8 +61,7 @@ class Airspace:
 
     # --- reservations ---------------------------------------------------------------------------
     def is_clear(self, vehicle: VehicleState, order: Order) -> bool:
-        """Return whether the air that an order needs is clear of reservations that bind the
-        vehicle."""
+        """Return whether no reservation that binds the vehicle meets the air of an order."""
         others = self._reserved_by_others(vehicle, order)
         return not others or not self._is_in(self._needed(vehicle, order), others)
 
@@ -243,8 +242,7 @@ class Airspace:
         return airs
 
     def _leads_out(self, asking: VehicleState, order: Order, air: Volume) -> bool:
-        """Return whether an order leads out of another vehicle's air: level, or not through its
-        height."""
+        """Return whether an order leads out of another's air, level or not through its height."""
         level_m = asking.level_m
         if asking.landed or not self._meet(Volume((asking.position,), level_m, level_m), air):
             return False

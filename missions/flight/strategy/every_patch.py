@@ -2,8 +2,7 @@
 
 Lanes decide nearly all cells that their pictures show. Vehicles then fly to the rest. With `survey`
 the rest is all undecided cells of the box. With `find = "all"` it is the cells that no frame has
-shown, those that some frame shows as region, and those beside a patch, in the box or beyond it. A
-cell that every frame so far shows as no region is no part of a patch unless one reaches it.
+shown, those that some frame shows as region, and those beside a patch, in the box or beyond it.
 """
 
 from __future__ import annotations
@@ -55,8 +54,7 @@ class Covering(Paths):
         return give_up_rest(state)
 
     def concluded(self, state: State, left: tuple[Lane, ...]) -> State:
-        """Return the state at the end: open cells stay undecided; lanes matter only while some are
-        open."""
+        """Return the state at the end: open cells stay undecided; without them no lane matters."""
         open_ = self.open_cells(state)
         state = replace(state, exhausted=True, surveyed=not open_, undecided=open_)
         return replace(state, unreachable_lanes=left if open_ else ())
@@ -129,8 +127,7 @@ class EveryPatch(Covering):
         return first.place_at(first.end_s)
 
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
-        """Have a vehicle that waits for members out of contact do so over its pad, in radio range
-        of all."""
+        """Have a vehicle wait for members out of contact over its pad, in range of all."""
         away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
         waits = vehicle.vehicle in pass_memory(state).waiting
         waits = waits and any(state.t_s < v.held_until_s for v in away)

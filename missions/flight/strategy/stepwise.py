@@ -1,7 +1,6 @@
 """`rdfs` and all other strategies with stops: an explorer chooses the next cell, this flies there.
 
-The search flies lanes and stops at suspicions. Each explorer of `missions.planning.stepwise` is a
-strategy by this module.
+Each explorer of `missions.planning.stepwise` is a strategy by this module.
 """
 
 from __future__ import annotations

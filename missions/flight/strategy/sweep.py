@@ -1,5 +1,4 @@
-"""`swath` with `find = "first"`: search until the region is seen, then sweep over it without a
-stop.
+"""`swath` with `find = "first"`: search until the region is seen, then sweep over it.
 
 `Paths` is the common part of all strategies that fly paths. `missions.flight.strategy.lane_passes`
 and `sweep_passes` plan and give the paths.
@@ -19,11 +18,7 @@ from missions.flight.strategy.fallback import whole_bound_s
 from missions.flight.strategy.lane_passes import end_searched, search_passes
 from missions.flight.strategy.searching import find_work, search
 from missions.flight.strategy.stepwise import RDFS
-from missions.flight.strategy.sweep_passes import (
-    explore_passes,
-    give_up_rest,
-    straighten_ways_home,
-)
+from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, go_straight_home
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
@@ -103,7 +98,7 @@ class Paths(Strategy):
     def plan_paths(self, state: State) -> State:
         """Plan for all vehicles with a region to explore, or without lanes, until that is done."""
         if state.exploration_finished:
-            return straighten_ways_home(state)
+            return go_straight_home(state)
         begun = self.flies_all_lanes or state.tree is not None
         return explore_passes(self, state) if begun else state
 

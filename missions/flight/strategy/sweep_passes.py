@@ -43,8 +43,7 @@ STALLED_SHARE: Final = 1.2
 STEP_M: Final = 1.0
 """Minimum length of a path that leads anywhere, m."""
 MOST_PRIORITY: Final = 3
-"""Maximum number of rises of priority for work that a plan leaves undone, before a direct
-flight."""
+"""Maximum number of rises of priority for undone work, before a direct flight."""
 PRIORITY: Final = 4.0
 """Factor of the penalty of work left undone for each step of its priority."""
 ALONE_TIMES: Final = 2.0
@@ -188,7 +187,7 @@ def _fetch(state: State, memory: PassMemory, known: Known, idle: frozenset[int])
     return replace(state, memory=replace(memory, waiting=idle - {found.vehicle}))
 
 
-def straighten_ways_home(state: State) -> State:
+def go_straight_home(state: State) -> State:
     """Replace detours on the way home by straight paths once all is explored."""
     setting, memory = state.setting, pass_memory(state)
     if state.t_s < memory.planned_s + REPLAN_S:

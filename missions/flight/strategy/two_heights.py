@@ -1,8 +1,7 @@
 """Searching high and mapping low: where and when vehicles change their layer.
 
 With `search.altitude_m` lanes are flown in layers of their own, above those from which the map is
-made. What such a frame shows of plain ground counts (`missions.mapping.overview`); all else is
-observed from below.
+made. Such a frame counts where the ground is plain (`missions.mapping.overview`).
 
 A vehicle changes its layer at its place, or a few metres beside. If the mission gives the climb and
 descent rates of the autopilot, it does so on its way. At take-off it leaves a part of the climb for
@@ -37,8 +36,7 @@ class TwoHeights(OneHeight):
         return lambda cell: cell in high or cell in low
 
     def in_layer(self, state: State, vehicle: VehicleState) -> bool:
-        """Return whether a vehicle is in its layer; the rest of a climb or descent may be flown on
-        the way."""
+        """Return whether a vehicle is in its layer, or may reach it on the way."""
         layer_m = self.layer_m(state.setting, vehicle)
         if vehicle.cruise_altitude_m != layer_m:
             return False
@@ -64,8 +62,7 @@ class TwoHeights(OneHeight):
         return vehicle.tracked_s == state.t_s
 
     def cuts_m(self, setting: Setting) -> tuple[float, ...]:
-        """Return larger cuts first: pictures from search height show a lane's edge from farther
-        inside."""
+        """Return larger cuts, too: from high up, pictures show a lane's edge from inside."""
         return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
 
     def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:

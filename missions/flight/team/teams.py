@@ -1,8 +1,7 @@
 """A service that commands all vehicles, a member of a fleet, and a station that only listens.
 
 A member keeps to its own layer and to the column over its pad. It asks the others before it leaves
-them (`missions.flight.airspace.airspace`). One of the members lays out which vehicle maps what
-(`missions.flight.team.work_shares`).
+them (`missions.flight.airspace.airspace`).
 
 Where a radio does not reach across the box, each member knows after the search only what it has
 seen itself. Members that began to map would be out of contact again before the next one returns.

@@ -3,8 +3,7 @@
 A plan is made for the vehicles that can fly it now. Without tours for all (`planning.sweep.tours`),
 one vehicle would set out to map all that four others have found, and abandon that at every new
 plan. So tours begin where each vehicle will be when its lanes are flown. The cells of other
-vehicles are left out of the plan. A service that commands all vehicles lays tours for all of them
-(`shared_out`).
+vehicles are left out of the plan.
 
 In a fleet, the member with the lowest number of those that map and are in contact lays the tours,
 and reports their places. From then on a cell belongs to the vehicle whose place is nearest, also a
@@ -83,8 +82,7 @@ def _begin_s(state: State) -> float:
 
 
 def _at_path_end(state: State, team: frozenset[int]) -> Delayed:
-    """Return the vehicles that fly lanes, and the time from the beginning of the tours to theirs,
-    s."""
+    """Return the vehicles that fly lanes, and how much later their tours begin, s."""
     found, begin_s = {}, _begin_s(state)
     for number, vehicle in sorted(state.vehicles.items()):
         returns = vehicle.return_reason is not None
