@@ -63,6 +63,7 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.prose
+	$(BIN)/python -m tests.prose_code
 	$(SITE) --quiet
 
 docs: setup

@@ -1,1 +1,1 @@
-"""What is believed about the ground and where to look next: pure, no clock, socket or disk."""
+"""Beliefs about the ground and decisions on where to fly next: pure, no clock, socket or disk."""

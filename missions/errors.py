@@ -68,7 +68,7 @@ class PreflightError(UavmapError):
 
 
 class NotFlownError(PreflightError):
-    """A dry run is over; `could_fly` says whether the mission could have begun."""
+    """The end of a dry run; `could_fly` is True if the mission could have begun."""
 
     def __init__(self, text: str, *, could_fly: bool) -> None:
         super().__init__(text)

@@ -240,7 +240,7 @@ class Recalled:
 
 @dataclass(frozen=True, slots=True)
 class Paused:
-    """The operator has all vehicles hold; those on their way home continue."""
+    """The operator has all vehicles hold; those that return continue."""
 
     t_s: float
     kind: Literal["paused"] = "paused"
@@ -288,7 +288,7 @@ class Told(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class TrafficSeen:
-    """Aircraft of others that vehicles' receivers report, as far as they were heard anew."""
+    """Aircraft of others that vehicles' receivers have reported since the last such event."""
 
     t_s: float
     tracks: tuple[Track, ...]

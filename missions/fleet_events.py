@@ -101,7 +101,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Allotted(OfVehicle):
-    """A member of a fleet has laid out the parts of the map: cells near to the places of each."""
+    """A member of a fleet has assigned the parts of the map: cells near to the places of each."""
 
     parts: tuple[Part, ...]
     kind: Literal["allotted"] = "allotted"

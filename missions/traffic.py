@@ -31,14 +31,14 @@ class Track(NamedTuple):
 
     ident: str
     name: str
-    """What people read: its call sign, or else `ident`."""
+    """Its call sign, or else `ident`, for people."""
     seen_s: float
     """Mission time of its position."""
     place: GridPoint
     height_m: float | None
     """Above the start; None where it is unknown."""
     error_m: float
-    """How much the height may be off, m."""
+    """Largest error of the height, m."""
     velocity_m_s: GridPoint | None
     """Along the grid's axes; None where it is unknown."""
 
@@ -55,7 +55,7 @@ class Track(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """How near is near: `traffic` of a mission file."""
+    """The distance and height that count as near: `traffic` of a mission file."""
 
     distance_m: float
     """Over ground; 0: tracks are shown, and nothing else."""
@@ -64,14 +64,14 @@ class Rule(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a vehicle of the team is: over ground, and above the start."""
+    """Position of a vehicle of the team: over ground, and above the start."""
 
     point: GridPoint
     level_m: float
 
 
 class Answer(IntEnum):
-    """What the team does about traffic; the larger counts."""
+    """The team's response to traffic; the larger counts."""
 
     GO_ON = 0
     HOLD = 1

@@ -175,9 +175,10 @@ Pack: TypeAlias = Callable[..., Packed]
 def layout(kind: Message, fields: int | None = None) -> Pack:
     """Return a function that packs messages of pymavlink's class `kind` as their `pack` does.
 
-    It takes the values in the order of that class, arrays flat, a text as bytes, and raises
-    `struct.error` for a value that does not fit. `fields`: it takes the first so many, and the rest
-    is zero; raises `ValueError` unless those come last in the payload too, as extensions do.
+    It takes the values in the order of that class, arrays flat, a text as bytes. It raises
+    `struct.error` for a value that does not fit. `fields`: it takes the first `fields` values, and
+    the rest is zero. Raises `ValueError` unless the rest comes last in the payload, as extensions
+    do.
 
     >>> pack = layout(mav.MAVLink_system_time_message)
     >>> pack(0, 1000)

@@ -21,14 +21,14 @@ class Quirks:
 
     Attributes:
         camera: "component": a MAVLink camera, component 100, that serves its pictures. "autopilot":
-            an ArduPilot with CAM1_TYPE 1 answers the camera's commands as component 1 and reports
+            an ArduPilot with CAM1_TYPE 1 answers the camera's commands as component 1. It reports
             pictures in CAMERA_FEEDBACK only; no client can fetch them. "none": an ArduPilot refuses
             the camera's commands, a PX4 ignores them.
-        camera_clock_s: How far the camera's time since boot is ahead of the autopilot's.
+        camera_clock_s: Lead of the camera's time since boot over the autopilot's.
         camera_tells_pose: Otherwise its announcements hold zeros.
-        clock_ppm: How much faster the vehicle's clock runs than time, in millionths.
-        home_moves_m: By how much at most a PX4 corrects the height of home in the two minutes after
-            take-off.
+        clock_ppm: Excess rate of the vehicle's clock, in millionths.
+        home_moves_m: Largest correction by which a PX4 changes the height of home in the two
+            minutes after take-off.
         stick: The pilot's radio control is on, its sticks centred. Modes by hand can be chosen in
             flight, and a PX4 that loses its setpoints goes to POSITION (COM_OBL_RC_ACT 0).
         landed_state: It sends EXTENDED_SYS_STATE; otherwise it refuses to.

@@ -60,13 +60,13 @@ class Setup(Conditions, Equipment):
     """A simulation; equal setups make equal simulations.
 
     Attributes:
-        home: Of the first vehicle; the world's origin.
+        home: Place of the first vehicle; the world's origin.
         places: One for each vehicle; by default three metres apart.
         pad_heights_m: Heights of the places above ground without relief.
         speedup, tcp: On sockets only.
         world: Files of `sitl.world.files`; `world_epsg`: the coordinate system of a world file.
         patches: Regions besides.
-        parameters: Of the autopilots, as their owner has set them.
+        parameters: Parameters of the autopilots, as their owner has set them.
 
     Raises:
         UavmapError: It cannot be simulated.

@@ -25,7 +25,7 @@ MOST_DRIFT = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Equipment:
-    """What vehicles have on board.
+    """The equipment on board of vehicles.
 
     Attributes:
         autopilot: A name in `FLAVOURS`.

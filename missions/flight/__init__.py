@@ -1,1 +1,1 @@
-"""The reducer's rules: what events change, and what each vehicle is told to do next."""
+"""The reducer's rules: the effects of events, and the next order of each vehicle."""

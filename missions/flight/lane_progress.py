@@ -48,9 +48,9 @@ def lane_passed(
 ) -> VehicleState:
     """Count a frame at `t_s` that judged the cells `shown` for a vehicle's lanes.
 
-    It counts where all rows of a lane are `judged` by now, by any frame. If this is the second lane
-    and the path has passed the end of the first, the unseen rest of the first is flown again, last.
-    A path may cross the second lane on its way to the first; that does not count.
+    It counts where all rows of a lane are `judged` by now, by any frame. If the path has passed the
+    end of the first lane, the unseen rest of that is flown again, last. A path may cross the second
+    lane on its way to the first; that does not count.
     """
     if not vehicle.on_lane or not shown:
         return vehicle

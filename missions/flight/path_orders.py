@@ -55,11 +55,9 @@ def through(
     drifts: bool = False,
     cuts_m: Sequence[float] = LANE_CUTS_M,
 ) -> Trajectory:
-    """Return a path from rest through some points, cut as far as the fence allows.
-
-    `corners` marks the points that are corners of the fence, which are not cut. With `drifts` the
-    points lie in the frame of the region, else in the fixed one.
-    """
+    """Return a path from rest through some points, cut as far as the fence allows. `corners` marks
+    the points that are corners of the fence, which are not cut. With `drifts` the points lie in the
+    frame of the region, else in the fixed one."""
     speed = setting.path_speed_m_s(vehicle.cruise_height_m, vehicle.wind_m_s)
     drift_m_s, here, grid = (0.0, 0.0), vehicle.position, setting.grid
     if drifts:

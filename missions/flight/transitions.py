@@ -131,8 +131,8 @@ def _tracked(event: ev.Tracked, vehicle: VehicleState, setting: Setting) -> Vehi
     if not vehicle.landed and elapsed_s > 0.0 and known:
         weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
         drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
-    # an interrupted take-off leaves the vehicle in the air; of another member's take-off only its
-    # report counts: a PX4 on its pad may report 1 m and more
+    # An interrupted take-off leaves the vehicle in the air. Of another member's take-off only its
+    # report counts: a PX4 on its pad may report 1 m and more.
     climbing = isinstance(vehicle.order, TakeOff)
     silent_s = event.t_s - vehicle.judged_s
     if vehicle.path is not None and vehicle.works and silent_s >= _nothing_s(setting):

@@ -68,7 +68,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Allotment:
-    """Parts of a map that one member of a fleet has laid out for all that it is in contact with."""
+    """Parts of a map that one member of a fleet has assigned to all that it is in contact with."""
 
     by: int
     made_s: float
@@ -125,11 +125,8 @@ class VehicleState:
     """True if it has arrived at its candidate or vertex."""
     landed: bool = True
     cleared: bool = True
-    """True if the operator has cleared it for take-off.
-
-    A flight uses up the clearance; a battery swap or a resume renews it. No vehicle takes off
-    beside people because a link has come back.
-    """
+    """True if the operator has cleared it for take-off. A flight uses up the clearance; a battery
+    swap or a resume renews it. No vehicle takes off beside people because a link has come back."""
     fruitless_sorties: int = 0
     """Consecutive sorties that the battery ended without progress."""
     braking_until_s: float | None = None
@@ -166,7 +163,7 @@ class VehicleState:
 
     @property
     def flees(self) -> bool:
-        """Whether it flies home for traffic, and does not land yet."""
+        """True if it returns for traffic, and does not land yet."""
         homeward = self.return_reason is ReturnReason.TRAFFIC and not self.over_home
         return homeward and self.phase is Phase.AIRBORNE
 

@@ -1,1 +1,1 @@
-"""Where things are: UTM geodesy, the grid of cells, the geofence, the search lanes."""
+"""Geometry on the ground: UTM geodesy, the grid of cells, the geofence, the search lanes."""

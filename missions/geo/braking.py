@@ -78,7 +78,7 @@ KEPT_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What a vehicle flies while plans replace one another, without a gap.
+    """The trajectory of a vehicle while plans replace one another, without a gap.
 
     Trajectories, each of which is flown from its own beginning on, until the next begins.
 

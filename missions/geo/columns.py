@@ -1,7 +1,7 @@
 """The air over the pads of a fleet: each member climbs and descends in its own column.
 
-Members out of contact cannot ask each other. So each has air that no other ever enters: its layer,
-and the column over its pad, which is a hole in the geofence of all others.
+Members out of contact cannot ask each other. So each has air that no other enters. It is its layer,
+and the column over its pad, a hole in the geofence of all others.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """WGS84 to and from UTM, and a true-north plane around a place.
 
 PROJ (through pyproj) does the projection. This module chooses the zone, and computes the meridian
-convergence and the scale factor. These connect metres on the ground and true north (which a vehicle
-measures) with metres in the projection and grid north (with which the grid is aligned).
+convergence and the scale factor. A vehicle measures metres on the ground and true north. The grid
+has metres of the projection and grid north.
 """
 
 from __future__ import annotations

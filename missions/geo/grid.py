@@ -1,8 +1,8 @@
 """The grid: square cells aligned with UTM grid north, its origin at the start.
 
-Cells are measured in metres on the ground, so the projection's scale factor lies between a cell
-and its UTM coordinates; true north and grid north differ by the meridian convergence. A grid may
-move with a drifting ROI: a cell then keeps its name and its ground, and changes its position.
+Cells are measured in metres on the ground, so the projection's scale factor lies between a cell and
+its UTM coordinates. True north and grid north differ by the meridian convergence. A grid may move
+with a drifting ROI: a cell then keeps its name and its ground, and changes its position.
 
 Two frames of ground metres share their axes:
 

@@ -32,8 +32,8 @@ def as_far_as_allowed(fence: Fence, path: Trajectory, accel_m_s2: float) -> Traj
     """Return a path that is not allowed as a whole, braked before it would lead outside.
 
     New plans follow every other second, so only the next part of a path matters. Its last part is
-    the planner's way home, past the columns around the pads: that is no reason to refuse the first
-    part. None if the allowed part is too short.
+    the planner's return path, past the columns around the pads: that is no reason to refuse the
+    first part. None if the allowed part is too short.
     """
     places = _places(path)
     inside = _inside(fence, places)

@@ -1,9 +1,9 @@
 """A path that is flown without stopping, as an exact function of mission time.
 
-Lines and arcs with a piecewise constant tangential acceleration. Corners are cut by arcs (fly-by):
-an arc that passes its corner at the distance `cut_m` has the radius
-cut cos(th/2) / (1 - cos(th/2)), th the angle of the turn, and is flown at sqrt(a r), so that the
-acceleration across never exceeds that along (a real ArduCopter follows this within 0.6 m).
+Lines and arcs with a piecewise constant tangential acceleration. Corners are cut by arcs (fly-by).
+An arc that passes its corner at the distance `cut_m` has the radius cut cos(th/2) / (1 -
+cos(th/2)), th the angle of the turn. It is flown at sqrt(a r), so the acceleration across never
+exceeds that along. A real ArduCopter follows this within 0.6 m.
 """
 
 from __future__ import annotations
@@ -245,8 +245,8 @@ def rounded_path(
     second, and comes to rest where it turns back. `cut_m` is the cut of all corners, or one for
     each point.
 
-    Raises ValueError without points, for numbers that are not finite or positive, and for a first
-    speed from which the first corner, or the end, cannot be reached slowly enough.
+    Raises ValueError without points, and for numbers that are not finite or positive. Raises it for
+    a first speed too high for the first corner or the end as well.
     """
     cuts_m = [cut_m] * len(points) if isinstance(cut_m, int | float) else list(cut_m)
     if len(cuts_m) != len(points):

@@ -1,4 +1,5 @@
-"""The guardian of one aircraft: it notices that an order is not carried out, and says what to do.
+"""The guardian of one aircraft: it detects that an order is not carried out, and chooses the
+response.
 
     watch(limits, guard, seen) -> (guard, verdict)
 
@@ -11,7 +12,7 @@ A verdict climbs a ladder, one rung at a time, until a rung helps:
 
     report   the mission receives that the order failed, and returns the vehicle
     rtl      the autopilot returns by itself
-    land     the vehicle lands where it is, before its energy is used up
+    land the vehicle lands at its place, before its energy is used up
     crashed  it is already down
 
 The guardian sends no command to a vehicle that a pilot or a failsafe flies (`mode` "other").

@@ -50,7 +50,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What telemetry reports at an instant. Heights are above the vehicle's home."""
+    """The vehicle's state by telemetry at an instant. Heights are above the vehicle's home."""
 
     t_s: float
     position: GridPoint

@@ -1,1 +1,1 @@
-"""What is known of the region: votes by cell, the exploration tree, reach over cells."""
+"""Knowledge of the region: votes by cell, the exploration tree, reach over cells."""

@@ -14,7 +14,7 @@ the order of exposure. The choice depends on the times alone and not on the vote
 a false ROI cell is that of `positive` of `frames`, whatever else is taken. (That holds for a
 ballot: a cell on which two ballots are full has two chances.)
 
-A ballot may be *decided* before it is full: after three positives of five, or three negatives, the
+A ballot may be *decided* before it is full. After three positives of five, or three negatives, the
 rest of the frames could not change the verdict. A vehicle that stops then has the verdict of the
 full ballot, so the chance is not raised. No other rule on when to stop raises it either: a ballot
 that is left undecided elects no cell.
@@ -147,8 +147,9 @@ class Belief:
         the frames that it still lacks it could not elect the cell. Ballots by vantage decide for a
         cell and never against it, since another vantage may show more.
 
-        A verdict stays as long as frames come in the order of exposure or only the rest by
-        `in_time` is added, and no vantage elects a cell that the open ballot has decided against.
+        A verdict stays as long as frames come in the order of exposure, or only the rest by
+        `in_time` is added. It does not stay if a vantage elects a cell that the open ballot has
+        decided against.
         """
         return self._verdicts.get(cell)
 
@@ -165,9 +166,9 @@ class Belief:
     def provisional(self, cell: Cell) -> bool | None:
         """Return the provisional verdict on an undecided cell; None if no open vote was cast on it.
 
-        It is the verdict, if there is one. Else it says whether the open ballot would elect the
-        cell if the votes to come were as those so far. For three of five that is the majority, and
-        a tie is a no.
+        It is the verdict, if there is one. Else it is True if the open ballot would elect the cell
+        with further votes like those so far. For three of five that is the majority, and a tie is a
+        no.
         """
         verdict, tally = self.verdict(cell), self.open_tallies.get(cell)
         if verdict is not None or tally is None:
@@ -335,9 +336,9 @@ def judging_frames(belief: Belief) -> dict[Cell, FrameId]:
     """Return the frame that decided each cell; an undecided cell is absent.
 
     A cell of the region is decided when the first of its ballots elects it. Another cell is decided
-    when its open ballot is decided against it, or when a ballot of an observation of it is full and
-    does not elect it. A verdict of a finished map by all frames (`with_verdicts`) counts from its
-    latest vote.
+    when its open ballot is decided against it. It is decided as well when a full ballot of an
+    observation of it does not elect it. A verdict of a finished map by all frames (`with_verdicts`)
+    counts from its latest vote.
 
     >>> belief, here, beside = Belief(frames=3, positive=2), Cell(0, 0), Cell(0, 1)
     >>> for t_s in (0.0, 1.0, 2.0):

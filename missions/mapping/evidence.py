@@ -2,9 +2,9 @@
 
 In flight, as in the paper, votes count alike and the first few decide. Recorded pictures are all
 there before any decision. They differ in aspect, pixels and the visible part of a cell. So each
-picture has a weight on each cell (`vision.projection`), and the belief in a cell is the weighted
-mean of the shares of region that pictures saw in it. It is a mean and no product of odds: a cell of
-which a third is region is a third region in every picture, and ten of them do not make it less.
+picture has a weight on each cell (`vision.projection`). The belief in a cell is the weighted mean
+of the shares of region in its pictures. It is a mean and no product of odds. A cell of which a
+third is region is so in every picture, and ten pictures do not make it less.
 
 A belief begins with the mean of the whole set, at the weight `PRIOR_WEIGHT`: one oblique view moves
 it less than three from above. All sums are of whole numbers, so the belief does not depend on the

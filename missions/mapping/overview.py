@@ -1,11 +1,11 @@
 """Plain cells: those that frames of a search decide for good from their height.
 
 A frame from search height (an *overview*) is coarse, so its votes are kept apart. A cell is *plain*
-when the overview has decided it and all eight around it alike. Then its votes count as any others,
-and no vehicle flies there again. All other cells, those along outlines, are observed from below. If
-each vote is wrong with probability e, independently of the others, three of five are wrong with 10
-e^3 at most. That is the chance that a patch or a hole of a single cell is taken for plain ground,
-and the chance of any verdict. Amid nine cells that are alike, all nine have to be wrong at once.
+when the overview has decided it and all eight around it alike. Then its votes count like others,
+and no vehicle flies there again. Other cells, such as those along outlines, are observed from
+below. If each vote is wrong with probability e, independently, three of five are wrong with 10 e^3
+at most. This is the chance to miss a patch or a hole of a single cell, and the chance of any wrong
+verdict. Amid nine cells that are alike, all nine have to be wrong at once.
 
 A heading error moves them alike: one of 5 degrees moves an outline 60 m away by 5 m, so that it
 lies in plain ground. From map height the same error moves it by 1 m. So when a flight is over, the

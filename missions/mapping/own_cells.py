@@ -2,12 +2,12 @@
 
 Five votes on each of a thousand cells would fill a narrow radio; decisions are a bit a cell. So a
 fact is the decisions of one vehicle's frames within a second. If several vehicles have decided the
-same cell, the first counts. That raises no chance of an error. The first has mostly needed three
-frames that were alike. These are wrong more rarely than four or five that were not (for votes that
-err with probability e each: e^3 against 10 e^3 in all).
+same cell, the first counts. It raises no chance of an error. The first has mostly needed three
+frames that were alike. These are wrong more rarely than four or five that were not: e^3 against 10
+e^3, for votes that err with probability e each.
 
-A cell that is seen in passing, and lies beside no patch, needs no decision. That it was seen is a
-fact as well, or another vehicle would fly there to see it.
+A cell that is seen in passing, and lies beside no patch, needs no decision. Its sighting is a fact
+as well, or another vehicle would fly there to see it.
 
 All frames of a pass decide whether a cell is unsure. So it is a fact once the vehicle has passed,
 and again if a later pass changes it.

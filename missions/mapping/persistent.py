@@ -5,9 +5,9 @@ belongs to the newest. Each older version keeps the changes that restore it (Bak
 makes functional arrays fast*, 1991). So the newest is read from a `dict`, in the order in which its
 keys came. A reader of an older version pays for a copy, once. The reducer reads the newest.
 
-An older version refers to newer ones and never the other way round: an unused version is freed.
-Reading an older version moves it to its own table, so versions that share one belong to one thread
-at a time.
+An older version refers to newer ones, never the other way round. So Python deletes an unused
+version. Reading an older version moves it to its own table, so versions that share one belong to
+one thread at a time.
 """
 
 from __future__ import annotations

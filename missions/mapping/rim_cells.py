@@ -1,10 +1,10 @@
 """Cells at the edge of the region that the map adds to those that votes have elected.
 
 The first few votes on a cell decide where the exploration continues. They come within a second from
-one vehicle, so they all err alike by the error of its pose, and a cell of which half is region may
-be voted down. When a flight is over, all frames in passing have shown their shares of the cell:
-from other sides, at other times, by other vehicles. Their mean decides on cells beside the region,
-and allows for errors of the pose.
+one vehicle, so they all err alike by the error of its pose. A cell of which half is region may be
+voted down. When a flight is over, all frames in passing have shown their shares of the cell. They
+are from other sides, times and vehicles. Their mean decides on cells beside the region, and allows
+for errors of the pose.
 """
 
 from __future__ import annotations

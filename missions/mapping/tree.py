@@ -8,9 +8,9 @@ A vertex is a ROI cell; its parent is the cell from which it was first seen. Sta
 * *explored*: observed, and so is everything below it.
 
 Stored are facts that only grow: which cells are vertices, under which parent, and which were
-observed. The state follows from them. So two trees can be joined in any order: a vertex that two
+observed. The state follows from them. So two trees can be joined in any order. A vertex that two
 vehicles placed under different parents keeps the one of smaller depth, ties by cell. Depth falls
-strictly from child to parent, also after a join, so there is never a cycle.
+strictly from child to parent, also after a join, so there is no cycle.
 """
 
 from __future__ import annotations

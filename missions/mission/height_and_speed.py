@@ -162,7 +162,7 @@ class SpeedLimits:
 def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
     """Return the limits of a vehicle that takes pictures from `height_m` above the ground.
 
-    Frames are counted along the shorter side of the picture: a distance of k intervals holds at
+    Frames are counted along the shorter side of the picture. A distance of k intervals holds at
     least k of them, whenever the first is taken.
     """
     camera, drift_m_s = mission.camera, mission.drift.speed_m_s

@@ -26,7 +26,7 @@ from missions.units import Cell, GridPoint
 
 @dataclass(frozen=True)
 class Layout:
-    """A mission file, laid out on the ground."""
+    """A mission file in coordinates of the ground."""
 
     mission: Mission
     grid: Grid
@@ -127,7 +127,7 @@ class Layout:
 
     @cached_property
     def whole_lanes(self) -> frozenset[Lane]:
-        """The lanes as laid, in either direction."""
+        """The lanes as planned, in either direction."""
         return frozenset(each for lane in self.lanes for each in (lane, (lane[1], lane[0])))
 
     @property
@@ -136,7 +136,7 @@ class Layout:
         return self.whole_lanes if self.likely else frozenset()
 
     def lane_time_s(self, t_s: float) -> float:
-        """Return the time at which lanes lie as laid, in the frame of the cells."""
+        """Return the time for which lanes are planned, in the frame of the cells."""
         return 0.0 if self.lanes_drift else t_s
 
     def to_lanes(self, place: GridPoint, t_s: float) -> GridPoint:

@@ -186,13 +186,13 @@ def inside_fence(mission: Mission, grid: Grid) -> Iterator[str]:
 
 
 def hole_name(mission: Mission, index: int) -> str:
-    """What a hole of the fence is: a key of the file, or zones by name."""
+    """The cause of a hole of the fence: a key of the file, or zones by name."""
     zones = [f"{zone.name!r} ({zone.why})" for zone in mission.fence.zones if index in zone.holes]
     return f"zone {' and '.join(zones)}" if zones else f"fence.holes[{index}]"
 
 
 def holes_named(mission: Mission) -> str:
-    """What the holes of the fence are, in short."""
+    """The causes of the holes of the fence, in short."""
     zones = [repr(zone.name) for zone in mission.fence.zones if zone.effect == "hole"]
     return f"fence.holes, with zone {', '.join(zones)}" if zones else "fence.holes"
 

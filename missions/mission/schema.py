@@ -320,9 +320,9 @@ class Mission(Section):
     def altitude_m(self, vehicle: int) -> float:
         """Return the layer of a vehicle (from 0) above home, or above the ground.
 
-        With `flight.altitude_m = "auto"` the highest layer is at the maximum height, in tenths of a
-        metre, from which a cell still has its pixels, or at the ceiling if that is lower. The
-        others lie below it.
+        With `flight.altitude_m = "auto"` the highest layer is as high as a cell still has its
+        pixels, in tenths of a metre. It is at the ceiling if that is lower. The others lie below
+        it.
         """
         apart_m = self.team.layer_m
         return self._layer_m(self.flight.altitude_m, self.camera.pixels_per_cell, vehicle, apart_m)

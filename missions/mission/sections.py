@@ -359,7 +359,7 @@ class Guardian(Section):
 
 
 class Traffic(Section):
-    """How near aircraft of others may come before the team holds, or comes home."""
+    """The distance and height of aircraft of others at which the team holds, or returns."""
 
     distance_m: Annotated[Number, Field(ge=0, le=20_000)] = 1000.0
     """Over ground, from any vehicle. 0: they are shown, and nothing else."""

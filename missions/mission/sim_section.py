@@ -98,7 +98,7 @@ _FAULT_VALUES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 class SimIntruder(Section):
-    """An aircraft of others that flies straight and is heard by all vehicles' receivers."""
+    """An aircraft of others that flies straight and is received by all vehicles."""
 
     position: Vertex
     height_m: Annotated[Number, Field(ge=-500, le=20_000)] = 100.0

@@ -207,7 +207,8 @@ class Track:
         told, last = self._newest.told, len(self._keys) - 1
         told_m = told - np.array([self._keys[number].told for number in numbers], np.complex128)
         nothing, variance = np.zeros(len(begin), np.complex128), np.full(len(begin), 1e-6)
-        # the true movement is told - (e_to - e_begin); the ground shows it turned and scaled
+        # the true movement is the reported one - (e_to - e_begin); the ground shows it turned and
+        # scaled
         to = np.full(len(begin), last)
         at, share = self._knots().between(begin, to, 0.5)
         links = Links(begin, to, told_m, nothing, variance, at, share)

@@ -39,12 +39,13 @@ class OffsetNoise:
     """Standard deviations of the filter's inputs: at least 0, `start_m` above 0.
 
     Attributes:
-        start_m: Of a place reported by satellites, in each direction.
-        odometer: Of the odometer's scale and of its rotation, in radians: share of the distance.
+        start_m: Error of a place reported by satellites, in each direction.
+        odometer: Errors of the odometer's scale and of its rotation, in radians: share of the
+            distance.
         changing: Additional, varying error, as a share of the speed.
         wander_m_s: The same at rest.
         wander_s: Time over which such an error lasts.
-        heading_rad: Of the heading of the tracker's camera: how well north is known.
+        heading_rad: Error of the heading of the tracker's camera: how well north is known.
         mount_rad: Constant error of the tilt of the tracker's camera. It shifts all sightings
             alike, so hops are not wrong by it.
         alike_s: Time over which the errors of sightings are alike: the attitude's, mostly.
@@ -141,9 +142,9 @@ class Offsets:
             seen_m: The same as the picture shows it, by the camera's reported heading.
             covariance_m2: (2, 2), of `seen_m`, without the heading's error.
             after_s: Time since the sighting before; errors of close sightings are alike.
-            tilts_m: (2, 2), metres that the mapper seems to move, east and north (rows), for each
-                radian that the camera tilts to the picture's right and downwards (columns); None:
-                the camera is tilted as reported.
+            tilts_m: (2, 2), apparent movement of the mapper east and north (rows), m, per radian of
+                camera tilt to the picture's right and downwards (columns). None: the camera is
+                tilted as reported.
 
         Returns:
             False if it is rejected: it is farther off than chance explains.

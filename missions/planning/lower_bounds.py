@@ -6,13 +6,13 @@ steps of a robot. The grid is bipartite, so a closed walk has an even number of 
 
 1. *Eccentricity.* A robot goes to the farthest cell and back: T >= 2 ecc(start).
 2. *Shell.* One robot visits at least ceil(N / R) of the N cells whose distance is at least d and
-   has the parity of d. The way there and back takes 2 d steps, and from one of these cells to the
-   next it is at least two: T >= 2 d - 2 + 2 ceil(N / R).
+   has the parity of d. The way there and back takes 2 d steps, and a step between two of these
+   cells at least two. So T >= 2 d - 2 + 2 ceil(N / R).
 3. *Blocks.* Contract all cells nearer than d to one vertex. The rest stays bipartite, and the
-   closed walks of all robots together visit every vertex of every biconnected block. Within a
-   block a closed walk alternates between the colours, so it takes at least 2 max(black, white)
-   steps; let L be their sum. A robot that gets so far walks 2 (d - 1) steps more inside the
-   contracted ball: T >= 2 (d - 1) + L / R, rounded up to an even number.
+   closed walks of all robots together visit every vertex of every biconnected block. Within a block
+   a closed walk alternates between the colours, so it takes at least 2 max(black, white) steps. Let
+   L be their sum. A robot that gets to distance d walks 2 (d - 1) steps more inside the
+   contracted ball. So T >= 2 (d - 1) + L / R, rounded up to an even number.
 
 `flight_lower_bound` is for robots that fly straight over all cells between.
 """
@@ -94,10 +94,10 @@ def drift_lower_bound(static_moves: float, metric: Metric) -> float:
 def flight_lower_bound(roi: Collection[Cell], start: Cell, robots: int, metric: Metric) -> float:
     """Return the minimum time of the last robot to observe every cell and return in flight.
 
-    A cell's Euclidean distance from the start counts. Of the N cells at distance d or farther one
-    robot visits k >= ceil(N / R). It flies d out, d back, and in between k - 1 legs of at least the
-    length of a cell; and it observes k times. Over a closed tour a unit of length costs at least 1
-    / sqrt(Sr^2 - Sp^2). The bound is the largest of these over all d. The observation from the
+    A cell's Euclidean distance from the start counts. Let N cells be at distance d or farther. One
+    robot visits k >= ceil(N / R) of them. It flies d out and d back. In between it flies k - 1 legs
+    of at least the length of a cell, and it observes k times. Over a closed tour a unit of length
+    costs at least 1 / sqrt(Sr^2 - Sp^2). The bound is the maximum over d. The observation from the
     start, before any move, is not counted.
     """
     best = 0.0
@@ -112,9 +112,9 @@ def one_way_lower_bound(
 ) -> float:
     """Return the bound of `flight_lower_bound` for robots that do not return, and may break off.
 
-    A way that does not close may lead with the drift all along: a unit of length costs at least 1 /
-    (Sr + Sp). A robot that breaks off, as for a battery, continues anywhere: every break is worth a
-    leg, and after the first one the way from the start is unknown.
+    An open path may lead with the drift all along: a unit of length costs at least 1 / (Sr + Sp). A
+    robot that breaks off, as for a battery, continues anywhere. So every break is worth a leg, and
+    after the first one the distance from the start is unknown.
     """
     fastest = 1.0 / (metric.speed + metric.drift_speed)
     best = 0.0
@@ -144,7 +144,7 @@ def _shells(near: list[int], steps: list[int]) -> tuple[Shell, ...]:
 
     With all cells nearer than d contracted, the blocks of different components of the rest are
     different blocks. A component that the contracted vertex touches at one cell only has a bridge
-    there, and the cells behind it have the blocks that they had with the cell contracted. So only
+    there. The cells behind it have the blocks that they had with the cell contracted. So only
     components with several entries are searched.
     """
     shells: list[Shell] = []

@@ -1,1 +1,1 @@
-"""How an ArduCopter behaves: modes, arming, failsafes."""
+"""The behaviour of an ArduCopter: modes, arming, failsafes."""

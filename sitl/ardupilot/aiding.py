@@ -1,8 +1,8 @@
 """The sources of ArduPilot's EKF3 for its position.
 
 SET_EKF_SOURCE_SET chooses one of three sets of sources (EK3_SRCn_POSXY). It also uses a second
-receiver by GPS_INPUT, a companion's positions by VISO_TYPE, and one position at a time by
-EXTERNAL_POSITION_ESTIMATE, once no position has been fused for a second.
+receiver by GPS_INPUT, and a companion's positions by VISO_TYPE. It uses single positions by
+EXTERNAL_POSITION_ESTIMATE once no position has been fused for a second.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 Heights by satellites differ by metres from receiver to receiver, and wander. On the ground the
 autopilot follows them; armed its height is that of arming and what the barometer adds.
 
-The attitude errs in roll and pitch for seconds, in the heading for longer. Measured on a PX4 1.17
-in flight against its simulator's truth: heading 2 degrees (standard deviation, at most 4),
-correlated over some 20 s; roll and pitch 0.8 degrees, over 3 s.
+The attitude errs in roll and pitch for seconds, in the heading for longer. These are standard
+deviations of a PX4 1.17 in flight, against its simulator's truth. Heading: 2 degrees, at most 4,
+correlated over some 20 s. Roll and pitch: 0.8 degrees, over 3 s.
 """
 
 from __future__ import annotations

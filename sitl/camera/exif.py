@@ -45,7 +45,7 @@ _XMP = (
 class Geotag:
     """The metadata of a picture.
 
-    `height_m` is above home, `camera` turns the camera's axes (forward, right, down) to NED,
+    `height_m` is above home. `camera` turns the camera's axes (forward, right, down) to NED.
     `body_rad` is roll, pitch and yaw of the aircraft, `taken_s` the world's time.
     """
 

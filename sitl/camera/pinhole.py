@@ -1,8 +1,8 @@
 """The simulated camera, a pinhole of its own: its mounting, its pose, its pixels.
 
-Frames: NED (true north, true east, down) with its origin on the ground; the camera's axes are
-forward (optical axis), right, down (lower edge of the picture). Pixels: u to the right, v down,
-(0, 0) the centre of the upper left pixel, the optical axis at ((width - 1) / 2, (height - 1) / 2).
+Frames: NED (true north, true east, down) has its origin on the ground. The camera's axes are
+forward (optical axis), right, down (lower edge of the picture). Pixels: u to the right, v down, (0,
+0) the centre of the upper left pixel. The optical axis is at ((width - 1) / 2, (height - 1) / 2).
 """
 
 from __future__ import annotations
@@ -117,8 +117,8 @@ def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
 def image_motion_px(camera: CameraSpec, shot: Shot) -> tuple[float, float]:
     """Return the motion of the ground in the middle of the picture in an exposure: right, down.
 
-    The difference towards the rim is neglected: the turn about the axis (0.2 px at 20 degrees a
-    second, 1/500 s and 300 px from the middle), and the tilt.
+    The difference towards the rim is neglected: the turn about the axis, and the tilt. The turn is
+    0.2 px at 20 degrees a second, 1/500 s and 300 px from the middle.
     """
     east, north, up = shot.moved_m
     middle = (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0

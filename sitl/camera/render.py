@@ -235,8 +235,8 @@ def _warp(
 ) -> Gray:
     """Return a wrapping tile, fixed to the plane, seen from above (east_m, north_m).
 
-    The camera is placed in the middle half of `tile`, which holds its pattern twice by twice: a
-    footprint up to the pattern's size never touches an edge, where OpenCV is three times slower.
+    The camera is placed in the middle half of `tile`, which holds its pattern twice by twice. So a
+    footprint up to the pattern's size touches no edge, where OpenCV is three times slower.
     """
     scale = 1.0 / METRES_PER_PIXEL
     middle = TILE_PX / 2.0

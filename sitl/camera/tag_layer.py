@@ -1,8 +1,8 @@
 """Markers on the vehicles below, put into a picture.
 
-A pixel is the mean over a lattice of points in it, and over instants while the shutter is open:
-each point's ray is met with the plane of the marker. So edges are as soft as a sensor's, and a
-marker is blurred by its own motion over the picture, not by that of the ground.
+A pixel is the mean over a lattice of points in it, and over instants of the exposure. Each point's
+ray is met with the plane of the marker. So edges are as soft as a sensor's. A marker is blurred by
+its own motion over the picture, not by that of the ground.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What every simulated autopilot has: phases of flight, missions, geofence, parameters."""
+"""The common part of simulated autopilots: phases of flight, missions, geofence, parameters."""

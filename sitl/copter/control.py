@@ -1,8 +1,8 @@
 """The autopilot's inner loops, from position and target to thrust and turn rate.
 
 As in ArduCopter a square-root controller turns a distance into a speed from which the vehicle can
-still stop, the speed is slewed at the permitted acceleration, and a velocity loop with a slow
-estimate of the disturbance (wind) turns it into thrust.
+still stop. The speed is slewed at the permitted acceleration. A velocity loop with a slow estimate
+of the disturbance (wind) turns it into thrust.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Limits:
 class Tuning:
     """Lengths in metres, heights above home, times in seconds, speeds in m/s.
 
-    `return_height_m` gives the height of the return path from a distance and a height,
-    `landing_m_s` the descent rate of a landing from the present limits and a height.
+    `return_height_m` gives the height of the return path from a distance and a height.
+    `landing_m_s` gives the descent rate of a landing from the present limits and a height.
     """
 
     limits: Limits

@@ -4,7 +4,7 @@ A path to a place is limited in jerk: a shaped point runs ahead within the limit
 follows it. While it makes up for its lag it may exceed the limit, as the real one does.
 
 A setpoint has a place and a velocity, or a velocity alone. ArduCopter shapes it with limits on
-acceleration and jerk: it follows a velocity accel / jerk (0.5 s by default) late, and approaches a
+acceleration and jerk. It follows a velocity accel / jerk (0.5 s by default) late, and approaches a
 place at half of that rate. It follows a curve without a lag if the velocity is sent 0.5 s ahead of
 the place. PX4 flies a setpoint as it is, some time after it was sent.
 """
@@ -173,8 +173,8 @@ class ShapedFollower(_ShapedPoint):
     After `wind_tau_s` the loop below compensates the force of the air.
     """
 
-    # A real one at 6 m/s, at 6 m/s in a wind of 3.6, and at 10 m/s is within 0.54, 0.60 and 0.94 m
-    # of its plan in 95 % of the time; with this one within 0.45, 0.51 and 0.87
+    # At 6 m/s, at 6 m/s in a wind of 3.6, and at 10 m/s a real one is within 0.54, 0.60 and 0.94 m
+    # of its plan in 95 % of the time. This one is within 0.45, 0.51 and 0.87 m.
     wind_tau_s = 3.0
 
     def __init__(self, jerk_m_s3: Callable[[], float]) -> None:

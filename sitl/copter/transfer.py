@@ -122,8 +122,8 @@ class Transfer:
             if self._upload.partner != partner:
                 return [_ack(m, _DENIED)]
             same = (m.mission_type, m.count) == (self._upload.kind, self._upload.count)
-            # a second copy does not begin the upload again, which would lose the items that have
-            # come; after a silence it does, perhaps with other items
+            # A second copy does not begin the upload again, which would lose the received items.
+            # After a silence it does, perhaps with other items.
             if same and now_s - self._upload.heard_s < self.retry_s:
                 return [self._ask(self._upload, now_s)]
             self._break_off(self._upload)

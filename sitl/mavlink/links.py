@@ -3,9 +3,9 @@
 A vehicle has a link for each client, as an autopilot has ports; all carry the same telemetry.
 
 Signing is MAVLink 2's as an ArduPilot does it (mavlink.io, "Message Signing"). A signature is the
-link id, a timestamp of 48 bits (10 microseconds since 2015) and the first six bytes of a SHA-256
+link id, a timestamp of 48 bits (10 microseconds since 2015) and six bytes, the first of a SHA-256
 over key and frame. Timestamps only rise within a stream (system, component, link id), so a recorded
-frame cannot be replayed. The vehicle's clock does not agree with its clients': its timestamp is the
+frame cannot be replayed. The vehicle's clock does not agree with its clients'. Its timestamp is the
 highest that it was given or has verified, plus one with each frame that it signs.
 """
 

@@ -1,7 +1,7 @@
 """MAV_CMD_* that fly a PX4.
 
 It refuses with TEMPORARILY_REJECTED and a text. The altitude of every command is above sea level,
-whatever the frame of a COMMAND_INT: a PX4 of 2024 ignores the frame, one of 2026 takes GLOBAL_INT
+whatever the frame of a COMMAND_INT. A PX4 of 2024 ignores the frame, one of 2026 takes GLOBAL_INT
 only.
 """
 

@@ -134,11 +134,12 @@ async def serve(
     """Fly `vehicles` of one world on loopback sockets until cancelled; then close all sockets.
 
     Args:
-        transport: "udp": the client listens; vehicle i sends to 127.0.0.1, port `base_port + 10 i`
-            (14550 first), and to at most seven others that have sent to it. "tcp": the vehicle
-            listens at that port (5760 first), its USB port, where unsigned frames are accepted.
-        http_port: Of the pictures; the vehicles' `image_url_prefix` begins with its address. None:
-            pictures are not served.
+        transport: "udp": the client listens. Vehicle i sends to 127.0.0.1, port `base_port + 10 i`
+            (14550 first). It sends to at most seven others as well that have sent to it. With "tcp"
+            the vehicle listens at that port (5760 first), its USB port. Unsigned frames are
+            accepted there.
+        http_port: Port of the pictures; the vehicles' `image_url_prefix` begins with its address.
+            None: pictures are not served.
         on_ready: Receives the URLs to connect with, in the order of the vehicles.
 
     Raises:

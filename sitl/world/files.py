@@ -1,7 +1,8 @@
 """Worlds from files: regions from GeoJSON, the ground from a georeferenced picture.
 
 GeoJSON is WGS84 (RFC 7946). A picture is a GeoTIFF, or a PNG or JPEG with a world file beside it
-(six numbers: `a.pgw`, `a.jgw`, `a.wld`, ...), whose coordinate system is given as an EPSG code.
+(six numbers: `a.pgw`, `a.jgw`, `a.wld`, ...). The coordinate system of that is given as an EPSG
+code.
 """
 
 from __future__ import annotations
@@ -53,10 +54,10 @@ def load_ground(
     Args:
         paths: GeoJSON (`.geojson`, `.json`) and pictures.
         epsg: System of the coordinates of a world file, by default WGS84 degrees.
-        home: Of the vehicles; the ground has to be within 20 km.
+        home: Place of the vehicles; the ground has to be within 20 km.
 
     Raises:
-        WorldError: A file is wrong; names it and says why.
+        WorldError: A file is wrong; names it and the reason.
     """
     patches: list[Patch] = []
     orthophoto: Orthophoto | None = None

@@ -189,7 +189,7 @@ class Orthophoto:
     """Pixels (rows, columns, 3; blue-green-red) and where they lie.
 
     `to_crs` takes (column, row, 1), whole numbers at the centres of pixels, to coordinates of the
-    system `epsg`, x east and y north; `known` is 255 where the picture has data, else 0.
+    system `epsg`, x east and y north. `known` is 255 where the picture has data, else 0.
     """
 
     pixels: Picture

@@ -1,4 +1,4 @@
-"""Aircraft of others in the world: each flies straight, and its transponder is heard."""
+"""Aircraft of others in the world: each flies straight and has a transponder."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class Intruder:
     """An aircraft of others, from `at_s` of the world's time on.
 
     Attributes:
-        position: Where it is at `at_s`.
+        position: Its place at `at_s`.
         height_m: Above the world's plane.
         toward_deg: True bearing of its flight.
-        for_s: How long its transponder is heard.
+        for_s: Time for which its transponder sends.
         name: Its call sign; `utm` sends none.
-        kind: Which messages a receiver makes of it.
+        kind: The kind of messages that a receiver makes of it.
     """
 
     position: LatLon
@@ -53,7 +53,7 @@ class Intruder:
     kind: Literal["adsb", "utm"] = "adsb"
 
     def report(self, number: int, plane: LocalPlane, amsl_m: float, t_s: float) -> Message | None:
-        """Return what receivers report at a time; None while it is not heard."""
+        """Return what receivers report at a time; None while it does not send."""
         flown_s = t_s - self.at_s
         if not 0.0 <= flown_s <= self.for_s:
             return None

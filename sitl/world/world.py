@@ -48,9 +48,9 @@ class Conditions:
         texture: Standard deviation of the ground's and the ROI's pattern, gray levels.
         sensor_noise: The same of a frame's noise.
         illumination: Largest relative change of the light, which is slow.
-        relief: Of the ground; None: a level plane.
+        relief: Heights of the ground; None: a level plane.
         tag_m: Side of the marker on top of each vehicle, 0 for none; `tag_dictionary` is OpenCV's.
-        traffic: Aircraft of others, which every vehicle's receiver hears once a second.
+        traffic: Aircraft of others, which every vehicle receives once a second.
     """
 
     drift_speed_m_s: float = 0.0
@@ -76,7 +76,8 @@ class WorldSpec(Conditions):
 
     Attributes:
         origin_amsl_m: Height of the plane of the ground.
-        orthophoto: What the camera sees instead of a meadow, where it reaches; it does not drift.
+        orthophoto: Picture that the camera shows instead of a meadow, where it reaches; it does not
+            drift.
         pads: Places whose surroundings have a height above the plane; cameras do not see it.
     """
 

@@ -7,7 +7,7 @@ nothing. `uavmap.aircraft.guardian.monitor` keeps the latest and reports its cha
 `uavmap.aircraft.controlled_commands` asks it before anything is sent.
 
 The rule of control: a mode that is neither the requested one nor the one before the request is the
-pilot's or a failsafe's. Once the requested mode was reported, only that one is ours.
+pilot's or a failsafe's. Once the requested mode was reported, only that one is under our control.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class Beat(NamedTuple):
     landed_state: int | None = None
     """Last reported MAV_LANDED_STATE, for a CURRENT_MODE.
 
-    That holds the mode alone: armed and failsafe are those of the heartbeat before it.
+    It holds the mode alone: armed and failsafe are those of the heartbeat before it.
     """
 
 

@@ -162,8 +162,8 @@ class Navigation:
     def _goes_on_without_fix(self) -> bool:
         """Return whether the receiver has no fix.
 
-        That is reason enough for pictures, but not to return or to land: the filter may have
-        another receiver.
+        It is reason enough for pictures, but not to return or to land: the filter may have another
+        receiver.
         """
         return self._view.has_no_fix and self._wanted.gnss_loss in ("map", "leapfrog")
 

@@ -5,9 +5,8 @@ the course smoothed over `SMOOTH_S`, its parts ahead by the autopilot's delay
 (`uavmap.mavlink.autopilots`). A real ArduCopter follows a rounded path at 6 m/s within 0.54 m in 95
 % of the time, as fast as planned. A PX4 is put into OFFBOARD for it, and back into Hold afterwards.
 
-When the stream ends an ArduPilot flies on for GUID_TIMEOUT, by default 3 s, or 18 m at 6 m/s,
-before it brakes: that is shortened while paths are flown. PX4's own limit is a second, and is not
-changed.
+When the stream ends an ArduPilot continues for GUID_TIMEOUT before it brakes, by default 3 s, or 18
+m at 6 m/s. It is shortened while paths are flown. PX4's own limit is a second, and is not changed.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ MOST_TRACKS: Final = 20
 
 
 class TrafficReports:
-    """What all links of a service have heard anew, behind a place of a vehicle: no timer of its
-    own changes what a simulated flight does."""
+    """New reports of traffic on all links of a service, at each place of a vehicle: without a timer
+    that would change a simulated flight."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class TrafficReports:
         self._report = report
         self._due_s = float("-inf")
         self._reported_s: dict[str, float] = {}
-        """When each aircraft was heard that was reported last, on the loop's clock."""
+        """Time of the last report of each aircraft, on the loop's clock."""
 
     def follow(self, event: Event) -> None:
         """Report traffic behind a place of a vehicle, if the last report is old enough."""
@@ -62,8 +62,8 @@ class TrafficReports:
             self._report(TrafficSeen(event.t_s, tuple(tracks[:MOST_TRACKS])))
 
     def _heard(self, known_s: dict[str, float]) -> Iterator[tuple[float, Track]]:
-        """Yield what was heard since it was last reported, but for our own vehicles; note in
-        `known_s` when each was heard."""
+        """Yield the reports since the last event, but for our own vehicles; note their times in
+        `known_s`."""
         own = {session.view.uid for session in self._sessions.values()}
         for number, session in self._sessions.items():
             for ident, heard in session.traffic.aircraft.items():

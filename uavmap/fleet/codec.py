@@ -98,7 +98,7 @@ class Message:
     promised: dict[int, int] = field(default_factory=dict)
     """Requests to which the sender agrees, by vehicle: the number of the request."""
     parts: tuple[Part, ...] = ()
-    """Work shares that the sender has laid out."""
+    """Work shares that the sender has assigned."""
     pad: PadHeight | None = None
     """Height that a vehicle's receiver reported on its pad, by the half metre."""
 

@@ -143,7 +143,7 @@ def _endpoints(network: FleetNetwork) -> tuple[list[FleetEndpoint], ZenohLinks]:
 LINGER_S: Final = 600.0
 """Time after its landing that a member waits for others that still fly..."""
 LINGER_APART_S: Final = 120.0
-"""... and for those of them that are out of contact."""
+"""Same, for those that are out of contact."""
 
 
 @contextlib.asynccontextmanager

@@ -1,11 +1,12 @@
 """Datagrams that only holders of the mission's key can make, each accepted once.
 
-A datagram carries its sender's number, the number of its start, a counter, and a code of all of
-that under the key (keyed BLAKE2s, RFC 7693). A higher start replaces a lower one. Each counter of a
-start is accepted once, in a window for datagrams that overtake each other. Clocks have no part.
+A datagram carries its sender's number, the number of its start, a counter, and a code. The code is
+that of all the rest under the key (keyed BLAKE2s, RFC 7693). A higher start replaces a lower one.
+Each counter of a start is accepted once, in a window for datagrams that overtake each other. Clocks
+have no part.
 
-An unknown start is accepted only after it answers a fresh random number: it may be a replay of an
-earlier flight with the same key.
+An unknown start may be a replay of an earlier flight with the same key. So it is accepted only
+after it answers a fresh random number.
 """
 
 from __future__ import annotations
@@ -160,9 +161,9 @@ _MEANING: Final = (
 def fleet_key(key: bytes, mission: Mission) -> bytes:
     """Derive the 32 bytes that seal a fleet's datagrams from a file of `uavmap keys new`.
 
-    The key, which may also sign MAVLink, cannot be derived from them. Members whose missions differ
-    in the meaning of facts (grid, box, votes) or in airspace (pads, heights, layers) get different
-    ones, and refuse each other's datagrams.
+    The key, which may also sign MAVLink, cannot be derived from them. Missions that differ in the
+    meaning of facts (grid, box, votes) or in airspace (pads, heights, layers) get different ones.
+    Their members refuse each other's datagrams.
     """
     return blake2s(LABEL + meaning_of(mission), key=key).digest()
 

@@ -1,1 +1,1 @@
-"""What a flight keeps on disk while it lasts: event log, flight plan, telemetry log, frames."""
+"""The files of a flight in progress: event log, flight plan, telemetry log, frames."""

@@ -58,10 +58,10 @@ class FlightOptions:
     """The options of one flight; `uavmap.ui.cli.option_table` describes each for its user.
 
     None, or an empty tuple, keeps the mission file's value. `member` is the vehicle of this service
-    in a fleet with a service for each; 0: a service on the ground, or a map merged of several
-    journals. `network` is for real members, `comms` for simulated ones. A `speedup` of None is as
-    fast as possible in simulation, else 1. Keys themselves are never stored. Raises `UavmapError`
-    for a value out of its range, and `LinkError` for options that exclude each other.
+    in a fleet with a service for each. It is 0 for a service on the ground, or a map merged of
+    several journals. `network` is for real members, `comms` for simulated ones. A `speedup` of None
+    is as fast as possible in simulation, else 1. Keys themselves are never stored. Raises
+    `UavmapError` for a value out of its range, and `LinkError` for options that exclude each other.
     """
 
     mission_source: str

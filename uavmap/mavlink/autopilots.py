@@ -228,8 +228,8 @@ PX4: Final = Autopilot(
     heard_as=mav.MAV_TYPE_GCS,
     integers_bytewise=True,
     rests_constant=True,
-    # without the flag that changes the mode it answers "unsupported", and flies there in Hold; with
-    # the flag it would take the vehicle back from a pilot, or from a landing by a failsafe
+    # Without the flag that changes the mode it answers "unsupported", and flies there in Hold. With
+    # the flag it would take the vehicle back from a pilot, or from a landing by a failsafe.
     target_taken=(mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_UNSUPPORTED),
 )  # fmt: skip
 

@@ -1,8 +1,8 @@
 """The gate: every message of a vehicle passes it before any other code sees it.
 
-`RULES` has a row for each kind of message that is read: its allowed sender, and the range of each
-field that is read, in the message's own units; a NaN is in no range. A kind without a row is not
-read. Checks against earlier messages are in `uavmap.mavlink.continuity`.
+`RULES` has a row for each kind of message that is read. It is the allowed sender, and the range of
+each field that is read, in the message's own units. A NaN is in no range. A kind without a row is
+not read. Checks against earlier messages are in `uavmap.mavlink.continuity`.
 
 A refused message changes nothing. It is counted by kind and reason, and logged at most once in ten
 seconds a kind.

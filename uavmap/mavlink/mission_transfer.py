@@ -4,7 +4,7 @@ The vehicle drives an upload and asks for each item; we drive a download, and ac
 One transfer runs at a time. A vehicle repeats a request after a second, however slow the link. Each
 answered copy brings an item twice, and an ArduPilot answers the second with INVALID_SEQUENCE and
 continues (`MissionItemProtocol.cpp`). So a repeated request is answered once in the round-trip
-time, which is measured. That result ends nothing while the vehicle still asks.
+time, which is measured. This result ends nothing while the vehicle still asks.
 """
 
 from __future__ import annotations

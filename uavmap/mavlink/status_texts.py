@@ -2,9 +2,9 @@
 
 A PX4 sends EVENT beside its texts, and alone if it knows no ground station. An event is a number, a
 hash of its name, with arguments; its text is in a file of the firmware, which is not here. The
-events of failsafes are known here by their names: the text of each is the same, and its cause is an
-argument of its event alone. Of the others the number is reported. QGroundControl or the flight's
-log show the event by it.
+events of failsafes are known here by their names. The text of each is the same, and its cause is an
+argument of its event alone. The others are reported by number. QGroundControl or the flight's log
+show the event by it.
 
 Source: PX4, `commander/failsafe/framework.cpp` (`notifyUser`), `lib/events/enums.json`,
 `commander/HealthAndArmingChecks`.

@@ -1,8 +1,8 @@
 """Aircraft of others, as receivers on board report them: ADSB_VEHICLE and UTM_GLOBAL_POSITION.
 
-A receiver passes on what strangers broadcast. A report without a place is no track. Of the others
-a field that is missing or makes no sense is unknown. Only the nearest are remembered: memory does
-not grow with a flood.
+A receiver forwards broadcasts of strangers. A report without a place is no track. In others, a
+field that is missing or makes no sense is unknown. Only the nearest are remembered: memory does not
+grow with a flood.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ FORGOTTEN_S: Final = 60.0
 FARTHEST_M: Final = 20_000.0
 """Distance from the vehicle beyond which an aircraft is no traffic, m."""
 PRESSURE_ERROR_M: Final = 300.0
-"""How much a height by pressure may be off, m: the air's pressure at the sea is not known."""
+"""Largest error of a height by pressure, m: the air's pressure at the sea is not known."""
 GEOID_ERROR_M: Final = 110.0
-"""How much a height by satellites may be off, m: it may count from the ellipsoid."""
+"""Largest error of a height by satellites, m: it may count from the ellipsoid."""
 NAME_LENGTH: Final = 12
 MOST_M_S: Final = 600.0
 LOWEST_M: Final = -500.0
@@ -60,7 +60,7 @@ class Heard(NamedTuple):
 
 @dataclass(slots=True)
 class TrafficHeard:
-    """What has been reported on one link; `gate` counts what is refused."""
+    """Reports on one link; `gate` counts refused ones."""
 
     gate: Gate
     aircraft: dict[str, Heard] = field(default_factory=dict)

@@ -28,7 +28,7 @@ class GroundBelow:
 
     An autopilot uses heights above its home. A mission may fly above the ground
     (`flight.height_above`). Then the height of the ground below is added to every height that is
-    sent and subtracted from every height that is received: here and nowhere else, for both drivers.
+    sent, and subtracted from every height that is received. It happens here only, for both drivers.
     Heights of satellite navigation above the sea do not matter.
 
     `home` is set by its message; until then the vehicle is at its home.

@@ -145,8 +145,8 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
 def _home_amsl_m(view: VehicleView, message: Message) -> float:
     """Return the height of home above the sea, m.
 
-    A PX4 takes off above its place. The home that it reports moves by up to 1.5 m from one message
-    to the next for minutes after a take-off, on the ground as well; its own height does not.
+    A PX4 takes off above its place. Its reported home moves by up to 1.5 m from one message to the
+    next, for minutes after a take-off, on the ground as well. Its own height does not.
     """
     above_home_m = message.relative_alt / 1000.0
     stands = view.landed_state == mav.MAV_LANDED_STATE_ON_GROUND

@@ -117,7 +117,7 @@ def vehicles_of(
 
 
 def _blind_without(setting: Layout) -> Detector | None:
-    """Return a substitute that judges pictures on the way home if the mission's detector is
+    """Return a substitute that judges pictures during the return if the mission's detector is
     missing."""
     try:
         detector_of(setting.mission)

@@ -74,7 +74,8 @@ class Airspace:
         return self.state.with_vehicle(replace(vehicle, order=order))
 
     def reserve_or_wait(self, vehicle: VehicleState, order: Order) -> State:
-        """Reserve the air for an order, or for a detour on the way home; else the vehicle waits."""
+        """Reserve the air for an order, or for a detour on the return path; else the vehicle
+        waits."""
         if (given := self.reserve(vehicle, order)) is not None:
             return given
         if isinstance(order, FlyTo) and vehicle.return_reason is not None:
@@ -266,7 +267,8 @@ class Airspace:
         """Request the air from here to a layer.
 
         Returns:
-            The vehicle with its request, and the answer: True if granted, None while it waits,
+            The vehicle with its request, and the answer. It is True if granted, None while it
+            waits,
             False if a member cannot be asked or does not answer within `ASK_S`.
         """
         if self.has_column(vehicle, layer_m):
@@ -295,11 +297,9 @@ class Airspace:
         return replace(vehicle, asks=asks), None
 
     def can_promise(self, column: Column) -> bool:
-        """Return whether our vehicles can stay out of a column until it is open again.
-
-        Each either stays on the ground, or is under our control and outside the column, with an
-        order that does not lead into it.
-        """
+        """Return whether our vehicles can stay out of a column until it is open again. Each either
+        stays on the ground, or is under our control and outside the column, with an order that does
+        not lead into it."""
         air = column_air(column)
         for ours in self.state.ours:
             if ours.landed and not isinstance(ours.order, TakeOff):

@@ -54,12 +54,9 @@ def needed_air(
 
 
 def uncontrolled_air(state: State, vehicle: VehicleState) -> list[Volume]:
-    """Return the air in which a vehicle that cannot be commanded may be.
-
-    A silent vehicle continues its last order. Its failsafe may return it home from anywhere on that
-    order, at its return height. A returning vehicle flies straight home. A pilot flies anywhere
-    near.
-    """
+    """Return the air in which a vehicle that cannot be commanded may be. A silent vehicle continues
+    its last order. Its failsafe may return it home from anywhere on that order, at its return
+    height. A returning vehicle flies straight home. A pilot flies anywhere near."""
     low_m = vehicle.home_level_m
     # it returns level, at a height above home, also where the ground is lower than its highest
     # point

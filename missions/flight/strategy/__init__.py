@@ -1,1 +1,1 @@
-"""What a vehicle does next: search, sweep, stepwise, survey, leapfrog."""
+"""Choice of the next order of a vehicle: search, sweep, stepwise, survey, leapfrog."""

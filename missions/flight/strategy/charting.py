@@ -94,11 +94,9 @@ def chart_of(
     team: Mapping[int, VehicleState],
     home_s: float | None = None,
 ) -> Known:
-    """Return the known map around the region at a time; without a `root`, of the box.
-
-    `home_s` is the time when our vehicle of a fleet will be over its pad. Lanes that are still to
-    be flown are closed; the ground behind their vehicles is `BEHIND`.
-    """
+    """Return the known map around the region at a time; without a `root`, of the box. `home_s` is
+    the time when our vehicle of a fleet will be over its pad. Lanes that are still to be flown are
+    closed; the ground behind their vehicles is `BEHIND`."""
     setting = state.setting
     belief, cell_m = state.belief, setting.mission.grid.cell_m
     tallies = belief.open_tallies.as_dict()
@@ -151,11 +149,9 @@ def _fence(
     home_s: float,
     team: Mapping[int, VehicleState],
 ) -> None:
-    """Close the cells outside the fence, half a cell inside its margin.
-
-    The chart drifts with the region. The fence is taken as it lies now. The columns over others'
-    pads are taken as they lie when our vehicle returns.
-    """
+    """Close the cells outside the fence, half a cell inside its margin. The chart drifts with the
+    region. The fence is taken as it lies now. The columns over others' pads are taken as they lie
+    when our vehicle returns."""
     cell_m = chart.cell_m
     whole = setting.fence if setting.whole_fence is None else setting.whole_fence
     inner = whole.shrunk(cell_m / 2.0)

@@ -1,8 +1,8 @@
 """`swath` with `find = "all"`, and `survey`: fly all lanes, then sweep over the rest.
 
 Lanes decide nearly all cells that their pictures show. Vehicles then fly to the rest. With `survey`
-the rest is all undecided cells of the box. With `find = "all"` it is the cells that no frame has
-shown, those that some frame shows as region, and those beside a patch, in the box or beyond it.
+the rest is all undecided cells of the box. With `find = "all"` it is cells without a frame, cells
+that some frame shows as region, and cells beside a patch, also beyond the box.
 """
 
 from __future__ import annotations
@@ -69,11 +69,9 @@ class EveryPatch(Covering):
     shares_work = True
 
     def lay(self, area: Area) -> Lanes:
-        """Lay lanes along the side of the box along which the team is done sooner.
-
-        With a prior, or for one vehicle, that is the longer side. A row or two that no frame has
-        shown are flown to: they are not worth a lane.
-        """
+        """Lay lanes along the side of the box along which the team is done sooner. With a prior, or
+        for one vehicle, that is the longer side. A row or two that no frame has shown are flown to:
+        they are not worth a lane."""
         mission, grid, pads = area.mission, area.grid, area.pads
         longer = along_east(area.box)
         both = len(pads) > 1 and not mission.search.prior
@@ -93,11 +91,9 @@ class EveryPatch(Covering):
         return share_by_time(setting.lanes, setting.pads)
 
     def asked_for(self, state: State) -> list[Cell]:
-        """Return cells of the box that no frame shows, and cells that a frame shows as region.
-
-        Also cells beside region seen from search height. Some frame may have shown one of those as
-        no region before it is known from below that a patch reaches it.
-        """
+        """Return cells of the box that no frame shows, and cells that a frame shows as region. Also
+        cells beside region seen from search height. Some frame may have shown one of those as no
+        region before it is known from below that a patch reaches it."""
         shown, belief = state.shown, state.belief
         tallies, verdicts = belief.open_tallies.as_dict(), belief.verdicts
         unseen = [

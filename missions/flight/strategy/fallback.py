@@ -1,7 +1,7 @@
 """The end of the time for paths: the rest is explored with stops.
 
-Let B(C, D) be the maximum time of `rdfs` for a tree of C cells and depth D in seconds (Lemma 1; a
-move is a leg between two cells and half an observation). Paths may take `patience_s`. If the region
+Let B(C, D) be the maximum time of `rdfs` for a tree of C cells and depth D, in seconds (Lemma 1). A
+move is a leg between two cells and half an observation. Paths may take `patience_s`. If the region
 is not decided by then, all vehicles fly to its root, and `rdfs` explores it. Cells whose neighbours
 are all decided count as visited. B grows with C and D, so the exploration takes at most
 

@@ -1,8 +1,8 @@
 """Searching without a stop: one path along a vehicle's lanes that no frame has judged yet.
 
 A lane is flown beside the middle of its rows. It is flown to windward, as a camera that tilts with
-the airframe looks to leeward. It is also flown beside rows that were already judged, so that missed
-rows are in the middle of the picture when the lane is flown again.
+the airframe looks to leeward. It is also flown beside rows that are judged. So missed rows are in
+the middle of the picture when the lane is flown again.
 """
 
 from __future__ import annotations
@@ -105,11 +105,9 @@ def _way_along(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], li
 
 
 def still_open(state: State, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
-    """Return the parts of lanes that have a cell which no frame has judged.
-
-    A fixed lane over a region that drifts is flown whole: other cells come below it. Parts shorter
-    than the strategy's `least_lane_cells` are left to the path planner.
-    """
+    """Return the parts of lanes that have a cell which no frame has judged. A fixed lane over a
+    region that drifts is flown whole: other cells come below it. Parts shorter than the strategy's
+    `least_lane_cells` are left to the path planner."""
     setting = state.setting
     if cells_drift_out(setting):
         return lanes

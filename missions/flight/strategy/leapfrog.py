@@ -99,7 +99,7 @@ def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
 
 
 def _next_round(state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
-    """Return a round along the rest of the lanes; the way home if no more can be decided."""
+    """Return a round along the rest of the lanes; the return path if no more can be decided."""
     setting = state.setting
     mapper = state.vehicles[MAPPER]
     left = len(setting.strategy.open_cells(state))

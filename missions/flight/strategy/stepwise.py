@@ -83,7 +83,7 @@ def _decides(vehicle: VehicleState, tree: Tree) -> bool:
 
 
 def _away(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle is on its way home, or on the ground and not taking off."""
+    """Return whether a vehicle is returning, or on the ground and not taking off."""
     return vehicle.return_reason is not None or (
         vehicle.landed and not isinstance(vehicle.order, TakeOff)
     )

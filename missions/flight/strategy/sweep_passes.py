@@ -188,7 +188,7 @@ def _fetch(state: State, memory: PassMemory, known: Known, idle: frozenset[int])
 
 
 def go_straight_home(state: State) -> State:
-    """Replace detours on the way home by straight paths once all is explored."""
+    """Straighten return paths once all is explored."""
     setting, memory = state.setting, pass_memory(state)
     if state.t_s < memory.planned_s + REPLAN_S:
         return state

@@ -13,7 +13,7 @@ from missions.units import GridPoint
 
 
 class Area(NamedTuple):
-    """The area over which lanes are laid."""
+    """The area that lanes cover."""
 
     mission: Mission
     grid: Grid

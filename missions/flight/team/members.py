@@ -87,7 +87,7 @@ def apart(state: State, event: Apart) -> State:
 
 
 def allotted(state: State, event: Allotted) -> State:
-    """Return the state after another member has laid out the parts of the map."""
+    """Return the state after another member has assigned the parts of the map."""
     parts = {part.vehicle: part.places for part in event.parts}
     return replace(state, allotment=Allotment(event.vehicle, event.t_s, parts))
 
@@ -193,11 +193,9 @@ def with_map(state: State, facts: Facts) -> State:
 
 
 def concluded(state: State) -> State:
-    """Return the state at the end, with the progress of the mission by its map.
-
-    It differs for a service that flies nothing, and for a member whose vehicle returned early:
-    others may have done the rest.
-    """
+    """Return the state at the end, with the progress of the mission by its map. It differs for a
+    service that flies nothing, and for a member whose vehicle returned early: others may have done
+    the rest."""
     strategy = state.setting.strategy
     early = state.over and strategy.flies_all_lanes and not state.exploration_finished
     if state.our_numbers and not early:

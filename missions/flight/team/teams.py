@@ -107,11 +107,9 @@ class Member(Team):
         return air.leave(replace(vehicle, cruise_altitude_m=layer_m), (vehicle.position,))
 
     def change_layer(self, state: State, vehicle: VehicleState) -> State | None:
-        """Ask for a column that crosses others' layers, unless the vehicle is over its own pad.
-
-        The vehicle has the air once all have agreed to stay out of it. If a member is out of
-        contact, the vehicle changes its layer over its own pad, where it needs no agreement.
-        """
+        """Ask for a column that crosses others' layers, unless the vehicle is over its own pad. The
+        vehicle has the air once all have agreed to stay out of it. If a member is out of contact,
+        the vehicle changes its layer over its own pad, where it needs no agreement."""
         if vehicle.is_over_pad:
             return None
         air, layer_m = Airspace(state), state.setting.heights.layer_m(state.setting, vehicle)

@@ -5,9 +5,9 @@ one vehicle would set out to map all that four others have found, and abandon th
 plan. So tours begin where each vehicle will be when its lanes are flown. The cells of other
 vehicles are left out of the plan.
 
-In a fleet, the member with the lowest number of those that map and are in contact lays the tours,
-and reports their places. From then on a cell belongs to the vehicle whose place is nearest, also a
-cell that was unknown when the tours were laid. Every member with the same parts agrees on that. A
+In a fleet, one member plans the tours: the lowest number of those that map and are in contact. It
+assigns the parts, and reports their places. From then on a cell belongs to the vehicle whose place
+is nearest. This holds for later cells as well. Every member with the same parts agrees on that. A
 member out of contact keeps its part for as long as that should take it. A member that returns, is
 down or is flown by its pilot has none. A member that has not received parts for `KNOWN_S` plans for
 all members that it is in contact with.
@@ -77,7 +77,7 @@ def shared_out(state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
 
 
 def _begin_s(state: State) -> float:
-    """Return the time when tours that are laid now begin, s."""
+    """Return the time when tours that are planned now begin, s."""
     return round(state.t_s + 1.0, 3)
 
 
@@ -146,8 +146,8 @@ def own_part(
     """Close others' cells in a chart, while our vehicle keeps to its part.
 
     Returns:
-        The cells that were closed, None without a part; the memory; and the beginning of a plan for
-        our vehicle, empty where the last one continues.
+        The closed cells, None without a part; the memory; and the beginning of our plan, empty
+        where the last one continues.
     """
     found = state.allotment
     if found is None or mine not in found.parts:
@@ -169,10 +169,8 @@ def _tour(places: Sequence[GridPoint]) -> Tour:
 
 def mark_unreported(mine: int, state: State, known: Known) -> bool:
     """Mark undecided cells that are seen from the places of our part; return whether there are any.
-
     Votes that decide nothing are not reported. The member that lays the parts may miss such cells,
-    and no other vehicle observes them.
-    """
+    and no other vehicle observes them."""
     found, wanted = state.allotment, known.wanted
     if found is None or wanted is None:
         return False

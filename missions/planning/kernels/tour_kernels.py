@@ -1,9 +1,9 @@
 """Tours of a team past places: observation points, their order, and the vehicle that visits them.
 
-For a large region with a known outline, the annealing of `missions.planning.kernels.swath` finds a
-good path only from a good beginning: each of its steps weighs every frame. Here a tour is only an
-order of places, and the time of a leg a formula, so thousands of orders are tried in milliseconds.
-Metres, seconds; places in the frame of the region.
+For a large region with a known outline, the annealing of `missions.planning.kernels.swath` needs a
+good beginning, as each of its steps weighs every frame. Here a tour is only an order of places, and
+the time of a leg a formula. So thousands of orders are tried in milliseconds. Metres, seconds;
+places in the frame of the region.
 """
 
 from __future__ import annotations

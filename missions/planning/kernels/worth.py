@@ -103,12 +103,12 @@ def value(
 ) -> tuple[Floats, Ints, Ints, int]:
     """Return the worth of frames: (worth, frames needed, cells with worth, work).
 
-    Work is a cell that is not decided and lies next to a member of the region (or is one), or has a
-    1 in `asked`. The region is the cells connected with `root`, or all positive ones if that is -1.
-    Cells up to `rings` beyond have the chance that they will be work. That is the chance of a
-    neighbour to be ROI, by its own neighbourhood, times the neighbour's own chance; less than
-    `least` is none. `closed` cells have none. The first two are by cell. Of the cells with worth
-    those of work come first, and `work` is their number.
+    Work is an undecided cell that is in the region or beside it, or has a 1 in `asked`. The region
+    is the cells connected with `root`, or all positive ones if that is -1. Cells up to `rings`
+    beyond have the chance that they will be work. This is the chance of a neighbour to be ROI, by
+    that neighbour's neighbourhood, times its own chance. Less than `least` is none. `closed` cells
+    have none. The first two are by cell. Cells of work come first among the cells with worth, and
+    `work` is their number.
     """
     cells = width * height
     against = frames - majority + 1

@@ -47,10 +47,10 @@ def lanes(
 ) -> tuple[Lane, ...]:
     """Return the lanes over a box, in the order and direction of flight, inside the fence.
 
-    They lie along grid east or north as `eastward` says, else along the longer side of the box.
-    Points are in the fixed frame. A lane is as long as the box is anywhere in the `rows` rows that
-    it judges, so a slanting edge leaves no gap; lanes are cut where the fence forbids them. The
-    last one takes up to `spare_rows` more, if a lane for those alone would be left.
+    With `eastward` they lie along grid east, with False along north, with None along the longer
+    side of the box. Points are in the fixed frame. A lane is as long as the box is anywhere in its
+    `rows` rows, so a slanting edge leaves no gap. Lanes are cut where the fence forbids them. The
+    last lane has up to `spare_rows` more rows, if a lane for those alone would be left.
 
     >>> box = [GridPoint(0, 0), GridPoint(40, 0), GridPoint(40, 20), GridPoint(0, 20)]
     >>> around = [GridPoint(-9, -9), GridPoint(60, -9), GridPoint(60, 60), GridPoint(-9, 60)]

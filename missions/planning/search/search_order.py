@@ -1,11 +1,11 @@
 """Order and direction of lanes that show the region soonest.
 
-The expected time to the first sighting is a sum over all lanes: the probability that the lane shows
-the region times the time when it does. That is the minimum latency problem (Blum et al., "The
-minimum latency problem", STOC 1994), with lanes for customers. Few lanes are ordered exactly, by a
-program over their subsets. More lanes are ordered by a local search over one sequence of lanes and
-vehicles, from the plain order and from a greedy one. It reverses a part of the sequence, or moves a
-short part elsewhere. All vehicles take off at once; swaps of batteries do not count.
+The expected time to the first sighting is a sum over all lanes. A term is the lane's probability to
+show the region, times its time. This is the minimum latency problem (Blum et al., "The minimum
+latency problem", STOC 1994), with lanes for customers. Few lanes are ordered exactly, by a program
+over their subsets. More lanes are ordered by a local search over one sequence of lanes and
+vehicles. It begins with the plain order and with a greedy one. It reverses a part of the sequence,
+or moves a short part elsewhere. All vehicles take off at once; swaps of batteries do not count.
 """
 
 from __future__ import annotations

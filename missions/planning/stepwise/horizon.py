@@ -6,21 +6,21 @@ it. The routes are improved from those of the last step, and each robot makes th
 own. The planner watches its own progress. In good time it goes home and leaves the rest to
 Algorithm 1, so that it never takes more than twice Algorithm 1's bound.
 
-The return home and a new start with Algorithm 1 give a planner without a bound a bound. Let B(C, D)
-be the bound of Algorithm 1 for the final tree, in moves or in time; it is linear and grows with the
-cells C and the depth D. A planner may continue as long as, after its next moves,
+A return home and a new start with Algorithm 1 give any planner a bound. Let B(C, D) be the bound of
+Algorithm 1 for the final tree, in moves or in time. It is linear and grows with the cells C and the
+depth D. A planner may continue as long as, after its next moves,
 
     h + B(c', d) <= 2 B(c, d)                                                       (1)
 
-where h is when the last robot would be home if all turned back after these moves, by shortest known
-ways. c and d are the cells and the depth known. c' counts the vertices of T', the known tree pruned
-to the paths from the root to vertices that no robot has observed.
+where h is the time of the last return if all turned back after these moves, by shortest known ways.
+The cells and the depth known are c and d. T' is the known tree, pruned to the paths from the root
+to vertices that no robot has observed. It has c' vertices.
 
-When (1) would fail, all go home, wait for the last, and explore T' by Algorithm 1 as if no robot
-had been there; finds are added below it. Then the makespan is at most 2 B(C, D):
+When (1) would fail, all go home and wait for the last. They explore T' by Algorithm 1 as if no
+robot had been there; finds are added below it. Then the makespan is at most 2 B(C, D):
 
 * The robots are where (1) allowed them to be, so all are home by h.
-* T' is explored by Algorithm 1 from the root and from nothing: with C' vertices and depth D' at its
+* T' is explored by Algorithm 1 from the root and from nothing. With C' vertices and depth D' at its
   end it takes B(C', D') at most. Knowing a branch before it is entered changes nothing, as the rule
   uses only the children of the vertex where a robot is.
 * A vertex that is found later counts in C and in C' alike: C' <= c' + C - c. (1) uses not the depth
@@ -167,8 +167,8 @@ def _ahead(
 ) -> tuple[dict[int, Cell | None], PlannerMemory]:
     """Return the next steps of the routes, and the new memory.
 
-    When not all robots decide at once, one on its way to a vertex counts as being there, and keeps
-    its target until a robot has observed it. So each decision leads to an observation, even when
+    If not all robots decide at once, one on its way to a vertex counts as being there. It keeps its
+    target until a robot has observed it. So each decision leads to an observation, even when
     others' knowledge is out of date. A robot that is away for a battery has no share until it is
     back.
     """
@@ -225,8 +225,8 @@ def _in_time(
 ) -> bool:
     """Return whether (1) of `missions.planning.stepwise.horizon` holds after the moves.
 
-    It is in time rather than moves. A move costs a step at most, and at most every second one ends
-    with an observation, for tours are closed and a vertex is observed once.
+    It is in time rather than moves. A move costs a step at most. At most every second one ends with
+    an observation, as tours are closed and a vertex is observed once.
     """
     tree, metric = situation.tree, situation.metric
     if tree.is_explored(tree.root):

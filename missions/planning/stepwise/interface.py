@@ -26,8 +26,8 @@ class Metric:
     |d + p t| = Sr t. Along the axes these are the costs of Sung and Tokekar, section 4.2:
     1 / (Sr - Sp) with the drift, 1 / (Sr + Sp) against it, 1 / sqrt(Sr^2 - Sp^2) across.
 
-    The solution is a symmetric part plus d . p / (Sr^2 - p^2). The second is linear in d, so over a
-    closed tour it adds up to nothing: a comparison of closed tours needs the symmetric part only.
+    The solution is a symmetric part plus d . p / (Sr^2 - p^2). The second is linear in d and adds
+    up to zero over a closed tour. So a comparison of closed tours needs the symmetric part only.
 
     Lengths are in cells, so speeds are in cells per unit of time. The default is a resting ROI and
     unit speed: a step to a neighbouring cell costs 1.
@@ -168,8 +168,8 @@ class Explorer(Protocol):
 def refuse_impossible(name: str, situation: Situation, decision: Decision) -> None:
     """Raise `StrategyError` for an impossible move.
 
-    Such is a move of a robot that was not asked, to a cell that is not in the tree or where it is,
-    or, unless the metric is `straight`, to a cell that is no neighbour.
+    Such is a move of a robot that was not asked, or to its own cell, or to a cell outside the tree.
+    Unless the metric is `straight`, it is a move to a cell that is no neighbour as well.
 
     >>> where = Situation(Tree.rooted(Cell(0, 0)), {1: Cell(0, 0)}, (1,))
     >>> refuse_impossible("mine", where, Decision({1: None}))

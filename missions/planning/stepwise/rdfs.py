@@ -5,8 +5,8 @@ first, then the child with the fewest robots below it. Two children share a grou
 possible, three do so through a dummy vertex. With this rule the bound of Lemma 1, in the form 2 (C
 - 1 + depth_T floor(log2 R)) / (1 + floor(log2 R)), holds.
 
-Two more choices do not affect the bound and shorten the mean. Of equal children the one farthest
-from the root comes first, so a team spreads outwards and the tree stays shallow; ties in the order
+Two more choices do not affect the bound and shorten the mean. The equal child that is farthest from
+the root comes first, so a team spreads outwards and the tree stays shallow. Ties are in the order
 north, east, south, west. Once all is explored, a robot goes home by a shortest known way, which is
 never longer than the one up the tree.
 """
@@ -77,8 +77,8 @@ class Rdfs:
     def _move(self, tree: Tree, at: Mapping[int, Cell], robot: int) -> Cell | None:
         """Return the move of one pass through the listing; numbers are the lines of Algorithm 1."""
         v = at[robot]
-        # 2-6, 8: the neighbours that are ROI are the children of v; explored ones are left out
-        # 9-13: a cell that would close a cycle never became a child (`Tree.looked`)
+        # 2-6, 8: the neighbours that are ROI are the children of v, without explored ones. 9-13: a
+        # cell that would close a cycle never became a child (`Tree.looked`)
         neighbours = _outermost_first(
             tree, [w for w in tree.children(v) if not tree.is_explored(w)]
         )

@@ -48,7 +48,7 @@ class FrontierCost:
     behind: float
     """Possible addition of an unobserved cell to a tour."""
     far: float
-    """Possible extension behind any node with unobserved cells, in ways home from the farthest
+    """Possible extension behind any node with unobserved cells, in return paths from the farthest
     node.
 
     The larger the ROI has become, the farther it may extend.
@@ -125,8 +125,8 @@ class Ground:
     def towards(self, situation: Situation, start: Cell, goal: Cell) -> Cell:
         """Return the next vertex on the way to a known or imagined goal.
 
-        Over the grid it is a neighbour. In flight it is the goal if the straight way is allowed,
-        else the last vertex of a shortest way over known cells that is reached straight.
+        Over the grid it is a neighbour. In flight it is the goal if the straight way is allowed.
+        Else it is the last vertex of a shortest way that is reached straight.
         """
         if not situation.metric.straight:
             return self._step(start, goal)

@@ -124,8 +124,8 @@ def _key(kind: str, known: Known, team: Sequence[Flyer], *others: object) -> byt
 def warm_up() -> None:
     """Make two small plans, one from rest and one from a path under way, and drop them.
 
-    That loads every kernel. The first time on a machine it compiles them, which takes some ten
-    seconds on a fast one. Without numba it takes a fraction of a second.
+    It loads every kernel. The first time on a machine it compiles them, in some ten seconds on a
+    fast one. Without numba it takes a fraction of a second.
     """
     from missions.planning.sweep.tours import lay_tours  # noqa: PLC0415 - see above
 

@@ -1,4 +1,4 @@
-"""What is left to map, and which vehicle of a team is to see it."""
+"""The rest of the map, and its vehicles."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class TourMemory:
     tours: Mapping[int, Tour] = field(default_factory=dict)
     """Of each vehicle, also of those who still fly lanes."""
     others: frozenset[Cell] = frozenset()
-    """What those are to see who still fly lanes."""
+    """Cells of the vehicles that still fly lanes."""
 
 
 class OpenWork(NamedTuple):
-    """What is left to map, and the vehicles that can map it now."""
+    """The rest of the map, and the vehicles that can map it now."""
 
     known: Known
     flyers: Mapping[int, Flyer]
@@ -39,6 +39,6 @@ class Work(NamedTuple):
 
     memory: TourMemory
     waypoints: Waypoints = ()
-    """What a plan begins with; none where the last one goes on."""
+    """Beginning of a plan; empty where the last one continues."""
     others: Bits | None = None
     """The cells that other members of a fleet are to see, closed in the chart; None: none are."""

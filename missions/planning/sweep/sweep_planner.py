@@ -109,8 +109,8 @@ class Planner:
     ) -> Valued:
         """Return the worth of a frame of each cell.
 
-        It is for the region that is connected with `root`, or with -1 for all patches; and for
-        cells with a 1 in `asked`, whatever they may be.
+        It is for the region that is connected with `root`, or with -1 for all patches; and for all
+        cells with a 1 in `asked`.
         """
         tuning = self.tuning
         return worths.value(

@@ -1,9 +1,9 @@
 """A first plan for much work: tours past places from which all of it is seen, for the whole team.
 
 Annealing improves a plan step by step. From a bad one it does not find a good one within the
-milliseconds of a decision. So every few seconds, and whenever there is much to do, tours are laid
-anew, and the better of the two plans continues. Vehicles that still fly lanes get tours already, so
-that others leave them their work.
+milliseconds of a decision. So every few seconds, and whenever there is much to do, tours are
+planned anew. The better of the two plans continues. Vehicles that still fly lanes get tours
+already, so that others leave them their work.
 """
 
 from __future__ import annotations

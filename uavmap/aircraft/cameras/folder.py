@@ -43,7 +43,7 @@ class NewFile:
 class FolderWatch:
     """Watches one folder for new pictures; files at the first look are not new.
 
-    Files whose names begin with a dot, or have another ending than pictures, are ignored: write
+    Files whose names begin with a dot, or have another ending than pictures, are ignored. So write
     under such a name and rename, or write in place.
     """
 

@@ -253,7 +253,7 @@ class Impact:
 
     A landing ends at half a metre a second. A vehicle whose motors stop in the air also reports a
     landing: disarmed, on the ground. Only its speed shows the difference. One wrong message is no
-    impact: the second of the greatest speeds counts, and the greatest only at the end of a free
+    impact: the second of the greatest speeds counts. The greatest counts only at the end of a free
     fall, which three messages in a row show.
 
     >>> impact = Impact()

@@ -167,7 +167,7 @@ class Monitor:
     def _watch_ground(self) -> None:
         """Note whether it is on the ground.
 
-        A vehicle whose motors stopped in the air reports so as well: it still falls, or has struck
+        A vehicle whose motors stopped in the air reports so as well. It still falls, or has struck
         the ground, which its guardian reports as a crash.
         """
         view, now_s = self._view, self._reporter.loop_s()

@@ -1,7 +1,7 @@
 """Pictures that a camera serves over HTTP: from its own vehicle, whole, and in a bounded time.
 
-The address of a picture comes over the air. It is followed only to known hosts, the one at the
-other end of the vehicle's link and those of the mission (`camera.hosts`), and to no redirect.
+The address of a picture comes over the air. Allowed are the host at the other end of the vehicle's
+link and those of the mission (`camera.hosts`), and no redirect.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class Port:
         taken_in: Returns when all posted events were handled, and their orders given.
         swap: Returns when the crew has swapped a battery.
         ask: Asks the operator a question; None without an operator.
-        hear: Take the vehicles' reports beside events.
+        hear: Receives the vehicles' reports beside events.
     """
 
     def __init__(

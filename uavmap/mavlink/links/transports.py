@@ -1,6 +1,6 @@
 """Bytes to and from a vehicle; the session decodes them.
 
-Every transport passes its bytes to `on_bytes` from the event loop and never blocks the reader: an
+Every transport passes its bytes to `on_bytes` from the event loop and never blocks the reader. An
 ArduPilot simulation freezes when its TCP client stops reading. `on_bytes` returns whether the
 vehicle sent them, by which a listening socket knows its peer.
 """

@@ -56,7 +56,7 @@ class FlightMosaic(Onlooker):
         self._last: dict[int, tuple[GridPoint, float]] = {}
         self._due_s = float("-inf")
         self._has_news = False
-        """True if a picture was laid since the last write."""
+        """True if a picture was added since the last write."""
 
     def begin(self, setting: Setting, *, again: bool) -> None:
         """Continue the existing mosaic, unless its flight is repeated."""
@@ -66,7 +66,7 @@ class FlightMosaic(Onlooker):
             self._submit(self._go_on)
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """Have a picture laid, unless the vehicle's last one shows the same ground."""
+        """Have a picture added, unless the vehicle's last one shows the same ground."""
         if self._raster is None or frame.pose.height_m <= 0.0:
             return
         place, height_m = self._setting.grid.fixed(frame.pose.position), frame.pose.height_m

@@ -26,7 +26,7 @@ class Left:
         what: Name of the rest.
         of: Name of the whole to which `share` refers.
         share: Done part of that, 0 to 1.
-        about_s: Mission time for the rest, s. The way home is from the vehicles' present places;
+        about_s: Mission time for the rest, s. Return paths begin at the vehicles' present places;
             battery swaps are not counted.
 
     >>> Left("40 m of search lanes", "the search lanes", 0.756, 130.0).text

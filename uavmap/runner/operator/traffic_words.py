@@ -16,7 +16,7 @@ DOING: Final = {
     Answer.HOLD: "held for traffic",
     Answer.COME_HOME: "coming home for traffic",
 }
-"""What the mission as a whole does about traffic."""
+"""The response of the whole mission to traffic."""
 _ORDERED: Final = {
     Answer.HOLD: "vehicles hold; Continue ignores it",
     Answer.COME_HOME: "vehicles come home",

@@ -1,1 +1,1 @@
-"""What is looked at, and set, before anything takes off."""
+"""The checks and settings before take-off."""

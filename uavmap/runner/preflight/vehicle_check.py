@@ -59,7 +59,7 @@ class Measurement:
     async def measure(self, seconds: float = MEASURE_S) -> None:
         """Listen for `seconds`, and request messages that do not come.
 
-        It waits a little longer for the messages that findings need: late telemetry, or an
+        It waits a little longer for the messages that findings need. Late telemetry, or an
         estimator that was just switched on, is no fault of the vehicle.
         """
         session, view = self._session, self._session.view

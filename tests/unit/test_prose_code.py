@@ -1,0 +1,50 @@
+"""The check of the prose of Python finds faults in docstrings and comments, and nowhere else."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests import prose_code
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""What a vehicle does."""\n',
+        'def f():\n    """Whether it flies."""\n',
+        'X = 1\n"""How long it waits, s."""\n',
+        'def f():\n    """Return one.\n\n    The vehicle is told to land.\n    """\n',
+        "x = 1  # nobody waits\n",
+        "# a vehicle which is told\n# to land\nx = 1\n",
+    ],
+)
+def test_faults_of_docstrings_and_comments_are_found(source):
+    assert prose_code.source_faults(source)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'def told(what):\n    """Return what a vehicle reports."""\n    return "who is told"\n',
+        "import os  # noqa: nobody\n",
+        'def f(told):\n    """Return one.\n\n    Args:\n        told: the report.\n    """\n',
+        'def f():\n    """Return one.\n\n    >>> told("nobody")\n    1\n    """\n',
+        '"""A list:\n\n    told = nobody\n\nIt ends.\n"""\n',
+    ],
+)
+def test_code_and_pragmas_are_no_prose(source):
+    assert prose_code.source_faults(source) == []
+
+
+def test_a_fault_has_the_line_of_its_text():
+    assert [fault.line for fault in prose_code.source_faults("x = 1\ny = 2  # it is told\n")] == [2]
+
+
+def test_modules_that_are_checked_are_without_a_fault():
+    paths = prose_code.checked()
+    assert len(paths) > 250
+    assert [
+        (path.name, fault)
+        for path in paths
+        for fault in prose_code.source_faults(path.read_text("utf-8"))
+    ] == []
