@@ -62,7 +62,7 @@ class TwoHeights(OneHeight):
         return vehicle.tracked_s == state.t_s
 
     def cuts_m(self, setting: Setting) -> tuple[float, ...]:
-        """Return larger cuts, too: from high up, pictures show a lane's edge from inside."""
+        """Return larger cuts as well: from high up, pictures show a lane's edge from inside."""
         return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
 
     def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
