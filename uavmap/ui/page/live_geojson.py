@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import shapely
+from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from uavmap.output.drawing import palette
@@ -52,6 +53,7 @@ def geojson(live: LiveMap, scene: Words) -> bytes:
       `cells`, `area_m2`. The geometry is null where there are none.
     * `aircraft`: Point; `vehicle`, `height_m` above home, `amsl_m`, `battery` in percent, `doing`,
       `landed`, `at_s`, the mission time of its place.
+    * `traffic`: Point of an aircraft of others; `name`, `height_m` above the start, perhaps null.
     * `track`, `path`: LineString of what a vehicle has flown, and of its present order; `vehicle`.
     """
     head = {"mission": live.mission, "t_s": live.t_s, "phase": live.snapshot["fields"].get("phase")}
@@ -100,6 +102,10 @@ def _marks(live: LiveMap) -> Iterator[tuple[BaseGeometry, dict[str, Any]]]:
         kept = ("amsl_m", "battery", "doing", "landed", "at_s")
         figures = {"height_m": record["up"]} | {name: record.get(name) for name in kept}
         yield live.place(one), {"kind": "aircraft", **_of_vehicle(one.number), **figures}
+    for mark in live.snapshot["fields"].get("traffic") or ():
+        values = {"name": mark["name"], "height_m": mark["up"]}
+        other = {"kind": "traffic", "colour": palette.css(palette.TRAFFIC), **values}
+        yield live.on_earth(Point(mark["e"], mark["n"])), other
 
 
 def _of_vehicle(number: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from missions.units import GridPoint
 from tests.fake_fleet import Fleet, fleet
 from tests.prop.missions.test_fleet import map_is_whole
 from tests.support.folding import fold
-from tests.support.small_missions import random_scenario
+from tests.support.small_missions import Scenario, random_scenario
 
 HEARD_S = 60.0
 FROM_M = 1500.0
@@ -51,10 +51,15 @@ class Intruder:
         return Track(self.name, self.name, t_s, place, self.height_m, 100.0, told)
 
 
+def drawn(seed: int) -> Scenario:
+    """Missions with stops, and without."""
+    return random_scenario(seed, strategy="swath" if seed % 2 else None)
+
+
 @functools.cache
 def flown(seed: int) -> tuple[Fleet, set[Answer]]:
     """A flight, and what its team has done about traffic."""
-    scenario, rng = random_scenario(seed), random.Random(seed)
+    scenario, rng = drawn(seed), random.Random(seed)
     intruders = [Intruder.drawn(rng, name) for name in "ABCDE"]
     flight, answers = fleet(scenario.mission, scenario.roi), set()
 
@@ -68,7 +73,8 @@ def flown(seed: int) -> tuple[Fleet, set[Answer]]:
         answers.add(answer)
         for vehicle in flight.state.vehicles.values():
             works = isinstance(vehicle.order, FlyTo | FlyPath | Sweep | Look) and vehicle.works
-            assert not (works and answer is Answer.COME_HOME), flight.describe()
+            flees = answer is Answer.COME_HOME and not flight.state.exploration_finished
+            assert not (works and flees), flight.describe()
         return False
 
     flight.start()
@@ -76,18 +82,19 @@ def flown(seed: int) -> tuple[Fleet, set[Answer]]:
     return flight, answers
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_mission_with_any_traffic_ends_with_a_whole_map_and_everybody_safe(seed):
     flight, _ = flown(seed)
     assert flight.faults == []
     assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FINISHED}
-    map_is_whole(flight, random_scenario(seed))
+    if flight.setting.strategy.stops:  # the referee looks at the maps of the others
+        map_is_whole(flight, drawn(seed))
     assert fold(flight.setting, flight.events) == flight.state
 
 
 def test_traffic_of_these_missions_has_teams_hold_and_come_home():
     """The missions would say nothing about traffic if it were always far away."""
-    answers = [flown(seed)[1] for seed in range(4)]
+    answers = [flown(seed)[1] for seed in range(3)]
     assert sum(Answer.HOLD in each for each in answers) >= 2
     assert sum(Answer.COME_HOME in each for each in answers) >= 2
 

@@ -47,6 +47,17 @@ def test_geojson_has_cells_areas_aircraft_and_lines():
     assert found["bbox"][0] <= here.x <= found["bbox"][2]
 
 
+def test_geojson_has_aircraft_of_others():
+    flight = seen()
+    mark = {"name": "DLH1", "e": 8.0, "n": 4.0, "up": None, "words": ""}
+    flight.board.set_field("traffic", [mark])
+    found = json.loads(geojson(flight.live(), flight.scene))["features"]
+    by_kind = {feature["properties"]["kind"]: feature for feature in found}
+    other, ours = by_kind["traffic"], by_kind["aircraft"]
+    assert (other["properties"]["name"], other["properties"]["height_m"]) == ("DLH1", None)
+    assert other["geometry"] == ours["geometry"]
+
+
 def test_geojson_without_a_region_has_no_geometry_of_it():
     flight = BoardFlight()
     found = json.loads(geojson(flight.live(), flight.scene))
