@@ -32,7 +32,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(folder):
         assert done.code == 2
         assert done.out == ""
         failed, *left, last = lines(done)
-        assert failed.endswith("return by its autopilot")
+        assert failed.endswith("return (RTL)")
         # where the machine is slow its guardian may have to insist
         assert all("it is commanded to" in line for line in left), done.err
         assert "journal.jsonl cannot be written" in last

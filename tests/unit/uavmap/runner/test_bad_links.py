@@ -150,5 +150,5 @@ async def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fai
     assert flight.vehicle.truth.landed
     assert again.said == [
         "vehicle 1: the mission failed (vehicle 2: no vehicle answered); it is commanded to "
-        "return by its autopilot"
+        "return (RTL)"
     ]
