@@ -29,7 +29,7 @@ def outcome(done):
 
 
 def test_the_examples_of_the_documentation(tmp_path):
-    page = (ROOT / "docs" / "reference" / "simulator.md").read_text("utf-8")
+    page = (ROOT / "docs" / "how-to" / "test-mavlink.md").read_text("utf-8")
     blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     text = "\n".join(block for block in blocks if "def test_" in block or "import" in block)
     tests = text.count("def test_")
