@@ -127,17 +127,74 @@ def test_every_key_of_a_mission_that_a_page_names_exists(page):
     assert not missing
 
 
+EXTERNAL = {
+    "dask", "git", "journalctl", "jq", "jupyter", "kill", "openssl", "pip", "pipx", "rpicam-hello",
+    "ssh", "sudo", "uv",
+}  # fmt: skip
+"""Programs of others that pages call."""
+
+
+def commands(page: Path) -> Iterator[list[str]]:
+    """Every command of the blocks of a page, in words."""
+    text = re.sub(r"\\\n\s*", "", page.read_text("utf-8"))
+    for block in re.findall(r"^ *```sh\n(.*?)^ *```", text, re.DOTALL | re.MULTILINE):
+        for line in block.splitlines():
+            if words := shlex.split(line, comments=True):
+                yield words
+
+
 def command_lines(page: Path) -> Iterator[str]:
-    for block in re.findall(r"```sh\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
-        yield from (line for line in block.splitlines() if line.startswith("uavmap "))
+    """Every command `uavmap ...` of the blocks of a page."""
+    return (shlex.join(words) for words in commands(page) if words[0] == "uavmap")
+
+
+def subcommands() -> dict[str, set[str]]:
+    """The commands of uavmap, each with its options."""
+    (choices,) = (
+        action.choices for action in parser()._actions if isinstance(action.choices, dict)
+    )
+    return {
+        name: {option for action in one._actions for option in action.option_strings}
+        for name, one in choices.items()
+    }
 
 
 def test_the_command_lines_of_a_page_are_understood(page, capsys):
     for line in command_lines(page):
         try:
-            parser().parse_args(shlex.split(line, comments=True)[1:])
+            parser().parse_args(shlex.split(line)[1:])
         except SystemExit:
             pytest.fail(f"{line}: {capsys.readouterr().err}")
+
+
+def test_every_command_of_a_page_is_known(page):
+    """A target of make, a module of Python, an extra, or a program of others."""
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    for words in commands(page):
+        program = words[0].rpartition("/")[2]
+        if program == "make":
+            assert {word for word in words[1:] if "=" not in word} <= targets
+        elif program in ("python", "python3"):
+            assert words[1] != "-m" or exists(words[2])
+        else:
+            assert program in {*EXTERNAL, "uavmap"}, shlex.join(words)
+        for extras in re.findall(r"\.\[([\w,]+)\]", shlex.join(words)):
+            assert set(extras.split(",")) <= project["optional-dependencies"].keys()
+
+
+def test_every_command_in_the_text_of_a_page_is_known(page):
+    """`uavmap fly --sim` in a sentence: the command and its options; `python -m` a module."""
+    known = subcommands()
+    for text in quoted(page):
+        program, _, rest = text.partition(" ")
+        words = re.sub(r"[<>].*", "", rest).split()
+        if program == "uavmap" and words and words[0].islower() and words[0].isalpha():
+            assert words[0] in known, text
+            options = {word.partition("=")[0] for word in words[1:] if word.startswith("--")}
+            assert options <= known[words[0]], text
+        if program == "python" and words[:1] == ["-m"] and words[1].startswith(ROOMS):
+            assert exists(words[1]), text
 
 
 def test_the_readme_has_command_lines():

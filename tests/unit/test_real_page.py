@@ -1,16 +1,19 @@
-"""The page on real autopilots names tests that exist."""
+"""The pages on real autopilots: the findings name tests that exist, the table is the last one."""
 
 import re
 from pathlib import Path
 
+from tests.prose import texts
 from tests.real.figures import kept, written
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "reference" / "real-autopilots.md"
+FINDINGS = (ROOT / "docs" / "reference" / "real-findings.md").read_text("utf-8")
+_TEST = re.compile(r"`(test_\w+)`")
 
 
-def test_every_test_that_the_page_names_exists():
-    named = set(re.findall(r"`(test_\w+)`", PAGE.read_text("utf-8")))
+def test_every_test_that_the_findings_name_exists():
+    named = set(_TEST.findall(FINDINGS))
     there = {
         name
         for path in (ROOT / "tests").rglob("test_*.py")
@@ -20,16 +23,11 @@ def test_every_test_that_the_page_names_exists():
     assert named - there == set()
 
 
-def test_every_row_says_what_happens_now():
-    """A row without a test says openly that it is not as it should be."""
-    rows = [
-        [cell.strip() for cell in line.strip().strip("|").split("|")]
-        for line in PAGE.read_text("utf-8").splitlines()
-        if line.startswith("|") and line.count("|") == 5
-    ]
-    rows = [row for row in rows if row[0] not in ("what was done", "---")]
-    assert len(rows) > 30
-    assert [row for row in rows if not row[3] and "**not yet**" not in row[2]] == []
+def test_every_finding_names_its_test():
+    lines = FINDINGS.splitlines()
+    points = [text for line, text in texts(FINDINGS) if lines[line - 1].startswith("* ")]
+    assert len(points) > 30
+    assert [text for text in points if not _TEST.search(text)] == []
 
 
 def test_the_table_of_real_flights_shows_the_last_figures():

@@ -105,6 +105,7 @@ class Page:
         write_bytes(files[1], small.getvalue())
         parts = (
             f"# {self.title}",
+            f"<!-- made by: uavmap study {name} -->",
             f"![{self.title}]({name}.png)",
             self.text.strip(),
             f"The table, also as [{name}.csv]({name}.csv):",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
@@ -136,7 +137,8 @@ def reference() -> str:
         if name:
             title = f"[[{name}]]" if name in _LISTED else f"[{name}]"
             said = SECTIONS.get(name) or _NESTED[name]
-            lines += [f"## `{title}`", "", _linked(said.replace("\n# ", " ")), ""]
+            text = textwrap.fill(_linked(said.replace("\n# ", " ")), 100, break_on_hyphens=False)
+            lines += [f"## `{title}`", "", text, ""]
         else:
             lines += ["## The mission", ""]
         if name == "detector":
