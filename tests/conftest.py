@@ -19,11 +19,13 @@ import logging
 import os
 import re
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import HealthCheck, settings
 
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
@@ -103,6 +105,15 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return ("not system" in asked and _needs_system(collection_path)) or None
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path: Path) -> Generator[None, list[Any], list[Any]]:
+    """Import and search no file for doctests that has none; benchmarks are seen to import."""
+    found = yield
+    if "benchmarks" in file_path.parts or ">>> " in file_path.read_text("utf-8", "ignore"):
+        return found
+    return [each for each in found if not isinstance(each, DoctestModule)]
+
+
 def _is_quick(file: tuple[Path, list[pytest.Item]]) -> bool:
     return not any(test.get_closest_marker("slow") for test in file[1])
 
@@ -116,7 +127,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         # a line without parameters is for all of them
         names = {item.name, item.name.partition("[")[0]}
-        if any(fnmatchcase(f"{item.path}::{n}", f"*/{line}") for n in names for line in SLOW):
+        lines = [line for line in SLOW if item.path.name in line]
+        if any(fnmatchcase(f"{item.path}::{n}", f"*/{line}") for n in names for line in lines):
             item.add_marker("slow")
         if _needs_system(item.path):
             item.add_marker("system")
