@@ -42,6 +42,7 @@ decided = st.builds(
     st.booleans(),
     seen=st.just(value=False),
     classes=st.just(()),
+    doubt=st.just(value=False),
 )
 shown = st.builds(
     lambda ms, seen: Fact(ms / 1000, tuple((cell, False) for cell in sorted(seen)), seen=True),
