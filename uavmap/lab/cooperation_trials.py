@@ -37,7 +37,7 @@ _SPACING: Final = 1.0 / 20.0
 
 
 class Mode(StrEnum):
-    """How a team explores."""
+    """The parameters of a team's exploration."""
 
     TRAPEZOID = "trapezoid"
     TRIANGULATION = "triangulation"
@@ -54,7 +54,7 @@ class Cooperation:
     theta_rad: float
     cover: Cover = Cover.TRIANGLES
     seed: int = 1
-    """Of the noise, and of the points that are looked at."""
+    """Seed of the noise and of the checked points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +65,14 @@ class Report:
     exploration: Exploration
     numbers: Figures
     unseen: NDArray[np.float64]
-    """Points, of those looked at, that no robot had within range and sight; shape (n, 2)."""
+    """Checked points that no robot had within range and sight; shape (n, 2)."""
     looked_at: int
     watched: Outcome
     alone: Outcome
 
     @property
     def complete(self) -> bool:
-        """Whether all of the ground is on the map, and was seen."""
+        """True if all of the ground is on the map, and was seen."""
         slack_m2 = 1e-6 * self.exploration.space.area_m2
         return self.numbers.missed_m2 <= slack_m2 and not len(self.unseen)
 

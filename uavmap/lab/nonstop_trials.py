@@ -20,9 +20,9 @@ class FlightTerms:
 
     team: Team
     box_factor: float | None = None
-    """Of a survey: how much wider its box is than the region; by default two cells a side."""
+    """Margin of a survey's box around the region; by default two cells a side."""
     offline: bool = False
-    """Whether to look for a reference that knows the region; it takes long."""
+    """True to search for a reference that knows the region; it takes long."""
     seed: int = 1
 
 

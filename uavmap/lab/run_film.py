@@ -26,8 +26,8 @@ _SPREAD: Final = 0.36
 def film_of_run(run: Run, roi: Collection[Cell], title: str) -> Film:
     """Create the film of a run on a ROI.
 
-    The states are those that all robots know together. A vertex that was looked from although no
-    move leads to it was known beforehand.
+    The states are those that all robots know together. An observed vertex to which no move leads
+    was known beforehand.
 
     >>> from missions.lab.arena.arena_run import run
     >>> from missions.planning.stepwise import EXPLORERS
@@ -85,7 +85,7 @@ def _changes(run: Run) -> list[Change]:
 
 
 def _explored_t(tree: Tree, looked_t: dict[Cell, float]) -> dict[Cell, float]:
-    """Return when all below each vertex was looked from; infinity if never."""
+    """Return the times at which all below each vertex was observed; infinity if never."""
     explored_t: dict[Cell, float] = {}
     for cell in sorted(tree.vertices, key=lambda cell: -tree.vertices[cell].depth):
         below = [explored_t[child] for child in tree.children(cell)]

@@ -4,7 +4,7 @@
     check(MyStrategy())
 
 A strategy that passes explores every ROI and brings all robots home under every condition of
-`CHECKS`; it is a pure function of the situation and keeps its stated bound. The ROIs are small: a
+`CHECKS`. It is a pure function of the situation and keeps its stated bound. The ROIs are small: a
 check takes seconds.
 """
 

@@ -88,8 +88,8 @@ def run_rdfs(
 
     With `plain`, Algorithm 1 has only the child rule: the first of equal children in the order
     north, east, south, west instead of the outermost. Observations at one depth are in the order of
-    the cells. The way home is up the tree, not the shortest. Raises `RoiError` for a start outside
-    the ROI.
+    the cells. The return path is up the tree, not the shortest. Raises `RoiError` for a start
+    outside the ROI.
     """
     from missions.lab.kernels import rdfs_kernels as rdfs  # noqa: PLC0415 - as above
     from missions.planning.kernels import ground  # noqa: PLC0415 - importing numba takes a second

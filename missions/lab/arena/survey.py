@@ -1,8 +1,8 @@
 """A survey without stopping: every cell of a box, lane beside lane, without decisions in flight.
 
-Lanes lie as far apart as the footprint allows, along the east or the north, begun at any corner;
-each vehicle flies its part of them, from the start and back to it. The quickest of all these is
-flown that shows every cell of the box often enough for a verdict.
+Lanes lie as far apart as the footprint allows, along the east or the north, begun at any corner.
+Each vehicle flies its part of them, from the start and back to it. The flown one is the quickest of
+these that shows every cell of the box often enough for a verdict.
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ class _Lanes:
 
 
 def _shows(box: Box, paths: Sequence[Trajectory], ground: Ground) -> bool:
-    """Whether frames without errors along the paths decide every cell of a box."""
+    """Return whether frames without errors along the paths decide every cell of a box."""
     columns, rows = box.high.east - box.low.east + 1, box.high.north - box.low.north + 1
     yes, no, nothing = (np.zeros(columns * rows, np.int64) for _ in range(3))
     grid = (box.low.east, box.low.north, columns, rows, ground.cell_m)

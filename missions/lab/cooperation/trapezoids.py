@@ -6,8 +6,8 @@ robots on two rows each move covers a triangle, or a diamond; more robots are a 
 are explored depth first.
 
 The explorer uses only ground in sight of a waiting robot: floor and ceiling within the range of the
-observer, and doors on the line along which a robot went. A stripe is looked up only when robots are
-in it. Its ends count when they are within the range, its doors when it is swept.
+observer, and doors on the line along which a robot went. A stripe is read only when robots are in
+it. Its ends count when they are within the range, its doors when it is swept.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Cover(StrEnum):
 class Pattern:
     """The pattern of sweeping stripes.
 
-    `theta_rad`, between 0 and pi, both excluded, is the angle of a move in the observer's view: the
-    larger it is, the fewer moves there are, and the lower the stripes.
+    `theta_rad`, between 0 and pi, both excluded, is the angle of a move in the observer's view. A
+    larger one makes fewer moves and lower stripes.
 
     >>> round(Pattern(10.0, math.radians(60.0)).height_m, 3)
     8.66

@@ -1,4 +1,4 @@
-"""Where a robot is on a grid, if all that it senses are the eight neighbours of its cell.
+"""Localization of a robot on a grid that senses only the eight neighbours of its cell.
 
 After Wongngamnit and Angluin, "The Robot, the Grid, and the Algorithm" (1999), with a planner, and
 with errors of sensor and odometry. Its page: docs/explanation/localization.md.

@@ -1,7 +1,7 @@
 """A map for localization: cells where the robot can be, and what it would sense in each.
 
 Directions are numbered to the left, as the paper lists them: 0 north, 1 west, 2 south, 3 east. The
-ring of neighbours is numbered the same way round: 0 N, 1 NW, 2 W, 3 SW, 4 S, 5 SE, 6 E, 7 NE; so
+ring of neighbours is numbered the same way round: 0 N, 1 NW, 2 W, 3 SW, 4 S, 5 SE, 6 E, 7 NE. So
 the neighbour in direction d is 2 d. A *pattern* is an integer of eight bits, bit i set where
 neighbour i is unobstructed. Last come the grids of the paper's proofs, and random ones.
 """
@@ -36,7 +36,7 @@ def back(direction: int) -> int:
 
 
 def is_free(pattern: int, direction: int) -> bool:
-    """Whether the cell in a direction is unobstructed."""
+    """Return whether the cell in a direction is unobstructed."""
     return bool(pattern >> 2 * direction & 1)
 
 
@@ -82,7 +82,8 @@ def heading_beside(pattern: int, obstructed: int) -> int:
 
 
 def is_beside(heading: int, direction: int, neighbour: int) -> bool:
-    """Whether a neighbour lies at the right of a robot that comes in and goes on like this.
+    """Return whether a neighbour lies at the right of a robot that enters and leaves in these
+    directions.
 
     >>> is_beside(SOUTH, WEST, 1), is_beside(SOUTH, WEST, 5)
     (True, False)
@@ -117,11 +118,11 @@ class GridMap:
 
     cells: tuple[Cell, ...]
     patterns: tuple[int, ...]
-    """What is sensed in each cell (`missions.lab.localization.grid_map`)."""
+    """Sensed pattern of each cell (`missions.lab.localization.grid_map`)."""
     steps: tuple[tuple[int, ...], ...]
     """By direction: the number of the cell there for each cell, -1 where there is none."""
     own: tuple[bool, ...]
-    """Whether each cell is unobstructed itself: False only among `places` beside the grid."""
+    """True for each cell that is unobstructed itself: False only among `places` beside the grid."""
 
     @classmethod
     def of(cls, free: Collection[Cell], places: Collection[Cell] | None = None) -> GridMap:
@@ -209,7 +210,7 @@ class GridMap:
 
     @cached_property
     def labels(self) -> tuple[int, ...]:
-        """How many cells have the label 0, 1, 2, 3, 4 (section 6.3)."""
+        """Return the numbers of cells with the label 0, 1, 2, 3, 4 (section 6.3)."""
         found = [label(pattern) for pattern in self.patterns]
         return tuple(found.count(i) for i in range(5))
 
@@ -223,7 +224,7 @@ Candidates = tuple[int, ...]
 
 
 def first_candidates(known: GridMap, pattern: int) -> Candidates:
-    """Where a robot may be that senses a pattern.
+    """Return the possible cells of a robot that senses a pattern.
 
     >>> from missions.units import Cell
     >>> corridor = GridMap.of({Cell(i, 0) for i in range(5)})
@@ -236,7 +237,7 @@ def first_candidates(known: GridMap, pattern: int) -> Candidates:
 def candidates_after(
     known: GridMap, candidates: Candidates, direction: int, pattern: int
 ) -> Candidates:
-    """Where it may be after a move, and sensing a pattern there.
+    """Return the possible cells after a move, with a pattern sensed there.
 
     >>> from missions.units import Cell
     >>> corridor = GridMap.of({Cell(i, 0) for i in range(5)})
@@ -250,7 +251,7 @@ def candidates_after(
 
 
 def split(known: GridMap, candidates: Candidates, direction: int) -> list[Candidates]:
-    """What a move makes of candidates: the groups in which the same is sensed afterwards."""
+    """Return the candidates after a move, in groups that sense the same."""
     step, patterns = known.steps[direction], known.patterns
     groups: dict[int, list[int]] = {}
     for here in candidates:

@@ -1,19 +1,19 @@
 """A planner with a map: the moves after which the fewest candidates are left, as soon as possible.
 
-All candidates sense the same, so a sequence of moves is possible in all of them or in none, until
-they sense different things: then the candidates *split*. The planner looks for the nearest splits,
-breadth first over the places that all candidates reach alike, and for the moves to certainty that
-are expected after each, split by split: of a few candidates (`EXACT`) the least of all plans, of
-more to some depth (`LOOK_AHEAD`), beyond which it reckons with a number of moves for each halving.
-It plans anew after each split.
+All candidates sense the same, so a sequence of moves is possible in all of them or in none. They
+*split* when they sense different things. The planner looks for the nearest splits, breadth first
+over the places that all candidates reach alike, and for the moves to certainty that are expected
+after each, split by split: of a few candidates (`EXACT`) the least of all plans, of more to some
+depth (`LOOK_AHEAD`), beyond which it reckons with a number of moves for each halving. It plans anew
+after each split.
 
-That every set of candidates splits somewhere: two that never do would make the grid equal to itself
+Every set of candidates splits somewhere. Two that never do would make the grid equal to itself
 moved by their distance, which no finite grid is.
 
 **The guarantee.** On a map of n cells the Homing Robot needs at most h = (n - b) + 3/2 c moves from
-wherever it starts (Lemma 1: b boundary cells, c moves around all obstacles), and h <= 4 n
-(Lemma 5). The planner goes on as long as its moves, those to the next split, and h are at most 4 n
-together; then the Homing Robot takes over. So it never takes more than 4 n moves.
+wherever it starts (Lemma 1: b boundary cells, c moves around all obstacles), and h <= 4 n (Lemma
+5). The planner continues while its moves, those to the next split, and h are at most 4 n together.
+Then the Homing Robot takes over. So it never takes more than 4 n moves.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LOOK_AHEAD: Final = ((300, 3), (1500, 2))
 BREADTH: Final = 4
 """With more candidates: splits that are looked into, of those that are as many moves away."""
 MOVES_A_HALVING: Final = 0.7
-"""What is reckoned beyond: found on grown regions of 120 and 500 cells."""
+"""Assumed moves beyond: found on grown regions of 120 and 500 cells."""
 MAX_KEPT: Final = 200_000
 """Values that are remembered."""
 

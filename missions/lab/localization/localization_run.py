@@ -19,7 +19,7 @@ Start = Callable[[int, Planner | None, np.random.Generator], Moves]
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """How a robot moves until it knows where it is."""
+    """A method by which a robot moves until it knows its cell."""
 
     name: str
     start: Start
@@ -55,7 +55,7 @@ METHODS: Final[Mapping[str, Method]] = MappingProxyType({m.name: m for m in _ALL
 
 
 class Extent:
-    """Where a robot is, relative to its first cell, and how far it has been.
+    """A robot's cell relative to its first one, and the extent of its way.
 
     >>> been = Extent(width=2, height=1)
     >>> been.place is None
@@ -90,19 +90,19 @@ class Extent:
 
 @dataclass(frozen=True, slots=True)
 class Localized:
-    """How a localization ended."""
+    """The end of a localization."""
 
     cell: Cell
-    """Where the robot is."""
+    """Cell of the robot."""
     answer: Cell | None
-    """Where it says it is; None if it gave up."""
+    """Cell that it reports; None if it gave up."""
     moves: int
     confidence: float
-    """How sure it is of that, 0 to 1."""
+    """Its probability, 0 to 1."""
 
     @property
     def right(self) -> bool:
-        """Whether it is where it says it is."""
+        """True if the reported cell is the robot's."""
         return self.answer == self.cell
 
 
@@ -121,8 +121,9 @@ def localize(
 ) -> Localized:
     """Put a robot into a cell of a grid, and let it find out which one it is.
 
-    With a `planner`, the map, it ends as soon as one cell fits all that it has sensed; without,
-    when it has seen the width and the height of the grid. Raises KeyError for a start off the map.
+    With a `planner`, the map, it ends as soon as one cell fits all that it has sensed. Without, it
+    ends when it has seen the width and the height of the grid. Raises KeyError for a start off the
+    map.
 
     >>> from missions.lab.localization.localization_run import METHODS
     >>> row = GridMap.of({Cell(i, 0) for i in range(6)})

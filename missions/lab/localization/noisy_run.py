@@ -30,12 +30,12 @@ ALL: Final = 0xFF
 """All eight neighbours, as a mask."""
 _EVERY: Final = np.arange(256, dtype=np.uint8)
 MAX_RATE: Final = 0.49
-"""A sensor that errs in half of all cases says nothing."""
+"""A sensor that errs in half of all cases has no information."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """How often a sensor errs, about each neighbour independently of the others.
+    """The error rate of a sensor, about each neighbour independently of the others.
 
     A positive is an unobstructed cell, a cell of the region. Both rates are 0 to `MAX_RATE`; a
     `LocalizationError` names the one that is not.
@@ -94,7 +94,7 @@ class Belief:
 
     @classmethod
     def uniform(cls, known: GridMap) -> Belief:
-        """Nothing is known but the map."""
+        """Begin with the map alone."""
         return cls(known, np.full(known.size, 1.0 / known.size))
 
     def moved(self, dx: int, dy: int, slip: float = 0.0) -> Belief:
@@ -168,17 +168,17 @@ class Belief:
 
 
 QUANTILES: Final = 40
-"""Quantiles of the belief, whose cells are looked at."""
+"""Quantiles of the belief whose cells are considered."""
 MOST_PROBABLE: Final = 8
-"""Cells that are looked at besides."""
+"""Further cells that are considered."""
 AHEAD: Final = 3
 """Moves of the ways that are all tried."""
 LEAST_GAIN: Final = 0.1
-"""Of the moves that are reckoned: a way that spares fewer does not help."""
+"""Expected moves: a way that saves fewer does not help."""
 NEWS: Final = 2 / 3
-"""Of the doubt when it was planned: below this share a way is given up for a new one."""
+"""Share of the doubt at planning below which a new way is planned."""
 MOVES_A_HALVING: Final = 1.0
-"""What is reckoned for each halving of the doubt that is left."""
+"""Expected moves for each halving of the doubt that is left."""
 
 Doubts = NDArray[np.float64]
 """Of each way and pair of hypotheses: how probable it is that one is taken for the other."""
@@ -285,7 +285,8 @@ PATIENCE: Final = 50
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """How a robot errs, and how sure it has to be. Raises `LocalizationError` beyond the ranges."""
+    """The errors of a robot, and the certainty that it needs. Raises `LocalizationError` beyond the
+    ranges."""
 
     noise: Noise = EXACT
     slip: float = 0.0

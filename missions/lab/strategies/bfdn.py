@@ -1,16 +1,16 @@
 """Breadth-First Depth-Next of Cosson, Massoulié and Viennot (DISC 2023).
 
-A robot at the root is given an anchor: of the visited vertices with an unvisited child those of
-least depth, of these one with the fewest robots anchored to it. It goes down the tree to its anchor
-(breadth first), and from then on enters an unvisited child wherever there is one that nobody else
-enters, otherwise goes up (depth next), until it is back at the root and is given another anchor.
+A robot at the root gets an anchor: a visited vertex with an unvisited child, of least depth, and
+among these with the fewest robots. It goes down the tree to its anchor (breadth first), and from
+then on enters an unvisited child that no other robot enters, otherwise goes up (depth next), until
+it is back at the root and is given another anchor.
 
 The bound is the paper's Theorem 1: 2 n / k + D^2 (min(ln Delta, ln k) + 3) rounds on a tree of n
-vertices, depth D and greatest degree Delta, with k robots and the way home. It holds on a ROI with
+vertices, depth D and greatest degree Delta, with k robots and the return. It holds on a ROI with
 cycles as well: robots move along the exploration tree alone, the children of a vertex are all known
-once it was looked from, and so nobody can tell the run from one on the final tree, with n = C,
-D = depth_T and Delta <= 4. It supposes rounds: robots of one speed on a resting ROI, all in touch,
-and no cell that becomes ROI later.
+once it was looked from, and so nobody can tell the run from one on the final tree, with n = C, D =
+depth_T and Delta <= 4. It supposes rounds: robots of one speed on a resting ROI, all in touch, and
+no cell that becomes ROI later.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Greedy:
     when: str = "you want a rule that anybody can follow, and short tours on most regions"
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """Theorem 2, and the way home; for one robot only."""
+        """Theorem 2, and the return; for one robot only."""
         return 2.0 * cells**1.5 + 4.0 * cells + depth if robots == 1 else None
 
     def bound_holds(self, robots: int, metric: Metric) -> bool:

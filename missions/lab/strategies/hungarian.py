@@ -1,9 +1,9 @@
 """Robots are assigned to the open cells as cheaply as possible, far cells first.
 
 At every decision all robots are assigned to the known unvisited cells by the Hungarian method. A
-cell costs the way to it less a share of the way home from it: far cells are done on the way out, so
-that what is left lies towards home. When there are more robots than cells a cell is given out
-again, the dearer the more often.
+cell costs the way to it less a share of its return path: far cells are done on the way out, so that
+what is left lies towards home. When there are more robots than cells a cell is given out again, the
+dearer the more often.
 """
 
 from __future__ import annotations

@@ -3,18 +3,18 @@
 A robot keeps its left hand at what it has visited or at the outside: at every new cell it tries
 left, ahead, right. From a dead end it goes by the shortest visited way to the last cell that has an
 unvisited neighbour left. Where a cell splits what is unvisited into parts, the part that lies
-towards the start comes last, so that nobody goes there twice.
+towards the start comes last, so that no robot goes there twice.
 
 One robot on a ROI without holes, from its rim: at most C + E / 2 - 3 moves, E the number of edges
 between ROI and other cells, so never more than 2 C - 2. With holes the visits still are in the
 order of a depth-first search and ways are shortest ones, so 2 C - 2 holds there as well. The paper
-tells the last part of a split by the numbers of the layers around it; here it is the one from which
-the way home is shortest, which is the same side without the bookkeeping, and was never seen to
-exceed the paper's bound.
+tells the last part of a split by the numbers of the layers around it; here it is the one with the
+shortest return path, which is the same side without the bookkeeping, and was never seen to exceed
+the paper's bound.
 
-Several robots each go by the rule, and leave out the cells that others head for. Who has no cell
-left of its own goes to the nearest unvisited cell with the fewest robots and begins anew there; for
-that there is no bound.
+Several robots each go by the rule, and leave out the cells that others head for. A robot without a
+cell goes to the nearest unvisited cell with the fewest robots and begins anew there; for that there
+is no bound.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
 
 
 def _shut(tree: Tree, cell: Cell) -> bool:
-    """Whether no way leads over a cell to something unvisited: visited, or not ROI."""
+    """Return whether no way leads over a cell to an unvisited one: visited, or not ROI."""
     if cell in tree:
         return tree.has_looked(cell)
     return any(n in tree and tree.has_looked(n) for n in cell.neighbours())
@@ -144,7 +144,7 @@ def _unfinished(
 
 
 def _left(tree: Tree, others: Mapping[Cell, int], cell: Cell) -> bool:
-    """Whether a cell is unvisited and no other robot heads for it."""
+    """Return whether a cell is unvisited and no other robot heads for it."""
     return not tree.has_looked(cell) and not others.get(cell)
 
 

@@ -1,6 +1,6 @@
 """Walks from neighbour to neighbour by marks or by chance: robots that need no map.
 
-No robot knows when the work is done: the mission does, ends it, and brings everybody home by the
+No robot knows when the work is done. The mission does, ends it, and brings all robots home by the
 shortest known way.
 """
 
@@ -21,7 +21,7 @@ Choice = Callable[[int, list[Cell]], Cell]
 
 
 class _Walk:
-    """What the walks share."""
+    """The common part of the walks."""
 
     __slots__ = ()
 
@@ -30,7 +30,7 @@ class _Walk:
         return None
 
     def _moves(self, situation: Situation, choose: Choice) -> dict[int, Cell | None]:
-        """One robot after the other as `choose` says, or home once all is explored."""
+        """Move one robot after the other by `choose`, or home once all is explored."""
         tree = situation.tree
         moves: dict[int, Cell | None] = {}
         for robot in situation.robots:

@@ -175,7 +175,7 @@ class Ground:
 
     space: Space
     plane: LocalPlane | None
-    """Where its metres lie on the earth; None for a file in metres."""
+    """Origin of its metres on the earth; None for a file in metres."""
 
 
 def read_polygon_file(name: str) -> Ground:
@@ -189,7 +189,7 @@ def read_polygon_file(name: str) -> Ground:
     try:
         text = read_text(Path(name), _MOST_BYTES).lstrip("\ufeff \t\r\n")
     except (OSError, ValueError):
-        text = ""  # what is no text is for the readers of areas, and they say what is wrong
+        text = ""  # the readers of areas report what is no text
     try:
         if text[:7].casefold() == "polygon":
             return Ground(_of_wkt(text), None)

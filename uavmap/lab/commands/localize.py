@@ -36,9 +36,9 @@ class Terms:
     """The terms of localization."""
 
     with_map: bool
-    """Whether they have a map of the ROI, or only its width and height."""
+    """True if they have a map of the ROI, else only its width and height."""
     errors: Errors | None
-    """How they err; None if they do not. Who errs has a map."""
+    """Their errors, with a map; None without errors."""
     trials: int
     """Starts on each ROI, drawn from its cells."""
     seed: int

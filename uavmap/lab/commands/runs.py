@@ -57,7 +57,7 @@ def free_file(out: str | None, names: Sequence[str]) -> Path | None:
 
 
 class Outcome(NamedTuple):
-    """What trials came to."""
+    """The outcome of trials."""
 
     done: list[Trial]
     means: dict[str, Figures]
@@ -65,7 +65,7 @@ class Outcome(NamedTuple):
     code: int
     """The exit code."""
     printed: bool
-    """Whether the figures are printed already, as JSON."""
+    """True if the figures are printed already, as JSON."""
 
     @property
     def of(self) -> str:
@@ -86,7 +86,7 @@ def run_trials(
 ) -> Outcome:
     """Run the trials of strategies or methods on so many ROIs; write and print their figures.
 
-    `more` is said of each strategy besides.
+    `more` adds a text to each strategy.
     """
     if out is not None:
         make_folder(out.parent)  # before anything is computed
@@ -104,7 +104,7 @@ class Column(NamedTuple):
     key: str
     form: str = ""
     absent: str = ""
-    """What is shown instead of None."""
+    """Text instead of None."""
 
     def shown(self, figures: Figures) -> str:
         """Return its text."""

@@ -162,7 +162,7 @@ def _processes(trial: Trial, jobs: Sequence[Any], workers: int) -> Generator[Bat
         waiting = [pool.submit(_run, trial, batch) for batch in _batches(jobs, workers)]
         for future in as_completed(waiting):
             yield future.result()
-    except BaseException:  # nobody waits for trials that are not wanted any more
+    except BaseException:  # cancelled trials are not waited for
         for process in set(active_children()) - others:
             process.terminate()
         raise

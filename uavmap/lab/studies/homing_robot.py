@@ -208,7 +208,7 @@ def _noise(job: Job) -> list[Found]:
 
 
 def _merged(found: Sequence[Found]) -> list[Found]:
-    """What belongs together, added up."""
+    """The sum over jobs of one kind."""
 
     def key(one: Found) -> tuple[str, str, int, int, bool, str]:
         cells = 0 if one.part == MANY_GRIDS else one.cells

@@ -35,7 +35,7 @@ class Found:
 
 
 SUMMED: Final = ("runs", "moves", "broken", "right", "confidence")
-"""What is added up over jobs."""
+"""The sums over jobs."""
 
 
 def page(rows: Sequence[Found]) -> Page:

@@ -25,7 +25,7 @@ PAPER: Final = dict(
 """LRV(V) / V^1.0005 as printed, by the side of the lattice."""
 TOLERANCES: Final = {100: 0.002}
 TOLERANCE: Final = 0.0005
-"""How near ours should be to the paper's, as a share: at m = 100, and beyond."""
+"""Allowed difference from the paper's, as a share: at m = 100, and beyond."""
 
 LRV, DFS, LRTA, LRTA_FIXED, WALK = "LRV", "DFS", "1-LRTA*", "1-LRTA* fixed order", "random walk"
 WARM_UP: Final = {LRV: 300, LRTA: 100}

@@ -67,7 +67,7 @@ def lattice_of(roi: Roi) -> Lattice:
 
 @dataclass(frozen=True, slots=True)
 class Explored:
-    """What came of a job."""
+    """The outcome of a job."""
 
     job: Job
     found: Certificate

@@ -61,7 +61,7 @@ class Times:
 
     @property
     def violated(self) -> bool:
-        """Whether a stated bound does not hold."""
+        """True if a stated bound does not hold."""
         above = self.makespan > self.upper * (1 + _ROUNDING)
         return above or self.makespan < self.lower * (1 - _ROUNDING)
 

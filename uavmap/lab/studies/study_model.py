@@ -125,7 +125,7 @@ class Study:
     jobs: Callable[[bool, int], Sequence[Any]]
     """The jobs, from whether it should be quick and the seed."""
     trial: Callable[[Any], Any]
-    """What comes out of a job; a function of a module, so that it may travel."""
+    """The work of a job; a function of a module, so that it can be sent to a process."""
     conclude: Callable[[Sequence[Any]], Page]
     """The page, from the results in the order of the jobs."""
 

@@ -123,6 +123,6 @@ def test_resume_that_hears_nothing_names_where_the_aircraft_was_last(field, tmp_
     field.lose = lambda: True
     with shown_on(field.told), pytest.raises(ExceptionGroup, match="unhandled"):
         flight.resume(tmp_path)
-    (line,) = [text for text in field.told if "not heard in this run" in text]
+    (line,) = [text for text in field.told if "no contact in this run" in text]
     place = field.setting.grid.position(GridPoint(20.0, 10.0))
     assert f"at 30 s of the mission: vehicle 1 near {place.lat_deg:.6f}, " in line

@@ -179,7 +179,7 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch,
     assert [type(e) for e in journal.events()] == [Connected]
     assert [e.t_s for e in noticed] == [0.0, 20.0]  # the operator sees what no journal holds
     assert len(said) == 1
-    assert "is not in the journal" in said[0]
+    assert "are not in the journal" in said[0]
 
 
 def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(journal, monkeypatch):

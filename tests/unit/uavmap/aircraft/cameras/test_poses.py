@@ -129,7 +129,7 @@ def test_time_that_cannot_be_right_is_refused(late_s, fault):
         now_s = asyncio.get_running_loop().time()
         taken_s = now_s + 20.0 if fault == "in the future" else now_s - late_s
         said = fault if late_s == 0.0 else None
-        with pytest.raises(ImageError, match="tells no usable pose"):
+        with pytest.raises(ImageError, match="reports no usable pose"):
             await poses.pose_of(Announcement("a", taken_s, nothing, fault=said))
 
     peer = flown(body)
@@ -139,7 +139,7 @@ def test_time_that_cannot_be_right_is_refused(late_s, fault):
 def test_an_attitude_of_another_clock_is_refused_and_counted():
     async def body(peer, poses):
         taken_s = asyncio.get_running_loop().time()
-        with pytest.raises(ImageError, match="the vehicle did not tell its own of then"):
+        with pytest.raises(ImageError, match="the vehicle's own at that time is unknown"):
             await poses.pose_of(Announcement("a", taken_s, nothing))
 
     peer = flown(body, attitude_off_s=-30.0)

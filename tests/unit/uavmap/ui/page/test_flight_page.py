@@ -33,8 +33,8 @@ def steered():
     [
         ({"do": "pause"}, [call.pause()], "paused"),
         ({"do": "continue"}, [call.go_on()], "goes on"),
-        ({"do": "return", "vehicle": None}, [call.recall()], "everybody comes home"),
-        ({"do": "return", "vehicle": 2}, [call.recall_vehicle(2)], "vehicle 2 comes home"),
+        ({"do": "return", "vehicle": None}, [call.recall()], "all vehicles return"),
+        ({"do": "return", "vehicle": 2}, [call.recall_vehicle(2)], "vehicle 2 returns"),
         ({"do": "return", "vehicle": 3}, [], "no vehicle 3"),
         ({"do": "return", "vehicle": True}, [], "no order"),
         ({"do": "return"}, [], "no order"),
