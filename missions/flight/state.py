@@ -4,7 +4,7 @@ The reducer asks `setting.strategy`, `setting.team` and `setting.heights`. They 
 two calls: a strategy remembers only what is in `State.memory`. So a resume repeats the flight.
 
 To add a strategy, inherit from `Strategy` or one in `missions.flight.strategy`. Name it with
-`missions.flight.strategies.register` or an entry point (docs/explanation/strategies.md).
+`missions.flight.strategies.register` or an entry point (docs/how-to/add-strategy.md).
 """
 
 from __future__ import annotations
