@@ -25,16 +25,17 @@ class Tiles:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self._database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+            uri = f"{path.absolute().as_uri()}?mode=ro"
+            self._database = sqlite3.connect(uri, uri=True, check_same_thread=False)
             said = dict(self._database.execute("SELECT name, value FROM metadata"))
             asked = "SELECT min(zoom_level), max(zoom_level) FROM tiles"
             low, high = self._database.execute(asked).fetchone()
         except (sqlite3.Error, UnicodeError, ValueError) as error:
-            raise OutputError(f"--tiles {path}: cannot be read as MBTiles: {error}") from None
+            raise OutputError(f"{path}: cannot be read as MBTiles: {error}") from None
         if said.get("format") == "pbf":
-            raise OutputError(f"--tiles {path}: holds vector tiles; tiles of pictures are shown")
+            raise OutputError(f"{path}: holds vector tiles; tiles of pictures are shown")
         if low is None:
-            raise OutputError(f"--tiles {path}: holds no tile")
+            raise OutputError(f"{path}: holds no tile")
         self.zooms = range(int(low), int(high) + 1)
         self.attribution = str(said.get("attribution", ""))
 
@@ -53,11 +54,14 @@ class Tiles:
         return math.degrees(math.atan(math.sinh(north))), 360.0 * (column + 0.5) / 2**zoom - 180.0
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
-        """Return a tile; None where there is none that is a picture. Raises `sqlite3.Error`."""
-        found = self._database.execute(
-            "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
-            (zoom, x, 2**zoom - 1 - y),
-        ).fetchone()
+        """Return a tile; None where there is none that is a picture."""
+        asked = (
+            "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
+        )
+        try:
+            found = self._database.execute(asked, (zoom, x, 2**zoom - 1 - y)).fetchone()
+        except (sqlite3.Error, OverflowError):
+            return None
         data = found[0] if found else None
         good = isinstance(data, bytes) and len(data) <= MOST_BYTES and kind_of(data) is not None
         return data if good else None

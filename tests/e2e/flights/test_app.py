@@ -1,4 +1,4 @@
-"""`uavmap app` in a real browser: from an empty folder to a flown map, without a terminal.
+"""`uavmap app` in a real browser: a stranger's day from an empty folder, without a terminal.
 
 With UAVMAP_PICTURES=FOLDER in the environment it leaves pictures of the page there.
 """
@@ -6,138 +6,187 @@ With UAVMAP_PICTURES=FOLDER in the environment it leaves pictures of the page th
 from __future__ import annotations
 
 import contextlib
-import re
-import shutil
-from collections.abc import Iterator
+import zipfile
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
+import pypdfium2
+
 from tests.e2e import rig
+from tests.support.page.app_page import KML, Page, app
 from tests.support.page.browser import browser, keep_picture, need_browser
+from tests.support.page.proxy import recording_proxy
 
-CORNERS = "8.6,47.4 8.601,47.4 8.601,47.401 8.6,47.401 8.6,47.4"
-KML = f"""<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><name>meadow</name><Polygon>
-<outerBoundaryIs><LinearRing><coordinates>{CORNERS}</coordinates></LinearRing></outerBoundaryIs>
-</Polygon></Placemark></kml>"""
-
-
-@contextlib.contextmanager
-def app(folder: Path) -> Iterator[tuple[Any, str]]:
-    with rig.started("app", folder, "--port", 0) as process:
-        line = process.stderr.readline()
-        found = re.search(r"uavmap app: (http\S+)", line)
-        assert found, line
-        yield process, found[1]
+DARK = 140
+"""Between the region and the ground of the simulator, gray values."""
+RIM_PX = 16
+"""A region nearer to the rim of a frame may be cut."""
 
 
-class Page:
-    def __init__(self, driver: Any) -> None:
-        self.driver = driver
-
-    def found(self, selector: str, text: str | None = None) -> Any:
-        """The first element that is shown; of those with a text the one that has it."""
-        for each in self.driver.find_elements("css selector", selector):
-            with contextlib.suppress(Exception):  # it moves, or is gone again
-                if each.is_displayed() and (text is None or each.text == text):
-                    return each
-        return None
-
-    def press(self, text: str | None, selector: str = "button") -> None:
-        rig.wait_until(lambda: self._pressed(selector, text), f"{text or selector} to press", 60.0)
-
-    def _pressed(self, selector: str, text: str | None) -> bool:
-        button = self.found(selector, text)
-        with contextlib.suppress(Exception):
-            if button is not None and button.is_enabled():
-                button.click()
-                return True
-        return False
-
-    def open(self, tab: str) -> None:
-        self.press(tab, ".q-tab")
-
-    def write(self, label: str, text: str) -> None:
-        from selenium.webdriver import Keys  # noqa: PLC0415 - it may be missing
-
-        box = self.found(f'input[aria-label^="{label}"]')
-        box.send_keys(Keys.CONTROL, "a")
-        box.send_keys(text)
-
-    def send(self, name: str, folder: Path, text: str) -> None:
-        """Choose a file to import."""
-        folder.mkdir()
-        (folder / name).write_text(text)
-        self.driver.find_element("css selector", "input[type=file]").send_keys(str(folder / name))
-
-    def says(self, text: str) -> bool:
-        return text in self.driver.find_element("tag name", "body").text
-
-    def wait(self, text: str) -> None:
-        rig.wait_until(lambda: self.says(text), text, 90.0)
-
-    def drag(self, tool: str) -> None:
-        """Draw a rectangle over the middle of the map."""
-        from selenium.webdriver import ActionChains  # noqa: PLC0415 - it may be missing
-
-        self.press(None, f".leaflet-draw-draw-{tool}")
-        middle = ActionChains(self.driver).move_to_element_with_offset
-        drawn = middle(self.found(".app-leaflet"), -50, -40).click_and_hold()
-        drawn.move_by_offset(100, 80).release().perform()
-
-
-def test_from_an_empty_folder_to_a_map_with_clicks_alone(tmp_path):
+def test_stranger_goes_from_an_empty_folder_to_pdf_and_kmz_with_clicks_alone(tmp_path):
     need_browser()
-    with app(tmp_path) as (process, url), browser(1280, 1000) as driver:
+    folder = tmp_path / "fields"
+    folder.mkdir()
+    (tmp_path / "drawn by a friend.kml").write_text(KML)
+    with (
+        app(folder) as (process, url),
+        recording_proxy() as proxy,
+        browser(1280, 1000, proxy.port) as driver,
+    ):
         page = Page(driver)
         driver.get(url)
         page.wait("you hold the controls")
-        page.press("Make the mission")
-        page.wait("no area: draw one on the map, or import a file")
-        page.write("go to", "47.3, 8.5")
-        page.press("Go")
-        rig.wait_until(lambda: page.found(".leaflet-draw-draw-rectangle") is not None, "the map")
-        page.drag("rectangle")
-        page.wait("drawn: 1")
-        page.press("Undo")
-        page.wait("drawn: 0")
-        page.drag("rectangle")
-        page.wait("drawn: 1")
-        page.press("Make the mission")
-        page.wait("uavmap new field.geojson --out field.toml --drone sim")
-        page.wait("done (exit code 0)")
-        rig.wait_until(lambda: page.found(".app-plan img") is not None, "the plan")
-        keep_picture(driver, "app-areas.jpg")
-        page.send("drawn by a friend.kml", tmp_path / "sent", KML)
-        page.wait("imported: drawn by a friend.kml")
-        page.write("name of the mission", "meadow")
-        page.press("Make the mission")
-        page.wait("uavmap new 'drawn by a friend.kml' --out meadow.toml")
-        page.wait("done (exit code 0)")
-        # a mission whose ground has a region, as a file that came by mail
-        shutil.copy(rig.mission("speck"), tmp_path / "a speck.toml")
-        page.open("Practise")
-        page.press("field.toml", ".q-field__native span")
-        page.press("a speck.toml", ".q-item")
-        page.press("5 times", ".q-field__native span")
-        page.press("20 times", ".q-item")
-        page.press("Practise")
-        page.wait("uavmap fly 'a speck.toml' --speedup 20 --page 0 --yes --auto-swap --connect")
-        rig.wait_until(lambda: page.found("a", "live page") is not None, "the live page")
-        assert "/?token=" in page.found("a", "live page").get_attribute("href")
-        keep_picture(driver, "app-practise.jpg")
-        page.open("Results")
-        page.wait("complete, ")
-        page.wait("done (exit code 0)")
-        keep_picture(driver, "app-results.jpg")
-        page.press("Report")
-        page.wait("report.html")
+        _make_missions(page, tmp_path / "drawn by a friend.kml")
+        _practise(page, folder)
+        _paint_two(page, folder / "results" / "meadow-1" / "frames")
+        page.choose("detector", "meadow-1-detector")
+        page.press("Map")
+        page.ended("uavmap replay results/meadow-1 --detector meadow-1-detector")
+        _hand_on(page, folder / "results" / "meadow-1-1")
         page.open("Commands")
-        page.wait("uavmap sitl --mission 'a speck.toml'")
-        rig.wait_until(lambda: process.poll() is None and not _running(tmp_path), "all to end")
-        complaints = [e for e in driver.get_log("browser") if e["level"] == "SEVERE"]
-        assert not complaints
-        assert (tmp_path / "field.toml").is_file()
-        assert (tmp_path / "results" / "speck-1" / "report.html").is_file()
+        page.wait("uavmap sitl --mission meadow.toml")
+        rig.wait_until(lambda: process.poll() is None and not _running(folder), "all to end")
+        assert not page.complaints()
+        assert not proxy.elsewhere
+        assert "127.0.0.1" in proxy.hosts
+
+
+def _make_missions(page: Page, drawing: Path) -> None:
+    page.press("Make the mission")
+    page.wait("no area: draw one on the map, or import a file")
+    page.write("go to", "47.3, 8.5")
+    page.press("Go")
+    page.see(".leaflet-draw-draw-rectangle")
+    _drag(page)
+    page.wait("drawn: 1")
+    page.press("Undo")
+    page.wait("drawn: 0")
+    _drag(page)
+    page.wait("drawn: 1")
+    page.press("Make the mission")
+    page.ended("uavmap new field.geojson --out field.toml --drone sim")
+    page.see(".app-plan img")
+    keep_picture(page.driver, "app-areas.jpg")
+    page.send(drawing)
+    page.wait("imported: drawn by a friend.kml")
+    page.write("name of the mission", "meadow")
+    page.press("Make the mission")
+    page.ended("uavmap new 'drawn by a friend.kml' --out meadow.toml")
+
+
+def _drag(page: Page) -> None:
+    """Draw a rectangle over the middle of the map."""
+    from selenium.webdriver import ActionChains  # noqa: PLC0415 - it may be missing
+
+    page.press(None, ".leaflet-draw-draw-rectangle")
+    middle = ActionChains(page.driver).move_to_element_with_offset
+    drawn = middle(page.found(".app-leaflet"), -50, -40).click_and_hold()
+    drawn.move_by_offset(100, 80).release().perform()
+
+
+def _practise(page: Page, folder: Path) -> None:
+    """Fly in the simulator with the live page's buttons, then land."""
+    page.open("Practise")
+    page.choose("mission", "meadow.toml")
+    page.press("Practise")
+    flown = folder / "results" / "meadow-1"
+    with page.within():
+        page.see("[data-order=pause]")
+        rig.wait_until(lambda: bool(rig.events(flown, "airborne")), "the take-off")
+        page.press(None, "[data-order=pause]")
+        page.press(None, "[data-confirm=yes]")
+        rig.wait_for(flown, "paused")
+        keep_picture(page.driver, "app-practise.jpg")
+        page.press(None, "[data-order=continue]")
+        page.press(None, "[data-confirm=yes]")
+        rig.wait_for(flown, "continued")
+        page.wait("is over")
+    page.press("Back")
+    page.ended("uavmap fly meadow.toml --speedup 5 --page 0 --yes --auto-swap --keep-frames")
+
+
+def _paint_two(page: Page, frames: Path) -> None:
+    """Paint the region in two frames that show all of it, one from near, one from farther."""
+    page.open("Pictures")
+    page.press("Paint and learn")
+    seen = sorted(filter(_area, frames.glob("*.jpg")), key=_area, reverse=True)
+    with page.within():
+        page.see("#kinds button")
+        for frame in (seen[0], seen[len(seen) // 2]):
+            _paint(page, frame)
+        keep_picture(page.driver, "app-paint.jpg")
+        page.press("save and end")
+        page.wait("Saved.")
+    page.press("Back")
+    page.ended("uavmap tune results/meadow-1/frames --paint --examples meadow-1-painted")
+
+
+def _ring(frame: Path) -> Any:
+    """The outline of the region in a frame, px, shape (n, 2); empty where the rim cuts it."""
+    image = cv2.GaussianBlur(cv2.imread(str(frame), cv2.IMREAD_GRAYSCALE), (15, 15), 0)
+    rings, _ = cv2.findContours(
+        (image < DARK).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
+    )
+    ring = max(rings, key=cv2.contourArea, default=np.zeros((0, 1, 2), np.int32))
+    x, y, width, height = cv2.boundingRect(ring)
+    inside = min(x, y, image.shape[1] - x - width, image.shape[0] - y - height) > RIM_PX
+    return cv2.approxPolyDP(ring, 3.0, True)[:, 0, :] if inside else ring[:0, 0, :]
+
+
+def _area(frame: Path) -> float:
+    ring = _ring(frame)
+    return float(cv2.contourArea(ring)) if len(ring) else 0.0
+
+
+def _paint(page: Page, frame: Path) -> None:
+    from selenium.webdriver import ActionChains  # noqa: PLC0415 - it may be missing
+    from selenium.webdriver.support.ui import Select  # noqa: PLC0415
+
+    names = Select(page.driver.find_element("id", "which"))
+    names.select_by_visible_text(frame.stem)
+    name = f"picture/{names.options.index(names.first_selected_option)}"
+    ready = f"return document.getElementById('picture').src.endsWith('{name}') && levels.length > 0"
+    rig.wait_until(lambda: bool(page.driver.execute_script(ready)), frame.stem)
+    page.press("polygon")
+    page.driver.execute_script("window.scrollTo(0, 0)")
+    canvas = page.found("#shown")
+    size = canvas.size
+    scale = size["width"] / cv2.imread(str(frame)).shape[1]
+    clicks = ActionChains(page.driver, duration=0)
+    for x, y in _ring(frame).tolist():
+        at = x * scale - size["width"] / 2, y * scale - size["height"] / 2
+        clicks.move_to_element_with_offset(canvas, *map(round, at)).click()
+    clicks.double_click().perform()
+    painted = "return levels.filter((level) => level === 255).length > 1000"
+    rig.wait_until(lambda: bool(page.driver.execute_script(painted)), "a painted region", 30.0)
+    page.press("the rest is surround")
+    page.press("save")
+    page.wait(f"saved {frame.stem}.png")
+
+
+def _hand_on(page: Page, flown: Path) -> None:
+    """Make the report and the KMZ of the newest map, and look at them."""
+    page.open("Results")
+    page.see(".app-result", None)
+    page.wait("results/meadow-1-1")
+    page.press("Report (PDF)")
+    page.ended("uavmap report results/meadow-1-1")
+    page.press("Export")
+    page.ended("uavmap export results/meadow-1-1 --to kmz")
+    page.see("a", "flight.kmz")
+    keep_picture(page.driver, "app-results.jpg")
+    for name in ("report.pdf", "flight.kmz"):
+        status = page.driver.execute_script(
+            "const asked = new XMLHttpRequest(); asked.open('GET', arguments[0], false);"
+            "asked.send(); return asked.status",
+            page.found("a", name).get_attribute("href"),
+        )
+        assert status == 200
+    assert len(pypdfium2.PdfDocument(flown / "report.pdf")) == 2
+    with zipfile.ZipFile(flown / "flight.kmz") as file:
+        assert "doc.kml" in file.namelist()
 
 
 def _running(folder: Path) -> list[int]:
@@ -149,39 +198,3 @@ def _running(folder: Path) -> list[int]:
             if b"uavmap" in words and (entry / "cwd").resolve() == folder.resolve():
                 found.append(int(entry.name))
     return found
-
-
-def test_one_browser_holds_the_controls_and_files_elsewhere_are_refused(tmp_path):
-    need_browser()
-    (tmp_path / "note.html").write_text("<script>document.title = 'ran'</script>seen")
-    with app(tmp_path) as (_, url), browser(1280, 1000) as driver:
-        page = Page(driver)
-        driver.get(url)
-        page.wait("you hold the controls")
-        root = url.partition("?")[0]
-        driver.get(f"{root}file/note.html")
-        page.wait("seen")
-        assert driver.title != "ran"
-        driver.get(f"{root}file/..%2f..%2fetc/passwd")
-        assert not page.says("root:")
-        driver.get(url)
-        page.wait("you hold the controls")
-        first = driver.current_window_handle
-        driver.switch_to.new_window("tab")
-        driver.get(url)
-        page.wait("another browser holds the controls")
-        assert not page.found("button", "Make the mission").is_enabled()
-        page.press("Ask for the controls")
-        second = driver.current_window_handle
-        driver.switch_to.window(first)
-        page.press("Hand over")
-        page.wait("another browser holds the controls")
-        driver.switch_to.window(second)
-        page.wait("you hold the controls")
-        driver.set_window_size(390, 844)
-        rig.wait_until(lambda: _fits(driver), "a page as wide as a phone")
-
-
-def _fits(driver: Any) -> bool:
-    script = "return document.documentElement.scrollWidth <= window.innerWidth"
-    return bool(driver.execute_script(script))

@@ -19,7 +19,14 @@ FOLDER = os.environ.get("UAVMAP_PICTURES")
 _ARGUMENTS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--disable-dev-shm-usage",
+    "--disable-dev-shm-usage", "--disable-extensions", "--disable-default-apps",
+    "--disable-domain-reliability", "--disable-client-side-phishing-detection",
+    # what the browser itself would ask its makers for
+    *(f"--{name}-url=http://127.0.0.1:9/"
+      for name in ("gaia", "google-base", "gcm-checkin", "gcm-registration")),
+    "--disable-features=OptimizationHints,OptimizationGuideModelDownloading,"
+    "OptimizationGuideOnDeviceModel,AutofillServerCommunication,MediaRouter,Translate,"
+    "PreconnectToSearch,NetworkTimeServiceQuerying",
 )  # fmt: skip
 
 
@@ -32,7 +39,10 @@ def need_browser() -> None:
 
 
 @contextlib.contextmanager
-def browser(width_px: int = 1280, height_px: int = 800) -> Iterator[Any]:
+def browser(
+    width_px: int = 1280, height_px: int = 800, proxy_port: int | None = None
+) -> Iterator[Any]:
+    """Chromium; all that it asks for goes through the proxy at a port of loopback, if given."""
     from selenium import webdriver  # noqa: PLC0415 - it may be missing
     from selenium.webdriver.chrome.service import Service  # noqa: PLC0415
 
@@ -42,6 +52,9 @@ def browser(width_px: int = 1280, height_px: int = 800) -> Iterator[Any]:
         for argument in (*_ARGUMENTS, f"--user-data-dir={profile}"):
             options.add_argument(argument)
         options.add_argument(f"--window-size={width_px},{height_px}")
+        if proxy_port is not None:  # also what it asks of loopback
+            options.add_argument(f"--proxy-server=http://127.0.0.1:{proxy_port}")
+            options.add_argument("--proxy-bypass-list=<-loopback>")
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
         try:

@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -95,6 +95,35 @@ def write_mosaic(folder: Path, image: Colours, raster: Raster, grid: Grid) -> No
     write_bytes(folder / MOSAIC, buffer.getvalue())
 
 
+class Placed(NamedTuple):
+    """A mosaic as it was written: its left upper corner and edge of a pixel are in metres of UTM,
+    and the projection has its number in EPSG's list."""
+
+    image: Colours
+    west: float
+    north: float
+    step: float
+    epsg: int
+
+
+def placed_mosaic(folder: Path) -> Placed | None:
+    """Read the mosaic of a folder; None where there is none that can be read."""
+    try:
+        data = read_bytes(folder / MOSAIC, MAX_PICTURE_BYTES)
+        found = re.search(r"EPSG:(\d+)</SRS>\s*<GeoTransform>(.*?)</GeoTransform>",
+                          read_text(folder / PLACE, _PLACE_BYTES))  # fmt: skip
+        if found is None:
+            return None
+        west, step, _, north, _, _ = map(float, found[2].split(","))
+        with opened(io.BytesIO(data), MOSAIC, ("WEBP",)) as picture:
+            image = np.array(picture.convert("RGBA"))
+    except (ImageError, OSError, ValueError):
+        return None
+    if not (step > 0.0 and math.isfinite(west + step + north)):
+        return None
+    return Placed(image, west, north, step, int(found[1]))
+
+
 @dataclass(frozen=True, slots=True)
 class Ground:
     """A mosaic of a folder: `image` is as it was written; `raster` is in the fixed frame."""
@@ -113,20 +142,8 @@ class Ground:
     @classmethod
     def read(cls, folder: Path, grid: Grid) -> Ground | None:
         """Read the mosaic of a folder; None where there is none that can be read."""
-        try:
-            data = read_bytes(folder / MOSAIC, MAX_PICTURE_BYTES)
-            found = re.search("<GeoTransform>(.*?)</GeoTransform>",
-                              read_text(folder / PLACE, _PLACE_BYTES))  # fmt: skip
-            if found is None:
-                return None
-            west, step, _, north, _, _ = map(float, found[1].split(","))
-            with opened(io.BytesIO(data), MOSAIC, ("WEBP",)) as picture:
-                image = np.array(picture.convert("RGBA"))
-        except (ImageError, OSError, ValueError):
-            return None
-        if not (step > 0.0 and math.isfinite(west + step + north)):
-            return None
-        return cls.at(image, west, north, step, grid)
+        found = placed_mosaic(folder)
+        return None if found is None else cls.at(found.image, *found[1:4], grid)
 
     def beneath(self, view: View) -> NDArray[np.uint8]:
         """Return the mosaic as a view shows it, for `uavmap.output.drawing.raster.cell_picture`."""

@@ -23,6 +23,7 @@ import cv2
 
 from missions.errors import ImageError, OutputError
 from uavmap.base.atomic_write import write_bytes
+from uavmap.base.framing import frame_ancestors
 from uavmap.base.image_files import decoded
 from uavmap.photos.tune.examples import (
     UNDECIDED,
@@ -41,7 +42,7 @@ REGION_GRAY: Final = 255
 _PAGE: Final = "paint.html"
 _POLICY: Final = (
     "default-src 'none'; img-src 'self' blob:; connect-src 'self'; script-src 'unsafe-inline'; "
-    "style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors "
 )
 
 
@@ -155,6 +156,8 @@ class _Handler(BaseHTTPRequestHandler):
             and (data := study.doubtful(self._easel.pictures[index]))
         ):
             self._answer(HTTPStatus.OK, data, "image/png")
+        elif what in ("mask", "doubtful") and index is not None:
+            self._answer(HTTPStatus.NO_CONTENT, b"", "image/png")  # a browser logs a 404
         else:
             self._say(HTTPStatus.NOT_FOUND, "not found")
 
@@ -210,7 +213,7 @@ class _Handler(BaseHTTPRequestHandler):
         for key, value in (
             ("Content-Type", kind),
             ("Content-Length", str(len(data))),
-            ("Content-Security-Policy", _POLICY),
+            ("Content-Security-Policy", _POLICY + frame_ancestors()),
             ("Referrer-Policy", "no-referrer"),
             ("X-Content-Type-Options", "nosniff"),
             ("Cache-Control", "no-store"),

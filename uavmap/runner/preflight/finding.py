@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from enum import Enum
-from typing import Any
+from typing import Any, Final
 
 
 class Level(Enum):
@@ -16,6 +17,10 @@ class Level(Enum):
     """The mission can be flown; the crew should know."""
     BAD = "bad"
     """The mission cannot be flown, or should not be."""
+
+
+_LINE: Final = re.compile(r"(ok|warn|bad) +(?:(\d+) )?(.+?): (.*)")
+_SAYS: Final = re.compile(r"(.*?)(?: \(wanted: (.*?)\))?(?:; (.*))?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +48,24 @@ class Finding:
         wanted = f" (wanted: {self.wanted})" if self.wanted and self.level is not Level.OK else ""
         remedy = f"; {self.remedy}" if self.remedy and self.level is not Level.OK else ""
         return f"{self.level.value:<5} {of}{self.what}: {self.found}{wanted}{remedy}"
+
+    @classmethod
+    def read(cls, line: str) -> Finding | None:
+        """Read a finding from its line; None for another line.
+
+        >>> Finding.read("bad   1 GPS: no fix (wanted: a 3D fix); wait")
+        Finding(what='GPS', level=<Level.BAD: 'bad'>, found='no fix', wanted='a 3D fix',
+        remedy='wait', vehicle=1, binding=False)
+        """
+        parts = _LINE.fullmatch(line)
+        if parts is None:
+            return None
+        level, vehicle, what, found = parts.groups()
+        wanted = remedy = ""
+        if level != Level.OK.value and (says := _SAYS.fullmatch(found)):
+            found, wanted, remedy = (part or "" for part in says.groups())
+        of = None if vehicle is None else int(vehicle)
+        return cls(what, Level(level), found, wanted, remedy, of)
 
     def as_json(self) -> dict[str, Any]:
         """Return it for `--json`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any, Final
 
 from nicegui import ui
@@ -13,6 +12,7 @@ from missions.errors import UavmapError
 from uavmap.base.atomic_write import write_text
 from uavmap.load.areas.drones import CAMERAS, DRONES
 from uavmap.load.mission_source import DRAWINGS
+from uavmap.ui.app.ground_choice import GroundChoice
 from uavmap.ui.app.visitor import Visitor
 
 KINDS: Final = {"": "area to search", "geofence": "geofence", "no-fly": "no-fly zone"}
@@ -23,7 +23,6 @@ DETECTORS: Final = {
     "paved": "paved or bare ground",
     "color": "like colours that you give",
 }
-MOST_BYTES: Final = 50_000_000
 PLACE: Final = (20.0, 0.0)
 """The middle of the map while nothing says where the field is."""
 _BLUE, _RED, _BLACK = "#3d6fb6", "#b02a37", "#23272b"
@@ -83,18 +82,9 @@ class Areas:
             center=PLACE, zoom=3, draw_control={"draw": draw, "edit": False}, hide_drawn_items=True
         ).classes("app-leaflet")
         self.map.clear_layers()  # the default loads tiles from another host
-        if self._visitor.app.tiles is not None:
-            tiles = self._visitor.app.tiles
-            said = {
-                "maxZoom": 22,
-                "maxNativeZoom": tiles.zooms[-1],
-                "attribution": escape(tiles.attribution),
-            }
-            self.map.tile_layer(url_template="/tiles/{z}/{x}/{y}", options=said)
-            self.map.set_center(tiles.middle)
-            self.map.set_zoom(tiles.zooms[-1])
         self.map.on("draw:created", self._add_shape)
         with ui.row().classes("app-row"):
+            self._beneath = GroundChoice(self._visitor, self.map)
             self._at = ui.input("go to: latitude, longitude").props("dense outlined").mark("at")
             ui.button("Go", on_click=self._go).props("no-caps flat dense").mark("go")
 
@@ -130,10 +120,9 @@ class Areas:
     def _add_form(self) -> None:
         detectors = DETECTORS | dict.fromkeys(self._visitor.app.workspace.detectors(), "learned")
         self._source = ui.label("draw an area on the map, or import a file").mark("source")
-        ui.upload(
-            label="import KML, GeoJSON, Shapefile (.zip), GeoPackage, .plan ...", auto_upload=True,
-            on_upload=self._import, max_file_size=MOST_BYTES,
-        ).props(f"accept={','.join(DRAWINGS)} flat bordered").classes("app-wide")  # fmt: skip
+        self._visitor.upload(
+            "Import KML, GeoJSON, Shapefile (.zip), .plan ...", DRAWINGS, self._import
+        )
         self._name = ui.input("name of the mission", value="field").mark("name")
         self._drone = ui.select(list(DRONES), value="sim", label="drone").mark("drone")
         cameras = {"": "the drone's own"} | {name: name for name in CAMERAS}

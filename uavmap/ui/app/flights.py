@@ -12,8 +12,10 @@ from typing import Final
 from nicegui import background_tasks, ui
 
 from missions.errors import UavmapError
+from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.ui.app.jobs import Job
+from uavmap.ui.app.preflight import Findings
 from uavmap.ui.app.visitor import App, Visitor
 from uavmap.ui.page.feed import LOOPBACK
 from uavmap.ui.page.server import asked
@@ -29,11 +31,16 @@ class Practise:
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
+        with ui.element("div").classes("app-form"):
+            self._add_form(visitor)
+
+    def _add_form(self, visitor: Visitor) -> None:
         ui.label("Fly a mission in the simulator. The live page has the buttons of a real flight.")
         self._mission = visitor.select("mission", visitor.app.workspace.missions)
         self._vehicles = ui.number("vehicles", value=1, min=1, max=20, format="%d")
         self._speedup = ui.select(SPEEDUPS, value=5, label="how fast").mark("speedup")
         self._seed = ui.number("seed", value=1, min=0, format="%d")
+        self._keeps = ui.checkbox("keep the pictures", value=True).mark("keep")
         visitor.button("Practise", self._begin).mark("practise")
 
     def _begin(self) -> None:
@@ -45,7 +52,8 @@ class Practise:
              "--seed", str(int(self._seed.value or 0)), "--port", str(port),
              "--http-port", str(http_port)]
         )  # fmt: skip
-        flight = ["fly", mission, "--speedup", speedup, "--page", "0", "--yes", "--auto-swap"]
+        flight = ["fly", mission, "--speedup", speedup, *app.page_words("--page"), "--yes",
+                  "--auto-swap", *kept(self._keeps), *beneath(app, mission)]  # fmt: skip
         # it goes on where the browser is closed
         background_tasks.create(flown_in(app, simulator, flight, vehicles), name="practise")
 
@@ -82,6 +90,12 @@ class RealAircraft:
 
     def __init__(self, visitor: Visitor, *, flies: bool) -> None:
         self._visitor = visitor
+        with ui.element("div").classes("app-form"):
+            self._add_form(visitor, flies=flies)
+        if not flies:
+            Findings(visitor)
+
+    def _add_form(self, visitor: Visitor, *, flies: bool) -> None:
         ui.label(
             "Fly a mission with real aircraft." if flies
             else "Ask each vehicle whether it could fly a mission. Nothing is armed or set."
@@ -89,10 +103,12 @@ class RealAircraft:
         self._mission = visitor.select("mission", visitor.app.workspace.missions)
         self._urls = ui.textarea(
             "links, a line for each vehicle", value="udpin://0.0.0.0:14550"
-        ).classes("app-wide").mark("links")  # fmt: skip
+        ).props("rows=2").classes("app-wide").mark("links")  # fmt: skip
         if flies:
-            visitor.button("Fly", self._fly, grave=True).mark("fly")
-            visitor.button("Dry run", self._dry_run).mark("dry-run")
+            self._keeps = ui.checkbox("keep the pictures", value=True)
+            with ui.row().classes("app-row"):
+                visitor.button("Fly", self._fly, grave=True).mark("fly")
+                visitor.button("Dry run", self._dry_run).mark("dry-run")
         else:
             visitor.button("Ask the vehicles", self._examine).mark("examine")
 
@@ -112,7 +128,21 @@ class RealAircraft:
         words = self._linked("fly")
         question = "Vehicles arm and take off once all checks are good. Is the field clear?"
         if await asked(question, "Take off", "Cancel") is not None:
-            self._visitor.run([*words, "--page", "0", "--yes"])
+            page = self._visitor.app.page_words("--page")
+            ground = beneath(self._visitor.app, chosen(self._mission))
+            self._visitor.run([*words, *page, "--yes", *kept(self._keeps), *ground])
+
+
+def kept(keeps: ui.checkbox) -> list[str]:
+    """Return the words that keep the pictures of a flight, to be mapped and painted afterwards."""
+    return ["--keep-frames"] if keeps.value else []
+
+
+def beneath(app: App, mission: str) -> list[str]:
+    """Return the words that lay the first map of the folder that shows a mission's home beneath."""
+    home = load(str(app.workspace.folder / mission)).home
+    name = app.grounds.beneath(home)
+    return [] if name is None else ["--tiles", name]
 
 
 def chosen(mission: ui.select) -> str:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import UavmapError
+from uavmap.base.framing import SHOWN_IN
 
 LOGS: Final = ".uavmap-app"
 """Folder of the lines, in the workspace."""
@@ -29,8 +30,9 @@ MOST_RUNNING: Final = 8
 _TAIL_BYTES: Final = 1 << 16
 _HEAD_BYTES: Final = 1 << 16
 """A page is begun before all else: its URL is among the first lines."""
-_PAGE: Final = re.compile(r"https?://[^\s/]+/\?token=\S+")
-"""A page, not the map that its server has for a GIS."""
+_PAGE: Final = re.compile(r"^(?:live page: |paint at )(http\S+)", re.MULTILINE)
+_WATCHED: Final = re.compile(r"^live page without buttons: (http\S+)", re.MULTILINE)
+"""The same, for those who only look."""
 _ENDS: Final = {0: "done", 2: "refused", 3: "not complete", 4: "an aircraft is down",
                 5: "no verdict", 130: "interrupted"}  # fmt: skip
 
@@ -45,7 +47,7 @@ class Job:
     log: Path
     process: subprocess.Popen[bytes]
     begun_s: float = field(default_factory=time.monotonic)
-    _page: str | None = None
+    _head: str = ""
 
     @property
     def shown(self) -> str:
@@ -75,15 +77,20 @@ class Job:
             return [f"{self.log}: cannot be read: {error.strerror}"]
         return [line.rsplit("\r", 1)[-1] for line in text.splitlines()][-MOST_LINES:]
 
-    def page(self) -> str | None:
-        """Return the URL of the page that it serves; None before it has printed one, and after."""
+    def page(self, *, steers: bool) -> str | None:
+        """Return the URL of the page that it serves; None before it has printed one, and after.
+
+        Who does not hold the controls gets the page without buttons, where there are two.
+        """
         if not self.runs:
             return None
-        if self._page is None:
+        if _PAGE.search(self._head) is None:
             with contextlib.suppress(OSError), self.log.open("rb") as file:
-                found = _PAGE.search(file.read(_HEAD_BYTES).decode("utf-8", "replace"))
-                self._page = None if found is None else found[0]
-        return self._page
+                self._head = file.read(_HEAD_BYTES).decode("utf-8", "replace")
+        page, watched = _PAGE.search(self._head), _WATCHED.search(self._head)
+        if page is None or steers:
+            return None if page is None else page[1]
+        return (watched or page)[1]
 
     def interrupt(self) -> None:
         """Press Ctrl-C: a flight comes home and lands; a second one leaves it to its autopilot."""
@@ -92,10 +99,14 @@ class Job:
 
 
 class Jobs:
-    """All commands of a page, in the folder where they run."""
+    """All commands of a page, in the folder where they run.
 
-    def __init__(self, folder: Path) -> None:
+    `origin` is that of the page: it may show theirs.
+    """
+
+    def __init__(self, folder: Path, origin: str = "") -> None:
         self.folder = folder
+        self._environment = {**os.environ, SHOWN_IN: origin, "PYTHONUNBUFFERED": "1"}
         self.all: list[Job] = []
 
     def begin(self, words: Sequence[str]) -> Job:
@@ -116,7 +127,7 @@ class Jobs:
             process = subprocess.Popen(
                 [sys.executable, "-m", "uavmap", *words],
                 cwd=self.folder, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
-                start_new_session=True,
+                start_new_session=True, env=self._environment,
             )  # fmt: skip
         job = Job(number, tuple(words), log, process)
         self.all.append(job)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import Any, Final
 
 from nicegui import ui
@@ -10,7 +11,6 @@ from missions.errors import UavmapError
 from uavmap.ui.app.visitor import Visitor
 from uavmap.ui.app.workspace import PICTURES
 
-MOST_BYTES: Final = 100_000_000
 MASKS: Final = "-painted"
 """The folder of the masks of `photos` is `photos-painted`."""
 
@@ -19,25 +19,36 @@ class Pictures:
     """The tab of recorded pictures."""
 
     def __init__(self, visitor: Visitor) -> None:
-        self._visitor, workspace = visitor, visitor.app.workspace
-        ui.label("Map the photographs of a flight; paint two or three to say what to look for.")
+        self._visitor = visitor
+        with ui.element("div").classes("app-form"):
+            self._add_form(visitor)
+
+    def _add_form(self, visitor: Visitor) -> None:
+        workspace = visitor.app.workspace
+        ui.label(
+            "Map the photographs of a flight. Paint two or three of them first, to show what to "
+            "look for: the detector that is learned is a choice below once it is ready."
+        )
         self._into = ui.input("folder for new photographs", value="photos").mark("into")
-        ui.upload(
-            label="photographs", multiple=True, auto_upload=True, on_upload=self._upload,
-            max_file_size=MOST_BYTES,
-        ).props(f"accept={','.join(PICTURES)} flat bordered").classes("app-wide")  # fmt: skip
-        self._folder = visitor.select("photographs", workspace.picture_folders)
-        self._mission = visitor.select("mission", lambda: ["", *workspace.missions()])
-        self._detector = visitor.select("detector", lambda: ["", *workspace.detectors()])
-        visitor.button("Map", self._replay).mark("replay")
-        visitor.button("Paint and learn", self._tune).mark("tune")
+        visitor.upload("Send photographs", PICTURES, self._upload)
+        self._folder = visitor.select(
+            "photographs, or a flight that has kept its pictures",
+            lambda: [*workspace.picture_folders(), *workspace.flights_with_pictures()],
+        ).mark("photographs")
+        self._mission = visitor.select(
+            "mission", workspace.missions, none="that of the flight, or one made from the pictures"
+        )
+        self._detector = visitor.select("detector", workspace.detectors, none="the mission's")
+        with ui.row().classes("app-row"):
+            visitor.button("Paint and learn", self._tune).mark("tune")
+            visitor.button("Map", self._replay).mark("replay")
 
     async def _upload(self, event: Any) -> None:
         await self._visitor.keep(event, (self._into.value or "photos").strip())
 
     def _photographs(self) -> str:
         if not self._folder.value:
-            raise UavmapError("no photographs: upload some")
+            raise UavmapError("no photographs: upload some, or keep those of a flight")
         return str(self._folder.value)
 
     def _replay(self) -> None:
@@ -47,6 +58,9 @@ class Pictures:
         self._visitor.run(words)
 
     def _tune(self) -> None:
-        folder = self._photographs()
-        self._visitor.run(["tune", folder, "--paint", "--examples", f"{folder}{MASKS}",
-                           "--out", f"{folder}-detector"])  # fmt: skip
+        workspace, name = self._visitor.app.workspace, self._photographs()
+        stem = PurePath(name).name  # masks and detector lie in the workspace, also of a flight
+        self._visitor.run(
+            ["tune", workspace.folder_to_paint(name), "--paint", "--examples", f"{stem}{MASKS}",
+             "--out", workspace.new_folder(f"{stem}-detector")]
+        )  # fmt: skip

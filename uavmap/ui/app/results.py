@@ -11,9 +11,13 @@ from uavmap.ui.app.visitor import Visitor
 from uavmap.ui.app.workspace import Flown, verdict
 from uavmap.ui.page.server import asked
 
-FILES: Final = ("report.html", "report.pdf", "map.png", "map.geojson", "boundary.geojson",
-                "ortho.tif", "summary.json", "mission.toml")  # fmt: skip
+FILES: Final = (*dict.fromkeys((
+    "report.html", "report.pdf", "map.png", *(made.name for made in FORMATS.values()),
+    "map.geojson", "boundary.geojson", "ortho.tif", "mosaic.webp", "summary.json", "mission.toml",
+)),)  # fmt: skip
 """What a folder of results may hold, in the order of the links."""
+EXPORT: Final = "kmz"
+"""The usual format: one file that anybody with Google Earth can open."""
 
 
 class Results:
@@ -51,11 +55,12 @@ class Results:
                     for file in files_of(flown):
                         ui.link(file, visitor.file_url(f"{name}/{file}"), new_tab=True)
                 with ui.row().classes("app-row"):
-                    visitor.button("Report", lambda: self._run("report", name))
+                    visitor.button("Report (PDF)", lambda: self._run("report", name))
                     visitor.button("Look at the flight", lambda: self._watch(name))
                     if summary is None or not summary.get("completed"):
                         visitor.button("Go on", lambda: self._resume(name), grave=True)
-                    chosen = ui.select(list(FORMATS), value="gpkg").props("dense outlined")
+                    chosen = ui.select(list(FORMATS), value=EXPORT, label="format")
+                    chosen.props("dense outlined").classes("app-format")
                     visitor.button(
                         "Export", lambda: self._run("export", name, "--to", chosen.value)
                     )
@@ -66,10 +71,10 @@ class Results:
     async def _resume(self, name: str) -> None:
         question = "The mission goes on: real vehicles take off. Is the field clear?"
         if await asked(question, "Go on", "Cancel") is not None:
-            self._run("resume", name, "--yes", "--page", "0")
+            self._run("resume", name, "--yes", *self._visitor.app.page_words("--page"))
 
     def _watch(self, name: str) -> None:
-        self._visitor.run(["watch", name, "--port", "0"])
+        self._visitor.run(["watch", name, *self._visitor.app.page_words("--port")])
 
 
 def files_of(flown: Flown) -> list[str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import sqlite3
+import asyncio
 from pathlib import Path
 from typing import Final
 
@@ -18,8 +17,11 @@ from uavmap.ui.app.flights import Practise, RealAircraft
 from uavmap.ui.app.pictures import Pictures
 from uavmap.ui.app.results import Results
 from uavmap.ui.app.visitor import App, Visitor
+from uavmap.ui.page.feed import shown
 from uavmap.ui.page.server import Server, server_of
 
+_BLUE: Final = "#1c5fa8"
+"""Of buttons, which have white words: the usual one is too pale for them."""
 UPDATE_S: Final = 0.5
 """Time between two updates of a browser, s."""
 _CSS: Final = (Path(__file__).parent / "app.css").read_text("utf-8")
@@ -31,7 +33,10 @@ TABS: Final = ("Areas", "Practise", "Preflight", "Fly", "Pictures", "Results", "
 
 
 def serving(app: App, token: str, port: int) -> Server:
-    """Create the server of the application, not yet begun."""
+    """Create the server of the application, not yet begun.
+
+    It shows the pages of its commands, which are served at other ports of the same host.
+    """
     fast = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @fast.get("/file/{name:path}")
@@ -45,15 +50,13 @@ def serving(app: App, token: str, port: int) -> Server:
         headers = {"content-security-policy": _SANDBOX, "cache-control": "no-cache"}
         return FileResponse(path, headers=headers)
 
-    @fast.get("/tiles/{zoom}/{x}/{y}")
-    async def tile(zoom: int, x: int, y: int) -> Response:
-        data = None
-        if app.tiles is not None and zoom in app.tiles.zooms:
-            with contextlib.suppress(sqlite3.Error):
-                data = app.tiles.tile(zoom, x, y)
+    @fast.get("/ground/{zoom}/{x}/{y}/{name:path}")
+    async def tile(zoom: int, x: int, y: int, name: str) -> Response:
+        data = await asyncio.to_thread(app.grounds.tile, name, zoom, x, y)
         if data is None:
-            return Response(None, 404)
-        return Response(data, media_type=f"image/{kind_of(data)}".replace("jpg", "jpeg"))
+            return Response(None, 204)  # a browser logs a 404
+        headers = {"cache-control": "private, max-age=60"}
+        return Response(data, 200, headers, f"image/{kind_of(data)}".replace("jpg", "jpeg"))
 
     @ui.page("/")
     def page(client: Client) -> None:
@@ -62,18 +65,26 @@ def serving(app: App, token: str, port: int) -> Server:
         _add_page(visitor)
         ui.timer(UPDATE_S, visitor.refresh)
 
-    return server_of(fast, str(app.workspace.folder.name), token, port)
+    frames = f"http://{shown(app.host)}:*"
+    return server_of(fast, str(app.workspace.folder.name), port, token=token, frames=frames)
 
 
 def _add_page(visitor: Visitor) -> None:
     ui.add_css(_CSS)
-    with ui.row().classes("app-head"):
-        ui.label("uavmap").classes("app-title")
-        ui.label(str(visitor.app.workspace.folder)).classes("app-folder")
-        visitor.add_controls()
-    with ui.tabs().props("no-caps dense align=left").classes("app-tabs") as tabs:
-        for name in TABS:
-            ui.tab(name).mark(f"tab-{name.lower()}")
+    ui.colors(primary=_BLUE)
+    with ui.element("div").classes("app-day") as day:
+        with ui.row().classes("app-head"):
+            ui.label("uavmap").classes("app-title")
+            ui.label(str(visitor.app.workspace.folder)).classes("app-folder")
+            visitor.add_controls()
+        with ui.tabs().props("no-caps dense align=left").classes("app-tabs") as tabs:
+            for name in TABS:
+                ui.tab(name).mark(f"tab-{name.lower()}")
+        _add_panels(visitor, tabs)
+    visitor.add_output(day)
+
+
+def _add_panels(visitor: Visitor, tabs: ui.tabs) -> None:
     with ui.tab_panels(tabs, value=TABS[0], animated=False).props("keep-alive").classes("app-wide"):
         with ui.tab_panel("Areas"):
             Areas(visitor)
@@ -89,7 +100,6 @@ def _add_page(visitor: Visitor) -> None:
             Results(visitor)
         with ui.tab_panel("Commands"):
             Commands(visitor)
-    visitor.add_output()
 
 
 class Commands:
@@ -98,7 +108,7 @@ class Commands:
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         self._listed = 0
-        self._list = ui.element("div")
+        self._list = ui.element("div").classes("app-commands")
         visitor.on_update(self._update)
 
     def _update(self) -> None:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
 from nicegui import ui
 
 from missions.errors import UavmapError
-from uavmap.load.mbtiles import Tiles
 from uavmap.ui.app.controls import Controls
+from uavmap.ui.app.frame import Frame
+from uavmap.ui.app.grounds import Grounds
 from uavmap.ui.app.jobs import Job, Jobs
 from uavmap.ui.app.workspace import Workspace
+from uavmap.ui.page.feed import LOOPBACK
 from uavmap.ui.page.server import asked
 
+MOST_BYTES: Final = 100_000_000
+"""Of a file that a browser sends."""
 SHOWN_LINES: Final = 14
 LISTED_EVERY: Final = 4
 
@@ -23,11 +28,18 @@ LISTED_EVERY: Final = 4
 class App:
     """What all browsers share."""
 
-    def __init__(self, workspace: Workspace, tiles: Tiles | None) -> None:
+    def __init__(
+        self, workspace: Workspace, given: Path | None, host: str = LOOPBACK, origin: str = ""
+    ) -> None:
         self.workspace = workspace
-        self.tiles = tiles
-        self.jobs = Jobs(workspace.folder)
+        self.grounds = Grounds(workspace, given)
+        self.host = host
+        self.jobs = Jobs(workspace.folder, origin)
         self.controls = Controls()
+
+    def page_words(self, option: str) -> list[str]:
+        """Return the words that have a command serve a page to those that this one is served to."""
+        return [option, "0", *(("--page-host", self.host) if self.host != LOOPBACK else ())]
 
 
 class Visitor:
@@ -42,16 +54,30 @@ class Visitor:
         self._ended: set[int] = {job.number for job in app.jobs.all if not job.runs}
         self._on_end: dict[str, list[Callable[[Sequence[str]], None]]] = {}
         self._buttons: list[ui.button] = []
+        self._framed: set[int] = set()
+        """Commands whose page was shown."""
         self._updates: list[Callable[[], None]] = []
 
     # --- commands ------------------------------------------------------------------------------
     def button(
         self, text: str, act: Callable[[], Awaitable[None] | None], *, grave: bool = False
     ) -> ui.button:
-        """Add a button that only the holder of the controls may press."""
-        look = "color=red-10" if grave else "color=grey-9"
+        """Add a button that only the holder of the controls may press.
 
-        async def press() -> None:
+        Each click has a number that counts once: a double click, or a message that is sent again,
+        does nothing.
+        """
+        look = "color=red-10" if grave else "color=grey-9"
+        button = ui.button(text).props(f"no-caps outline {look}")
+
+        def number() -> None:
+            button.props["data-click"] = secrets.token_hex(8)
+            button.update()
+
+        async def press(event: Any) -> None:
+            if event.args != button.props["data-click"]:
+                return
+            number()
             try:
                 self.refuse_watcher()
                 if (waits := act()) is not None:
@@ -59,7 +85,8 @@ class Visitor:
             except UavmapError as error:
                 ui.notify(str(error))
 
-        button = ui.button(text, on_click=press).props(f"no-caps outline {look}")
+        number()
+        button.on("click", press, js_handler="(e) => emit(e.currentTarget.dataset.click)")
         self._buttons.append(button)
         return button
 
@@ -84,6 +111,18 @@ class Visitor:
         """Raise `UavmapError` for a browser without the controls."""
         if not self.holds():
             raise UavmapError("another browser holds the controls; ask for them above")
+
+    def upload(self, label: str, endings: Sequence[str], act: Callable[[Any], Any]) -> ui.upload:
+        """Add a place for files that the browser sends at once."""
+        taken = ui.upload(multiple=True, auto_upload=True, on_upload=act, max_file_size=MOST_BYTES)
+        taken.props(f"accept={','.join(endings)} flat bordered").classes("app-wide")
+        words = label.replace('"', "")  # the usual header has a button without a name
+        taken.add_slot(
+            "header",
+            f'<q-btn type="a" flat no-caps class="full-width" label="{words}" '
+            '@click="props.pickFiles"><q-uploader-add-trigger /></q-btn>',
+        )
+        return taken
 
     async def keep(self, event: Any, folder: str = "") -> str | None:
         """Keep a file that the browser has sent; return its name, None where it is refused."""
@@ -113,15 +152,22 @@ class Visitor:
         for button in (self._ask, self._give, self._keep):
             button.props("no-caps flat dense")
 
-    def add_output(self) -> None:
-        """Add the command that is looked at, and its lines."""
-        with ui.element("div").classes("app-output"):
+    def add_output(self, behind: ui.element) -> None:
+        """Add the command that is looked at, its lines, and the frame for its page."""
+        with behind, ui.element("div").classes("app-output"):
             with ui.row().classes("app-row"):
                 self._shown = ui.label("").classes("app-command").mark("command")
                 self._state = ui.label("").mark("state")
-                self._page = ui.link("live page", "", new_tab=True).mark("live-page")
+                self._page = ui.button("Open its page", on_click=self._open).mark("page")
+                self._page.props("no-caps outline color=grey-9")
                 self._stop = self.button("Ctrl-C", self._interrupt, grave=True).mark("ctrl-c")
             self._lines = ui.label("").classes("app-lines").mark("lines")
+        self._frame = Frame(behind)
+
+    def _open(self) -> None:
+        job = self._job
+        if job is not None and (url := job.page(steers=self.holds())) is not None:
+            self._frame.open(job, url)
 
     async def _interrupt(self) -> None:
         job = self._job
@@ -169,14 +215,16 @@ class Visitor:
             self._known, self._job = len(self.app.jobs.all), self.app.jobs.all[-1]
         job = self._job
         self._stop.set_visibility(job is not None and job.runs)
-        page = None if job is None else job.page()
+        self._frame.refresh()
+        page = None if job is None else job.page(steers=self.holds())
         self._page.set_visibility(page is not None)
-        if page is not None and self._page.props.get("href") != page:
-            self._page.props["href"] = page
-            self._page.update()
         if job is None:
             self._shown.set_text("no command yet")
             return
+        self._frame.follow(job, page)
+        if page is not None and job.number not in self._framed and self.holds():
+            self._framed.add(job.number)
+            self._open()
         self._shown.set_text(job.shown)
         self._state.set_text(job.state)
         self._lines.set_text("\n".join(job.lines()[-SHOWN_LINES:]))
@@ -186,17 +234,24 @@ class Visitor:
         self._job = job
         self.refresh()
 
-    def select(self, label: str, choices: Callable[[], Sequence[str]], **how: Any) -> ui.select:
-        """Add a choice of files whose list follows the folder."""
-        listed = list(choices())
-        chosen = ui.select(listed, value=listed[0] if listed else None, label=label, **how)
-        chosen.classes("app-wide")
+    def select(
+        self, label: str, choices: Callable[[], Sequence[str]], none: str | None = None
+    ) -> ui.select:
+        """Add a choice of files whose list follows the folder; `none` is how no file is called."""
+
+        def listed() -> dict[str, str]:
+            return ({} if none is None else {"": none}) | {name: name for name in choices()}
+
+        def first(options: dict[str, str]) -> str | None:
+            return next(iter(options), None)
+
+        options = listed()
+        chosen = ui.select(options, value=first(options), label=label).classes("app-wide")
 
         def update() -> None:
-            now = list(choices())
+            now = listed()
             if now != chosen.options:
-                value = chosen.value if chosen.value in now else (now[0] if now else None)
-                chosen.set_options(now, value=value)
+                chosen.set_options(now, value=chosen.value if chosen.value in now else first(now))
 
         self.on_update(update)
         return chosen

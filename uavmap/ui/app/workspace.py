@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections.abc import Iterable
@@ -12,6 +13,7 @@ from typing import Any, Final
 from missions.errors import UavmapError
 from uavmap.base.text_files import read_text
 from uavmap.journal.flight_plan import JOURNAL
+from uavmap.journal.kept_frames import FRAMES
 
 RESULTS: Final = "results"
 PICTURES: Final = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
@@ -86,6 +88,14 @@ class Workspace:
             if path.name != RESULTS and not path.name.startswith(".") and _has_pictures(path)
         )
 
+    def flights_with_pictures(self) -> list[str]:
+        """Return the names of the flights that have kept their pictures, the newest first."""
+        return [flown.name for flown in self.results() if (flown.folder / FRAMES).is_dir()]
+
+    def folder_to_paint(self, name: str) -> str:
+        """Return where the pictures of a folder of photographs, or of a flight, lie."""
+        return f"{name}/{FRAMES}" if (self.folder / name / FRAMES).is_dir() else name
+
     def detectors(self) -> list[str]:
         """Return the folders that `uavmap tune` has written."""
         return sorted(path.parent.name for path in self.folder.glob("*/detector.toml"))
@@ -110,6 +120,14 @@ class Workspace:
         if path.exists():
             raise UavmapError(f"{name}: is there already; give it another name")
         return path
+
+    def new_folder(self, name: str) -> str:
+        """Return a name like `name` of a folder that is not there yet."""
+        return next(
+            each
+            for number in itertools.count(1)
+            if not (self.folder / (each := name if number == 1 else f"{name}-{number}")).exists()
+        )
 
     def new_name(self, wanted: str, ending: str) -> str:
         """Return the name of a file that is not there yet. Raises `UavmapError` for a bad name."""

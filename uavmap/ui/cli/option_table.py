@@ -288,8 +288,8 @@ TABLE: Final = (
         "this computer itself); the token in its URL is needed in any case",
     ),
     Option(
-        name="--tiles", metavar="FILE.mbtiles", commands=(*_LINKED, "watch", "app"),
-        help="show the live page's map over these tiles, from a file on this computer",
+        name="--tiles", metavar="FILE", commands=(*_LINKED, "watch", "app"),
+        help="lay a map of this computer beneath the page's: MBTiles, PMTiles or GeoTIFF",
     ),
     Option(
         name="--tak", metavar="URL", commands=_LINKED,

@@ -16,30 +16,52 @@ from starlette.requests import HTTPConnection
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from uavmap.base.framing import frame_ancestors
 from uavmap.ui.page.page_pipe import MAP_PATH
 
 REFUSED: Final = "Not allowed: open the URL that uavmap has printed, with its token.\n"
 _POLICY: Final = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
-    "style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'; "
-    "base-uri 'none'; form-action 'none'"
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data:; base-uri 'none'; form-action 'none'; "
 )
 """Nothing comes from elsewhere: there is no internet in the field, and none is needed."""
-_HEADERS: Final = {
-    "content-security-policy": _POLICY,
-    "referrer-policy": "no-referrer",
-    "x-content-type-options": "nosniff",
-}
+
+
+def cookie_of(port: int) -> str:
+    """Return the name of the cookie: a browser sends its cookies to every port of a host."""
+    return f"uavmap-{port}"
 
 
 class Guard:
-    """Before an ASGI application."""
+    """Before an ASGI application.
 
-    def __init__(self, app: ASGIApp, token: str, cookie: str, map_token: str | None) -> None:
+    Args:
+        token: Of those who may do everything.
+        cookie: The name of the cookie.
+        map_token: Of the map alone.
+        watch_token: Of those who may only look; the application reads the cookie.
+        frames: Sources of the pages that its pages show within them.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        token: str,
+        cookie: str,
+        map_token: str | None = None,
+        watch_token: str | None = None,
+        frames: str = "'none'",
+    ) -> None:
         self.app = app
-        self._token, self._map_token = token, map_token
+        self._tokens = [each for each in (token, watch_token) if each]
+        self._map_token = map_token
         self._cookie = cookie
-        """Its name: of each port another, for a browser sends them to every port of a host."""
+        policy = f"{_POLICY}frame-src {frames}; frame-ancestors {frame_ancestors()}"
+        self._headers = {
+            "content-security-policy": policy,
+            "referrer-policy": "no-referrer",
+            "x-content-type-options": "nosniff",
+        }
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on what is allowed."""
@@ -50,34 +72,37 @@ class Guard:
         given, origin = asked.query_params.getlist("token"), asked.headers.get("origin")
         own = not origin or urlsplit(origin).netloc == asked.headers.get("host", "")
         path = scope["path"] if scope["type"] == "http" and given else ""
-        if path == "/" and _same(given[-1], self._token):
-            cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Lax"
-            entered = Response(None, 303, {"location": "/", "set-cookie": cookie, **_HEADERS})
+        if path == "/" and self._opens(given[-1]):
+            cookie = f"{self._cookie}={given[-1]}; Path=/; HttpOnly; SameSite=Lax"
+            entered = Response(None, 303, {"location": "/", "set-cookie": cookie, **self._headers})
             await entered(scope, receive, send)
         elif own and (
-            _same(asked.cookies.get(self._cookie, ""), self._token)
-            or (self._map_token and path == MAP_PATH and _same(given[-1], self._map_token))
+            self._opens(asked.cookies.get(self._cookie, ""))
+            or (self._map_token and path == MAP_PATH and same(given[-1], self._map_token))
         ):
-            await self.app(scope, receive, _with_headers(send))
+            await self.app(scope, receive, self._with_headers(send))
         elif scope["type"] == "websocket":
             await receive()
             await send({"type": "websocket.close", "code": 1008})
         else:
-            refused = Response(REFUSED, 403, {"content-type": "text/plain", **_HEADERS})
+            refused = Response(REFUSED, 403, {"content-type": "text/plain", **self._headers})
             await refused(scope, receive, send)
 
+    def _opens(self, given: str) -> bool:
+        return any(same(given, token) for token in self._tokens)
 
-def _same(given: str, token: str) -> bool:
+    def _with_headers(self, send: Send) -> Send:
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message.setdefault("headers", [])
+                headers = MutableHeaders(scope=message)
+                for name, value in self._headers.items():
+                    headers.setdefault(name, value)  # a file of results has a stricter policy
+            await send(message)
+
+        return sending
+
+
+def same(given: str, token: str) -> bool:
+    """Return whether a token is the right one, in a time that does not depend on it."""
     return hmac.compare_digest(given.encode(), token.encode())
-
-
-def _with_headers(send: Send) -> Send:
-    async def sending(message: Message) -> None:
-        if message["type"] == "http.response.start":
-            message.setdefault("headers", [])
-            headers = MutableHeaders(scope=message)
-            for name, value in _HEADERS.items():
-                headers.setdefault(name, value)  # a file of results has a stricter policy
-        await send(message)
-
-    return sending

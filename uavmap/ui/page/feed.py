@@ -198,16 +198,18 @@ def opened(config: Words, port: int, option: str, host: str = LOOPBACK) -> Itera
     are none. `option` gives the `port`, 0 for any that is free.
     """
     need_nicegui()
-    token, map_token = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
+    tokens = {name: secrets.token_urlsafe(16) for name in ("token", "map_token", "watch_token")}
     with bound(host, port, option) as listening:  # the page's process has its own from then on
         port, number = listening.getsockname()[1], listening.fileno()
-        served = {"token": token, "map_token": map_token, "port": port, "socket": number}
+        served = {**tokens, "port": port, "socket": number}
         feed = Feed("uavmap.ui.page.page_child", "the live page", {**config, **served}, (number,))
     try:
         feed.wait_ready()
         address = f"http://{shown(host)}:{port}"
-        _LOG.info(f"live page: {address}/?token={token}")
-        _LOG.info(f"map for a GIS: {address}{MAP_PATH}?token={map_token}")
+        _LOG.info(f"live page: {address}/?token={tokens['token']}")
+        if config.get("steers"):
+            _LOG.info(f"live page without buttons: {address}/?token={tokens['watch_token']}")
+        _LOG.info(f"map for a GIS: {address}{MAP_PATH}?token={tokens['map_token']}")
         if host != LOOPBACK:
             _LOG.info(
                 "live page: whoever reaches this computer and has the token can give orders there"

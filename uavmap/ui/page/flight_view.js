@@ -154,6 +154,7 @@ export default {
       this.heard_ms = performance.now();
       this.link = link;
       document.body.classList.toggle("flight-ended", !!link.text);
+      if (link.text) window.socket?.io.reconnection(false); // its server ends now
       this.check();
       if (!this.scene || !this.map.take(delta)) return 0;
       const board = this.map.board;

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -21,11 +20,11 @@ from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon
 from uavmap.journal.kept_frames import KeptFrame
-from uavmap.load.mbtiles import Tiles
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.mosaic_file import SIDE_PX, bounds_around
 from uavmap.output.facts.map_model import State
 from uavmap.photos.ground.rasters import there
+from uavmap.ui.ground.layer import GroundLayer, opened
 from vision.camera import Camera
 from vision.projection import Projection
 from vision.raster import Raster
@@ -68,7 +67,7 @@ def jpeg(image: NDArray[Any]) -> bytes:
 
 
 def of_tiles(path: Path, setting: Setting) -> Background:
-    """Return the part of an MBTiles file that lies under a mission.
+    """Return the part of a map (`uavmap.ui.ground`) that lies under a mission.
 
     Raises `OutputError` for another file, one of vector tiles, or one without tiles here.
     """
@@ -77,11 +76,13 @@ def of_tiles(path: Path, setting: Setting) -> Background:
     size = (round((east_m - west_m) / m_per_px), round((north_m - south_m) / m_per_px))
     nodes = _mercator(setting.grid, np.linspace(west_m, east_m, _NODES),
                       np.linspace(north_m, south_m, _NODES))  # fmt: skip
-    try:
-        with closing(Tiles(path)) as tiles:
-            laid = _laid(tiles, nodes, m_per_px, setting.mission.home.lat_deg)
-    except (sqlite3.Error, UnicodeError, ValueError) as error:
-        raise OutputError(f"--tiles {path}: cannot be read as MBTiles: {error}") from None
+    with closing(opened(path)) as layer:
+        laid = _laid(layer, nodes, m_per_px, setting.mission.home.lat_deg)
+    if laid is None:
+        raise OutputError(
+            f"--tiles {path}: has no tile of this mission's place; tiles of "
+            f"{setting.mission.home.lat_deg:.3f} deg north and around are needed"
+        )
     canvas, pixels = laid
     maps = [cv2.resize(pixels[..., i].astype(np.float32), size) for i in (0, 1)]
     image = cv2.remap(canvas, maps[0], maps[1], cv2.INTER_LINEAR, borderValue=PAPER)
@@ -134,8 +135,8 @@ def _mercator(
 
 
 def _laid(
-    file: Tiles, nodes: NDArray[np.float64], m_per_px: float, lat_deg: float
-) -> tuple[Colours, NDArray[np.float64]]:
+    file: GroundLayer, nodes: NDArray[np.float64], m_per_px: float, lat_deg: float
+) -> tuple[Colours, NDArray[np.float64]] | None:
     low, high = file.zooms[0], file.zooms[-1]
     fine = math.log2(_MERCATOR_M * math.cos(math.radians(lat_deg)) / 256.0 / m_per_px)
     for zoom in range(min(high, math.ceil(fine), 24), max(low, 0) - 1, -1):
@@ -155,22 +156,29 @@ def _laid(
                     at = ((y - top) * side, (x - left) * side)
                     canvas[at[0] : at[0] + side, at[1] : at[1] + side] = tile
             return canvas, (nodes * 2**zoom - (left, top)) * side - 0.5
-    raise OutputError(
-        f"--tiles {file.path}: has no tile of this mission's place (zoom {low} to {high}); tiles "
-        f"of {lat_deg:.3f} deg north and around are needed"
-    )
+    return None
 
 
 def _tiles(
-    file: Tiles, zoom: int, columns: range, rows: range
+    file: GroundLayer, zoom: int, columns: range, rows: range
 ) -> Iterator[tuple[tuple[int, int], Colours]]:
     for x in columns:
         for y in rows:
             if (data := file.tile(zoom, x, y)) is None:
                 continue
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
             if image is not None and image.shape[0] <= 1024:
-                yield (x, y), image.astype(np.uint8)
+                yield (x, y), _on_paper(image)
+
+
+def _on_paper(image: NDArray[Any]) -> Colours:
+    """Return a tile in colours, without gaps."""
+    if image.ndim == 2:
+        return np.repeat(image[..., None], 3, axis=2).astype(np.uint8)
+    if image.shape[2] == 3:
+        return image.astype(np.uint8)
+    there = image[..., 3:] / 255.0
+    return np.round(image[..., :3] * there + np.array(PAPER) * (1.0 - there)).astype(np.uint8)
 
 
 STATES: Final[tuple[State, ...]] = tuple(palette.STATES)

@@ -17,7 +17,7 @@ import uvicorn
 from fastapi import FastAPI, Request, Response
 from nicegui import Client, background_tasks, ui
 
-from uavmap.ui.page.access_guard import Guard
+from uavmap.ui.page.access_guard import Guard, cookie_of, same
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.hub import RESULTS, Hub
 from uavmap.ui.page.live_geojson import part_of
@@ -29,6 +29,7 @@ CONFIRM_S: Final = 8.0
 """Time without a confirmation after which a browser gets a snapshot, s."""
 ANSWER_S: Final = 8.0
 """Maximum time in which the flight answers an order, s."""
+WATCHES: Final = "this page watches the flight; another one has its buttons"
 _CSS: Final = (Path(__file__).parent / "page.css").read_text("utf-8")
 _ICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" '
@@ -89,20 +90,22 @@ def serving(hub: Hub, config: Words, send: Send) -> Server:
         return Response(part, status, headers, "application/geo+json")
 
     @ui.page("/")
-    def page(client: Client) -> None:
-        visitor = Visitor(hub, config, send, numbers)
+    def page(client: Client, request: Request) -> None:
+        given = request.cookies.get(cookie_of(config["port"]), "")
+        steers = bool(config.get("steers")) and same(given, config["token"])
+        why = WATCHES if config.get("steers") and not steers else config.get("why", "")
+        visitor = Visitor(hub, {**config, "steers": steers, "why": why}, send, numbers)
         following = background_tasks.create(visitor.follow(client), name="visitor")
         client.on_delete(following.cancel)
 
-    return server_of(app, config["title"], config["token"], config["port"], config["map_token"])
+    tokens = {key: config[key] for key in ("token", "map_token", "watch_token")}
+    return server_of(app, config["title"], config["port"], **tokens)
 
 
-def server_of(
-    app: FastAPI, title: str, token: str, port: int, map_token: str | None = None
-) -> Server:
+def server_of(app: FastAPI, title: str, port: int, **guarded_by: Any) -> Server:
     """Return the server of an application with NiceGUI's pages, for browsers with a token.
 
-    `map_token` opens the map for a GIS alone, where there is one.
+    `guarded_by` are arguments of `Guard`.
     """
     ui.run_with(
         app,
@@ -113,7 +116,7 @@ def server_of(
         message_history_length=0,
         show_welcome_message=False,
     )
-    guarded: Any = Guard(app, token, f"uavmap-{port}", map_token)
+    guarded: Any = Guard(app, cookie=cookie_of(port), **guarded_by)
     return Server(
         uvicorn.Config(
             guarded, lifespan="on", log_config=None, access_log=False, server_header=False,

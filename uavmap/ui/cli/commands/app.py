@@ -23,7 +23,7 @@ EXAMPLES: Final = """\
 examples:
   uavmap app                                in this folder: open the URL that it prints
   uavmap app fields/                        in another; what is made lies there
-  uavmap app fields/ --tiles area.mbtiles   over a map from a file
+  uavmap app fields/ --tiles area.mbtiles   over a map that lies elsewhere
   uavmap app fields/ --page-host 0.0.0.0    for a tablet in the same network
 
 The page draws areas and makes missions, practises them in the simulator, examines and flies
@@ -45,18 +45,17 @@ def run(options: argparse.Namespace) -> int:
     if not folder.is_dir():
         raise OutputError(f"{folder}: there is no such folder; make it, or name another")
     # NiceGUI takes a second to load: the command line does not
-    from uavmap.load.mbtiles import Tiles  # noqa: PLC0415
     from uavmap.ui.app.server import serving  # noqa: PLC0415
     from uavmap.ui.app.visitor import App  # noqa: PLC0415
     from uavmap.ui.app.workspace import Workspace  # noqa: PLC0415
 
-    app = App(
-        Workspace(folder.absolute()), None if options.tiles is None else Tiles(Path(options.tiles))
-    )
+    given = None if options.tiles is None else Path(options.tiles)
     token, host = secrets.token_urlsafe(16), options.page_host
     with bound(host, options.port, "--port") as listening, shown_on(Terminal()):
         port = listening.getsockname()[1]
-        _LOG.info(f"uavmap app: http://{shown(host)}:{port}/?token={token}")
+        origin = f"http://{shown(host)}:{port}"
+        app = App(Workspace(folder.absolute()), given, host, origin)
+        _LOG.info(f"uavmap app: {origin}/?token={token}")
         _LOG.info("Ctrl-C ends it")
         server = serving(app, token, port)
         with contextlib.suppress(KeyboardInterrupt):

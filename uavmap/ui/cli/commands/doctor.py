@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -33,6 +33,8 @@ from uavmap.ui.cli import INCOMPLETE
 from uavmap.ui.cli.flight_options import key_file
 from uavmap.ui.cli.option_table import add_options
 
+Add = Callable[[Sequence[Finding]], None]
+"""Takes findings as they come."""
 PICTURES: Final = "doctor"
 """The folder for test pictures, where none is named."""
 
@@ -88,10 +90,14 @@ def run(options: argparse.Namespace) -> int:
     if urls:
         clock = ScaledClock(options.speedup or 1.0)
         seen: list[Finding] = []
-        run_on(_vehicles(links, cameras, setting, folder, seen), clock)
+
+        def add(findings: Sequence[Finding]) -> None:
+            seen.extend(findings)
+            if not options.json:
+                _print(findings)
+
+        run_on(_vehicles(links, cameras, setting, folder, add), clock)
         found += seen
-        if not options.json:
-            _print(seen)
     able = could_fly(found)
     if options.json:
         values = {"could_fly": able, "findings": [finding.as_json() for finding in found]}
@@ -129,7 +135,7 @@ def _cameras(given: Sequence[str], setting: Setting | None, links: int) -> list[
 
 def _print(found: Sequence[Finding]) -> None:
     for finding in found:
-        print(finding.line())
+        print(finding.line(), flush=True)
 
 
 async def _vehicles(
@@ -137,7 +143,7 @@ async def _vehicles(
     cameras: Sequence[CameraSpec],
     setting: Setting | None,
     folder: Path,
-    found: list[Finding],
+    add: Add,
 ) -> None:
     section = CameraSection() if setting is None else setting.mission.camera
     with shown_on(Terminal()):
@@ -145,28 +151,26 @@ async def _vehicles(
             for link in links:
                 if setting is not None:
                     link.session.view.gate.area = setting.mission.home
-            looking = [
-                tasks.create_task(_vehicle(number, link, setting, folder))
-                for number, link in enumerate(links, start=1)
-            ]
-    for task in looking:
-        found += task.result()
+            for number, link in enumerate(links, start=1):
+                tasks.create_task(_vehicle(number, link, setting, folder, add))
 
 
-async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Path) -> list[Finding]:
+async def _vehicle(
+    number: int, link: Link, setting: Setting | None, folder: Path, add: Add
+) -> None:
     examination = Examination(number, link.session, link.camera)
     setup = None if setting is None else AutopilotSetup(number, link.session, setting, folder)
     await connect(link.session, link.name)
-    found = await examination.vehicle(setting)
+    add(await examination.vehicle(setting))
     if setting is None or setup is None:
-        return found
+        return
     mission = setting.mission
     ratio = mission.altitude_m(number - 1) / mission.altitude_m(0)
     if not link.session.view.armed:
-        found += await examination.camera(setting, detector_of(mission, ratio), folder)
+        add(await examination.camera(setting, detector_of(mission, ratio), folder))
     before, findings = await setup.look()
     by_m = outside_m(mission.flight.speed_m_s, setting.energy.accel_m_s2)
     findings.append(
         ok("fence", f"{setup.in_words(before)}; a flight sets the mission's, {by_m:.0f} m wider")
     )
-    return found + of_vehicle(number, findings)
+    add(of_vehicle(number, findings))

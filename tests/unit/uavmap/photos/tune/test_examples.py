@@ -207,7 +207,7 @@ def test_what_is_painted_is_an_example(easel: Easel, address: str, tmp_path: Pat
     assert status == 200
     assert b"http://" not in page
     assert b"https://" not in page
-    assert asked("GET", f"{address}mask/1")[0] == 404
+    assert asked("GET", f"{address}mask/1")[0] == 204
     status, jpeg = asked("GET", f"{address}picture/1")
     assert Image.open(io.BytesIO(jpeg)).size == (64, 48)
     assert asked("PUT", f"{address}mask/1", png((64, 48))) == (200, b"saved b.png")

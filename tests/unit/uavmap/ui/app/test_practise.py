@@ -45,13 +45,15 @@ def test_the_page_of_a_command_is_not_the_map_for_a_gis(tmp_path: Path) -> None:
     job.process.wait()
     job.log.write_text(
         "live page: http://127.0.0.1:8470/?token=abc\n"
+        "live page without buttons: http://127.0.0.1:8470/?token=ghi\n"
         "map for a GIS: http://127.0.0.1:8470/map.geojson?token=def\n" + "a line\n" * 20_000
     )
-    assert job.page() is None  # it has ended
+    assert job.page(steers=True) is None  # it has ended
 
     class Runs:
         def poll(self) -> None:
             return None
 
     job.process = Runs()  # type: ignore[assignment]
-    assert job.page() == "http://127.0.0.1:8470/?token=abc"
+    assert job.page(steers=True) == "http://127.0.0.1:8470/?token=abc"
+    assert job.page(steers=False) == "http://127.0.0.1:8470/?token=ghi"

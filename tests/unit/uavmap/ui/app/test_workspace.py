@@ -87,7 +87,7 @@ def test_a_command_runs_in_the_folder_and_its_lines_are_kept(tmp_path: Path) -> 
     assert job.process.wait() == 2
     assert "bad mission.toml: start: missing" in "\n".join(job.lines())
     assert job.state == "refused (exit code 2)"
-    assert job.page() is None
+    assert job.page(steers=True) is None
     job.interrupt()  # it has ended: nothing happens
     assert jobs.running == []
 

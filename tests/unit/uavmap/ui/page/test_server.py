@@ -235,5 +235,5 @@ def test_a_page_that_is_killed_is_told_once_and_orders_nothing(flight):
         assert feed.orders() == []
     assert not feed.idle
     assert not any(feed.put({"kind": "delta"}) for _ in range(3))
-    assert len(flight.said) == 3
-    assert flight.said[2].startswith("the live page is gone")
+    assert len(flight.said) == 4
+    assert flight.said[3].startswith("the live page is gone")

@@ -1,0 +1,113 @@
+"""Whether everybody can use a page: names of controls, contrast, keys, a focus that is seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+LEAST_CONTRAST = 4.5
+_ROLES = {"button", "link", "textbox", "combobox", "checkbox", "spinbutton", "slider", "switch",
+          "tab", "radio", "image", "searchbox", "Iframe"}  # fmt: skip
+
+_SHOWN = """
+const shown = (e) => {
+  if (!e.getClientRects().length || e.closest('[inert]')) return false;
+  for (let a = e; a; a = a.parentElement) {
+    const style = getComputedStyle(a);
+    if (style.visibility === 'hidden' || Number(style.opacity) === 0) return false;
+  }
+  return true;
+};
+const able = (e) => !e.disabled && !e.closest('.disabled, .leaflet-disabled, [aria-disabled=true]');
+"""
+_CONTRAST = (
+    _SHOWN
+    + """
+const parts = (css) => {
+  const n = css.match(/[\\d.]+/g).map(Number);
+  return [n[0], n[1], n[2], n.length > 3 ? n[3] : 1];
+};
+const over = ([r, g, b, a], under) =>
+  [...[r, g, b].map((v, i) => v * a + under[i] * (1 - a)), 1];
+const light = ([r, g, b]) => {
+  const linear = (v) => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+  const [x, y, z] = [r, g, b].map(linear);
+  return 0.2126 * x + 0.7152 * y + 0.0722 * z;
+};
+const behind = (e) => {
+  const layers = [];
+  for (let a = e; a; a = a.parentElement) {
+    layers.push(parts(getComputedStyle(a).backgroundColor));
+    if (layers.at(-1)[3] === 1) break;
+  }
+  return layers.reverse().reduce((under, layer) => over(layer, under), [255, 255, 255, 1]);
+};
+const poor = [];
+const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+while (walk.nextNode()) {
+  const e = walk.currentNode.parentElement, text = walk.currentNode.data.trim();
+  if (!text || /^(SCRIPT|STYLE|NOSCRIPT|TEMPLATE)$/.test(e.tagName)) continue;
+  if (!shown(e) || !able(e)) continue;
+  const under = behind(e), ink = over(parts(getComputedStyle(e).color), under);
+  const [a, b] = [light(ink), light(under)];
+  const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+  if (ratio < arguments[0]) poor.push(`${text.slice(0, 40)}: ${ratio.toFixed(2)}`);
+}
+return poor;
+"""
+)
+_CONTROLS = (
+    _SHOWN
+    + """
+const all = document.querySelectorAll(
+  'button, a[href], input:not([type=file]), select, textarea, [tabindex="0"], iframe');
+return [...all].filter((e) => e.tabIndex >= 0 && shown(e) && able(e));
+"""
+)
+_FOCUSED = """
+const e = document.activeElement, field = e.closest('.q-field');
+const style = getComputedStyle(e);
+const outlined = style.outlineStyle !== 'none' && parseFloat(style.outlineWidth) >= 2;
+const marked = outlined || style.boxShadow !== 'none';
+return [e, marked || !!field?.classList.contains('q-field--focused') || e.tagName === 'IFRAME'];
+"""
+
+
+def without_names(driver: Any) -> list[str]:
+    """The controls and pictures that a screen reader has no name for, by the browser's own tree."""
+    nodes = driver.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+    return [
+        f"{node['role']['value']} {node.get('backendDOMNodeId')}"
+        for node in nodes
+        if not node.get("ignored")
+        and node["role"]["value"] in _ROLES
+        and not node.get("name", {}).get("value", "").strip()
+    ]
+
+
+def too_pale(driver: Any) -> list[str]:
+    """Texts whose contrast to what lies beneath is too small."""
+    found: list[str] = driver.execute_script(_CONTRAST, LEAST_CONTRAST)
+    return found
+
+
+def out_of_reach(driver: Any) -> list[str]:
+    """Controls that the tab key does not reach, or whose focus is not seen."""
+    from selenium.webdriver import ActionChains, Keys  # noqa: PLC0415 - it may be missing
+
+    wanted = {e.id: e for e in driver.execute_script(_CONTROLS)}
+    driver.execute_script("document.activeElement.blur(); window.getSelection().empty()")
+    seen: set[str] = set()
+    unmarked = []
+    for _ in range(2 * len(wanted) + 4):
+        ActionChains(driver).send_keys(Keys.TAB).perform()
+        focused, marked = driver.execute_script(_FOCUSED)
+        if focused.id in seen:
+            break
+        seen.add(focused.id)
+        if not marked and focused.id in wanted:
+            unmarked.append(f"focus is not seen: {_named(focused)}")
+    return [f"out of reach: {_named(e)}" for id_, e in wanted.items() if id_ not in seen] + unmarked
+
+
+def _named(element: Any) -> str:
+    return str(element.get_attribute("outerHTML"))[:160]

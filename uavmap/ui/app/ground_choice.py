@@ -1,0 +1,74 @@
+"""Which maps lie beneath the drawing, the first ones lowest."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any, Final
+from urllib.parse import quote
+
+from nicegui import ui
+
+from missions.errors import UavmapError
+from uavmap.ui.app.visitor import Visitor
+
+FINEST: Final = 22
+
+
+class GroundChoice:
+    """The list of maps of the folder; the first file is shown from the beginning."""
+
+    def __init__(self, visitor: Visitor, on: ui.leaflet) -> None:
+        self._grounds = visitor.app.grounds
+        self._map = on
+        self._layers: dict[str, Any] = {}
+        names = self._names()
+        self._chosen = ui.select(names, multiple=True, label="maps beneath").mark("beneath")
+        self._chosen.props("dense outlined use-chips").classes("app-beneath")
+        self._chosen.on_value_change(lambda event: self._show(list(event.value or ())))
+        self._choose_first()
+        visitor.on_update(self._update)
+
+    def _names(self) -> list[str]:
+        return [*self._grounds.files(), *self._grounds.mosaics()]
+
+    def _choose_first(self) -> None:
+        """Show the first file that can be shown."""
+        for name in self._grounds.files():
+            try:
+                self._grounds.layer(name)
+            except UavmapError:
+                continue
+            self._chosen.set_value([name])
+            return
+
+    def _update(self) -> None:
+        names = self._names()
+        if names == self._chosen.options:
+            return
+        none_yet = not self._chosen.options
+        self._chosen.set_options(names, value=[n for n in self._chosen.value or () if n in names])
+        if none_yet:
+            self._choose_first()
+
+    def _show(self, names: list[str]) -> None:
+        shown: dict[str, Any] = {}
+        for layer in self._layers.values():
+            self._map.remove_layer(layer)
+        for name in names:
+            try:
+                ground = self._grounds.layer(name)
+            except UavmapError as error:
+                ui.notify(str(error))
+                continue
+            options = {
+                "maxZoom": FINEST,
+                "minZoom": ground.zooms[0],
+                "maxNativeZoom": ground.zooms[-1],
+                "attribution": escape(ground.attribution),
+            }
+            url = f"/ground/{{z}}/{{x}}/{{y}}/{quote(name)}"
+            shown[name] = self._map.tile_layer(url_template=url, options=options)
+            if name not in self._layers:  # the newest choice is gone to
+                self._map.set_center(ground.middle)
+                self._map.set_zoom(min(ground.zooms[-1], FINEST))
+        self._layers = shown

@@ -1,0 +1,94 @@
+"""A GeoTIFF, also a Cloud Optimized one, as a map beneath: an orthophoto of the user's own."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from missions.errors import OutputError
+from uavmap.photos.ground.rasters import need_rasterio
+from uavmap.ui.ground.warped import (
+    SIDE_PX,
+    Colours,
+    Points,
+    encoded,
+    laid,
+    levels_of,
+    tile_nodes,
+)
+
+_REMEDY: Final = "gdal_translate -ot Byte -scale makes one of other values"
+
+
+class GeoTiff:
+    """A georeferenced picture of bytes, gray or in colours; `OutputError` for another file."""
+
+    attribution = ""
+
+    def __init__(self, path: Path) -> None:
+        need_rasterio(str(path))
+        import rasterio  # noqa: PLC0415 - an extra
+
+        self._windows = rasterio.windows
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that it has no place is said below
+                file = self._file = rasterio.open(path)
+        except OSError as error:  # rasterio's own are such, too
+            raise OutputError(f"{path}: cannot be read as GeoTIFF: {error}") from None
+        try:
+            if file.crs is None or file.transform.is_identity:
+                raise OutputError(f"{path}: says not where it lies; give a georeferenced picture")
+            if set(file.dtypes) != {"uint8"}:
+                raise OutputError(f"{path}: holds {file.dtypes[0]}, no picture; {_REMEDY}")
+            crs = CRS.from_wkt(file.crs.to_wkt())
+            self._to_file = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+        except (OutputError, CRSError) as error:
+            file.close()
+            raise OutputError(str(error)) from None
+        self._back = tuple(~file.transform)[:6]
+        self._bands = (1, 2, 3) if file.count >= 3 else (1, 1, 1)
+        x, y = file.xy(file.height / 2, file.width / 2, offset="ul")
+        lon, lat = self._to_file.transform(x, y, direction="INVERSE")
+        self.middle = lat, lon
+        self.zooms = levels_of(self._pixels, self.middle)
+
+    def _pixels(self, lon: Points, lat: Points) -> tuple[Points, Points]:
+        a, b, c, d, e, f = self._back
+        x, y = self._to_file.transform(lon, lat)
+        return a * x + b * y + c, d * x + e * y + f
+
+    def tile(self, zoom: int, x: int, y: int) -> bytes | None:
+        """Return a tile; None where it has no ground. Reads overviews, where there are any."""
+        nodes = tile_nodes(self._pixels, zoom, x, y)
+        if not np.isfinite(nodes).all():
+            return None
+        (left, top), (right, bottom) = nodes.min(axis=(1, 2)), nodes.max(axis=(1, 2))
+        times = max((right - left) / SIDE_PX, (bottom - top) / SIDE_PX, 1.0)
+        pad = 2.0 * times  # for what lies between pixels at the rim
+        west, north = max(math.floor(left - pad), 0), max(math.floor(top - pad), 0)
+        width = min(math.ceil(right + pad), self._file.width) - west
+        height = min(math.ceil(bottom + pad), self._file.height) - north
+        if width <= 0 or height <= 0:
+            return None
+        image = self._read(self._windows.Window(west, north, width, height), times)
+        rows, columns = image.shape[:2]
+        nodes[0] = (nodes[0] - west) * columns / width
+        nodes[1] = (nodes[1] - north) * rows / height
+        return encoded(laid(image, nodes))
+
+    def _read(self, window: Any, times: float) -> Colours:
+        shape = max(round(window.height / times), 1), max(round(window.width / times), 1)
+        bands = self._file.read(self._bands, window=window, out_shape=(3, *shape))
+        there = self._file.dataset_mask(window=window, out_shape=shape)
+        return np.ascontiguousarray(np.concatenate([bands, there[None]]).transpose(1, 2, 0))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
