@@ -166,7 +166,7 @@ class ControlledCommands:
         target = position_target(self._view, frame, _PLACE_ALONE, self._view.as_told(place), up_m)
         self.session.send(target)
 
-    async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
+    async def send_external_position_estimate(self, place: LatLon, sigma_m: float) -> None:
         """Send MAV_CMD_EXTERNAL_POSITION_ESTIMATE, good to `sigma_m`.
 
         Either autopilot accepts it while it has no satellites, but not a PX4 with optical flow. It

@@ -239,7 +239,7 @@ class MavlinkVehicle:
 
     async def _tell_place(self, place: LatLon, sigma_m: float) -> None:
         try:
-            await self._commands.you_are_at(place, sigma_m)
+            await self._commands.send_external_position_estimate(place, sigma_m)
         except CommandRefusedError:
             self._aids = False
         except LinkError:

@@ -331,7 +331,7 @@ class Session:
                         continue
                     if ack.result in taken:
                         return
-                    await self.hear_why()
+                    await self.receive_status_texts()
                     break
             finally:
                 del self._acks[command, asked]
@@ -357,7 +357,7 @@ class Session:
             if ack.result != mav.MAV_RESULT_IN_PROGRESS:
                 return ack
 
-    async def hear_why(self) -> None:
+    async def receive_status_texts(self) -> None:
         """Wait a moment: an ArduPilot explains a refusal (STATUSTEXT) after the ACK."""
         heard = self.view.texts_heard
         await self.until(lambda: self.view.texts_heard != heard, timeout_s=0.5)

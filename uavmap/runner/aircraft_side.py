@@ -32,8 +32,8 @@ from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import MissionClock
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.runner.before_flight import BeforeFlight
-from uavmap.runner.flight_links import Link, refuse_rivals
-from uavmap.runner.vehicles import each_its_own, numbers_of, vehicles_of
+from uavmap.runner.flight_links import Link, reject_other_controllers
+from uavmap.runner.vehicles import numbers_of, require_distinct_aircraft, vehicles_of
 
 T = TypeVar("T")
 RIVAL_WALL_S: Final = 1.5
@@ -167,9 +167,9 @@ class AircraftSide:
             await vehicle.connect()
             if flew[number].returned:
                 vehicle.was_returning()
-        each_its_own(vehicles)
+        require_distinct_aircraft(vehicles)
         if before_flight is not None:
-            await refuse_rivals(self._links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
+            await reject_other_controllers(self._links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
             await before_flight.go()
         return True
 

@@ -148,7 +148,7 @@ def check_urls(urls: Sequence[str]) -> None:
             )
 
 
-async def refuse_rivals(links: Sequence[Link], listen_s: float) -> None:
+async def reject_other_controllers(links: Sequence[Link], listen_s: float) -> None:
     """Raise `LinkError` if another uavmap is received within `listen_s` of a vehicle's first
     frame."""
     loop = asyncio.get_running_loop()

@@ -255,7 +255,7 @@ class Flight:
         finally:
             port.close()
             if member is not None:  # messages of the fleet since
-                service.keep_last_words()
+                service.flush_pending_events()
             for onlooker in company.onlookers:
                 onlooker.end()
 
@@ -289,7 +289,7 @@ class Flight:
             finally:
                 # a simulated flight is flown again instead, event by event
                 if real and self._service is not None:  # and the aircraft may drop kept events
-                    self._service.keep_last_words()
+                    self._service.flush_pending_events()
 
     def _begin(self, *, waits_on_ground: bool) -> Begin:
         company, before = self._company, {}

@@ -114,7 +114,7 @@ class Service:
         if self.state.over:
             self._over.set()
 
-    def keep_last_words(self) -> None:
+    def flush_pending_events(self) -> None:
         """Commit reports from after the end, for a resume; they have no effect any more.
 
         Guardians continue until all vehicles are down. A report that the journal refused before is

@@ -127,7 +127,7 @@ def _blind_without(setting: Layout) -> Detector | None:
     return None
 
 
-def each_its_own(vehicles: Mapping[int, MavlinkVehicle]) -> None:
+def require_distinct_aircraft(vehicles: Mapping[int, MavlinkVehicle]) -> None:
     """Raise `LinkError` if two links lead to one aircraft, as through a router."""
     for (_, one), (_, other) in itertools.combinations(vehicles.items(), 2):
         if same_aircraft(one.view, other.view):

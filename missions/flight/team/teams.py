@@ -33,13 +33,13 @@ from missions.planning.sweep.chart import Known
 from missions.planning.sweep.open_work import OpenWork, Work
 from missions.units import GridPoint
 
-LATE_S: Final = 45.0
+MAX_LATE_S: Final = 45.0
 """Maximum wait for a member beyond its estimated return, s; estimates ignore turns and wind."""
 SILENT_S: Final = 5.0
 """Time without news after which a member that is back in contact has reported all, s."""
-TELLS_S: Final = 30.0
+REPORT_MAX_S: Final = 30.0
 """Maximum time that such a member takes to report all, s."""
-TOLD_S: Final = 15.0
+PART_WAIT_S: Final = 15.0
 """Additional wait of a vehicle for its part of the map, s."""
 GATE_M: Final = 1.0
 """Distance from the gate of its pad within which a vehicle is out of its column, m."""
@@ -148,7 +148,7 @@ class Member(Team):
         others = [other for number, other in state.vehicles.items() if number != vehicle.vehicle]
         # a third member may relay its sightings, long before it is in contact over its pad
         apart = (other for other in others if other.phase is Phase.APART)
-        if any(state.t_s < other.due_s + LATE_S for other in apart):
+        if any(state.t_s < other.due_s + MAX_LATE_S for other in apart):
             return True
         if any(_reports(state, other) for other in others):
             return True
@@ -179,7 +179,7 @@ class Listener(Member):
 
 def _reports(state: State, other: VehicleState) -> bool:
     """Return whether a member that is back in contact is still reporting."""
-    if state.t_s >= other.back_s + TELLS_S or other.phase is Phase.APART:
+    if state.t_s >= other.back_s + REPORT_MAX_S or other.phase is Phase.APART:
         return False
     return state.t_s < max(other.back_s, state.shared_s) + SILENT_S
 
@@ -187,7 +187,7 @@ def _reports(state: State, other: VehicleState) -> bool:
 def _part_to_come(state: State, vehicle: VehicleState, others: Sequence[VehicleState]) -> bool:
     """Return whether another vehicle lays out parts, and has not since all were back."""
     back_s = max(other.back_s for other in others) if others else -math.inf
-    if not back_s <= state.t_s < back_s + TELLS_S + TOLD_S:
+    if not back_s <= state.t_s < back_s + REPORT_MAX_S + PART_WAIT_S:
         return False
     leads = any(o.vehicle < vehicle.vehicle and o.works and not o.lanes for o in others)
     found = state.allotment

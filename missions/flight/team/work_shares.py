@@ -9,8 +9,8 @@ In a fleet, one member plans the tours: the lowest number of those that map and 
 assigns the parts, and reports their places. From then on a cell belongs to the vehicle whose place
 is nearest. This holds for later cells as well. Every member with the same parts agrees on that. A
 member out of contact keeps its part for as long as that should take it. A member that returns, is
-down or is flown by its pilot has none. A member that has not received parts for `KNOWN_S` plans for
-all members that it is in contact with.
+down or is flown by its pilot has none. A member that has not received parts for `PARTS_VALID_S`
+plans for all members that it is in contact with.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ EVERY_S: Final = 4.0
 KEEP_S: Final = 8.0
 """Minimum gain of a new share over the last one, s. A vehicle whose part changes flies there, and
 knows later what the other has seen."""
-KNOWN_S: Final = 30.0
+PARTS_VALID_S: Final = 30.0
 """Validity of parts while their member is in contact and reports nothing new, s."""
 SLOW_TIMES: Final = 1.3
 """Time that a member out of contact keeps its part, as a multiple of the estimate."""
@@ -152,7 +152,7 @@ def own_part(
     found = state.allotment
     if found is None or mine not in found.parts:
         return None, memory, ()
-    if state.t_s >= found.made_s + KNOWN_S:
+    if state.t_s >= found.made_s + PARTS_VALID_S:
         return None, memory, ()
     others = frozenset(n for n in found.parts if n != mine and _maps(state, n))
     theirs = _of(chart, found.parts, state, others) & (chart.closed == 0)

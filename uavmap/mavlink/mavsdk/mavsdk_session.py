@@ -281,7 +281,7 @@ class MavsdkSession(Session):
         if result == "SUCCESS" or done():
             return
         if result in _REFUSED:
-            await self.hear_why()
+            await self.receive_status_texts()
             words = result.lower().replace("_", " ")
             raise CommandRefusedError(
                 f"{action} was refused: {words}, MAVSDK says" + self.view.recent_texts()
@@ -319,7 +319,7 @@ class MavsdkSession(Session):
                 if result is None:
                     raise LinkError(f"{name} was not acknowledged, MAVSDK says")
                 if result != mav.MAV_RESULT_TEMPORARILY_REJECTED:
-                    await self.hear_why()
+                    await self.receive_status_texts()
                     break
                 await asyncio.sleep(self.ack_wait_s)
         if result is not None and not done():

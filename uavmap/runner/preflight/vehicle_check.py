@@ -22,7 +22,7 @@ from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 
 MEASURE_S: Final = 4.0
 """Time to listen to a link, s."""
-TOLD_S: Final = 8.0
+REPORTS_WAIT_S: Final = 8.0
 """Maximum time to wait for missing messages, s."""
 PINGS: Final = 5
 _NS: Final = 1e9
@@ -75,7 +75,7 @@ class Measurement:
             session.send(mav.MAVLink_timesync_message(0, asked_ns))
             self._ask()
             await asyncio.sleep(seconds / PINGS)
-        until_s = loop.time() + max(TOLD_S, 4.0 * session.ack_wait_s)
+        until_s = loop.time() + max(REPORTS_WAIT_S, 4.0 * session.ack_wait_s)
         while not self._all_told() and loop.time() < until_s:
             self._ask()
             await session.until(self._all_told, seconds / PINGS)

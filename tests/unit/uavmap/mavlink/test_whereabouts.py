@@ -246,7 +246,9 @@ async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap():
     await asyncio.sleep(2.0)
     here = view.position or LatLon(LAT, LON)
     reporter = Reporter(1, "sim", view, 60.0, Grid.at(here, 4.0), loop.time, loop.time)
-    await ControlledCommands(peer.session, Monitor(reporter)).you_are_at(here, 1.0)
+    await ControlledCommands(peer.session, Monitor(reporter)).send_external_position_estimate(
+        here, 1.0
+    )
     await flying
     assert max(places) < 0.2
     assert abs(view.off_deg[0] - 0.1 * OFF) < 0.1 * DEG

@@ -174,7 +174,7 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch,
 
     with pytest.raises(JournalError, match="cannot be written: No space left on device"):
         run(main(), VirtualClock())
-    service.keep_last_words()
+    service.flush_pending_events()
     monkeypatch.undo()
     assert [type(e) for e in journal.events()] == [Connected]
     assert [e.t_s for e in noticed] == [0.0, 20.0]  # the operator sees what no journal holds
@@ -205,7 +205,7 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(journal, monk
     given = len(vehicle.orders)
     service.post(Crashed(1, 30.0, HOME, "it fell"))
     service.post(Tracked(1, 31.0, GridPoint(float("nan"), 0.0), 0.0, 25.0))
-    service.keep_last_words()
+    service.flush_pending_events()
     assert [(type(e), e.t_s) for e in journal.events()] == [
         (Connected, 1.0),
         (Tracked, 5.0),
@@ -230,7 +230,7 @@ async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal):
     port.receive(say.Happened(CONNECTED, 1))
     await asyncio.sleep(0.0)
     assert port.kept == 0
-    service.keep_last_words()
+    service.flush_pending_events()
     await asyncio.sleep(0.0)
     assert port.kept == 1
     assert list(journal.events()) == [CONNECTED]

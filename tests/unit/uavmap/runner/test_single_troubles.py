@@ -26,7 +26,7 @@ from uavmap.base.clock import VirtualClock, run
 from uavmap.journal.event_log import Journal
 from uavmap.mavlink.session import Session
 from uavmap.runner.service import Service
-from uavmap.runner.vehicles import each_its_own
+from uavmap.runner.vehicles import require_distinct_aircraft
 
 UP_M = 12.0
 FORBIDDEN = frozenset({"air", "breach", "end", "far", "late", "lie", "res", "tb", "unrep"})
@@ -220,7 +220,7 @@ async def test_two_links_that_hear_one_aircraft_are_refused(flight, /):
         for number, (name, view) in enumerate(views.items(), start=1)
     }
     with pytest.raises(LinkError, match="14551 and udpin::14552 lead to the same aircraft"):
-        each_its_own(links)
+        require_distinct_aircraft(links)
 
 
 @by(fly)

@@ -8,7 +8,7 @@ import pytest
 
 from missions.fleet_events import Apart, Fact, Shared
 from missions.flight.state import State
-from missions.flight.team.teams import LATE_S, SILENT_S, TELLS_S, TOLD_S
+from missions.flight.team.teams import MAX_LATE_S, PART_WAIT_S, REPORT_MAX_S, SILENT_S
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Allotment, ReturnReason
 from missions.orders import FlyPath
@@ -36,8 +36,8 @@ def test_who_is_due_is_waited_for_and_not_for_ever() -> None:
     state = away(over_pad(flying(2)))
     due_s = state.vehicles[3].due_s
     assert 105.0 < due_s < state.vehicles[3].held_until_s
-    assert bides(state, due_s + LATE_S - 0.1)
-    assert not bides(state, due_s + LATE_S)
+    assert bides(state, due_s + MAX_LATE_S - 0.1)
+    assert not bides(state, due_s + MAX_LATE_S)
     assert not bides(away(over_pad(flying(2)), with_lanes=False), 101.0)
     assert not bides(over_pad(flying(2)), 101.0)
 
@@ -46,8 +46,8 @@ def test_who_is_due_is_waited_for_where_a_third_has_told_what_it_saw() -> None:
     state = away(over_pad(flying(2)))
     gone = replace(state.vehicles[3], lanes=())  # its cells are shown by now
     state = state.with_vehicle(gone)
-    assert bides(state, gone.due_s + LATE_S - 0.1)
-    assert not bides(state, gone.due_s + LATE_S)
+    assert bides(state, gone.due_s + MAX_LATE_S - 0.1)
+    assert not bides(state, gone.due_s + MAX_LATE_S)
 
 
 def test_who_maps_already_waits_for_nobody() -> None:
@@ -64,8 +64,8 @@ def test_who_is_heard_again_is_let_tell_what_it_knows() -> None:
     told = apply(state, Shared(3, back_s + 4.0, 0, (Fact(90.0, ((Cell(0, 4), True),)),)))
     assert bides(told, back_s + SILENT_S + 3.0)
     late = apply(told, Shared(3, back_s + 29.0, 1, (Fact(91.0, ((Cell(1, 4), True),)),)))
-    assert bides(late, back_s + TELLS_S - 0.1)
-    assert not bides(late, back_s + TELLS_S)
+    assert bides(late, back_s + REPORT_MAX_S - 0.1)
+    assert not bides(late, back_s + REPORT_MAX_S)
 
 
 def test_nobody_leaves_before_it_was_told_what_it_maps() -> None:
@@ -73,7 +73,7 @@ def test_nobody_leaves_before_it_was_told_what_it_maps() -> None:
     back_s = state.vehicles[3].back_s
     led = replace(state, allotment=None)
     assert bides(led, back_s + SILENT_S + 1.0)  # the first is to say it
-    assert not bides(led, back_s + TELLS_S + TOLD_S)
+    assert not bides(led, back_s + REPORT_MAX_S + PART_WAIT_S)
     places = (GridPoint(0.0, 20.0),)
     for made_s, parts, waits in (
         (back_s - 1.0, {1: places, 2: places}, True),

@@ -17,7 +17,7 @@ from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import chart_of, flyer_of
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep_passes import NEAR_PAD_M
-from missions.flight.team.work_shares import EVERY_S, KNOWN_S, own_part, share_parts
+from missions.flight.team.work_shares import EVERY_S, PARTS_VALID_S, own_part, share_parts
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Allotment, Phase
 from missions.mission.checks import parse_mission
@@ -85,7 +85,7 @@ def heard(member: int, number: int, does: str) -> Heard:
 def test_what_was_told_long_ago_is_kept_to_no_more() -> None:
     parts = {number: (GridPoint(0.0, 10.0 * number),) for number in TEAM}
     state = told(flying(2), parts)
-    for later_s, kept in ((KNOWN_S - 1.0, True), (KNOWN_S, False)):
+    for later_s, kept in ((PARTS_VALID_S - 1.0, True), (PARTS_VALID_S, False)):
         now = replace(state, t_s=state.t_s + later_s)
         theirs, _, _ = own_part(2, now, Chart.around(AREA, 4.0), TourMemory())
         assert (theirs is not None) is kept

@@ -26,7 +26,7 @@ from uavmap.mavlink.links.transports import MOST_UNSENT as MOST_UNSENT_TCP
 from uavmap.mavlink.links.transports import open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
-from uavmap.runner.flight_links import Link, check_urls, opened_links, refuse_rivals
+from uavmap.runner.flight_links import Link, check_urls, opened_links, reject_other_controllers
 
 LOOPBACK = "127.0.0.1"
 
@@ -298,9 +298,9 @@ async def test_another_uavmap_on_the_vehicle_is_refused(heard, refused):
         asyncio.get_running_loop().call_later(0.5, peer.session.feed, ours_says(heard))
     if refused:
         with pytest.raises(LinkError, match="another uavmap flies this vehicle"):
-            await refuse_rivals([link], 1.5)
+            await reject_other_controllers([link], 1.5)
     else:
-        await refuse_rivals([link], 1.5)
+        await reject_other_controllers([link], 1.5)
         assert asyncio.get_running_loop().time() < 1.7
 
 
