@@ -13,99 +13,18 @@ import json
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
-from shapely.geometry import Point
-
-import uavmap.runner.simulation
 from missions.events import Event, from_json
-from missions.flight.state import Setting
-from missions.guardian import PAD_M
-from missions.units import GridPoint
-from sitl.vehicle import SimVehicle
-from tests.e2e.rig import MISSIONS, bodies
-from uavmap.runner.simulation import Truth
+from missions.units import Cell
+from tests.campaign.outcome import FORBIDDEN
+from tests.e2e.rig import MISSIONS, bodies, roi_cells
+from tests.referee import Referee, Said
+from tests.support.sitl_truth import Observer, ground_of, observed
 from uavmap.ui.cli import main as uavmap_main
-
-LIMIT_S = 20_000.0
-"""A flight that takes longer, in simulated seconds, has no end."""
-SEEN_TO_S = 60.0
-"""So soon after it left the fence a vehicle is on the ground, or in its autopilot's own return."""
-FAR_M = 150.0
-INSIDE_M = 0.5
-"""A fence is left when it is left by more than the position wavers."""
-PAD_WAVER_M = 2.0
-"""How far the position may be off that a vehicle lands by."""
-
-LIES = ("gps_glitch", "gps_drift")
-"""Faults under which nobody can know where a vehicle stands."""
-RIM_CELLS = 1
-"""So many cells of the rim, half of them region, may come out as not: that is noise, not a lie."""
-
-
-class NoEndError(Exception):
-    """A flight that does not end by itself."""
-
-
-@dataclass(slots=True)
-class Aircraft:
-    landed: bool = True
-    crashed: bool = False
-    from_home_m: float = 0.0
-    outside_m: float = 0.0
-    """How far outside of the fence it was at most."""
-    unheld_m: float = 0.0
-    """... before it was in RTL or LAND."""
-    outside_s: float = 0.0
-    """How long it was outside at most, until it was on the ground or in RTL or LAND."""
-    mode: str = ""
-    _left_s: float | None = None
-    _home: GridPoint | None = None
-
-    def look(self, vehicle: SimVehicle, setting: Setting) -> None:
-        truth = vehicle.truth
-        self.landed, self.crashed, self.mode = truth.landed, truth.crashed, truth.mode.name
-        point = setting.grid.fixed(truth.position)
-        if self._home is None:
-            self._home = setting.grid.fixed(vehicle.spec.home)
-        self.from_home_m = point.distance_to(self._home)
-        outside_m = 0.0
-        if not setting.fence.contains(point):
-            outside_m = float(setting.fence.outer.distance(Point(point)))
-        if truth.landed or outside_m <= INSIDE_M:
-            self._left_s = None
-            if truth.landed:
-                return
-        self.outside_m = max(self.outside_m, outside_m)
-        if outside_m <= INSIDE_M or self.mode in ("RTL", "LAND"):
-            self._left_s = None
-            return
-        if self._left_s is None:
-            self._left_s = truth.t_s
-        self.unheld_m = max(self.unheld_m, outside_m)
-        self.outside_s = max(self.outside_s, truth.t_s - self._left_s)
-
-
-@dataclass(slots=True)
-class Observer(Truth):
-    """The truth of a flight, and more of it than the command shows."""
-
-    aircraft: dict[int, Aircraft] = field(default_factory=dict)
-    t_s: float = 0.0
-    limit_s: float = LIMIT_S
-
-    def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
-        Truth.watch(self, vehicles, setting)
-        for vehicle in vehicles:
-            self.t_s = vehicle.t_s
-            seen = self.aircraft.setdefault(vehicle.spec.system_id, Aircraft())
-            seen.look(vehicle, setting)
-        if self.t_s > self.limit_s:
-            raise NoEndError(f"no end after {self.limit_s:g} s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +37,8 @@ class Flown:
     """Everything on standard error."""
     raised: str
     truth: Observer
+    referee: Referee
+    """What it has found."""
     events: tuple[Event, ...]
     kinds: Mapping[str, int]
     """Events by kind."""
@@ -125,45 +46,27 @@ class Flown:
     """Of orders that failed, and what a guardian did."""
 
     @property
-    def _missed(self) -> int:
-        return int(self.summary.get("cells_missed") or 0)
-
-    @property
     def columns(self) -> frozenset[str]:
-        craft = self.truth.aircraft.values()
-        # who lies or stands elsewhere: by the truth, not by what the positions say
-        away = any(c.from_home_m > PAD_M + PAD_WAVER_M and c.landed for c in craft)
-        air = any(not c.landed for c in craft)
-        crashed = any(c.crashed for c in craft)
-        told = bool(self.summary.get("aircraft_down")) or self.code == 4
-        found = {
-            "home": not (away or air or crashed),
-            "down": self.code == 4,
-            "air": air,
-            "crash": crashed,
-            "breach": any(c.outside_m > INSIDE_M for c in craft),
-            "late": any(c.outside_s > SEEN_TO_S for c in craft),
-            "far": any(c.unheld_m > FAR_M for c in craft),
-            "res": self.truth.reserve_violations > 0,
-            "lie": self.code == 0 and (self._missed > RIM_CELLS or crashed or air),
-            "unrep": (crashed or air or (away and not self.name.startswith(LIES))) and not told,
-            "end": "no end" in self.raised,
-            "tb": bool(self.raised) and "no end" not in self.raised,
-        }
-        return frozenset(name for name, holds in found.items() if holds)
+        referee = self.referee
+        far = any(referee.from_pad_m(n) > referee.bounds.home_m for n in referee.memories)
+        found = {FORBIDDEN[kind] for kind, _ in referee.found}
+        found |= {"crash"} if referee.crashed else set()
+        found |= {"down"} if self.code == 4 else set()
+        home = not (far or referee.in_the_air or referee.crashed)
+        return frozenset(found | ({"home"} if home else set()))
 
     def line(self) -> str:
         craft = "; ".join(
-            f"{number}: {c.mode}{' landed' if c.landed else ' IN THE AIR'}"
-            f"{' CRASHED' if c.crashed else ''} {c.from_home_m:.0f} m from home,"
-            f" out {c.outside_m:.0f} m {c.outside_s:.0f} s"
-            for number, c in self.truth.aircraft.items()
+            f"{number}: {memory.now.mode}{' IN THE AIR' if memory.now.flying else ' landed'}"
+            f"{' CRASHED' if memory.now.crashed else ''}"
+            f" {self.referee.from_pad_m(number):.0f} m from home"
+            for number, memory in self.referee.memories.items()
         )
         last = self.raised.strip().splitlines()[-1:] or []
         return (
             f"{self.name}: exit {self.code} at {self.truth.t_s:.0f} s, missed "
             f"{self.summary.get('cells_missed')}; {craft}; {self.notes} {last} "
-            f"{' '.join(sorted(self.columns))}"
+            f"{self.referee.found} {' '.join(sorted(self.columns))}"
         )
 
 
@@ -182,7 +85,7 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
     observer = Observer() if observer is None else observer
     said, out = io.StringIO(), io.StringIO()
     code, raised = None, ""
-    with tempfile.TemporaryDirectory() as below, _observed(observer):
+    with tempfile.TemporaryDirectory() as below, observed(observer):
         mission, folder = Path(below) / "mission.toml", Path(below) / "out"
         mission.write_text(text, encoding="utf-8")
         arguments = ["fly", mission, "--sim", "--seed", seed, "--json", "--out", folder, *more]
@@ -195,6 +98,7 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
             raised = "".join(traceback.format_exception(error))
         summary = json.loads(out.getvalue()) if out.getvalue() else {}
         texts = bodies(folder)
+        referee = observer.end(_said(observer, code, summary, raised, folder))
     told = [json.loads(body) for body in texts]
     notes = tuple(
         f"{b['t_s']:.0f} s {b['kind']}: {b.get('order', b.get('action', b.get('mode', '')))}"
@@ -203,15 +107,28 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
         if b["kind"] in ("order_failed", "guarded", "crashed", "given_up", "overridden")
     )
     events, kinds = tuple(map(from_json, texts)), Counter(b["kind"] for b in told)
-    return Flown(name, code, summary, said.getvalue(), raised, observer, events, kinds, notes)
+    return Flown(
+        name, code, summary, said.getvalue(), raised, observer, referee, events, kinds, notes
+    )
 
 
-@contextlib.contextmanager
-def _observed(observer: Observer) -> Iterator[None]:
-    class Watched(uavmap.runner.simulation.Simulation):
-        def __init__(self, *values: Any, **more: Any) -> None:
-            super().__init__(*values, **more)
-            self.truth = observer
-
-    with mock.patch.object(uavmap.runner.simulation, "Simulation", Watched):
-        yield
+def _said(
+    observer: Observer, code: int | None, summary: Mapping[str, Any], raised: str, folder: Path
+) -> Said:
+    """Return what the command reported, and the ground that there is in truth."""
+    mapped, touched, owed = set[tuple[int, int]](), frozenset[Cell](), frozenset[Cell]()
+    if observer.mission is not None and (folder / "map.geojson").exists():
+        mapped, (touched, owed) = roi_cells(folder), ground_of(observer.mission)
+    kind = "no end" if "no end" in raised else "traceback"
+    return Said(
+        observer.t_s,
+        code=code,
+        completed=bool(summary.get("completed")),
+        reported=observer.reported,
+        region=touched,
+        owed=owed,
+        mapped=frozenset(Cell(*cell) for cell in mapped),
+        missed_cells=observer.missed_cells,
+        misjudged=observer.ever("blind"),
+        faults=[(kind, raised.strip().splitlines()[-1])] if raised else (),
+    )

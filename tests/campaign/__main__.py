@@ -24,7 +24,7 @@ from pathlib import Path
 from tests.benchmarks.frame import asked, in_turn
 
 from . import fleets, reducer, simulated
-from .outcome import EXPLAINED, Outcome, table
+from .outcome import EXPLAINED, Outcome, forgiven_line, table
 
 
 def main() -> int:
@@ -58,7 +58,7 @@ def main() -> int:
         if outcome.found:
             failed.append(f"{outcome.plan}: {'; '.join(f'{k}: {t}' for k, t in outcome.found)}")
             print(failed[-1], flush=True)
-    print(table(outcomes), EXPLAINED, sep="\n\n")
+    print(table(outcomes), forgiven_line(outcomes), EXPLAINED, sep="\n\n")
     print(f"\n{len(outcomes)} flights in {time.monotonic() - begin_s:.0f} s")
     if not failed:
         return 0

@@ -15,15 +15,16 @@ from typing import Any, Final
 
 from missions.errors import PreflightError
 from missions.fleet_events import Partition
-from missions.flight.vehicle_state import Phase
+from tests.referee import Said
 from tests.support.fleet_rig import field_text
 from tests.support.plans import plan_of
+from tests.support.sitl_truth import Observer
 from tests.support.small_missions import with_small_pictures
 from uavmap.base.clock import VirtualClock, run
 from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.runner.simulated_fleet import SimulatedFleet
 
-from .outcome import FORBIDDEN, Outcome
+from .outcome import Outcome, outcome
 from .plan import Plan, plan
 
 KINDS: Final = ("none", "motor", "link", "wind_gust", "camera_stall", "reject", "rc", "hear")
@@ -32,8 +33,6 @@ PHASES: Final = {"take-off": 8.0, "climb": 18.0, "search": 35.0, "descent": 55.0
 """About when each phase begins, s."""
 LIMIT_S: Final = 3000.0
 VEHICLES: Final = 4
-WITHOUT_HANDS: Final = ("none", "link", "camera_stall", "hear")
-"""Kinds after which no failsafe and no fall takes a vehicle out of its air."""
 
 
 def plan_of_seed(seed: int) -> Plan:
@@ -102,43 +101,30 @@ class Limited(SimulatedFleet):
 
 def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Outcome:
     """Fly the flight of a seed to its end."""
-    flight, rng, found = plan_of_seed(seed), random.Random(seed), list[tuple[str, str]]()
+    flight, rng, faults = plan_of_seed(seed), random.Random(seed), list[tuple[str, str]]()
     radio, text = radio_of(flight, rng), text_of(flight, rng)
-    completed, crashed = False, 0
+    observer = Observer(more_bounds={"forgives": False})
     with tempfile.TemporaryDirectory() as folder:
         fleet = Limited(plan_of("field.toml", text, seed=seed, comms="free"), Path(folder), radio)
+        fleet.world.truth = observer
+        observer.states = dict(fleet.flights)
         try:
-            figures = run(fleet.fly(), VirtualClock(None))
+            run(fleet.fly(), VirtualClock(None))
         except PreflightError:  # refused on the ground: receivers contradict the mission
             return Outcome(seed, flight.label, str(flight), frozenset({"inc", "home"}), ())
         except Exception as error:
             if verbose:
                 raise
             kind = "no end" if isinstance(error, TimeoutError) else "traceback"
-            found.append((kind, f"{type(error).__name__}: {error}"))
-            figures = dict(fleet.world.truth.figures())
-        crashed = fleet.world.truth.crashes
+            faults.append((kind, f"{type(error).__name__}: {error}"))
         states = {number: one.state for number, one in fleet.flights.items()}
-        completed = any(state.completed for state in states.values())
+    completed = any(state.completed for state in states.values())
+    referee = observer.end(
+        Said(observer.t_s, completed=completed, reported=observer.reported, faults=faults)
+    )
+    if verbose:
         for number, state in states.items():
             vehicle = state.vehicles[number]
-            if verbose:
-                print(number, vehicle.phase, vehicle.note, state.completed)
-            if not vehicle.landed and vehicle.phase not in (Phase.DOWN, Phase.LOST):
-                found.append(("air", f"vehicle {number} is in the air as {vehicle.phase}"))
-        least_m = fleet.setting.mission.team.separation_m
-    calm = all(kind in WITHOUT_HANDS for kind in flight.kinds)
-    near_m = figures["min_separation_m"]
-    if near_m is not None and near_m < least_m:
-        found.append(("near", f"{near_m} m apart, {radio}"))
-    if calm and figures["fence_breaches"]:
-        found.append(("breach", f"{figures['fence_breaches']} breaches"))
-    if calm and figures["reserve_violations"]:
-        found.append(("reserve", f"{figures['reserve_violations']} violations"))
-    if crashed and completed:
-        found.append(("lie", "completed, with an aircraft down"))
-    if verbose:
-        print(text, radio, figures, sep="\n")
-    counts = {FORBIDDEN[kind] for kind, _ in found} | {"ok" if completed else "inc", "home"}
-    counts |= {"crash"} if crashed else set()
-    return Outcome(seed, flight.label, str(flight), frozenset(counts), tuple(found))
+            print(number, vehicle.phase, vehicle.note, state.completed)
+        print(text, radio, observer.figures(), referee.forgiven, sep="\n")
+    return outcome(flight, referee, completed=completed)

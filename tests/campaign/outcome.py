@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
+
+from tests.referee import Referee
+
+from .plan import Plan
 
 COLUMNS: Final = (
     "n", "ok", "inc", "home", "away", "air", "alone", "taken", "crash", "breach", "far", "near",
-    "fell", "reserve", "lie", "unrep", "end", "tb",
+    "fell", "reserve", "lie", "unrep", "owner", "end", "tb",
 )  # fmt: skip
 FORBIDDEN: Final = {
     "air": "air", "alone": "alone", "hands off": "alone", "taken": "taken", "breach": "breach",
     "far": "far", "near": "near", "fell": "fell", "reserve": "reserve", "lie": "lie",
-    "lost votes": "lie", "fold": "lie", "unreported": "unrep", "no end": "end", "traceback": "tb",
+    "false": "lie", "lost votes": "lie", "fold": "lie", "unreported": "unrep", "away": "unrep",
+    "owner": "owner", "no end": "end", "traceback": "tb",
 }  # fmt: skip
 """The column of each forbidden outcome."""
+AWAY_M: Final = 8.0
+"""Distance from its pad from which a vehicle counts as away."""
 EXPLAINED: Final = """\
 n flights; ok complete, inc honestly incomplete; home, away: everybody landed at home, or somebody
 elsewhere; air left in the air at the end; alone somebody in the air without anybody responsible;
@@ -23,7 +31,8 @@ taken a mode that a pilot chose is changed by somebody else;
 crash a crash (reported); breach out of the fence; far more than 150 m out; near two too near;
 fell out of energy in the air; reserve landed with less than the reserve; lie a false "complete",
 votes lost, or a journal that tells another state; unrep a crash or a landing away from home that
-is not told; end no end; tb a traceback. From air on, all but crash are forbidden."""
+is not told; owner a setting of the owner not given back; end no end; tb a traceback. From air on,
+all but crash are forbidden."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +44,26 @@ class Outcome:
     """The columns that it counts in."""
     found: tuple[tuple[str, str], ...]
     """What was forbidden: kind and words."""
+    forgiven: Counter[str] = field(default_factory=Counter)
+    """How often each rule of forgiveness was used."""
+
+
+def outcome(flight: Plan, referee: Referee, *, completed: bool) -> Outcome:
+    """Return what a referee made of a flight."""
+    columns = {FORBIDDEN[kind] for kind, _ in referee.found}
+    columns.add("ok" if completed else "inc")
+    far = any(referee.from_pad_m(number) > AWAY_M for number in referee.memories)
+    columns.add("away" if far else "home")
+    if referee.crashed:
+        columns.add("crash")
+    found, forgiven = tuple(referee.found), referee.forgiven
+    return Outcome(flight.seed, flight.label, str(flight), frozenset(columns), found, forgiven)
+
+
+def forgiven_line(outcomes: Iterable[Outcome]) -> str:
+    """Return how often each rule of forgiveness was used in all flights."""
+    total = sum((outcome.forgiven for outcome in outcomes), Counter[str]())
+    return "forgiven: " + (", ".join(f"{n} {name}" for name, n in total.most_common()) or "nothing")
 
 
 def table(outcomes: Iterable[Outcome]) -> str:

@@ -7,14 +7,13 @@ import random
 
 from missions.events import FrameSeen, Tracked
 from missions.flight.setting_of import setting_of
-from missions.guardian import PAD_M
 from missions.mission.schema import Mission
 from tests.fake_fleet import Fleet
 from tests.fake_fleet.aircraft import Air
 from tests.fake_fleet.troubles import ACTS, PHASES, Trouble, drawn
 from tests.support.small_missions import at_heights, scattered, unkind_scenario
 
-from .outcome import FORBIDDEN, Outcome
+from .outcome import Outcome, outcome
 from .plan import Plan, plan
 
 LIMIT_S = 4000.0
@@ -119,23 +118,10 @@ def fly(
         fleet.referee.note(fleet.t_s, "traceback", text)
         if verbose:
             raise
-    fleet.referee.conclude(fleet, twice=seed % 5 == 0)
+    fleet.conclude(twice=seed % 5 == 0)
     if verbose:
         narrate(fleet)
-    return Outcome(seed, flight.label, str(flight), counted(fleet), tuple(fleet.referee.found))
-
-
-def counted(fleet: Fleet) -> frozenset[str]:
-    crashed = any(craft.crashed for craft in fleet.vehicles.values())
-    away = any(
-        craft.position.distance_to(craft.home) > PAD_M + 3.0 for craft in fleet.vehicles.values()
-    )
-    columns = {FORBIDDEN[kind] for kind, _ in fleet.referee.found}
-    columns.add("ok" if fleet.state.completed else "inc")
-    columns.add("away" if away else "home")
-    if crashed:
-        columns.add("crash")
-    return frozenset(columns)
+    return outcome(flight, fleet.referee, completed=fleet.state.completed)
 
 
 def narrate(fleet: Fleet) -> None:

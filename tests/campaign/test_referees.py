@@ -6,12 +6,14 @@ import math
 
 import pytest
 
+from missions.flight.setting_of import setting_of
 from sitl.scenario import Setup
 from tests.campaign.reducer import fleet_of, plan_of
-from tests.campaign.simulated import Pilot
+from tests.campaign.simulated import Pilot, Witness
 from tests.fake_fleet import Fleet
 from tests.fake_fleet.driver import Driver
 from tests.support.scenarios import command
+from tests.support.small_missions import mission, square
 
 
 def untroubled(seed: int) -> Fleet:
@@ -41,7 +43,7 @@ def test_a_silent_vehicle_given_up_before_its_battery_can_be_empty_is_seen(monke
     monkeypatch.setattr(Driver, "listen", cut)
     fleet.start()
     fleet.run(4000.0)
-    fleet.referee.conclude(fleet, twice=False)
+    fleet.conclude()
     assert ("air" in kinds(fleet)) == forgets
 
 
@@ -97,7 +99,9 @@ def test_vehicles_are_apart_by_their_true_heights():
     b.flying = b.armed = True
     b.position, b.height_m = a.position, a.height_m + a.level_m - b.level_m
     b.sea_error_m = 20.0  # what it says of its height
-    fleet.referee.check(fleet)
+    for _ in range(2):
+        fleet.t_s += 0.25
+        fleet.look()
     assert "near" in kinds(fleet)
 
 
@@ -114,7 +118,7 @@ def test_receivers_are_as_wrong_as_told_and_others_after_a_swap():
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_the_pilot_of_a_simulated_flight_sees_who_takes_it_back(autopilot):
+def test_a_mode_of_a_simulated_pilot_that_somebody_changes_is_seen(autopilot):
     (vehicle,) = Setup(autopilot=autopilot, gps_sigma_m=0.0).build()
     vehicle.step(6.0)
     command(vehicle, 400, 1)
@@ -123,13 +127,20 @@ def test_the_pilot_of_a_simulated_flight_sees_who_takes_it_back(autopilot):
         command(vehicle, 400, 1)
     command(vehicle, 22, 0, 0, 0, math.nan, math.nan, math.nan, 500.0)
     vehicle.step(12.0)
-    pilot = Pilot(1, at_s=15.0, mode="RTL")
-    pilot.watch(vehicle)
-    assert (vehicle.truth.mode.name, pilot.taken) == ("RTL", "")
+    witness = Witness(pilot=Pilot(1, at_s=15.0, mode="RTL"))
+    setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+
+    def look() -> set[str]:
+        witness.watch([vehicle], setting)
+        assert witness.referee is not None
+        return {kind for kind, _ in witness.referee.found if kind == "taken"}
+
+    assert look() == set()
+    assert vehicle.truth.mode.name == "RTL"
     command(vehicle, 21)  # was on its way
-    pilot.watch(vehicle)
-    assert (vehicle.truth.mode.name, pilot.taken) == ("RTL", "")
+    assert look() == set()
+    assert vehicle.truth.mode.name == "RTL"
+    assert witness.referee.forgiven["on its way"] == 1
     vehicle.step(1.0)
     command(vehicle, 21)
-    pilot.watch(vehicle)
-    assert "out of RTL into LAND" in pilot.taken
+    assert look() == {"taken"}

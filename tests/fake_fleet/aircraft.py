@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from missions.guardian import Mode
 from missions.units import GridPoint
+from tests.referee.track import Holder
 
 ROUGHNESS_M = 0.03  # of a meadow: the wind is weaker near the ground
 REFERENCE_M = 12.0  # height of given winds
@@ -102,7 +103,7 @@ class Aircraft:
     failsafe: bool = False  # it returns or lands by a failsafe of its own
     unasked: bool = False  # it returns by itself, without a failsafe in its telemetry
     piloted: bool = False  # a pilot chose the mode that it is in
-    taken_back: bool = False  # a mode that a pilot had chosen in flight was changed
+    changes: list[tuple[Holder, str]] = field(default_factory=list)  # modes set since last seen
     sea_error_m: float = 0.0  # what its receiver's height above the sea errs by
     target: GridPoint | None = None
     target_height_m: float = 0.0
@@ -114,7 +115,6 @@ class Aircraft:
     returning: str = ""
     crashed: bool = False
     crash_height_m: float = 0.0
-    unseen: bool = False  # telemetry does not show all of its fall
     motors_failed: bool = False
     stays_armed: bool = False  # after a crash its motors go on turning: no crash detection
     low_wh: float = -1.0  # charge of its own battery failsafe; -1: none
@@ -149,6 +149,8 @@ class Aircraft:
     def take_off(self, height_m: float) -> None:
         if not self.armed:
             self.armed, self._armed_s = True, self.clock_s
+        if self.mode != "follow":
+            self.changes.append(("service", "follow"))
         self.mode, self.target, self.target_height_m = "follow", self.believed, height_m
         self.streamed, self.piloted = None, False
 
@@ -173,8 +175,8 @@ class Aircraft:
         """Change the mode; returning and landing begin here."""
         if mode == self.mode:
             return
-        self.taken_back = self.taken_back or (self.piloted and self.flying)
         self.piloted = False
+        self.changes.append(("failsafe" if self.failsafe else "service", mode))
         self.mode, self.target, self.target_height_m = mode, self.believed, self.height_m
         self.streamed, self.descent_m_s, self.unasked = None, DESCENT_M_S, False
         if mode == "rtl":
@@ -187,10 +189,13 @@ class Aircraft:
         changes = mode != self.mode
         self.switch(mode)
         self.piloted = changes
+        if changes:
+            self.changes[-1] = ("pilot", mode)
 
     def give_back(self) -> None:
         """Return to the mode in which it follows; it stops here."""
         self.mode, self.piloted = "follow", False
+        self.changes.append(("pilot", ""))
         self.target, self.target_height_m = self.believed, self.height_m
 
     # --- time ------------------------------------------------------------------------------

@@ -1,8 +1,8 @@
 """A fleet without MAVLink: aircraft that carry out orders on time, for driving `step` to the end.
 
 In the unkind world troubles begin in phases of the flight (`tests.fake_fleet.troubles`). The fleet
-plays the driver (`tests.fake_fleet.driver`) with its guardian, and each tick the referee
-(`tests.fake_fleet.referee`) compares the truth with what must never happen.
+plays the driver (`tests.fake_fleet.driver`) with its guardian, and each tick it shows the referee
+(`tests.referee`) its truth (`tests.fake_fleet.record`).
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from missions.events import Event, Recalled, Resumed
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
 from missions.flight.step import step
-from missions.flight.vehicle_state import Phase
 from missions.guardian import Guard, Limits
 from missions.mission.places import homes
 from missions.mission.schema import Mission
-from missions.orders import Order, StandDown
+from missions.orders import Order
 from missions.units import Cell, GridPoint
+from tests.referee import Referee
+from tests.support.claims import CHARGES, bounds_of
 from tests.support.folding import fold
 
 from .aircraft import Air, Aircraft
 from .driver import PATH_TRACK_S, TRACK_S, WATCH_S, Driver
-from .referee import Referee
+from .record import Recorder, holder_of, said
 from .troubles import ACTS, Pilot, Trouble, in_phase
 
 TICK_S = 0.25
-HANDS_OFF = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.DOWN, Phase.LOST)
 SETTLED_S = 10.0  # after its last vehicle the service goes on: what started late shows
 OPERATOR_S = 600.0  # without a battery the operator recalls all vehicles
 NEAR_HOME_M = 6.0  # so far around a home the ground is as high as there
@@ -57,7 +57,8 @@ class Fleet:
     emptied: dict[int, float] = field(default_factory=dict)  # shares of charge lost at once
     rng: random.Random = field(init=False)
     limits: Limits = field(init=False)
-    referee: Referee = field(default_factory=Referee)
+    referee: Referee = field(init=False)
+    recorder: Recorder = field(default_factory=Recorder)
     events: list[Event] = field(default_factory=list)
     orders: list[tuple[float, int, Order]] = field(default_factory=list)
     dead: bool = False  # the mission has ended, and nothing is taken in
@@ -89,6 +90,8 @@ class Fleet:
                 receivers=random.Random(self.seed * 37 + number),
             )  # fmt: skip
             self.drivers[number].switch_on()
+        pads = {number: craft.home for number, craft in self.vehicles.items()}
+        self.referee = Referee(bounds_of(mission, grid, pads))
 
     def _level_m(self, number: int, place: GridPoint) -> float:
         ground = self.setting.ground
@@ -129,10 +132,9 @@ class Fleet:
             return
         for number, order in orders:
             self.orders.append((self.t_s, number, order))
-            phase = self.state.vehicles[number].phase
-            if phase in HANDS_OFF and not isinstance(order, StandDown):
-                text = f"{order} for vehicle {number}, which is {phase}"
-                self.referee.note(self.t_s, "hands off", text)
+            charge = CHARGES[self.state.vehicles[number].phase]
+            name, holder = type(order).__name__, holder_of(self.vehicles[number])
+            self.referee.ordered(number, self.t_s, name, charge, holder)
             self.drivers[number].give(order)
 
     def die(self, *, kill: bool, away_s: float) -> None:
@@ -193,11 +195,7 @@ class Fleet:
         for number, pilot in self.pilots.items():
             pilot.fly(self.vehicles[number], TICK_S)
         for number, craft in self.vehicles.items():
-            crashed = craft.crashed
             craft.step(TICK_S, self.air, self._ground_m(craft))
-            falls = craft.crashed and (craft.flying or not crashed)
-            unheard = self.gone or not self.drivers[number].hears
-            craft.unseen = craft.unseen or (falls and unheard)
             if self.t_s >= self.link_failsafes.get(number, math.inf):
                 del self.link_failsafes[number]
                 if craft.flying and craft.mode == "follow":
@@ -210,7 +208,16 @@ class Fleet:
             self.revive()
         if not self.dead:
             self._drive()
-        self.referee.check(self)
+        self.look()
+
+    def look(self) -> None:
+        """Show the referee every vehicle as it is now."""
+        for number, craft in self.vehicles.items():
+            self.referee.see(number, self.recorder.sample(self, craft))
+
+    def conclude(self, *, twice: bool = False) -> None:
+        """Have the referee judge the end. `twice`: also by the journal's text."""
+        self.referee.conclude(said(self, twice=twice))
 
     def _drive(self) -> None:
         for driver in self.drivers.values():

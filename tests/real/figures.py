@@ -54,7 +54,8 @@ class Row:
             self.makespan_s = summary["makespan_s"]
             self.iou = None if score is None else round(score.iou_cells, 3)
             self.missed = None if score is None else score.cells_missed
-        self.apart_m = round(referee.least_m, 1) if math.isfinite(referee.least_m) else None
+        least_m = referee.judge.nearest_m
+        self.apart_m = round(least_m, 1) if math.isfinite(least_m) else None
         self.outside = referee.breaches
 
     def keep(self, path: Path = KEPT) -> None:

@@ -22,7 +22,7 @@ from tests.e2e.rig import ROOT, aircraft_process, command, environment
 from tests.real.autopilot import Autopilot, Pad, Truth, Values
 from tests.real.figures import Row, simulated, summary_of
 from tests.real.pilot import FENCE, RALLY, Item, Message, changed
-from tests.real.referee import Referee, Track, middle_of_region, scored
+from tests.real.referee import Referee, middle_of_region, scored
 from tests.real.relay import Relay
 from tests.support.ports import free_port
 from tests.support.small_missions import first_patch
@@ -111,7 +111,7 @@ class Rig:
             kind(program, Pad(first + k, place, amsl_m, self._made(f"aircraft{k + 1}")), parameters)
             for k, place in enumerate(pads)
         ]
-        self.referee = Referee(self.mission, [Track() for _ in pads])
+        self.referee = Referee(self.mission)
         self.runs: list[Run] = []
         self.relays: list[Relay] = []
         self.before: list[Kept] = []
@@ -291,7 +291,7 @@ class Rig:
         while True:
             await asyncio.sleep(0.1)
             for k, one in enumerate(self.aircraft):
-                if self.referee.tracks[k].up_m > 2.0:
+                if self.referee.up_m(k) > 2.0:
                     flown[k], landed_s[k] = True, None
                 elif flown[k] and not one.pilot.armed:
                     landed_s[k] = one.pilot.time_s if landed_s[k] is None else landed_s[k]
@@ -303,7 +303,7 @@ class Rig:
         """Have the pilot take off the first aircraft, and fly it to a place."""
         one, up_m = self.aircraft[0], 12.0
         await one.take_off(up_m)
-        await self.until(lambda: self.referee.tracks[0].up_m > 0.9 * up_m, "in the air", 60.0)
+        await self.until(lambda: self.referee.up_m(0) > 0.9 * up_m, "in the air", 60.0)
         await one.pilot.go_to(to, one.pad.amsl_m + up_m)
         await self.rest(20.0)
 
@@ -321,24 +321,24 @@ class Rig:
 
         def flies() -> bool:
             assert not run.over, f"it has ended with {run.code} before it was {what}"
-            pilot, track = self.aircraft[0].pilot, self.referee.tracks[0]
-            return pilot.speed_m_s > least_m_s and track.up_m > high_m and so()
+            pilot, up_m = self.aircraft[0].pilot, self.referee.up_m(0)
+            return pilot.speed_m_s > least_m_s and up_m > high_m and so()
 
         await self.until(flies, what, 400.0)
 
     async def climbing(self, run: Run) -> None:
-        await self.until(lambda: run.over or self.referee.tracks[0].up_m > 4.0, "climbing", 200.0)
+        await self.until(lambda: run.over or self.referee.up_m(0) > 4.0, "climbing", 200.0)
 
     async def descending(self, run: Run) -> None:
         """Have it called home, and wait until the first aircraft is in its descent."""
         run.interrupt()
         low_m = 0.6 * self.mission.altitude_m(0)
-        await self.until(lambda: self.referee.tracks[0].up_m < low_m, "in its descent", 200.0)
+        await self.until(lambda: self.referee.up_m(0) < low_m, "in its descent", 200.0)
 
     async def all_down(self, within_s: float = 300.0) -> None:
         await self.until(
             lambda: (
-                not self.referee.in_the_air and not any(o.pilot.armed for o in self.aircraft)
+                not self.referee.judge.in_the_air and not any(o.pilot.armed for o in self.aircraft)
             ),
             "all on the ground, their motors off",
             within_s,
@@ -383,9 +383,8 @@ class Rig:
         self.row.held = round(sim_s / wall_s, 2)
         self.row.flown(summary, self.referee, scored(self.out, self.mission))
         await self.all_down()
-        wrong = self.referee.dishonest(code, run.lines, summary)
-        assert not wrong, wrong
-        assert code in codes, f"exit {code}, not {' or '.join(map(str, codes))}"
         left = await self.not_put_back()
         self.row.put_back = left or "all"
-        assert not (put_back and left), f"not put back: {left}"
+        wrong = self.referee.dishonest(code, run.lines, summary, left if put_back else "")
+        assert not wrong, wrong
+        assert code in codes, f"exit {code}, not {' or '.join(map(str, codes))}"

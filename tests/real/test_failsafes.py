@@ -32,7 +32,7 @@ def told_from_m(rig: Rig, run: Run) -> float:
     assert places, f"no place was told: {run.lines[-5:]}"
     plane = LocalPlane(rig.mission.home)
     told = plane.to_plane(LatLon(*map(float, places[-1])))
-    return math.dist(told, rig.referee.tracks[0].place)
+    return math.dist(told, plane.to_plane(rig.referee.position(0)))
 
 
 # of a PX4 that returns at 60 %: from its usual 7 % to an emergency it is a second
@@ -45,7 +45,7 @@ async def test_a_battery_failsafe_brings_it_home(rig: Rig) -> None:
     run = await failed(rig, "battery")
     await rig.until(lambda: one.pilot.mode in ("RTL", "LAND"), "a failsafe", 120.0)
     await rig.rest(8.0)
-    if rig.referee.in_the_air and one.pilot.mode == "RTL":
+    if rig.referee.judge.in_the_air and one.pilot.mode == "RTL":
         await one.set_mode(one.ours)
     await rig.all_down()  # and not: it goes on searching
     await rig.rest(20.0)  # a flight may end by itself then, or wait for a fresh battery

@@ -46,7 +46,7 @@ def killed_and_left(phase: str) -> object:
         await run.kill()
         await rig.all_down(LEFT_S)
         await rig.until(lambda: not rig.aircraft_process_lives, "its process is over", 120.0)
-        away_m = rig.referee.from_pad_m(0)
+        away_m = rig.referee.judge.from_pad_m(1)
         again = await rig.resume("--recall")
         await rig.ends_well(again, 3)
         rig.row.detail = f"landed {away_m:.1f} m from its pad"
@@ -97,9 +97,9 @@ async def test_control_c_twice_and_resumed(rig: Rig) -> None:
     run.interrupt()
     code = await rig.end_of(run, 100.0)
     assert code == 4, run.lines[-3:]
-    assert rig.referee.in_the_air, "it waited until it was down, and said exit 4"
+    assert rig.referee.judge.in_the_air, "it waited until it was down, and said exit 4"
     await rig.all_down()
-    assert rig.referee.all_at_home
+    assert rig.referee.judge.all_at_home
     again = await rig.resume("--recall")
     await rig.ends_well(again, 3)
 

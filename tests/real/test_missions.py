@@ -85,8 +85,8 @@ async def test_burn_is_complete_with_swaps(rig: Rig) -> None:
 @scenario("spill, three aircraft", "spill")
 async def test_spill_is_complete_with_three(rig: Rig) -> None:
     await complete(rig)
-    assert math.isfinite(rig.referee.least_m), "no two vehicles were compared in the air"
-    assert rig.referee.least_m > rig.mission.team.separation_m
+    assert math.isfinite(rig.referee.judge.nearest_m), "no two vehicles were compared in the air"
+    assert rig.referee.judge.nearest_m > rig.mission.team.separation_m
 
 
 @scenario("--driver mavsdk")

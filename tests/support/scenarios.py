@@ -10,7 +10,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.flight.state import Setting
 from sitl.vehicle import SimVehicle
-from tests.benchmarks.watched import Flown, Observer, flown, mission_text
+from tests.benchmarks.watched import Flown, flown, mission_text
+from tests.support.sitl_truth import Observer
 
 FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb"})
 BOTH = ("ardupilot", "px4")

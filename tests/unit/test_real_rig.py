@@ -6,6 +6,7 @@ import asyncio
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -14,31 +15,25 @@ from missions.units import GridPoint, LatLon
 from tests.real.arducopter import ArduCopter
 from tests.real.autopilot import Pad, Truth
 from tests.real.px4 import Px4
-from tests.real.referee import Referee, Track
+from tests.real.referee import Referee
 from tests.support.small_missions import mission, square
 
 PROGRAM = "ardupilot/build/sitl/bin/arducopter"
 
 
-def flying_pair(second_s: float) -> Referee:
-    """Two vehicles 8 m apart, whose clocks began at different times, seen `second_s` apart."""
+def test_referee_vehicles_with_own_clocks_measures_their_distance():
+    """Two vehicles 8 m apart, whose clocks began at different times, arrive one after the other."""
     made = mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), vehicles=2)
-    referee, grid = Referee(made, [Track(), Track()]), Grid.at(made.home, made.grid.cell_m)
-    for number, booted_s, arrived_s in ((0, 500.0, 0.0), (1, 20.0, second_s)):
+    referee, grid = Referee(made), Grid.at(made.home, made.grid.cell_m)
+    for arrived_s, number, booted_s in ((0.0, 0, 500.0), (0.1, 1, 20.0), (0.2, 0, 500.2)):
         truth = Truth(
             booted_s, grid.position(GridPoint(8.0 * number, 0.0)), made.start.amsl_m + 12.0,
             (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), arrived_s,
         )  # fmt: skip
         referee.watch(number, truth)
-    return referee
-
-
-def test_referee_vehicles_with_own_clocks_measures_their_distance():
-    assert flying_pair(0.1).least_m == pytest.approx(8.0, abs=0.01)
-
-
-def test_referee_places_of_different_times_are_not_compared():
-    assert flying_pair(0.5).least_m == math.inf
+        assert referee.judge.nearest_m == math.inf  # of the second there is one place only
+    referee.watch(1, replace(truth, position=grid.position(GridPoint(8.0, 0.0)), arrived_s=0.3))
+    assert referee.judge.nearest_m == pytest.approx(8.0, abs=0.01)
 
 
 def test_autopilot_process_has_ended_start_quotes_its_log(tmp_path):

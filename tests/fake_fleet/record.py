@@ -1,0 +1,143 @@
+"""What the referee sees of a fleet: the truth of each vehicle, and what the mission made of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from missions.events import FrameSeen, from_json, to_json
+from missions.flight.vehicle_state import Phase
+from missions.mapping.belief import FrameId
+from missions.units import Cell
+from tests.referee import Said, Sample
+from tests.referee.motion import patch_of
+from tests.referee.track import FINE, Ail, Holder
+from tests.support.claims import claim
+from tests.support.folding import fold
+from tests.support.small_missions import reachable
+
+from .aircraft import Aircraft
+
+if TYPE_CHECKING:
+    from .fleet import Fleet
+
+LIES_M: Final = 1.5  # positions that are off by more lie
+COMPASS_RAD: Final = math.radians(30.0)
+
+
+@dataclass(slots=True)
+class Recorder:
+    """Makes samples of a fleet, one after the other."""
+
+    known_wind_m_s: dict[int, float] = field(default_factory=dict)
+    """The strongest wind that each sortie was reckoned with."""
+
+    def sample(self, fleet: Fleet, craft: Aircraft) -> Sample:
+        vehicle = fleet.state.vehicles[craft.number]
+        changes, craft.changes = tuple(craft.changes), []
+        return Sample(
+            fleet.t_s, craft.position, craft.level_m + craft.height_m, craft.flying, craft.crashed,
+            craft.wh, craft.mode, holder_of(craft), changes, self._ails(fleet, craft),
+            *claim(vehicle, returns=craft.mode == "rtl"),
+        )  # fmt: skip
+
+    def _ails(self, fleet: Fleet, craft: Aircraft) -> frozenset[Ail]:
+        number, driver = craft.number, fleet.drivers[craft.number]
+        energy, vehicle = fleet.setting.energy, fleet.state.vehicles[craft.number]
+        if not craft.flying:
+            self.known_wind_m_s.pop(number, None)
+        if vehicle.return_reason is None:
+            self.known_wind_m_s[number] = max(energy.wind_m_s, vehicle.wind_m_s)
+        wind_m_s = math.hypot(*craft.wind_m_s) if craft.flying else 0.0
+        lies = math.hypot(*craft.offset_m) > LIES_M or abs(craft.compass_rad) > COMPASS_RAD
+        emptied = fleet.emptied.get(number, 0.0)
+        refuses = {*driver.refuses}
+        ails: dict[Ail, bool] = {
+            "blind": lies or wind_m_s > energy.max_airspeed_m_s,
+            "misled": craft.drift_m_s != (0.0, 0.0),
+            "unheard": not driver.hears,
+            "deaf": not driver.obeys or fleet.gone,
+            "straight": "FlyTo" in refuses,
+            "helpless": refuses >= {"FlyTo", "Land", "ReturnToLaunch"},
+            "stormy": wind_m_s > self.known_wind_m_s.get(number, energy.wind_m_s) + 1.0,
+            "drained": emptied > 0.0,
+            "emptied": emptied > 0.3,
+            "falling": craft.motors_failed,
+            "by hand": craft.mode == "other",
+            "idle": craft.mode == "follow" and craft.target_height_m >= craft.height_m
+            and driver.obeys and not refuses and driver.corners is None,
+            "unserved": fleet.dead,
+            "pads outside": fleet.stood_outside,
+        }  # fmt: skip
+        return frozenset(ail for ail, holds in ails.items() if holds) or FINE
+
+
+def holder_of(craft: Aircraft) -> Holder:
+    """Return who has a vehicle, in truth."""
+    if craft.failsafe or craft.unasked:
+        return "failsafe"
+    return "pilot" if craft.mode == "other" or craft.piloted else "service"
+
+
+def said(fleet: Fleet, *, twice: bool) -> Said:
+    """Return what a fleet reported at its end. `twice`: also by its journal's text."""
+    state, setting, cell_m = fleet.state, fleet.setting, fleet.setting.grid.cell_m
+    faults: list[tuple[str, str]] = []
+    if twice:
+        again = fold(setting, [from_json(to_json(event)) for event in fleet.events])
+        if again != state:
+            faults.append(("fold", "the journal's text gives another state"))
+    owed, forbidden = _owed(fleet)
+    explored = setting.strategy.whole_box or setting.strategy.patches or state.tree is not None
+    frames = [
+        (place, max(reach_m, 2.0 * cell_m))
+        for driver in fleet.drivers.values()
+        for _, place, reach_m in driver.seen_from
+    ]
+    return Said(
+        fleet.t_s,
+        completed=state.completed,
+        reported=frozenset(
+            n for n, v in state.vehicles.items() if v.phase in (Phase.DOWN, Phase.LOST)
+        ),
+        region=frozenset(fleet.roi),
+        owed=owed,
+        mapped=frozenset(state.belief.roi),
+        misjudged=any(driver.misplaced for driver in fleet.drivers.values()),
+        forbidden=forbidden,
+        lanes=() if explored else setting.lanes,
+        frames=frames,
+        step_m=cell_m,
+        lost=_lost(fleet),
+        faults=faults,
+    )
+
+
+def _lost(fleet: Fleet) -> list[str]:
+    state = fleet.state
+    return [
+        f"the frame of {event.t_s} s over {event.vantage} is lost"
+        for event in fleet.events
+        if isinstance(event, FrameSeen)
+        and FrameId(event.vehicle, event.t_s)
+        not in (state.overview if event.overview else state.belief).looks.get(event.vantage, {})
+    ]
+
+
+def _owed(fleet: Fleet) -> tuple[frozenset[Cell], bool]:
+    """Return what a complete map holds in truth, and whether the fence forbids a part."""
+    state, setting, region = fleet.state, fleet.setting, frozenset(fleet.roi)
+    box = region & frozenset(setting.box_cells)
+    if setting.strategy.whole_box:
+        return box, False
+    if setting.strategy.patches:
+        return frozenset().union(*(patch_of(region, cell) for cell in box)), False
+    if state.tree is None:
+        return frozenset(), False
+    patch = patch_of(region, state.tree.root)
+    if setting.grid.drift_speed_m_s > 0.0 or not setting.strategy.stops:
+        # without a stop it judges cells from beside, also those beyond the fence
+        return patch, False
+    looked, mapped = reachable(setting, region, state.tree.root)
+    return frozenset(mapped), looked != patch

@@ -1,0 +1,180 @@
+"""The rules of the referee, on tracks of a few samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from shapely.geometry import Polygon, box
+
+from missions.units import Cell, GridPoint
+from tests.referee import FORGIVENESSES, RULES, Bounds, Referee, Said, Sample
+from tests.referee.rules import AT_THE_END
+
+HOME = GridPoint(0.0, 0.0)
+L_SHAPE = Polygon([(-50, -50), (50, -50), (50, 0), (0, 0), (0, 50), (-50, 50)])
+
+
+def bounds(**more: object) -> Bounds:
+    given = Bounds(box(-50.0, -50.0, 50.0, 50.0), {1: HOME, 2: HOME}, 5.0, 3.0)
+    return replace(given, **more)  # type: ignore[arg-type]
+
+
+def at(t_s: float, east_m: float = 0.0, north_m: float = 0.0, **more: object) -> Sample:
+    given = Sample(t_s, GridPoint(east_m, north_m), 10.0, flying=True, wh=50.0)
+    return replace(given, **more)  # type: ignore[arg-type]
+
+
+def judged(samples: Sequence[Sample], others: Sequence[Sample] = (), **more: object) -> Referee:
+    referee = Referee(bounds(**more))
+    tracks = [(1, sample) for sample in samples] + [(2, sample) for sample in others]
+    for number, sample in sorted(tracks, key=lambda pair: pair[1].t_s):
+        referee.see(number, sample)
+    return referee
+
+
+def kinds(referee: Referee) -> list[str]:
+    return [kind for kind, _ in referee.found]
+
+
+def test_separation_crossing_between_samples_is_seen():
+    """At every sample they are 20 m and more apart; half-way they are 3 m apart."""
+    one = [at(0.0, -20.0), at(1.0, 20.0)]
+    other = [at(0.0, 20.0, 3.0), at(1.0, -20.0, 3.0)]
+    referee = judged(one, other)
+    assert referee.found == [("near", "1.00 s: vehicle 1 and 2 are 3.00 m apart")]
+    assert referee.nearest_m == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("late_s", "seen"), [(0.4, True), (1.4, False)])
+def test_separation_samples_of_different_times_are_compared_at_the_same_time(late_s, seen):
+    one = [at(0.0, 0.0), at(0.8, 8.0)]
+    other = [at(late_s, 10.0 * late_s, 1.0), at(late_s + 0.8, 10.0 * late_s + 8.0, 1.0)]
+    assert (kinds(judged(one, other)) == ["near"]) == seen
+
+
+def test_separation_least_distance_of_an_encounter_is_kept():
+    one = [at(0.1 * k) for k in range(30)]
+    other = [at(0.1 * k, 8.0 - 0.4 * k if k < 15 else 0.4 * k - 4.0) for k in range(30)]
+    referee = judged(one, other)
+    assert [text.split(": ")[1] for _, text in referee.found] == [
+        "vehicle 1 and 2 are 2.00 m apart"
+    ]
+
+
+def test_separation_counts_heights():
+    one, other = [at(0.0), at(1.0)], [at(0.0, up_m=15.5), at(1.0, up_m=15.5)]
+    assert kinds(judged(one, other)) == []
+    assert judged(one, other).nearest_m == pytest.approx(5.5)
+
+
+def test_fence_corner_that_is_cut_between_samples_is_seen():
+    referee = judged([at(0.0, -10.0, 20.0), at(1.0, 20.0, -10.0)], fence=L_SHAPE)
+    assert kinds(referee) == ["breach"]
+    assert "5.0 m outside" in referee.found[0][1]
+
+
+@pytest.mark.parametrize(("ails", "held_s"), [({"blind"}, 50.0), ({"blind"}, 70.0), (set(), 1.0)])
+def test_fence_is_forgiven_for_60_s_after_wrong_positions(ails, held_s):
+    outside = [at(float(t), 60.0) for t in range(2, 2 + int(held_s))]
+    referee = judged([at(0.0, 49.0, ails=frozenset(ails)), at(1.0, 49.0), *outside])
+    assert kinds(referee) == (["breach"] if held_s > 60.0 or not ails else [])
+    assert referee.forgiven["uncontrolled"] == (1 if ails else 0)
+
+
+def test_pilot_mode_changed_by_the_service_is_seen():
+    pilots = at(1.0, mode="LAND", holder="pilot", changes=(("pilot", "LAND"),))
+    taken = at(2.0, mode="RTL", changes=(("service", "RTL"),))
+    assert kinds(judged([at(0.0), pilots, taken])) == ["taken"]
+    given_back = at(1.5, mode="GUIDED", changes=(("pilot", ""),))
+    assert kinds(judged([at(0.0), pilots, given_back, taken])) == []
+
+
+@pytest.mark.parametrize(
+    ("charge", "order", "alone"),
+    [("mission", "FlyTo", False), ("mission", "", True), ("others", "", True), ("lost", "", True),
+     ("silent", "", False), ("ground", "TakeOff", False), ("ground", "", True), ("", "", False)],
+)  # fmt: skip
+def test_vehicle_in_the_air_without_anybody_responsible_is_seen(charge, order, alone):
+    samples = [at(float(t), charge=charge, order=order) for t in range(10)]
+    assert (kinds(judged(samples)) == ["alone"]) == alone
+
+
+def test_order_for_a_vehicle_of_a_pilot_is_seen():
+    referee = judged([at(0.0)])
+    referee.ordered(1, 0.0, "StandDown", "others", "pilot")
+    assert kinds(referee) == []
+    referee.ordered(1, 0.0, "FlyTo", "others", "pilot")
+    assert kinds(referee) == ["hands off"]
+
+
+def test_order_for_a_vehicle_that_a_pilot_has_unnoticed_is_seen():
+    referee = judged([at(float(t), holder="pilot") for t in range(8)])
+    referee.ordered(1, 7.0, "FlyTo", "mission", "service")  # given back just now
+    assert kinds(referee) == []
+    referee.ordered(1, 7.0, "FlyTo", "mission", "pilot")
+    assert kinds(referee) == ["hands off"]
+
+
+def test_energy_below_the_reserve_and_at_zero_is_seen():
+    landing = at(1.0, flying=False, up_m=0.0, wh=2.0)
+    assert kinds(judged([at(0.0), landing])) == ["reserve"]
+    assert kinds(judged([at(0.0), at(1.0, wh=0.0)])) == ["fell"]
+    stormy = judged([at(-1.0, flying=False), at(0.0, ails=frozenset({"stormy"})), landing])
+    assert kinds(stormy) == []
+    assert stormy.forgiven == {"not reckoned with": 1}
+
+
+def test_crash_that_is_not_reported_is_seen():
+    fall = [at(0.5 * k, 20.0, up_m=12.0 - 4.0 * k) for k in range(3)]
+    lies = at(1.5, 20.0, up_m=0.0, flying=False, crashed=True)
+    for reported, completed, found in (
+        ({1}, False, []), (set(), False, ["unreported"]), ({1}, True, ["lie"]),
+    ):  # fmt: skip
+        referee = judged([at(-1.0, 20.0, up_m=12.0), *fall, lies])
+        referee.conclude(Said(2.0, completed=completed, reported=frozenset(reported)))
+        assert kinds(referee) == found
+
+
+@pytest.mark.parametrize(
+    ("code", "completed", "away_m", "found"),
+    [(0, True, 0.0, []), (3, False, 0.0, []), (4, False, 30.0, []), (0, False, 0.0, ["lie"]),
+     (3, True, 0.0, ["lie"]), (4, False, 0.0, ["lie"]), (3, False, 9.0, ["away"])],
+)  # fmt: skip
+def test_exit_code_that_is_not_so_is_seen(code, completed, away_m, found):
+    referee = judged([at(0.0, away_m, up_m=1.0), at(1.0, away_m, up_m=0.0, flying=False)])
+    referee.conclude(Said(2.0, code=code, completed=completed))
+    assert kinds(referee) == found
+
+
+def test_map_that_is_not_the_truth_is_seen():
+    owed, more = frozenset({Cell(0, 0), Cell(1, 0)}), frozenset({Cell(5, 5)})
+    whole = Said(1.0, completed=True, region=owed, owed=owed, mapped=owed)
+    for said, found in (
+        (whole, []), (replace(whole, mapped=owed - {Cell(1, 0)}), ["lie"]),
+        (replace(whole, mapped=owed | more), ["false"]),
+        (replace(whole, mapped=owed | more, false_share=0.5), []),
+        (replace(whole, lost=["a frame"]), ["lost votes"]),
+        (replace(whole, owners="vehicle 1: fence"), ["owner"]),
+        (replace(whole, lanes=[(HOME, GridPoint(9.0, 0.0))], frames=[(HOME, 2.0)]), ["lie"]),
+    ):  # fmt: skip
+        referee = Referee(bounds())
+        referee.conclude(said)
+        assert kinds(referee) == found
+
+
+def test_every_forgiveness_is_of_a_rule_that_there_is():
+    there = {rule.kind for rule in RULES} | set(AT_THE_END)
+    assert {kind for forgiveness in FORGIVENESSES for kind in forgiveness.kinds} <= there
+    names = [forgiveness.name for forgiveness in FORGIVENESSES]
+    assert len(set(names)) == len(names)
+
+
+def test_the_page_of_the_referee_has_every_rule_and_every_forgiveness():
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "referee.md").read_text("utf-8")
+    promises = {rule.kind: rule.promise for rule in RULES} | AT_THE_END
+    rows = [f"| {kind} | {promise} |" for kind, promise in promises.items()]
+    rows += [f"| {f.name} | {', '.join(f.kinds)} | {f.why} |" for f in FORGIVENESSES]
+    assert [row for row in rows if row not in page] == []
