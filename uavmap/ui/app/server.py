@@ -75,7 +75,8 @@ def _add_page(visitor: Visitor) -> None:
     with ui.element("div").classes("app-day") as day:
         with ui.row().classes("app-head"):
             ui.label("uavmap").classes("app-title")
-            ui.label(str(visitor.app.workspace.folder)).classes("app-folder")
+            folder = visitor.app.workspace.folder
+            ui.label(folder.name).classes("app-folder").tooltip(str(folder))
             visitor.add_controls()
         with ui.tabs().props("no-caps dense align=left").classes("app-tabs") as tabs:
             for name in TABS:
