@@ -27,6 +27,7 @@ from typing import Any
 import pytest
 from _pytest.doctest import DoctestModule
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
 from tests.support.said import Said
@@ -40,6 +41,10 @@ settings.register_profile("repeatable", _PATIENT, derandomize=True)
 settings.register_profile("random", _PATIENT, derandomize=False)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
+
+# Of the constants in all files that happen to be loaded, hypothesis would draw some: an edit of any
+# file, or a run of one test alone, would change what the others draw.
+providers._get_local_constants = lambda: providers._local_constants
 
 # a shell's job in the background has Ctrl-C ignored, and so has all that it starts
 signal.signal(signal.SIGINT, signal.default_int_handler)
