@@ -157,9 +157,7 @@ class Strategy(ABC):
         """Return the state in which a vehicle on the ground has no target left."""
         if state.setting.lanes or state.tree is not None:
             return state
-        note = (
-            "no part of the search box can be flown inside the geofence; move the box or the fence"
-        )
+        note = "no part of the search box can be flown inside the geofence; move one of them"
         return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
 
     def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
@@ -310,7 +308,7 @@ class State:
     falls_back: bool = False
     """True if the time for paths is over: the rest is explored with stops."""
     surveyed: bool = False
-    """True if every cell that can be decided is, where the whole box is surveyed."""
+    """True if every cell that can be decided is, in a survey of the box."""
     unreachable_lanes: tuple[Lane, ...] = ()
     """Lanes that no path inside the fence leads to."""
     recalled: bool = False
@@ -325,8 +323,7 @@ class State:
     memory: Memory | None = None
     """Memory of the strategy for its next decision."""
     last_wait: tuple[Tree, Mapping[int, Cell], frozenset[int], float] | None = None
-    """Robots that an explorer has wait, with the tree, positions and time of that decision. They
-    are asked again when the tree or the positions change."""
+    """Tree, positions, robots that an explorer has wait until these change, and time, s."""
     undecided: frozenset[Cell] = frozenset()
     """Visited cells that lack votes on themselves or on a neighbour."""
     found_s: float | None = None
@@ -373,22 +370,19 @@ class State:
         """Parts of lanes that no judged frame shows, while there is no region."""
         if self.tree is not None:
             return ()
-        left = [lane for v in self.vehicles.values() for lane in v.lanes]
-        return (*self.unreachable_lanes, *left)
+        return (*self.unreachable_lanes, *(a for v in self.vehicles.values() for a in v.lanes))
 
     @property
     def exploration_finished(self) -> bool:
         """True if the region is explored, or the search ended without one."""
-        if self.tree is None:
-            return self.exhausted
-        return self.tree.is_explored(self.tree.root)
+        tree = self.tree
+        return self.exhausted if tree is None else tree.is_explored(tree.root)
 
     @property
     def unheard(self) -> tuple[int, ...]:
         """Other members of the fleet whose landing is not known."""
-        silent = (Phase.APART, Phase.OFFLINE)
-        others = (n for n in self.vehicles if n not in self.our_numbers)
-        return tuple(n for n in others if self.vehicles[n].phase in silent)
+        others = (v for n, v in self.vehicles.items() if n not in self.our_numbers)
+        return tuple(v.vehicle for v in others if v.phase in (Phase.APART, Phase.OFFLINE))
 
     @property
     def completed(self) -> bool:

@@ -1,7 +1,7 @@
 """A MAVLink 2 conversation with one vehicle: frames in, frames out, commands with their ACKs.
 
-The session keeps the latest of all messages of the vehicle (`view`), repeats commands until they
-are acknowledged, and passes every message to its listeners. It knows nothing of sockets.
+The session keeps the latest messages of the vehicle (`view`), repeats commands until they are
+acknowledged, and passes every message to its listeners. It knows nothing of sockets.
 """
 
 from __future__ import annotations
@@ -36,12 +36,9 @@ GROUND_SYSTEM_ID: Final = 245
 _READ_BYTES_KEPT: Final = 4096
 _MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
 _RESULT_NAMES: Final[dict[int, str]] = {
-    **{
-        number: value.name.removeprefix("MAV_RESULT_").lower().replace("_", " ")
-        for number, value in mav.enums["MAV_RESULT"].items()
-    },
-    9: "unsupported frame",  # newer than the dialect
-}
+    number: value.name.removeprefix("MAV_RESULT_").lower().replace("_", " ")
+    for number, value in mav.enums["MAV_RESULT"].items()
+} | {9: "unsupported frame"}  # newer than the dialect
 
 
 class Permit(Protocol):
