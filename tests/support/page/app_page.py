@@ -60,24 +60,33 @@ class Page:
         self.press(tab, ".q-tab")
 
     def choose(self, label: str, choice: str) -> None:
-        """Choose one of a list."""
+        """Choose one of a list; its popup may move while it is pressed."""
 
-        def opened() -> bool:
+        def field() -> Any:
             for each in self.driver.find_elements("css selector", f'input[aria-label="{label}"]'):
-                with contextlib.suppress(Exception):
-                    field = each.find_element("xpath", "./ancestor::label")
-                    if field.is_displayed():
-                        field.click()
-                        return self.found(".q-item", choice) is not None
+                whole = each.find_element("xpath", "./ancestor::label")
+                if whole.is_displayed():
+                    return whole
+            return None
+
+        def chosen() -> bool:
+            with contextlib.suppress(Exception):
+                return choice in field().text
             return False
 
-        rig.wait_until(opened, f"{choice} of {label}", 60.0)
-        self.press(choice, ".q-item")
+        def pressed() -> bool:
+            with contextlib.suppress(Exception):
+                item = self.found(".q-item", choice)
+                (field() if item is None else item).click()
+                rig.wait_until(chosen if item else lambda: bool(self.found(".q-item")), label, 3.0)
+            return chosen()
+
+        rig.wait_until(lambda: chosen() or pressed(), f"{choice} of {label}", 60.0)
 
     def write(self, label: str, text: str) -> None:
         from selenium.webdriver import Keys  # noqa: PLC0415 - it may be missing
 
-        box = self.found(f'input[aria-label^="{label}"]')
+        box = self.see(f'input[aria-label^="{label}"]')
         box.send_keys(Keys.CONTROL, "a")
         box.send_keys(text)
 
