@@ -81,32 +81,37 @@ MATERIALS: Final[Mapping[str, Material]] = {
 
 
 # --- drawing -------------------------------------------------------------------------------------
-def clouds(rng: np.random.Generator, scale_m: float) -> Plane:
-    """Return smooth noise of a scale, zero mean and unit variance."""
+Part = tuple[slice, slice]
+WHOLE: Final = (slice(0, SHAPE[0]), slice(0, SHAPE[1]))
+
+
+def clouds(rng: np.random.Generator, scale_m: float, part: Part = WHOLE) -> Plane:
+    """Return smooth noise of a scale, zero mean and unit variance over the whole ground."""
     fine = scale_m < 1.0  # a tile that repeats: no camera sees that it does
     shape = (SHAPE[0] // 4, SHAPE[1] // 4) if fine else SHAPE
     found = np.zeros(shape, np.float32)
     for octave in range(1 if fine else 3):
         step = max(1.0, scale_m / GSD_M / 2**octave)
         size = (max(2, math.ceil(shape[0] / step)), max(2, math.ceil(shape[1] / step)))
-        small = rng.standard_normal(size, np.float32)
-        found += cv2.resize(small, shape[::-1], interpolation=cv2.INTER_LINEAR) / 2**octave
-    found = np.asarray((found - found.mean()) / found.std(), np.float32)
-    return np.tile(found, (4, 4)) if fine else found
+        small = rng.standard_normal(size, np.float32) / 2**octave
+        found += cv2.resize(small, shape[::-1], interpolation=cv2.INTER_LINEAR)
+    mean, deviation = found.mean(), found.std()
+    found = (np.tile(found, (4, 4)) if fine else found)[part]
+    return np.asarray((found - mean) / deviation, np.float32)
 
 
-def rendered(rng: np.random.Generator, material: Material) -> Plane:
-    """Return the whole ground in one material, (rows, columns, 3), float32."""
-    light = material.coarse * clouds(rng, 9.0)
-    for scale_m, part in ((0.9, 0.35), (0.25, 0.55), (GSD_M, 0.75)):
-        light += part * material.fine * clouds(rng, scale_m)
+def rendered(rng: np.random.Generator, material: Material, part: Part = WHOLE) -> Plane:
+    """Return a part of the ground in one material, (rows, columns, 3), float32."""
+    light = material.coarse * clouds(rng, 9.0, part)
+    for scale_m, share in ((0.9, 0.35), (0.25, 0.55), (GSD_M, 0.75)):
+        light += share * material.fine * clouds(rng, scale_m, part)
     if material.rows_m:
-        rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(np.float32)
+        rows, columns = np.mgrid[part].astype(np.float32)
         bearing = math.radians(material.bearing_deg)
         along = (columns * math.cos(bearing) + rows * math.sin(bearing)) * GSD_M
-        wave = np.sin(2 * math.pi * along / material.rows_m + 0.6 * clouds(rng, 5.0))
+        wave = np.sin(2 * math.pi * along / material.rows_m + 0.6 * clouds(rng, 5.0, part))
         light += material.rows * wave * 0.7
-    tint = np.stack([clouds(rng, 12.0) for _ in range(3)], axis=2) * material.tint
+    tint = np.stack([clouds(rng, 12.0, part) for _ in range(3)], axis=2) * material.tint
     return np.asarray(np.array(material.color, np.float32) + light[:, :, None] + tint, np.float32)
 
 
@@ -145,12 +150,17 @@ def discs(
 def _ragged(rng: np.random.Generator, drawn: NDArray[np.uint8], rough_m: float) -> Mask:
     if not rough_m:
         return drawn > 0
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(np.float32)
     away = rough_m / GSD_M
-    moved = cv2.remap(
-        drawn, columns + away * clouds(rng, 4.0), rows + away * clouds(rng, 4.0), cv2.INTER_NEAREST
-    )
+    columns = away * clouds(rng, 4.0) + np.arange(SHAPE[1], dtype=np.float32)
+    rows = away * clouds(rng, 4.0) + np.arange(SHAPE[0], dtype=np.float32)[:, None]
+    moved = cv2.remap(drawn, columns, rows, cv2.INTER_NEAREST)
     return np.asarray(moved > 0)
+
+
+def _part_of(where: Mask) -> Part:
+    """Return the rows and columns from the first to the last pixel of an area."""
+    rows, columns = (np.flatnonzero(where.any(axis=axis)) for axis in (1, 0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 class Canvas:
@@ -161,9 +171,10 @@ class Canvas:
 
     def paint(self, where: Mask, material: str, *, number: int = 0) -> None:
         """Paint an area; `number` is that of its class, 0 of what is not region."""
-        made = rendered(self.rng, MATERIALS[material])
         soft = cv2.GaussianBlur(where.astype(np.float32), (0, 0), 2.0)[:, :, None]
-        self.image = np.asarray(self.image * (1 - soft) + made * soft, np.float32)
+        part = _part_of(soft[:, :, 0] > 0)
+        made, soft = rendered(self.rng, MATERIALS[material], part), soft[part]
+        self.image[part] = self.image[part] * (1 - soft) + made * soft
         self.numbers[where] = number
 
     def shade(self, where: Mask, toward_m: tuple[float, float]) -> None:
