@@ -18,9 +18,9 @@ WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
 # a flight waits for the disk at each of its events; memory is quicker, where there is a lot of it
 SCRATCH := $(shell df -Pm /dev/shm 2>/dev/null | awk 'NR == 2 && $$4 > 2000 && $$NF == "/dev/shm" {print $$NF}')
 PIP = $(BIN)/python -m pip install --disable-pip-version-check --no-compile --no-deps
-# in the order of tests/conftest.py, which keeps all cores busy
-PYTEST = $(if $(SCRATCH),TMPDIR=$${TMPDIR:-$(SCRATCH)} )$(BIN)/pytest -q -n $(WORKERS) \
-	--dist loadfile --no-loadscope-reorder
+# in the order of tests/conftest.py, which keeps all cores busy: threads of sums would only spin
+PYTEST = $(if $(SCRATCH),TMPDIR=$${TMPDIR:-$(SCRATCH)} )OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
+	$(BIN)/pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 # what Python, numba and pytest compile is kept: each process would compile it anew
 unexport PYTHONDONTWRITEBYTECODE
