@@ -97,7 +97,7 @@ def _nothing(_):
     [
         ("raise ImportError('libcmavsdk.so: wrong ELF class')", "wrong ELF class"),
         ("import os; os._exit(3)", "exit code 3"),
-        ("print('hello'); import os; os.write(1, b'x' * 99); os._exit(0)", "what is nothing"),
+        ("print('hello'); import os; os.write(1, b'x' * 99); os._exit(0)", "an invalid piece"),
     ],
 )
 def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(source, why, tmp_path, monkeypatch):

@@ -15,6 +15,8 @@ ALONE_S: Final = 8.0
 """Reports come once a second, and a lost link takes five."""
 BESIDE_M: Final = 20.0
 """Distance within which it may land beside a pad that is blocked."""
+NO_VERDICT: Final = 5
+"""Exit code with which the product states no map."""
 NOBODYS: Final = ("others", "over", "silent", "down", "lost")
 """Charges in which no order is given."""
 
@@ -160,7 +162,7 @@ def of_flight(said: Said, *, home: bool) -> Iterator[Fault]:
         yield "lie", "exit 3, and it is complete"
     if said.code == 4 and home and not said.reported:
         yield "lie", "exit 4, and all are at home"
-    if said.misjudged:
+    if said.misjudged or said.code == NO_VERDICT:
         return
     wrong = said.mapped - said.region
     if len(wrong) > said.false_share * len(said.mapped):

@@ -83,7 +83,7 @@ class TestTiny:
 
     def test_progress_goes_to_standard_error(self, tiny):
         json.loads(tiny.done.out)  # nothing but the summary
-        assert "battery" in tiny.done.err
+        assert " left  [1: " in tiny.done.err
 
     def test_the_outline_lies_over_the_true_region(self, tiny):
         start = toml("tiny")["start"]["position"]

@@ -18,7 +18,7 @@ from uavmap.load.areas.zones import CORNERS
 from uavmap.load.mission_source import load
 from uavmap.runner.preflight.plan_figures import zone_lines
 
-ED269 = Path(__file__).parents[4] / "data" / "areas" / "zones-ed269.json"
+ED269 = Path(__file__).parents[4] / "data" / "zones-ed269.json"
 GRID = Grid.at(START, 4.0)
 FENCE = square(-40, -40, 160, 160)
 
