@@ -131,7 +131,8 @@ class Traffic:
         answer = Answer.HOLD if t_s < hold_until_s else Answer.GO_ON
         answer = Answer.COME_HOME if t_s < home_until_s else answer
         because = (name or self.because) if answer else ""
-        return Traffic(fresh, answer, because, hold_until_s, home_until_s, self.ignored)
+        ignored = self.ignored & {track.ident for track in fresh}
+        return Traffic(fresh, answer, because, hold_until_s, home_until_s, ignored)
 
 
 NO_TRAFFIC: Final = Traffic()
@@ -139,13 +140,12 @@ NO_TRAFFIC: Final = Traffic()
 
 def _answer(rule: Rule, track: Track, team: Iterable[Place], t_s: float) -> Answer:
     """Return what a track asks of the team."""
-    worst = Answer.GO_ON
+    worst, now, ahead = Answer.GO_ON, track.at(t_s), track.at(t_s + AHEAD_S)
     for vehicle in team:
         if track.height_m is not None:
             apart_m = abs(track.height_m - vehicle.level_m)
             if apart_m > rule.height_m + track.error_m:
                 continue
-        now, ahead = track.at(t_s), track.at(t_s + AHEAD_S)
         if _passes_m(vehicle.point, track.place, now) > rule.distance_m:
             continue
         passes_m = _passes_m(vehicle.point, now, ahead)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -206,14 +206,19 @@ def words_of_all() -> int:
     )
 
 
+def fault_lines(paths: Iterable[Path], faults_of: Callable[[Path], Iterable[Fault]]) -> list[str]:
+    """Return a line for each fault of some files."""
+    return [
+        f"{path.relative_to(ROOT)}:{fault.line}: {fault.what}"
+        for path in paths
+        for fault in faults_of(path)
+    ]
+
+
 def main(names: Iterable[str]) -> int:
     """Print every fault; return 1 if there is one."""
     pages = [Path(name).resolve() for name in names] or checked()
-    lines = [
-        f"{path.relative_to(ROOT)}:{fault.line}: {fault.what}"
-        for path in pages
-        for fault in page_faults(path)
-    ]
+    lines = fault_lines(pages, page_faults)
     if (count := words_of_all()) > MOST_WORDS_OF_ALL_PAGES:
         lines.append(f"docs: {count} words: at most {MOST_WORDS_OF_ALL_PAGES}")
     print("\n".join(lines) if lines else f"prose: {len(pages)} pages without a fault")

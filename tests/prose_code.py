@@ -103,11 +103,7 @@ def checked() -> list[Path]:
 def main(names: Iterable[str]) -> int:
     """Print every fault; return 1 if there is one."""
     paths = [Path(name).resolve() for name in names] or checked()
-    lines = [
-        f"{path.relative_to(ROOT)}:{fault.line}: {fault.what}"
-        for path in paths
-        for fault in source_faults(path.read_text("utf-8"))
-    ]
+    lines = prose.fault_lines(paths, lambda path: source_faults(path.read_text("utf-8")))
     print("\n".join(lines) if lines else f"prose: {len(paths)} modules without a fault")
     return 1 if lines else 0
 

@@ -24,6 +24,8 @@ def stopped(state: State) -> State:
 
 def minded(state: State) -> State:
     """Return the state with the team's response to traffic at its time."""
+    if not state.traffic.tracks and not state.traffic.answer:
+        return state
     setting, wanted = state.setting, state.setting.mission.traffic
     rule = Rule(wanted.distance_m, wanted.height_m + setting.relief_m)
     team = (Place(v.position, v.level_m) for v in state.ours)

@@ -37,10 +37,11 @@ BESIDE_M = 20.0
 def turn_back(state: State, vehicle: VehicleState) -> State:
     """Interrupt a vehicle's task once it has to return."""
     flees = state.traffic.answer is Answer.COME_HOME and not state.exploration_finished
-    if vehicle.flees and not flees:  # it need not land
-        vehicle = replace(vehicle.interrupted(state.t_s), return_reason=None)
+    called = state.recalled or vehicle.called_home
+    if vehicle.flees and not flees:
+        vehicle = _no_longer_flees(state, vehicle, called=called)
         state = state.with_vehicle(vehicle)
-    called = state.recalled or vehicle.called_home or flees
+    called = called or flees
     done = ReturnReason.TRAFFIC if flees else ReturnReason.RECALLED if called else ReturnReason.DONE
     if called or (state.exploration_finished and not flies_home(vehicle)):
         if isinstance(vehicle.order, TakeOff):  # it ends where it began, motors on or not
@@ -60,6 +61,20 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
         reason = done if state.exploration_finished else ReturnReason.BATTERY
         return send_home(state, vehicle, reason)
     return _come_lower(state, vehicle) if state.exploration_finished else state
+
+
+def _no_longer_flees(state: State, vehicle: VehicleState, *, called: bool) -> VehicleState:
+    """Return a vehicle after the traffic: it works again, or flies on home for another reason."""
+    reason = None
+    if called:
+        reason = ReturnReason.RECALLED
+    elif state.exploration_finished:
+        reason = ReturnReason.DONE
+    elif not _can_still_turn(state.setting, vehicle, state.t_s):
+        reason = ReturnReason.BATTERY
+    if reason is None:
+        vehicle = replace(vehicle.interrupted(state.t_s), spare_pad=None)
+    return replace(vehicle, return_reason=reason)
 
 
 def flies_home(vehicle: VehicleState) -> bool:
@@ -203,7 +218,7 @@ def send_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> Stat
         replace(
             left.interrupted(state.t_s),
             return_reason=reason,
-            fruitless_sorties=fruitless + (reason is ReturnReason.BATTERY),
+            fruitless_sorties=fruitless + (reason is ReturnReason.BATTERY and not state.held),
         )
     )
 

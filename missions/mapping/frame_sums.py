@@ -42,6 +42,9 @@ class Doubts:
             new = (fact.t_s, unsure)
             reports[vehicle] = max(new, reports.get(vehicle, new))
 
+    def __bool__(self) -> bool:
+        return bool(self._last)
+
     def __contains__(self, cell: Cell) -> bool:
         return any(unsure for _, unsure in self._last.get(cell, {}).values())
 
@@ -109,8 +112,11 @@ class FrameSums:
         They are sorted.
         """
         cells, counts = self._counts.table()
+        ours: Cells = cells[_half(counts)]
+        if not self._doubts:
+            return ours
         reported = np.array(list(self._doubts.cells()), np.int32).reshape(-1, 2)
-        found: Cells = np.unique(np.vstack([cells[_half(counts)], reported]), axis=0)
+        found: Cells = np.unique(np.vstack([ours, reported]), axis=0)
         return found
 
     def beyond(self, region: Collection[Cell]) -> bool:
@@ -123,8 +129,11 @@ class FrameSums:
 
     def are(self, cells: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Return which of some cells are unsure."""
+        ours = _half(self._counts.of_cells(cells))
+        if not self._doubts:
+            return ours
         reported = [Cell(*cell) in self._doubts for cell in cells.tolist()]
-        return _half(self._counts.of_cells(cells)) | np.array(reported, np.bool_)
+        return ours | np.array(reported, np.bool_)
 
     def shares(self, cells: NDArray[np.integer], numbers: Sequence[int]) -> NDArray[np.float64]:
         """Return the mean share of each class in cells over their frames, (n, classes), 0 to 1."""

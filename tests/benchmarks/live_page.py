@@ -120,7 +120,7 @@ def in_the_browser(out: Path) -> None:
         ground = grow_mosaic(out, team.setting, 0)
         scene = scene_of(team.setting, mosaic=ground)
         feed.put({"kind": "scene", "scene": scene}, wait_s=5.0)
-        version = told(team, feed, 0, 3.0, lambda: driver.get(said[0].removeprefix("live page: ")))
+        version = told(team, feed, 0, 3.0, lambda: driver.get(said.page))
         assert driver.execute_script("return flightMap.mosaic !== null")
         count = "window.ticks = 0; (function t() { ticks += 1; requestAnimationFrame(t) })();"
         driver.execute_script(count)

@@ -129,6 +129,6 @@ def _said(
         owed=owed,
         mapped=frozenset(Cell(*cell) for cell in mapped),
         missed_cells=observer.missed_cells,
-        misjudged=observer.ever("blind"),
+        misjudged=observer.excuses_blind and observer.ever("blind"),
         faults=[(kind, raised.strip().splitlines()[-1])] if raised else (),
     )

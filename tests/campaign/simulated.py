@@ -168,7 +168,7 @@ def fly(
     poor = any(kind in ("battery_cell", "battery_sag", "wind_gust") for kind in flight.kinds)
     witness = Witness(
         limit_s=LIMIT_S, always=frozenset({"drained"}) if poor else FINE, missed_cells=0,
-        more_bounds={"ends_with_program": True},
+        excuses_blind=True, more_bounds={"ends_with_program": True},
     )  # fmt: skip
     if pilots:
         autopilot = "px4" if 'autopilot = "px4"' in text else "ardupilot"

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 
 from missions.events import FrameSeen, from_json, to_json
 from missions.flight.vehicle_state import Phase
+from missions.lab.arena.roi import component
 from missions.mapping.belief import FrameId
 from missions.units import Cell
 from tests.referee import Said, Sample
-from tests.referee.motion import patch_of
 from tests.referee.track import FINE, Ail, Holder
 from tests.support.claims import claim
 from tests.support.folding import fold
@@ -45,8 +45,9 @@ class Recorder:
     def _ails(self, fleet: Fleet, craft: Aircraft) -> frozenset[Ail]:
         number, driver = craft.number, fleet.drivers[craft.number]
         energy, vehicle = fleet.setting.energy, fleet.state.vehicles[craft.number]
-        if not craft.flying:
+        if not craft.flying:  # a sortie begins with another battery
             self.known_wind_m_s.pop(number, None)
+            fleet.emptied.pop(number, None)
         if vehicle.return_reason is None:
             self.known_wind_m_s[number] = max(energy.wind_m_s, vehicle.wind_m_s)
         wind_m_s = math.hypot(*craft.wind_m_s) if craft.flying else 0.0
@@ -68,6 +69,7 @@ class Recorder:
             "idle": craft.mode == "follow" and craft.target_height_m >= craft.height_m
             and driver.obeys and not refuses and driver.corners is None,
             "unserved": fleet.dead,
+            "unasked": craft.unasked,
             "pads outside": fleet.stood_outside,
         }  # fmt: skip
         return frozenset(ail for ail, holds in ails.items() if holds) or FINE
@@ -75,7 +77,7 @@ class Recorder:
 
 def holder_of(craft: Aircraft) -> Holder:
     """Return who has a vehicle, in truth."""
-    if craft.failsafe or craft.unasked:
+    if craft.failsafe:
         return "failsafe"
     return "pilot" if craft.mode == "other" or craft.piloted else "service"
 
@@ -132,10 +134,10 @@ def _owed(fleet: Fleet) -> tuple[frozenset[Cell], bool]:
     if setting.strategy.whole_box:
         return box, False
     if setting.strategy.patches:
-        return frozenset().union(*(patch_of(region, cell) for cell in box)), False
+        return frozenset().union(*(component(region, cell) for cell in box)), False
     if state.tree is None:
         return frozenset(), False
-    patch = patch_of(region, state.tree.root)
+    patch = frozenset(component(region, state.tree.root) & region)
     if setting.grid.drift_speed_m_s > 0.0 or not setting.strategy.stops:
         # without a stop it judges cells from beside, also those beyond the fence
         return patch, False

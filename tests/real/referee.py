@@ -18,7 +18,7 @@ from tests.support.claims import bounds_of
 from uavmap.output.facts.score import Score, score, true_roi
 
 IN_THE_AIR_M: Final = 0.5
-HONEST: Final = ("away", "lie", "unreported", "owner", "traceback")
+HONEST: Final = ("away", "lie", "owner", "traceback")
 """Kinds that no scenario may end with; the others it examines by itself."""
 
 
@@ -39,8 +39,9 @@ class Referee:
         """See where an aircraft is now, by the computer's clock, which all share."""
         up_m = truth.amsl_m - self.mission.start.amsl_m
         sample = referee.Sample(
-            truth.arrived_s, self._grid.fixed(truth.position), up_m, up_m > IN_THE_AIR_M
-        )
+            truth.arrived_s, self._grid.fixed(truth.position), up_m, up_m > IN_THE_AIR_M,
+            down_m_s=truth.velocity_m_s[2],
+        )  # fmt: skip
         self.judge.see(number + 1, sample)
 
     def _now(self, number: int) -> referee.Sample | None:

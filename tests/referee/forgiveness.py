@@ -1,6 +1,6 @@
 """What the referee forgives: each a named rule, with its reason, and counted in the result.
 
-`docs/explanation/safety.md` shows this table.
+`docs/reference/referee.md` shows this table.
 """
 
 from __future__ import annotations
@@ -40,6 +40,11 @@ FORGIVENESSES: Final = (
     Forgiveness(
         "pilot or failsafe", ("breach", "far", "fell"),
         "the program does not control the vehicle", _hands,
+    ),
+    Forgiveness(
+        "unasked", ("breach", "far"),
+        "the autopilot returns straight home without a report",
+        lambda m: "unasked" in m.now.ails,
     ),
     Forgiveness(
         "lands by itself", ("air",),

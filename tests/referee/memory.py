@@ -92,7 +92,8 @@ class Memory:
         down_m_s = (before.up_m - now.up_m) / dt_s if dt_s > 0.0 else 0.0
         if down_m_s < FALLS_M_S and now.flying:
             self._slow_up_m = now.up_m
-        self.struck = self.struck or (not now.flying and down_m_s > STRUCK_M_S)
+        strikes_m_s = down_m_s if now.down_m_s is None else now.down_m_s
+        self.struck = self.struck or (not now.flying and strikes_m_s > STRUCK_M_S)
         if now.crashed:
             self.fell_m = max(self.fell_m, self._slow_up_m - now.up_m)
             unheard = bool(now.ails & {"unheard", "unserved"})
@@ -119,5 +120,4 @@ class Memory:
         """Return whether it has crashed from a height that the product can notice."""
         at_pad = away_m < self.bounds.home_m
         least_m = self.bounds.fall_at_pad_m if at_pad else self.bounds.fall_m
-        self.fell_unheard = self.fell_unheard and at_pad
         return self.now.crashed and self.fell_m > least_m

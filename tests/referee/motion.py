@@ -1,4 +1,4 @@
-"""Straight motion between two samples: least distances and distances outside, computed exactly."""
+"""Straight motion between two samples: least distances and distances outside, computed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import shapely
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from missions.units import Cell, GridPoint
+from missions.units import GridPoint
 
 from .track import Sample
 
@@ -60,7 +60,8 @@ class Inside:
         shapely.prepare(fence)
 
     def outside_m(self, leg: Leg) -> float:
-        """Return the largest distance outside at the ends of a leg, and where it cuts a corner."""
+        """Return how far a leg leads outside, at least: at its ends, and half-way through a corner
+        that it cuts."""
         begin, end = leg[0].place, leg[1].place
         self._free_m -= begin.distance_to(end)
         if self._free_m > 0.0:
@@ -81,21 +82,6 @@ class Inside:
 def _middle(piece: LineString) -> GridPoint:
     middle = piece.interpolate(0.5, normalized=True)
     return GridPoint(middle.x, middle.y)
-
-
-def patch_of(region: frozenset[Cell], root: Cell) -> frozenset[Cell]:
-    """Return the cells that hang together with one by their edges; none without it.
-
-    >>> len(patch_of(frozenset({Cell(0, 0), Cell(0, 1), Cell(2, 0)}), Cell(0, 1)))
-    2
-    """
-    found, todo = set[Cell](), [root]
-    while todo:
-        cell = todo.pop()
-        if cell in region and cell not in found:
-            found.add(cell)
-            todo.extend(cell.neighbours())
-    return frozenset(found)
 
 
 def unseen(

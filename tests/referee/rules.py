@@ -78,7 +78,8 @@ def _taken(memory: Memory, before: Sample) -> str:
 
 def _breach(memory: Memory, before: Sample) -> str:
     now = memory.now
-    memory.out_m = memory.inside.outside_m((before, now)) if now.flying else 0.0
+    out_m = memory.inside.outside_m((before, now))  # also on the ground: it may be carried
+    memory.out_m = out_m if now.flying else 0.0
     if memory.out_m == 0.0:
         memory.left_s = None
         return ""
@@ -122,7 +123,7 @@ AT_THE_END: Final = {
     "unreported": "a crash, and a landing away from the pad, is reported",
     "away": "a vehicle that counts as at home is there",
     "lie": "a flight is complete only with a whole map and every vehicle at home",
-    "false": "no more sure cells are wrong than stated",
+    "false": "no sure cell is wrong",
     "lost votes": "nothing that was confirmed is lost",
     "owner": "settings of the owner are given back",
     "fold": "the text of the journal gives the same state",
@@ -136,11 +137,12 @@ def of_vehicle(memory: Memory, number: int, said: Said) -> Iterator[Fault]:
     """Yield what is wrong with one vehicle at the end."""
     now, pad = memory.now, memory.bounds.pads.get(number)
     away_m = 0.0 if pad is None else now.place.distance_to(pad)
-    if memory.lies_there(away_m):
-        if number not in said.reported:
-            yield "unreported", f"has crashed from {memory.fell_m:.1f} m, as {now.charge}"
-        if said.completed:
-            yield "lie", "is down, and the flight is complete"
+    lies = memory.lies_there(away_m)
+    memory.fell_unheard = memory.fell_unheard and away_m < memory.bounds.home_m
+    if lies and number not in said.reported:
+        yield "unreported", f"has crashed from {memory.fell_m:.1f} m, as {now.charge}"
+    if said.completed and (lies or (now.crashed and memory.bounds.crash_is_known)):
+        yield "lie", "is down, and the flight is complete"
     if now.flying:
         yield "air", f"is in the air at the end in {now.mode}, {now.charge}, {now.wh:.1f} Wh left"
     elif now.charge in ("ground", "home") and away_m > BESIDE_M:
@@ -165,7 +167,7 @@ def of_flight(said: Said, *, home: bool) -> Iterator[Fault]:
     if said.misjudged or said.code == NO_VERDICT:
         return
     wrong = said.mapped - said.region
-    if len(wrong) > said.false_share * len(said.mapped):
+    if wrong:
         yield "false", f"not region: {sorted(wrong)}"
     if not said.completed:
         return

@@ -13,7 +13,7 @@ from missions.units import Cell, GridPoint
 Holder = Literal["service", "pilot", "failsafe"]
 Ail = Literal[
     "blind", "misled", "unheard", "deaf", "straight", "helpless", "stormy", "drained", "emptied",
-    "falling", "by hand", "idle", "unserved", "pads outside",
+    "falling", "by hand", "idle", "unserved", "unasked", "pads outside",
 ]  # fmt: skip
 """Conditions of a vehicle in truth.
 
@@ -22,7 +22,8 @@ velocities agree and are wrong; unheard, deaf: no telemetry, no command arrives;
 no target; helpless: nor a landing or a return; stormy: more wind than reckoned with; drained,
 emptied: charge was lost at once, emptied for more than 30 %; falling: its motors have failed;
 by hand: sticks fly it; idle: it hovers, and nothing that was begun goes on; unserved: no program
-runs; pads outside: a pad of the team lies outside of the fence.
+runs; unasked: its autopilot returns without an order or a failsafe; pads outside: a pad of the team
+lies outside of the fence.
 """
 Charge = Literal[
     "", "ground", "home", "mission", "guardian", "others", "silent", "over", "down", "lost"
@@ -53,6 +54,8 @@ class Sample:
     """Name of its present order; "" for none."""
     known: bool = True
     """Whether the product knows the present mode of a pilot or a failsafe."""
+    down_m_s: float | None = None
+    """Speed downwards, where the world tells it; else that between samples counts."""
 
     @property
     def returns(self) -> bool:
@@ -75,6 +78,8 @@ class Bounds:
     """Least fall that the product can notice..."""
     fall_at_pad_m: float = 5.0
     """... and over a pad, where a hard landing looks the same."""
+    crash_is_known: bool = False
+    """Whether the product notices each crash, however low: no flight with one is complete."""
     home_m: float = 5.0
     """Distance from its pad within which a vehicle is at home."""
     ends_with_program: bool = False
@@ -99,10 +104,8 @@ class Said:
     """Cells that a complete map has to hold."""
     mapped: frozenset[Cell] = frozenset()
     """Cells that the map is sure are region."""
-    false_share: float = 0.0
-    """Part of the sure cells that may be wrong, as stated..."""
     missed_cells: int = 0
-    """... and how many owed cells may be missing from a complete map."""
+    """How many owed cells may be missing from a complete map."""
     misjudged: bool = False
     """A frame was judged while its pose was wrong."""
     forbidden: bool = False

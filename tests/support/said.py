@@ -9,6 +9,12 @@ class Said(list[str]):
     def show(self, text: str) -> None:
         self.append(text)
 
+    @property
+    def page(self) -> str:
+        """The URL of the live page."""
+        named = "live page: "
+        return next(line.removeprefix(named) for line in self if line.startswith(named))
+
 
 class Gone(io.StringIO):
     """A terminal, a pipe or a disk that takes nothing more."""

@@ -51,6 +51,8 @@ class Observer(Truth):
     always: frozenset[Ail] = FINE
     """What the vehicles of this flight suffer all the time."""
     more_bounds: dict[str, Any] = field(default_factory=dict)
+    excuses_blind: bool = False
+    """Whether the map of a flight with a blind vehicle is not judged."""
     missed_cells: int = 1
     """So many cells of the rim, half of them region, may come out as not."""
     referee: Referee | None = None
@@ -67,7 +69,8 @@ class Observer(Truth):
             self.mission = setting.mission
             pads = {v.spec.system_id: setting.grid.fixed(v.spec.home) for v in vehicles}
             # a pad is found by positions that err, and a quarter of a metre is no fall in telemetry
-            given = {"home_m": 7.0, "race_s": RACE_S, "fall_m": 0.25, **self.more_bounds}
+            given = {"home_m": 7.0, "race_s": RACE_S, "fall_m": 0.25, "crash_is_known": True}
+            given |= self.more_bounds
             self.referee = Referee(bounds_of(setting.mission, setting.grid, pads, **given))
         for vehicle in vehicles:
             self.t_s = vehicle.t_s

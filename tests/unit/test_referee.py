@@ -155,7 +155,6 @@ def test_map_that_is_not_the_truth_is_seen():
     for said, found in (
         (whole, []), (replace(whole, mapped=owed - {Cell(1, 0)}), ["lie"]),
         (replace(whole, mapped=owed | more), ["false"]),
-        (replace(whole, mapped=owed | more, false_share=0.5), []),
         (replace(whole, lost=["a frame"]), ["lost votes"]),
         (replace(whole, owners="vehicle 1: fence"), ["owner"]),
         (replace(whole, lanes=[(HOME, GridPoint(9.0, 0.0))], frames=[(HOME, 2.0)]), ["lie"]),
@@ -178,3 +177,30 @@ def test_the_page_of_the_referee_has_every_rule_and_every_forgiveness():
     rows = [f"| {kind} | {promise} |" for kind, promise in promises.items()]
     rows += [f"| {f.name} | {', '.join(f.kinds)} | {f.why} |" for f in FORGIVENESSES]
     assert [row for row in rows if row not in page] == []
+
+
+def test_vehicle_far_outside_and_one_left_in_the_air_are_seen():
+    assert "far" in kinds(judged([at(0.0), at(1.0, 400.0)]))
+    referee = judged([at(0.0, up_m=9.0)])
+    referee.conclude(Said(1.0))
+    assert kinds(referee) == ["air"]
+
+
+def test_vehicle_that_is_carried_out_on_the_ground_breaches_the_fence_once_it_flies():
+    away = [at(0.5 * k, 40.0 * k, up_m=0.0, flying=False) for k in range(9)]
+    referee = judged([at(-1.0), *away, at(5.0, 321.0)])
+    assert "breach" in kinds(referee)
+
+
+def test_low_crash_is_a_lie_of_a_complete_flight_where_each_is_noticed():
+    lies = [at(0.0, up_m=1.0), at(1.0, up_m=0.0, flying=False, crashed=True)]
+    for known, found in ((False, []), (True, ["lie"])):
+        referee = judged(lies, crash_is_known=known)
+        referee.conclude(Said(2.0, completed=True))
+        assert kinds(referee) == found
+
+
+def test_speed_at_which_it_strikes_is_the_world_s_where_that_tells_it():
+    slow = [at(0.0, up_m=1.0), at(1.0, up_m=0.0, flying=False)]
+    struck = [slow[0], replace(slow[1], down_m_s=5.0)]
+    assert [judged(seen).memories[1].struck for seen in (slow, struck)] == [False, True]

@@ -17,7 +17,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import urlsplit
 
+import numpy as np
+
 from missions.errors import LinkError, OutputError
+from missions.geo.web_mercator import share_of
 from missions.units import LatLon
 from uavmap.base.version import __version__
 from uavmap.load.mbtiles import kind_of
@@ -68,19 +71,14 @@ class Bounds:
 
     def tiles(self, zoom: int) -> list[Tile]:
         """Return the tiles of a zoom level that show any of it."""
-        left, right = (math.floor((lon / 360.0 + 0.5) * 2**zoom) for lon in (self.west, self.east))
-        top, bottom = (_row(lat, zoom) for lat in (self.north, self.south))
+        across, down = share_of((self.north, self.south), (self.west, self.east))
+        left, right = np.floor(across * 2**zoom).astype(int).tolist()
+        top, bottom = np.floor(down * 2**zoom).astype(int).clip(0, 2**zoom - 1).tolist()
         return [
             Tile(zoom, x % 2**zoom, y)
             for x in range(left, right + 1)
             for y in range(top, bottom + 1)
         ]
-
-
-def _row(lat_deg: float, zoom: int) -> int:
-    lat = math.radians(lat_deg)
-    share = 0.5 - math.log(math.tan(math.pi / 4 + lat / 2)) / math.tau
-    return int(min(max(math.floor(share * 2**zoom), 0), 2**zoom - 1))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import sqlite3
 from pathlib import Path
 from typing import Final
 
 from missions.errors import OutputError
+from missions.geo.web_mercator import lat_lon_of
 
 KINDS: Final = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpg", b"RIFF": "webp"}
 """Formats by MBTiles' names."""
 MOST_BYTES: Final = 8 << 20
+MOST_ZOOM: Final = 30
 
 
 def kind_of(data: bytes) -> str | None:
@@ -28,15 +29,19 @@ class Tiles:
             uri = f"{path.absolute().as_uri()}?mode=ro"
             self._database = sqlite3.connect(uri, uri=True, check_same_thread=False)
             said = dict(self._database.execute("SELECT name, value FROM metadata"))
-            asked = "SELECT min(zoom_level), max(zoom_level) FROM tiles"
-            low, high = self._database.execute(asked).fetchone()
+            low, high = (  # apart: either is at an end of the index, both together read it all
+                self._database.execute(f"SELECT {end}(zoom_level) FROM tiles").fetchone()[0]
+                for end in ("min", "max")
+            )
         except (sqlite3.Error, UnicodeError, ValueError) as error:
             raise OutputError(f"{path}: cannot be read as MBTiles: {error}") from None
         if said.get("format") == "pbf":
             raise OutputError(f"{path}: holds vector tiles; tiles of pictures are shown")
         if low is None:
             raise OutputError(f"{path}: holds no tile")
-        self.zooms = range(int(low), int(high) + 1)
+        if not (isinstance(low, int) and isinstance(high, int) and 0 <= low <= high <= MOST_ZOOM):
+            raise OutputError(f"{path}: has tiles of levels {low} to {high}; at most {MOST_ZOOM}")
+        self.zooms = range(low, high + 1)
         self.attribution = str(said.get("attribution", ""))
 
     def close(self) -> None:
@@ -50,8 +55,9 @@ class Tiles:
         column, row = self._database.execute(
             "SELECT avg(tile_column), avg(tile_row) FROM tiles WHERE zoom_level = ?", (zoom,)
         ).fetchone()
-        north = math.pi * (2.0 * (row + 0.5) / 2**zoom - 1.0)  # the file counts from the south
-        return math.degrees(math.atan(math.sinh(north))), 360.0 * (column + 0.5) / 2**zoom - 180.0
+        down = 1.0 - (row + 0.5) / 2**zoom  # the file counts from the south
+        lat, lon = lat_lon_of((column + 0.5) / 2**zoom, down)
+        return float(lat), float(lon)
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
         """Return a tile; None where there is none that is a picture."""

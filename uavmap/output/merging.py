@@ -121,8 +121,7 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         last_s = -math.inf
         for k, event in enumerate(own):  # each stays in its own order: that is what was acted on
             moved = replace(event, t_s=round(event.t_s + later_s, 3)) if later_s else event
-            of_all = Recalled | Paused | Continued | TrafficSeen | Resumed
-            if before[place] and not isinstance(moved, of_all):
+            if before[place] and not isinstance(moved, Recalled | Paused | Continued | Resumed):
                 moved = replace(moved, vehicle=moved.vehicle + before[place])
             last_s = max(last_s, moved.t_s)
             dated.append((last_s, place, k, moved))

@@ -251,8 +251,8 @@ class GroundService(Service):
         return self.flying and not self.state.paused and self._command("pause")
 
     def go_on(self) -> bool:
-        """End a pause; False without one."""
-        return self.flying and self.state.paused and self._command("continue")
+        """Have all vehicles continue: members hold for a pause, or for traffic."""
+        return self.flying and self._command("continue")
 
     def recall_vehicle(self, number: int) -> bool:
         """Recall one vehicle. Raises `KeyError` for a number without a vehicle."""

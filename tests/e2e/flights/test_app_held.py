@@ -23,6 +23,7 @@ from tests.support.page.app_page import KML, Page, app
 from tests.support.page.browser import browser, keep_picture, need_browser
 from tests.support.page.proxy import RecordingProxy, recording_proxy
 from tests.unit.uavmap.ui.ground.test_layers import mosaic
+from uavmap.ui.app.jobs import LOGS
 from uavmap.ui.app.server import TABS
 
 SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
@@ -36,6 +37,7 @@ class Day(NamedTuple):
     url: str
     proxy: RecordingProxy
     drawing: Path
+    folder: Path
 
     @property
     def root(self) -> str:
@@ -55,8 +57,7 @@ class Day(NamedTuple):
 
     def commands(self) -> int:
         """How many commands there were."""
-        self.page.open("Commands")
-        return len(self.page.driver.find_elements("css selector", ".app-commands .app-command"))
+        return len(list((self.folder / LOGS).glob("*.log")))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +77,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Day]:
         recording_proxy() as proxy,
         browser(1280, 1000, proxy.port) as driver,
     ):
-        yield Day(Page(driver), url, proxy, drawing)
+        yield Day(Page(driver), url, proxy, drawing, folder)
         assert not proxy.elsewhere
 
 
@@ -117,6 +118,13 @@ def test_files_of_the_folder_run_nothing_and_files_elsewhere_are_refused(day: Da
     day.page.wait("seen")
     assert driver.title != "ran"
     driver.get_log("browser")  # it was refused, and that is said
+    log = day.folder / LOGS / "1.log"
+    log.parent.mkdir(exist_ok=True)
+    log.write_text("live page: http://127.0.0.1:1/?token=secret")
+    driver.get(f"{day.root}file/{LOGS}/{log.name}")
+    assert not day.page.says("secret")
+    log.unlink()
+    driver.get_log("browser")
     driver.get(f"{day.root}file/..%2f..%2fetc/passwd")
     assert not day.page.says("root:")
     driver.get_log("browser")
@@ -175,7 +183,7 @@ def test_second_browser_watches_until_the_controls_are_handed_over(day: Day) -> 
     second = driver.current_window_handle
     driver.get(day.root)
     page.wait("another browser holds the controls")
-    assert not page.found("button", "Make the mission").is_enabled()
+    rig.wait_until(lambda: not page.see("button", "Make the mission").is_enabled(), "it may not")
     page.press("Ask for the controls")
     driver.switch_to.window(first)
     page.press("Hand over")
@@ -187,9 +195,11 @@ def test_second_browser_watches_until_the_controls_are_handed_over(day: Day) -> 
         "(e) => e.textContent === 'Make the mission');"
         "window.socket.emit(kind, {...click, args: [JSON.stringify(button.dataset.click)]})"
     )
-    assert day.commands() == before
     driver.switch_to.window(second)
     page.wait("you hold the controls")
+    page.open("Results")
+    page.open("Areas")
+    assert day.commands() == before
     driver.close()
     driver.switch_to.window(first)
 

@@ -73,7 +73,7 @@ def shown(width_px: int, height_px: int) -> Iterator[tuple[Page, Flown]]:
         flown = Flown(feed)
         flown.go_on_to(40.0)
         flown.send()
-        driver.get(said[0].removeprefix("live page: "))
+        driver.get(said.page)
         page = Page(driver)
         page.wait("flightMap.frames && flightMap.board.vehicles[1]")
         yield page, flown

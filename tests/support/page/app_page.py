@@ -93,7 +93,7 @@ class Page:
     def write_lines(self, label: str, text: str) -> None:
         from selenium.webdriver import Keys  # noqa: PLC0415 - it may be missing
 
-        box = self.found(f'textarea[aria-label^="{label}"]')
+        box = self.see(f'textarea[aria-label^="{label}"]')
         box.send_keys(Keys.CONTROL, "a")
         box.send_keys(text)
 

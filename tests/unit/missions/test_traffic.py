@@ -125,3 +125,12 @@ def test_flood_leaves_the_nearest():
     many = [track(float(k), 0.0, ident=str(k)) for k in range(3 * MOST_TRACKS, 0, -1)]
     kept = Traffic().heard(many).tracks
     assert [one.ident for one in kept] == [str(k) for k in range(1, MOST_TRACKS + 1)]
+
+
+def test_traffic_that_was_ignored_and_comes_back_counts_anew():
+    near = track(0.0, 900.0, None)
+    ignored = Traffic().heard([near]).judged(RULE, TEAM, 0.0).ignoring()
+    assert ignored.judged(RULE, TEAM, 1.0).answer is Answer.GO_ON
+    gone = ignored.judged(RULE, TEAM, STALE_S + 1.0)
+    again = gone.heard([near._replace(seen_s=100.0)]).judged(RULE, TEAM, 100.0)
+    assert again.answer is Answer.COME_HOME

@@ -42,7 +42,7 @@ def read_geojson(text: str, source: str) -> Layer:
     if not isinstance(kind, str):
         raise AreaError(f"{source}: JSON, but no GeoJSON; save the polygon as GeoJSON")
     notices: list[str] = []
-    system = _system(root.get("crs"), source)
+    system = system_of(root.get("crs"), source)
     return layer_of(_shapes(root, source, notices), system, source, notices)
 
 
@@ -61,7 +61,8 @@ def _parsed(text: str, source: str) -> Any:
         raise AreaError(f"{source}: not JSON ({printable(reason, 80)})") from None
 
 
-def _system(value: object, source: str) -> pyproj.CRS:
+def system_of(value: object, source: str) -> pyproj.CRS:
+    """Return the coordinate system of a member `crs`; WGS84 without one. Raises `AreaError`."""
     if value is None:
         return WGS84
     properties = value.get("properties") if isinstance(value, Mapping) else None

@@ -7,7 +7,6 @@ unit or reference, times at which it applies. A zone whose place cannot be read 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,13 +14,16 @@ from typing import Any, Final
 
 from shapely.geometry import Point, Polygon
 
-from missions.errors import MissionFileError
+from missions.errors import AreaError, MissionFileError
 from uavmap.base.printable import printable
 from uavmap.base.text_files import read_text
+from uavmap.load.areas.drawing import WGS84
+from uavmap.load.areas.geojson import system_of
 
 MOST_BYTES: Final = 100_000_000
 """Of a file: those of whole countries have some 20 MB."""
 _DEEPEST: Final = 20
+_MOST: Final = 1e9
 _UNITS_M: Final = {"M": 1.0, "FT": 0.3048}
 REFERENCES: Final = ("AGL", "AMSL", "WGS84")
 """What heights count from, as far as it is understood."""
@@ -88,7 +90,11 @@ def read_zones(path: Path, where: str) -> list[ZoneFound]:
             f"{where}: no list of features; give ED-269 JSON, ED-318 GeoJSON, or a GeoJSON "
             "FeatureCollection"
         )
-    if "crs" in root and "CRS84" not in json.dumps(root["crs"]):
+    try:
+        system = system_of(root.get("crs"), where)
+    except AreaError as error:
+        raise MissionFileError(str(error)) from None
+    if system != WGS84:
         raise MissionFileError(f"{where}: crs: save the zones in WGS84 (EPSG:4326)")
     found = [_zone(feature, i, f"{where}: features[{i}]") for i, feature in enumerate(features)]
     return [zone for zone in found if zone is not None]
@@ -107,6 +113,8 @@ def _zone(feature: object, index: int, where: str) -> ZoneFound | None:
     applies = values.get("applicability") or values.get("limitedApplicability") or []
     volumes = tuple(_volumes(feature.get("geometry"), where, _DEEPEST))
     if not volumes:
+        if restriction in _RESTRICTIONS:
+            raise MissionFileError(f"{where}: a zone without an area; give a polygon or a circle")
         return None
     times = applies if isinstance(applies, list) else [applies]
     return ZoneFound(
@@ -142,7 +150,7 @@ def _volumes(geometry: object, where: str, depth: int) -> Iterator[Volume]:
     if not isinstance(geometry, Mapping) or depth < 0:
         raise MissionFileError(f"{where}: no geometry")
     if "horizontalProjection" in geometry:
-        unit = geometry.get("uomDimensions", "M")
+        unit = geometry.get("uomDimensions")
         lower = _limit(geometry, "lowerLimit", "lowerVerticalReference", unit)
         upper = _limit(geometry, "upperLimit", "upperVerticalReference", unit)
         yield from _shapes(geometry["horizontalProjection"], where, lower, upper)
@@ -153,7 +161,7 @@ def _volumes(geometry: object, where: str, depth: int) -> Iterator[Volume]:
         return
     layer = geometry.get("layer")
     layer = layer if isinstance(layer, Mapping) else {}
-    unit = layer.get("uom", "M")
+    unit = layer.get("uom")
     lower = _limit(layer, "lower", "lowerReference", unit)
     yield from _shapes(geometry, where, lower, _limit(layer, "upper", "upperReference", unit))
 
@@ -204,7 +212,7 @@ def _limit(values: Mapping[str, Any], key: str, reference: str, unit: object) ->
     value, metres = values.get(key), _UNITS_M.get(str(unit).upper())
     if metres is None or not isinstance(value, int | float) or isinstance(value, bool):
         return None
-    if not math.isfinite(value):
+    if not abs(value) <= _MOST:  # no number, either
         return None
     named = str(values.get(reference, "")).upper()
     return Limit(round(float(value) * metres, 2), named if named in REFERENCES else None)
@@ -217,6 +225,6 @@ def _list(value: object, where: str) -> list[Any]:
 
 
 def _number(value: object, where: str) -> float:
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _MOST:
         return float(value)
     raise MissionFileError(f"{where} = {printable(repr(value), 40)}: give a number")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
+import pyproj
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry import Point, Polygon
@@ -32,6 +33,8 @@ _SMALLEST_M2: Final = 0.1
 _NEAR_DEG: Final = 0.02
 _STEP_DEG: Final = 0.005
 """Edges are straight in degrees, and become many in metres."""
+_ELSEWHERE_M: Final = 100_000.0
+_EARTH: Final = pyproj.Geod(ellps="WGS84")
 _GEOID_M: Final = 90.0
 """How far the sea may lie above the ellipsoid, m."""
 
@@ -48,8 +51,8 @@ def with_zones(mission: Mission, files: Sequence[str], folder: Path, where: str)
     if any(positions_near(mission)):
         return mission
     grid = grid_of(mission)
-    fence = drawn(mission.fence.polygon, grid)
-    if not fence.is_valid:
+    fence, *holes = (drawn(ring, grid) for ring in (mission.fence.polygon, *mission.fence.holes))
+    if not all(shape.is_valid for shape in (fence, *holes)):
         return mission
     near = _Near(mission, grid, fence)
     zones: list[Zone] = []
@@ -92,7 +95,6 @@ class _Near:
         self._bounds = (
             min(lon) - wide_deg, min(lat) - _NEAR_DEG, max(lon) + wide_deg, max(lat) + _NEAR_DEG,
         )  # fmt: skip
-        self._middle = LatLon((min(lat) + max(lat)) / 2.0, (min(lon) + max(lon)) / 2.0)
 
     def shape(self, volume: Volume) -> BaseGeometry:
         """Return the part of a volume in the fence, in ground metres."""
@@ -107,8 +109,9 @@ class _Near:
         return shapely.make_valid(ground).intersection(self.room)
 
     def _circle(self, centre: Point, radius_m: float) -> BaseGeometry:
-        away_deg = max(abs(centre.x - self._middle.lon_deg), abs(centre.y - self._middle.lat_deg))
-        if away_deg > 3.0 + radius_m / 50_000.0:  # elsewhere, where no grid of ours reaches
+        home = self.mission.home
+        away_m = _EARTH.inv(home.lon_deg, home.lat_deg, centre.x, centre.y)[2]
+        if away_m > radius_m + _ELSEWHERE_M:  # where no grid of ours reaches
             return Polygon()
         middle = self.grid.fixed(LatLon(centre.y, centre.x))
         around = ring(middle, radius_m / math.cos(math.pi / CORNERS), CORNERS)

@@ -20,7 +20,8 @@ class Level(Enum):
 
 
 _LINE: Final = re.compile(r"(ok|warn|bad) +(?:(\d+) )?(.+?): (.*)")
-_SAYS: Final = re.compile(r"(.*?)(?: \(wanted: (.*?)\))?(?:; (.*))?")
+_WANTED: Final = re.compile(r"(.*?) \(wanted: (.*)\)(?:; (.*))?")
+_PLAIN: Final = re.compile(r"(.*?)()(?:; (.*))?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,9 @@ class Finding:
             return None
         level, vehicle, what, found = parts.groups()
         wanted = remedy = ""
-        if level != Level.OK.value and (says := _SAYS.fullmatch(found)):
+        if level != Level.OK.value and (
+            says := _WANTED.fullmatch(found) or _PLAIN.fullmatch(found)
+        ):
             found, wanted, remedy = (part or "" for part in says.groups())
         of = None if vehicle is None else int(vehicle)
         return cls(what, Level(level), found, wanted, remedy, of)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import re
 import socket
@@ -12,12 +13,14 @@ from typing import Final
 from nicegui import background_tasks, ui
 
 from missions.errors import UavmapError
+from missions.flight.setting_of import setting_of
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.ui.app.jobs import Job
 from uavmap.ui.app.preflight import Findings
 from uavmap.ui.app.visitor import App, Visitor
 from uavmap.ui.page.feed import LOOPBACK
+from uavmap.ui.page.page_scene import of_tiles
 from uavmap.ui.page.server import asked
 
 _LOG: Final = logging.getLogger("uavmap.ui.app")
@@ -43,17 +46,17 @@ class Practise:
         self._keeps = ui.checkbox("keep the pictures", value=True).mark("keep")
         visitor.button("Practise", self._begin).mark("practise")
 
-    def _begin(self) -> None:
+    async def _begin(self) -> None:
         mission, app = chosen(self._mission), self._visitor.app
         vehicles, speedup = int(self._vehicles.value or 1), str(self._speedup.value)
         port, http_port = free_ports(vehicles), free_ports(1, socket.SOCK_STREAM)
+        flight = ["fly", mission, "--speedup", speedup, *app.page_words("--page"), "--yes",
+                  "--auto-swap", *kept(self._keeps), *await beneath(app, mission)]  # fmt: skip
         simulator = self._visitor.run(
             ["sitl", "--mission", mission, "--vehicles", str(vehicles), "--speedup", speedup,
              "--seed", str(int(self._seed.value or 0)), "--port", str(port),
              "--http-port", str(http_port)]
         )  # fmt: skip
-        flight = ["fly", mission, "--speedup", speedup, *app.page_words("--page"), "--yes",
-                  "--auto-swap", *kept(self._keeps), *beneath(app, mission)]  # fmt: skip
         # it goes on where the browser is closed
         background_tasks.create(flown_in(app, simulator, flight, vehicles), name="practise")
 
@@ -129,7 +132,7 @@ class RealAircraft:
         question = "Vehicles arm and take off once all checks are good. Is the field clear?"
         if await asked(question, "Take off", "Cancel") is not None:
             page = self._visitor.app.page_words("--page")
-            ground = beneath(self._visitor.app, chosen(self._mission))
+            ground = await beneath(self._visitor.app, chosen(self._mission))
             self._visitor.run([*words, *page, "--yes", *kept(self._keeps), *ground])
 
 
@@ -138,11 +141,18 @@ def kept(keeps: ui.checkbox) -> list[str]:
     return ["--keep-frames"] if keeps.value else []
 
 
-def beneath(app: App, mission: str) -> list[str]:
-    """Return the words that lay the first map of the folder that shows a mission's home beneath."""
-    home = load(str(app.workspace.folder / mission)).home
-    name = app.grounds.beneath(home)
-    return [] if name is None else ["--tiles", name]
+async def beneath(app: App, mission: str) -> list[str]:
+    """Return the words that lay the first map of the folder that shows a mission beneath it."""
+    return await asyncio.to_thread(_beneath, app, mission)
+
+
+def _beneath(app: App, mission: str) -> list[str]:
+    setting = setting_of(load(str(app.workspace.folder / mission)))
+    for name in app.grounds.files():
+        with contextlib.suppress(UavmapError):
+            of_tiles(app.grounds.path_of(name), setting)  # as the flight will
+            return ["--tiles", name]
+    return []
 
 
 def chosen(mission: ui.select) -> str:

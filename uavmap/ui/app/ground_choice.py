@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 from html import escape
 from typing import Any, Final
 from urllib.parse import quote
 
-from nicegui import ui
+from nicegui import background_tasks, ui
 
 from missions.errors import UavmapError
+from uavmap.ui.app.grounds import Facts
 from uavmap.ui.app.visitor import Visitor
 
 FINEST: Final = 22
@@ -25,21 +28,19 @@ class GroundChoice:
         self._chosen = ui.select(names, multiple=True, label="maps beneath").mark("beneath")
         self._chosen.props("dense outlined use-chips").classes("app-beneath")
         self._chosen.on_value_change(lambda event: self._show(list(event.value or ())))
-        self._choose_first()
+        background_tasks.create(self._choose_first(), name="first map")
         visitor.on_update(self._update)
 
     def _names(self) -> list[str]:
         return [*self._grounds.files(), *self._grounds.mosaics()]
 
-    def _choose_first(self) -> None:
+    async def _choose_first(self) -> None:
         """Show the first file that can be shown."""
         for name in self._grounds.files():
-            try:
-                self._grounds.layer(name)
-            except UavmapError:
-                continue
-            self._chosen.set_value([name])
-            return
+            with contextlib.suppress(UavmapError):
+                await asyncio.to_thread(self._grounds.facts, name)
+                self._chosen.set_value([name])
+                return
 
     def _update(self) -> None:
         names = self._names()
@@ -48,18 +49,21 @@ class GroundChoice:
         none_yet = not self._chosen.options
         self._chosen.set_options(names, value=[n for n in self._chosen.value or () if n in names])
         if none_yet:
-            self._choose_first()
+            background_tasks.create(self._choose_first(), name="first map")
 
-    def _show(self, names: list[str]) -> None:
+    async def _show(self, names: list[str]) -> None:
+        found: dict[str, Facts] = {}
+        for name in names:  # a thread may render a tile of it
+            try:
+                found[name] = await asyncio.to_thread(self._grounds.facts, name)
+            except UavmapError as error:
+                ui.notify(str(error))
+        if names != list(self._chosen.value or ()):
+            return  # chosen anew meanwhile
         shown: dict[str, Any] = {}
         for layer in self._layers.values():
             self._map.remove_layer(layer)
-        for name in names:
-            try:
-                ground = self._grounds.layer(name)
-            except UavmapError as error:
-                ui.notify(str(error))
-                continue
+        for name, ground in found.items():
             options = {
                 "maxZoom": FINEST,
                 "minZoom": ground.zooms[0],

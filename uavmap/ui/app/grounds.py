@@ -5,15 +5,23 @@ from __future__ import annotations
 import contextlib
 import threading
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from missions.errors import UavmapError
-from missions.units import LatLon
 from uavmap.output.drawing.mosaic_file import MOSAIC, ORTHO
 from uavmap.ui.app.workspace import Workspace
-from uavmap.ui.ground.layer import ENDINGS, GroundLayer, opened, shows
+from uavmap.ui.ground.layer import ENDINGS, GroundLayer, opened
 
 _MOST_OPEN: Final = 12
+
+
+class Facts(NamedTuple):
+    """What a page has to know of a map before it asks for tiles."""
+
+    zooms: range
+    attribution: str
+    middle: tuple[float, float]
+    """Latitude and longitude, degrees."""
 
 
 class Grounds:
@@ -22,11 +30,12 @@ class Grounds:
     def __init__(self, workspace: Workspace, given: Path | None = None) -> None:
         self._workspace = workspace
         self._given = given
-        self._open: dict[tuple[str, int], GroundLayer] = {}
-        self._lock = threading.RLock()
+        self._open: dict[str, tuple[int, GroundLayer]] = {}
+        """By name, with the time at which each was written, ns."""
+        self._lock = threading.Lock()
         """A layer is read by one thread at a time."""
         if given is not None:
-            self.layer(str(given))
+            self.facts(str(given))
 
     def files(self) -> list[str]:
         """Return the names of map files, the one that was given first."""
@@ -45,32 +54,36 @@ class Grounds:
             found += [f"{flown.name}/{name}" for name in there[:1]]
         return found
 
-    def layer(self, name: str) -> GroundLayer:
-        """Return an open map. Raises `UavmapError` for a file that is none."""
+    def path_of(self, name: str) -> Path:
+        """Return the path of a map. Raises `UavmapError` for one outside of the folder."""
         own = self._given is not None and name == str(self._given)
-        path = Path(name).absolute() if own else self._workspace.path_of(name)
-        try:
-            key = name, path.stat().st_mtime_ns  # a flight writes its mosaic anew
-        except OSError as error:
-            raise UavmapError(f"{name}: cannot be read: {error.strerror}") from None
+        return Path(name) if own else self._workspace.path_of(name)
+
+    def facts(self, name: str) -> Facts:
+        """Return what is known of a map. Raises `UavmapError` for a file that is none."""
         with self._lock:
-            if key not in self._open:
-                if len(self._open) >= _MOST_OPEN:
-                    self._open.pop(next(iter(self._open))).close()
-                self._open[key] = opened(path)
-            return self._open[key]
+            layer = self._layer(name)
+            return Facts(layer.zooms, layer.attribution, layer.middle)
 
     def tile(self, name: str, zoom: int, x: int, y: int) -> bytes | None:
         """Return a tile of a map; None where there is none."""
-        with contextlib.suppress(UavmapError, OSError), self._lock:
-            layer = self.layer(name)
-            return layer.tile(zoom, x, y) if zoom in layer.zooms else None
+        with contextlib.suppress(UavmapError, OSError, ValueError), self._lock:
+            layer = self._layer(name)
+            if zoom in layer.zooms and 0 <= x < 2**zoom and 0 <= y < 2**zoom:
+                return layer.tile(zoom, x, y)
         return None
 
-    def beneath(self, place: LatLon) -> str | None:
-        """Return the first map file that shows a place; None where none does."""
-        for name in self.files():
-            with contextlib.suppress(UavmapError, OSError), self._lock:
-                if shows(self.layer(name), place):
-                    return name
-        return None
+    def _layer(self, name: str) -> GroundLayer:
+        """Open a map, or return it open: the last ones are kept, each as it is on the disk."""
+        path = self.path_of(name)
+        try:
+            written_ns = path.stat().st_mtime_ns  # a flight writes its mosaic anew
+        except OSError as error:
+            raise UavmapError(f"{name}: cannot be read: {error.strerror}") from None
+        if name in self._open and self._open[name][0] != written_ns:
+            self._open.pop(name)[1].close()
+        if name not in self._open:
+            if len(self._open) >= _MOST_OPEN:
+                self._open.pop(next(iter(self._open)))[1].close()
+            self._open[name] = written_ns, opened(path)
+        return self._open[name][1]

@@ -33,6 +33,9 @@ _HEAD_BYTES: Final = 1 << 16
 _PAGE: Final = re.compile(r"^(?:live page: |paint at )(http\S+)", re.MULTILINE)
 _WATCHED: Final = re.compile(r"^live page without buttons: (http\S+)", re.MULTILINE)
 """The same, for those who only look."""
+_TOKEN: Final = re.compile(r"\btoken=\S+")
+_PAGED: Final = ("fly", "resume", "watch", "tune")
+"""Commands that may serve a page."""
 _ENDS: Final = {0: "done", 2: "refused", 3: "not complete", 4: "an aircraft is down",
                 5: "no verdict", 130: "interrupted"}  # fmt: skip
 
@@ -75,6 +78,7 @@ class Job:
                 text = file.read().decode("utf-8", "replace")
         except OSError as error:
             return [f"{self.log}: cannot be read: {error.strerror}"]
+        text = _TOKEN.sub("token=...", text)  # those who only look have no buttons
         return [line.rsplit("\r", 1)[-1] for line in text.splitlines()][-MOST_LINES:]
 
     def page(self, *, steers: bool) -> str | None:
@@ -82,7 +86,7 @@ class Job:
 
         Who does not hold the controls gets the page without buttons, where there are two.
         """
-        if not self.runs:
+        if self.words[0] not in _PAGED or not self.runs:
             return None
         if _PAGE.search(self._head) is None:
             with contextlib.suppress(OSError), self.log.open("rb") as file:

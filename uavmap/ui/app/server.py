@@ -14,6 +14,7 @@ from missions.errors import UavmapError
 from uavmap.load.mbtiles import kind_of
 from uavmap.ui.app.areas import Areas
 from uavmap.ui.app.flights import Practise, RealAircraft
+from uavmap.ui.app.jobs import LOGS
 from uavmap.ui.app.pictures import Pictures
 from uavmap.ui.app.results import Results
 from uavmap.ui.app.visitor import App, Visitor
@@ -45,7 +46,7 @@ def serving(app: App, token: str, port: int) -> Server:
             path = app.workspace.path_of(name)
         except UavmapError:
             path = None
-        if path is None or not path.is_file():
+        if path is None or not path.is_file() or LOGS in path.parts:  # a log has the tokens
             return Response(None, 404)
         headers = {"content-security-policy": _SANDBOX, "cache-control": "no-cache"}
         return FileResponse(path, headers=headers)

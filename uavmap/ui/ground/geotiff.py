@@ -39,7 +39,7 @@ class GeoTiff:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # that it has no place is said below
-                file = self._file = rasterio.open(path)
+                file = self._file = rasterio.open(path, driver="GTiff")
         except OSError as error:  # rasterio's own are such, too
             raise OutputError(f"{path}: cannot be read as GeoTIFF: {error}") from None
         try:

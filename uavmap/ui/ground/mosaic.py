@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pyproj import Transformer
+from pyproj.exceptions import CRSError
 
 from missions.errors import OutputError
 from uavmap.output.drawing.mosaic_file import placed_mosaic
@@ -21,7 +22,10 @@ class Mosaic:
         if found is None:
             raise OutputError(f"{path}: is no mosaic of a flight with its place beside it")
         self._found = found
-        self._to_utm = Transformer.from_crs("EPSG:4326", f"EPSG:{found.epsg}", always_xy=True)
+        try:
+            self._to_utm = Transformer.from_crs("EPSG:4326", f"EPSG:{found.epsg}", always_xy=True)
+        except CRSError as error:
+            raise OutputError(f"{path}: its place is in EPSG:{found.epsg}: {error}") from None
         rows, columns = found.image.shape[:2]
         lon, lat = self._to_utm.transform(
             found.west + found.step * columns / 2,

@@ -43,8 +43,6 @@ class PMTiles:
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
         """Return a tile; None where there is none that is a picture."""
-        if zoom not in self.zooms:
-            return None
         try:
             data = self._reader.get(zoom, x, y)
         except Exception:  # of a damaged file

@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.geo.web_mercator import lat_lon_of
+
 Colours = NDArray[np.uint8]
 """Red, green, blue, and 255 where there is ground, shape (rows, columns, 4)."""
 Points = NDArray[np.float64]
@@ -28,8 +30,8 @@ def tile_nodes(pixels: Pixels, zoom: int, x: int, y: int) -> Points:
     """Return columns and rows of a picture at the nodes of a tile, shape (2, n, n)."""
     steps = np.linspace(0.0, 1.0, _NODES)
     across, down = (x + steps) / 2**zoom, (y + steps) / 2**zoom
-    lon, north = np.meshgrid(360.0 * across - 180.0, 1.0 - 2.0 * down)
-    return np.array(pixels(lon, np.degrees(np.arctan(np.sinh(math.pi * north)))))
+    lat, lon = lat_lon_of(*np.meshgrid(across, down))
+    return np.array(pixels(lon, lat))
 
 
 def levels_of(pixels: Pixels, middle: tuple[float, float]) -> range:

@@ -206,9 +206,9 @@ def opened(config: Words, port: int, option: str, host: str = LOOPBACK) -> Itera
     try:
         feed.wait_ready()
         address = f"http://{shown(host)}:{port}"
-        _LOG.info(f"live page: {address}/?token={tokens['token']}")
         if config.get("steers"):
             _LOG.info(f"live page without buttons: {address}/?token={tokens['watch_token']}")
+        _LOG.info(f"live page: {address}/?token={tokens['token']}")
         _LOG.info(f"map for a GIS: {address}{MAP_PATH}?token={tokens['map_token']}")
         if host != LOOPBACK:
             _LOG.info(

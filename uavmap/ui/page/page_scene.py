@@ -17,6 +17,7 @@ from missions.errors import OutputError
 from missions.events import Vote
 from missions.flight.state import Setting
 from missions.geo.grid import Grid
+from missions.geo.web_mercator import share_of
 from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon
 from uavmap.journal.kept_frames import KeptFrame
@@ -125,13 +126,9 @@ def _mercator(
 ) -> NDArray[np.float64]:
     """Return Web Mercator, 0 to 1 from the world's upper left corner, by rows and columns."""
 
-    def one(east_m: float, north_m: float) -> tuple[float, float]:
-        place = grid.position(GridPoint(east_m, north_m))
-        lat = math.radians(place.lat_deg)
-        y = 0.5 - math.log(math.tan(math.pi / 4 + lat / 2)) / (2 * math.pi)
-        return place.lon_deg / 360.0 + 0.5, y
-
-    return np.array([[one(e, n) for e in easts.tolist()] for n in norths.tolist()])
+    places = [grid.position(GridPoint(e, n)) for n in norths.tolist() for e in easts.tolist()]
+    shares = share_of([place.lat_deg for place in places], [place.lon_deg for place in places])
+    return np.stack(shares, axis=-1).reshape(len(norths), len(easts), 2)
 
 
 def _laid(

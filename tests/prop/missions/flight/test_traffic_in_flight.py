@@ -5,14 +5,15 @@ from __future__ import annotations
 import functools
 import math
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
 from missions.events import Continued, TrafficSeen
+from missions.flight.return_home import turn_back
 from missions.flight.vehicle_state import Phase, ReturnReason
 from missions.orders import FlyPath, FlyTo, Look, Sweep
-from missions.traffic import Answer, Track
+from missions.traffic import NO_TRAFFIC, Answer, Track
 from missions.units import GridPoint
 from tests.fake_fleet import Fleet, fleet
 from tests.prop.missions.test_fleet import map_is_whole
@@ -116,15 +117,16 @@ def test_operator_lets_the_team_go_on_in_spite_of_traffic():
     assert not flight.state.held
 
 
+def works_away(flight: Fleet) -> bool:
+    """Return whether a vehicle works so far from its pad that its way home takes a while."""
+    return any(v.works and v.position.distance_to(v.pad) > 20.0 for v in flight.state.ours)
+
+
 def test_vehicle_that_comes_home_for_traffic_turns_round_once_it_is_gone():
     scenario = random_scenario(0)
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
-
-    def works(flight: Fleet) -> bool:
-        return any(v.works and v.position.distance_to(v.pad) > 20.0 for v in flight.state.ours)
-
-    flight.run(until=works)
+    flight.run(until=works_away)
     number = next(v.vehicle for v in flight.state.ours if v.works)
     flight.post(TrafficSeen(flight.now_s, (near(flight, velocity_m_s=None),)))
     assert flight.state.vehicles[number].return_reason is ReturnReason.TRAFFIC
@@ -135,3 +137,25 @@ def test_vehicle_that_comes_home_for_traffic_turns_round_once_it_is_gone():
     assert flight.state.vehicles[number].return_reason in (None, ReturnReason.TRAFFIC)
     flight.run()
     assert flight.faults == []
+
+
+@pytest.mark.parametrize("called", [True, False])
+def test_vehicle_that_has_to_come_home_anyway_flies_on_when_the_traffic_is_gone(called):
+    scenario = random_scenario(0)
+    flight = fleet(scenario.mission, scenario.roi)
+    flight.start()
+    flight.run(until=works_away)
+    number = next(v.vehicle for v in flight.state.ours if v.works)
+    flight.post(TrafficSeen(flight.now_s, (near(flight, velocity_m_s=None),)))
+
+    def flies_home(flight: Fleet) -> bool:
+        vehicle = flight.state.vehicles[number]
+        return vehicle.flees and isinstance(vehicle.order, FlyTo)
+
+    flight.run(until=flies_home)
+    vehicle = flight.state.vehicles[number]
+    gone = replace(flight.state, traffic=NO_TRAFFIC)
+    low = replace(vehicle, called_home=called, remaining_wh=vehicle.remaining_wh if called else 0.1)
+    after = turn_back(gone.with_vehicle(low), low).vehicles[number]
+    assert after.return_reason is (ReturnReason.RECALLED if called else ReturnReason.BATTERY)
+    assert after.order is vehicle.order

@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     from uavmap.ui.app.visitor import App  # noqa: PLC0415
     from uavmap.ui.app.workspace import Workspace  # noqa: PLC0415
 
-    given = None if options.tiles is None else Path(options.tiles)
+    given = None if options.tiles is None else Path(options.tiles).absolute()
     token, host = secrets.token_urlsafe(16), options.page_host
     with bound(host, options.port, "--port") as listening, shown_on(Terminal()):
         port = listening.getsockname()[1]

@@ -1,6 +1,7 @@
 """Zones of files and a mission's fence: what becomes a hole, what does not matter, what refuses."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -23,7 +24,7 @@ GRID = Grid.at(START, 4.0)
 FENCE = square(-40, -40, 160, 160)
 
 
-def written(folder, *features, keys="", start="", **root):
+def written(folder, *features, keys="", start="", own="", **root):
     """A mission beside a file of zones, as it is loaded."""
     if features:
         values = {"type": "FeatureCollection", "features": list(features), **root}
@@ -31,6 +32,8 @@ def written(folder, *features, keys="", start="", **root):
     text = mission_text(square(20, 20, 60, 60), FENCE, holes=[square(-30, 90, 10, 10)])
     text = text.replace("[fence]\n", f'[fence]\nzones = "zones.json"\n{keys}')
     text = text.replace("[start]\n", f"[start]\n{start}")
+    if own:
+        text = re.sub(r"^ *holes = .*$", own, text, count=1, flags=re.MULTILINE)
     path = folder / "field.toml"
     path.write_text(text, "utf-8")
     return load(str(path))
@@ -192,6 +195,21 @@ def test_zone_that_cuts_off_a_part_of_the_box_is_named_in_the_warning(tmp_path):
             '"center": [11, 48], "radius": 0}}]}]}',
             "radius = 0",
         ),
+        (
+            '{"features": [{"properties": {"type": "PROHIBITED", "radius": 500}, "geometry": '
+            '{"type": "Point", "coordinates": [11, 48]}}]}',
+            "a zone without an area",
+        ),
+        ('{"features": [{"restriction": "PROHIBITED", "geometry": []}]}', "a zone without an area"),
+        (
+            '{"features": [{"geometry": [{"horizontalProjection": {"type": "Circle", '
+            f'"center": [11, 48], "radius": {10**400}}}}}]}}]}}',
+            "give a number",
+        ),
+        (
+            '{"crs": {"type": "name", "properties": {"name": "EPSG:25832"}}, "features": []}',
+            "WGS84",
+        ),
     ],
 )
 def test_file_that_is_not_understood_refuses_the_mission(tmp_path, content, refused):
@@ -207,3 +225,35 @@ def test_file_that_is_not_understood_refuses_the_mission(tmp_path, content, refu
 def test_file_that_is_missing_refuses_the_mission(tmp_path):
     with pytest.raises(MissionFileError, match="cannot be read"):
         written(tmp_path)
+
+
+@pytest.mark.parametrize("crs", [None, {"type": "name", "properties": {"name": "EPSG:4326"}}])
+def test_file_that_names_its_degrees_is_read(tmp_path, crs):
+    mission = written(tmp_path, plain(square(20, 20, 10, 10), name="Pond"), crs=crs)
+    assert not allows(mission, 25, 25)
+
+
+def test_limit_without_a_unit_counts_as_from_the_ground(tmp_path):
+    high = layered(square(20, 20, 10, 10), lower=500, reference="AGL", uom=None)
+    assert not allows(written(tmp_path, high), 25, 25)
+
+
+def test_own_hole_that_crosses_itself_is_left_to_the_check_of_places(tmp_path):
+    bow = [[48.0001, 11.0001], [48.0002, 11.0002], [48.0001, 11.0002], [48.0002, 11.0001]]
+    zone = plain(square(20, 20, 10, 10), name="Pond")
+    with pytest.raises(MissionFileError, match=r"fence.holes\[0\]: crosses"):
+        written(tmp_path, zone, own=f"holes = [{bow}]")
+
+
+def test_circle_beyond_the_antimeridian_is_a_hole(tmp_path):
+    ring = lambda d: [[-17.0 - d, 179.99 - d], [-17.0 - d, 179.99 + d],  # noqa: E731
+                      [-17.0 + d, 179.99 + d], [-17.0 + d, 179.99 - d]]  # fmt: skip
+    (tmp_path / "field.toml").write_text(
+        "[start]\nposition = [-17.0, 179.99]\n"
+        f"[search]\nbox = {ring(0.0005)}\n[fence]\npolygon = {ring(0.001)}\nzones = 'zones.json'\n"
+    )
+    circle = {"type": "Circle", "center": [-179.99, -17.0], "radius": 2200.0}
+    zone = {"name": "Atoll", "geometry": [{"horizontalProjection": circle}]}
+    (tmp_path / "zones.json").write_text(json.dumps({"features": [zone]}), "utf-8")
+    with pytest.raises(MissionFileError, match="Atoll"):  # it reaches the start, 2,128 m away
+        load(str(tmp_path / "field.toml"))

@@ -22,7 +22,7 @@ from uavmap.runner.preflight.computer_check import (
     longest_plan_s,
     longest_stall_s,
 )
-from uavmap.runner.preflight.finding import Level
+from uavmap.runner.preflight.finding import Finding, Level, warn
 
 
 def setting(strategy: str = "swath") -> Setting:
@@ -100,3 +100,15 @@ def test_slowest_plan_is_that_of_an_exploration(monkeypatch):
 
 def test_strategy_that_stops_has_no_plans_to_wait_for():
     assert longest_plan_s(setting("rdfs")) is None
+
+
+@pytest.mark.parametrize(
+    ("found", "wanted", "remedy"),
+    [("dark; no picture", "a picture of the ground", "look"), ("no fix", "", "wait; or go"),
+     ("5 (of 6); bad", "6 (all)", "")],
+)  # fmt: skip
+def test_finding_is_read_from_its_line_as_it_was(found, wanted, remedy):
+    if not wanted:
+        found = found.partition(";")[0]
+    finding = warn("camera", found, wanted, remedy)
+    assert Finding.read(finding.line()) == finding

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import sqlite3
 from contextlib import closing
@@ -15,11 +16,14 @@ from pyproj import Transformer
 
 from missions.errors import UavmapError
 from missions.geo.grid import Grid
+from missions.geo.web_mercator import share_of
 from missions.units import LatLon
 from uavmap.output.drawing.mosaic_file import MOSAIC, utm_transform, write_mosaic
+from uavmap.ui.app.flights import beneath
 from uavmap.ui.app.grounds import Grounds
+from uavmap.ui.app.visitor import App
 from uavmap.ui.app.workspace import Workspace
-from uavmap.ui.ground.layer import opened, place_in_tiles, shows
+from uavmap.ui.ground.layer import opened
 from vision.raster import Raster
 
 START = LatLon(47.3, 8.5)
@@ -45,6 +49,11 @@ def place(column: float, row: float) -> LatLon:
     back = Transformer.from_crs(f"EPSG:{GRID.zone.epsg}", "EPSG:4326", always_xy=True)
     lon, lat = back.transform(west + step * column, north + down * row)
     return LatLon(lat, lon)
+
+
+def place_in_tiles(at: LatLon, zoom: int) -> tuple[float, float]:
+    right, down = share_of(at.lat_deg, at.lon_deg)
+    return float(right) * 2**zoom, float(down) * 2**zoom
 
 
 def geotiff(folder: Path, name: str = "field.tif", driver: str = "GTiff") -> Path:
@@ -142,8 +151,6 @@ def test_every_place_has_its_colour_and_gaps_stay_gaps(make: Any, tmp_path: Path
         if data is not None:
             tile = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
             assert tile[int(256 * (y % 1.0)), int(256 * (x % 1.0)), 3] == 0
-        assert shows(layer, place(100, 100))
-        assert not shows(layer, LatLon(-30.0, 100.0))
         middle = LatLon(*layer.middle)
         assert abs(middle.lat_deg - START.lat_deg) < 1e-3
         assert abs(middle.lon_deg - START.lon_deg) < 1e-3
@@ -176,6 +183,18 @@ def test_files_that_show_no_ground_are_refused_in_a_line(tmp_path: Path) -> None
         assert "\n" not in str(refusal.value)
 
 
+def test_a_file_of_another_format_under_the_name_of_a_geotiff_is_refused(tmp_path: Path) -> None:
+    elsewhere = geotiff(tmp_path, "elsewhere.tif")
+    (tmp_path / "field.tif").write_text(
+        '<VRTDataset rasterXSize="4" rasterYSize="4"><SRS>EPSG:32632</SRS>'
+        '<VRTRasterBand dataType="Byte" band="1"><SimpleSource>'
+        f"<SourceFilename>{elsewhere}</SourceFilename>"
+        "</SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+    with pytest.raises(UavmapError, match="cannot be read as GeoTIFF"):
+        opened(tmp_path / "field.tif")
+
+
 def test_maps_of_a_folder_are_listed_and_the_one_of_a_place_is_found(tmp_path: Path) -> None:
     geotiff(tmp_path)
     (tmp_path / "a.mbtiles").write_text("no map")
@@ -186,11 +205,23 @@ def test_maps_of_a_folder_are_listed_and_the_one_of_a_place_is_found(tmp_path: P
     grounds = Grounds(Workspace(tmp_path))
     assert grounds.files() == ["a.mbtiles", "field.tif"]
     assert grounds.mosaics() == ["results/field-1/mosaic.webp"]
-    assert grounds.beneath(place(100, 100)) == "field.tif"
-    assert grounds.beneath(LatLon(-30.0, 100.0)) is None
-    zoom = grounds.layer("field.tif").zooms[-1]
+    app = App(Workspace(tmp_path), None)
+    for name, at in (("here", place(100, 100)), ("away", LatLon(47.0, 8.5))):
+        box, fence = (
+            [[at.lat_deg + n, at.lon_deg + e] for n, e in ((-d, -d), (-d, d), (d, d), (d, -d))]
+            for d in (0.0002, 0.0003)
+        )
+        (tmp_path / f"{name}.toml").write_text(
+            f"[start]\nposition = [{at.lat_deg}, {at.lon_deg}]\n[search]\nbox = {box}\n"
+            f"[fence]\npolygon = {fence}\n"
+        )
+    assert asyncio.run(beneath(app, "here.toml")) == ["--tiles", "field.tif"]
+    assert asyncio.run(beneath(app, "away.toml")) == []
+    zoom = grounds.facts("field.tif").zooms[-1]
     x, y = map(math.floor, place_in_tiles(place(100, 100), zoom))
     assert grounds.tile("field.tif", zoom, x, y)
     assert grounds.tile("results/field-1/mosaic.webp", zoom, x, y)
-    for name in ("../field.tif", "none.tif", "a.mbtiles"):
+    for name in ("../field.tif", "none.tif", "a.mbtiles", "field\0.tif"):
         assert grounds.tile(name, zoom, x, y) is None
+    for far in (-1, 2**zoom, 10**400):
+        assert grounds.tile("field.tif", zoom, far, y) is None

@@ -31,7 +31,7 @@ SCENE = {"mission": "a <field>", "states": [["explored", "#00ff00"]], "box": [],
 class Flight:
     def __init__(self, feed, said):
         self.feed, self.said = feed, said
-        self.url = said[0].removeprefix("live page: ")
+        self.url = said.page
         self.board = Board()
         self.version = 0
         feed.put({"kind": "scene", "scene": SCENE}, wait_s=PATIENCE_S)
