@@ -50,14 +50,14 @@ def never_flown(rig: Rig) -> None:
 
 
 @scenario("doctor")
-async def test_the_doctor_finds_it_fit_and_changes_nothing(rig: Rig) -> None:
+async def test_doctor_finds_the_vehicle_fit_and_changes_nothing(rig: Rig) -> None:
     run = await rig.uavmap("doctor", rig.source, *rig.links)
     await rig.ends_well(run, 0)
     never_flown(rig)
 
 
 @scenario("dry run, owner's fence and rally point", parameters=OWNERS_FENCE)
-async def test_a_dry_run_puts_back_what_its_owner_has(rig: Rig) -> None:
+async def test_dry_run_restores_the_owners_settings(rig: Rig) -> None:
     await owned(rig)
     assert len(rig.before[0].fence) == 4
     assert len(rig.before[0].rally) == 1
@@ -68,7 +68,7 @@ async def test_a_dry_run_puts_back_what_its_owner_has(rig: Rig) -> None:
 
 
 @scenario("dry run, then a return to the owner's rally point")
-async def test_after_a_dry_run_its_owners_rally_point_is_returned_to(rig: Rig) -> None:
+async def test_vehicle_after_a_dry_run_returns_to_its_owners_rally_point(rig: Rig) -> None:
     one = await owned(rig)
     run = await rig.fly("--dry-run")
     await rig.ends_well(run, 0)
@@ -81,7 +81,7 @@ async def test_after_a_dry_run_its_owners_rally_point_is_returned_to(rig: Rig) -
 
 
 @scenario("--keep-fence, a fence of 60 m", parameters=SMALL_FENCE)
-async def test_a_mission_that_leaves_its_owners_fence_is_refused(rig: Rig) -> None:
+async def test_mission_that_leaves_its_owners_fence_is_refused(rig: Rig) -> None:
     run = await rig.fly("--keep-fence")
     await rig.ends_well(run, 2)
     never_flown(rig)
@@ -89,7 +89,7 @@ async def test_a_mission_that_leaves_its_owners_fence_is_refused(rig: Rig) -> No
 
 
 @scenario("no terminal, no --yes")
-async def test_without_a_terminal_nobody_has_agreed(rig: Rig) -> None:
+async def test_flight_without_a_terminal_is_refused(rig: Rig) -> None:
     run = await rig.fly(yes=False)
     await rig.ends_well(run, 2)
     never_flown(rig)

@@ -40,7 +40,7 @@ EARLY: dict[str, Values] = {"px4": {"BAT_LOW_THR": 0.7, "BAT_CRIT_THR": 0.6}}
 
 
 @scenario("battery failsafe, given back in its return", near=True, parameters=EARLY)
-async def test_a_battery_failsafe_brings_it_home(rig: Rig) -> None:
+async def test_battery_failsafe_brings_the_vehicle_home(rig: Rig) -> None:
     one = rig.aircraft[0]
     run = await failed(rig, "battery")
     await rig.until(lambda: one.pilot.mode in ("RTL", "LAND"), "a failsafe", 120.0)
@@ -53,14 +53,14 @@ async def test_a_battery_failsafe_brings_it_home(rig: Rig) -> None:
 
 
 @scenario("satellites off", near=True)
-async def test_without_satellites_it_lands_and_its_place_is_told(rig: Rig) -> None:
+async def test_vehicle_without_satellites_lands_and_its_place_is_reported(rig: Rig) -> None:
     run = await failed(rig, "satellites")
     await rig.ends_well(run, 4)
     rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
 
 
 @scenario("satellites 55 m off for 15 s", near=True)
-async def test_a_glitch_of_the_satellites(rig: Rig) -> None:
+async def test_glitch_of_the_satellites_ends_well(rig: Rig) -> None:
     run = await failed(rig, "glitch")
     await rig.rest(15.0)
     await rig.aircraft[0].fail("no glitch")
@@ -68,14 +68,14 @@ async def test_a_glitch_of_the_satellites(rig: Rig) -> None:
 
 
 @scenario("a motor fails", near=True)
-async def test_a_motor_fails_and_all_motors_are_stopped(rig: Rig) -> None:
+async def test_motor_that_fails_stops_all_motors(rig: Rig) -> None:
     run = await failed(rig, "motor")
     await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
     rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
 
 
 @scenario("disarmed by force in the air", near=True)
-async def test_motors_that_are_stopped_in_the_air(rig: Rig) -> None:
+async def test_motors_stopped_in_the_air_are_a_crash(rig: Rig) -> None:
     run = await in_search(rig)
     await rig.aircraft[0].pilot.command(400, 0, 21196)
     await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
@@ -83,13 +83,13 @@ async def test_motors_that_are_stopped_in_the_air(rig: Rig) -> None:
 
 
 @scenario("fence made smaller in flight", near=True)
-async def test_a_fence_that_is_made_smaller_in_flight(rig: Rig) -> None:
+async def test_fence_made_smaller_in_flight_ends_well(rig: Rig) -> None:
     run = await failed(rig, "small fence")
     await rig.ends_well(run, 3)
 
 
 @scenario("radio control lost, and back", near=True)
-async def test_a_radio_control_that_is_lost_and_back(rig: Rig) -> None:
+async def test_radio_control_lost_and_back_ends_well(rig: Rig) -> None:
     one = rig.aircraft[0]
     run = await in_search(rig)
     one.hold_sticks(centred=True)  # with the throttle up nothing arms

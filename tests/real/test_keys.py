@@ -27,7 +27,7 @@ async def new_key(rig: Rig, name: str) -> Path:
 
 
 @scenario("keys: install, fly, wrong key, remove", only="ardupilot", near=True)
-async def test_a_key_from_its_installation_to_its_removal(rig: Rig) -> None:
+async def test_key_is_installed_used_and_removed(rig: Rig) -> None:
     link = rig.links[:2]
     key, other = await new_key(rig, "owner.key"), await new_key(rig, "other.key")
     code, said = await done(rig, "keys", "install", key, *link, "--yes")

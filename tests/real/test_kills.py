@@ -65,7 +65,7 @@ test_killed_in_descent_and_left = killed_and_left("descent")
 
 
 @scenario("kill -9 of the aircraft's process", near=True)
-async def test_the_process_of_the_aircraft_is_killed(rig: Rig) -> None:
+async def test_aircraft_process_killed_comes_home(rig: Rig) -> None:
     run = await reached(rig, "search")
     rig.kill_aircraft_process()
     await rig.rest(30.0)
@@ -73,7 +73,7 @@ async def test_the_process_of_the_aircraft_is_killed(rig: Rig) -> None:
 
 
 @scenario("kill -9 of both processes, resumed", near=True)
-async def test_both_processes_are_killed(rig: Rig) -> None:
+async def test_both_processes_killed_and_resumed_come_home(rig: Rig) -> None:
     run = await reached(rig, "search")
     rig.kill_aircraft_process()
     await run.kill()
@@ -84,13 +84,13 @@ async def test_both_processes_are_killed(rig: Rig) -> None:
 
 
 @scenario("Ctrl-C once", near=True)
-async def test_control_c_once(rig: Rig) -> None:
+async def test_control_c_once_comes_home(rig: Rig) -> None:
     run = await reached(rig, "search")
     await rig.comes_home(run)
 
 
 @scenario("Ctrl-C twice", near=True)
-async def test_control_c_twice_and_resumed(rig: Rig) -> None:
+async def test_control_c_twice_and_resumed_comes_home(rig: Rig) -> None:
     run = await reached(rig, "search")
     run.interrupt()
     await rig.rest(3.0)
@@ -105,7 +105,7 @@ async def test_control_c_twice_and_resumed(rig: Rig) -> None:
 
 
 @scenario("link gone for 40 s", near=True)
-async def test_a_link_that_is_gone(rig: Rig) -> None:
+async def test_link_gone_and_back_comes_home(rig: Rig) -> None:
     run = await reached(rig, "exploration")
     for relay in rig.relays:
         relay.silent = True

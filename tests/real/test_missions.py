@@ -73,7 +73,7 @@ async def test_runway_is_complete_beside_a_busy_process(rig: Rig) -> None:
 
 
 @scenario("runway at 3 m/s", speed_m_s=3.0)
-async def test_runway_at_3_m_s(rig: Rig) -> None:
+async def test_runway_at_3_m_s_begins_well(rig: Rig) -> None:
     await begun(rig)
 
 
@@ -90,17 +90,17 @@ async def test_spill_is_complete_with_three(rig: Rig) -> None:
 
 
 @scenario("--driver mavsdk")
-async def test_with_mavsdk(rig: Rig) -> None:
+async def test_mavsdk_begins_well(rig: Rig) -> None:
     await begun(rig, "--driver", "mavsdk")
 
 
 @scenario("--strategy rdfs")
-async def test_rdfs(rig: Rig) -> None:
+async def test_rdfs_begins_well(rig: Rig) -> None:
     await begun(rig, "--strategy", "rdfs")
 
 
 @scenario("--strategy survey")
-async def test_survey(rig: Rig) -> None:
+async def test_survey_begins_well(rig: Rig) -> None:
     await begun(rig, "--strategy", "survey")
 
 
@@ -120,7 +120,7 @@ class _GroundStation:
 
 
 @scenario("--forward")
-async def test_a_ground_station_beside_it(rig: Rig) -> None:
+async def test_ground_station_beside_the_service_is_served(rig: Rig) -> None:
     port, station = free_port(SOCK_DGRAM), _GroundStation()
     await station.socket.open(port)
     await begun(rig, "--forward", f"udpout://127.0.0.1:{port}", for_s=20.0)

@@ -11,7 +11,7 @@ SHORT_S = 2.5
 
 
 @scenario("pilot: each mode of the switch, in mid-path", near=True)
-async def test_a_pilots_mode_is_never_taken_back(rig: Rig) -> None:
+async def test_pilots_mode_is_never_changed_back(rig: Rig) -> None:
     one = rig.aircraft[0]
     run = await rig.fly("--auto-swap")
     await rig.in_search(run)

@@ -35,7 +35,7 @@ def gone(pid: int) -> bool:
 
 
 @linux_only
-def test_a_killed_aircraft_process_takes_its_mavsdk_with_it_and_the_next_goes_on(folder):
+def test_killed_aircraft_process_ends_its_mavsdk_and_the_next_continues(folder):
     with (
         rig.simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls,
         rig.in_flight(urls, folder, SPEEDUP, *BY_MAVSDK) as process,
@@ -51,7 +51,7 @@ def test_a_killed_aircraft_process_takes_its_mavsdk_with_it_and_the_next_goes_on
 
 
 @linux_only
-def test_control_c_brings_it_home_and_leaves_nothing_behind(folder):
+def test_control_c_brings_the_vehicle_home_and_ends_all_processes(folder):
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with rig.in_flight(urls, folder, SPEEDUP, *BY_MAVSDK) as process:
             (child,) = children_of(rig.aircraft_process(folder))
@@ -76,7 +76,9 @@ def test_control_c_brings_it_home_and_leaves_nothing_behind(folder):
         (("fly", "runway", "--driver", "dronekit"), ("pymavlink", "mavsdk")),
     ],
 )
-def test_a_driver_that_cannot_fly_this_is_refused_with_the_remedy(arguments, said, speck, tmp_path):
+def test_driver_that_cannot_fly_a_mission_is_refused_with_the_remedy(
+    arguments, said, speck, tmp_path
+):
     words = [speck.folder if word == "OVER" else word for word in arguments]
     out = [] if "OVER" in arguments else ["--out", tmp_path / "out"]
     done = rig.uavmap(*words, *out)

@@ -21,7 +21,7 @@ def speck_px4(tmp_path):
     return path
 
 
-def test_a_mission_in_one_process(speck, speck_px4, tmp_path):
+def test_px4_mission_in_one_process_repeats(speck, speck_px4, tmp_path):
     one, _ = (rig.flown(speck_px4, tmp_path / name) for name in ("one", "two"))
     assert one.complete()["bound_held"] is True
     assert rig.maps_alike(tmp_path / "one", speck.folder)
@@ -32,7 +32,7 @@ def test_a_mission_in_one_process(speck, speck_px4, tmp_path):
     assert beat.autopilot == mav.MAV_AUTOPILOT_PX4
 
 
-def test_two_over_sockets(speck, tmp_path):
+def test_two_px4_over_sockets_complete(speck, tmp_path):
     # (slower than the others: on a busy machine one of two once landed away from home)
     with rig.simulator("speck", speedup=SLOWER, vehicles=2, autopilot="px4") as urls:
         words = rig.flying(rig.mission("speck"), urls, tmp_path / "out", SLOWER, "--vehicles", 2)

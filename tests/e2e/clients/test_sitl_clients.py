@@ -165,7 +165,7 @@ MISSION = """QGC WPL 110
 
 
 @needs_mavproxy
-def test_mavproxy(tmp_path):
+def test_mavproxy_flies_a_mission(tmp_path):
     (tmp_path / "mission.txt").write_text(MISSION)
     # a client that a slow machine holds up sees much of the vehicle's time go by
     with (

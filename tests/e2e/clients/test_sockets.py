@@ -17,7 +17,7 @@ def in_mid_flight(speck):
     return kinds.index("look_ended") if "look_ended" in kinds else len(kinds) // 2
 
 
-def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, folder):
+def test_recall_brings_vehicles_home_and_sends_none_out(speck, folder):
     """What a computer on board may do by itself after it has been started anew."""
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         count, words = in_mid_flight(speck), rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)
@@ -38,13 +38,13 @@ def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, fold
     assert (folder / "map.geojson").exists()
 
 
-def test_a_simulated_flight_is_not_recalled(speck):
+def test_simulated_flight_is_not_recalled(speck):
     done = rig.uavmap("resume", speck.folder, "--recall")
     assert done.code == 2
     assert "--recall is for aircraft at the end of a link" in done.err
 
 
-def test_a_pilot_takes_over_and_gives_back(speck, folder):
+def test_pilot_takes_over_and_gives_back(speck, folder):
     """A second client changes the mode: not a command more until the vehicle is given back."""
     with (
         rig.simulator("speck", speedup=SPEEDUP) as (url,),

@@ -32,7 +32,7 @@ def colours(path: Path, frame: int = 0) -> set[tuple[int, int, int]]:
     return {colour for _, colour in found if isinstance(colour, tuple)}
 
 
-def test_a_flight_becomes_a_film_and_a_tree(folder, tiny):
+def test_flight_becomes_a_film_and_a_tree(folder, tiny):
     done = uavmap("animate", folder)
     assert (done.code, done.out) == (0, "")
     assert sorted(path.name for path in folder.iterdir()) == ["flight.gif", JOURNAL, "tree.png"]
@@ -48,7 +48,7 @@ def test_a_flight_becomes_a_film_and_a_tree(folder, tiny):
     assert before == ((folder / "flight.gif").read_bytes(), (folder / "tree.png").read_bytes())
 
 
-def test_what_is_asked_for_and_no_more(folder, tmp_path, tiny, capsys):
+def test_requested_files_and_no_others_are_written(folder, tmp_path, tiny, capsys):
     film, tree = tmp_path / "film.mp4", tmp_path / "tree.svg"
     assert main(["animate", str(folder), "--animate", str(film), "--tree", str(tree)]) == 0
     assert film.stat().st_size > 10_000
@@ -61,7 +61,7 @@ def test_what_is_asked_for_and_no_more(folder, tmp_path, tiny, capsys):
     assert str(tree) in err
 
 
-def test_names_without_a_folder_go_where_they_are_asked_for(folder, tmp_path, monkeypatch, capsys):
+def test_names_without_a_folder_go_to_the_working_folder(folder, tmp_path, monkeypatch, capsys):
     """By themselves where you are, as with any program; with -o elsewhere."""
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
@@ -78,7 +78,7 @@ def test_names_without_a_folder_go_where_they_are_asked_for(folder, tmp_path, mo
     assert "there is no such folder" in capsys.readouterr().err
 
 
-def test_a_folder_without_a_journal_is_refused(tmp_path, capsys):
+def test_folder_without_a_journal_is_refused(tmp_path, capsys):
     assert main(["animate", str(tmp_path / "nothing")]) == 2
     assert main(["animate", str(tmp_path)]) == 2
     lines = capsys.readouterr().err.splitlines()
@@ -86,7 +86,7 @@ def test_a_folder_without_a_journal_is_refused(tmp_path, capsys):
     assert all("there is no journal here" in line for line in lines)
 
 
-def test_a_recording_for_rerun_has_cells_tree_vehicles_and_frames(folder, tiny, tmp_path):
+def test_recording_for_rerun_has_cells_tree_vehicles_and_frames(folder, tiny, tmp_path):
     pytest.importorskip("rerun", reason="rerun-sdk is not installed (the extra rerun)")
     recording = tmp_path / "flight.rrd"
     assert main(["animate", str(folder), "--rerun", str(recording)]) == 0
@@ -96,9 +96,7 @@ def test_a_recording_for_rerun_has_cells_tree_vehicles_and_frames(folder, tiny, 
         assert f"{entity} " in printed.replace(chr(10), " ").replace("'", " ")
 
 
-def test_where_rerun_is_missing_one_line_says_what_to_install(
-    folder, tmp_path, monkeypatch, capsys
-):
+def test_animate_without_rerun_names_the_package(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["animate", str(folder), "--rerun", str(tmp_path / "flight.rrd")]) == 2
     assert "pip install 'rerun-sdk>=" in capsys.readouterr().err

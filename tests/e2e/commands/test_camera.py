@@ -42,7 +42,7 @@ class CardCamera(threading.Thread):
         self._link.close()
 
 
-def test_a_flight_with_the_pictures_of_a_folder(tmp_path):
+def test_flight_judges_the_pictures_of_a_folder(tmp_path):
     """Until some are judged; whole flights are flown on virtual time."""
     card, folder = tmp_path / "card", tmp_path / "out"
     card.mkdir()
@@ -72,7 +72,7 @@ def test_a_flight_with_the_pictures_of_a_folder(tmp_path):
             time.sleep(0.2)
 
 
-def test_what_is_wrong_with_a_camera_is_said_in_a_line(tmp_path):
+def test_faulty_camera_is_refused_in_a_line(tmp_path):
     cameras = ["--camera", "mavlink", "--camera", "mavlink"]
     connect = ["--connect", "udpin://127.0.0.1:14550"]
     done = rig.uavmap("fly", rig.mission("speck"), *connect, *cameras, "--out", tmp_path / "out")

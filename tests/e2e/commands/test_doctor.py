@@ -18,7 +18,7 @@ def urls() -> Iterator[list[str]]:
         yield urls
 
 
-def test_the_installation_needs_no_vehicle(tmp_path):
+def test_installation_is_checked_without_a_vehicle(tmp_path):
     done = uavmap("doctor", "--json", cwd=tmp_path)
     assert done.code == 0, done.err
     found = {finding["what"]: finding for finding in done.summary["findings"]}
@@ -28,7 +28,7 @@ def test_the_installation_needs_no_vehicle(tmp_path):
     assert all(finding["vehicle"] is None for finding in found.values())
 
 
-def test_a_vehicle_is_looked_at_for_a_mission(urls, tmp_path):
+def test_vehicle_is_checked_for_a_mission(urls, tmp_path):
     connect = [*arguments_of(urls[:1]), "--speedup", SPEEDUP]
     done = uavmap("doctor", mission("speck"), *connect, "--out", tmp_path, "--json")
     assert done.code == 0, f"{done.err}{done.out}"
@@ -40,7 +40,7 @@ def test_a_vehicle_is_looked_at_for_a_mission(urls, tmp_path):
     assert cv2.imread(str(tmp_path / "test-picture-1.png")).shape == (240, 320, 3)
 
 
-def test_a_dry_run_arms_nothing_and_leaves_nothing_to_resume(urls, folder):
+def test_dry_run_arms_nothing_and_leaves_nothing_to_resume(urls, folder):
     connect = [*arguments_of(urls), "--speedup", SPEEDUP]
     done = uavmap("fly", mission("speck"), *connect, "--dry-run", "--out", folder)
     assert done.code == 0, done.err
@@ -52,7 +52,7 @@ def test_a_dry_run_arms_nothing_and_leaves_nothing_to_resume(urls, folder):
     ]
 
 
-def test_what_is_wrong_with_the_input_is_a_line(tmp_path):
+def test_faulty_input_is_refused_in_a_line(tmp_path):
     done = uavmap("doctor", "--connect", "carrier-pigeon://1", cwd=tmp_path)
     assert done.code == 2
     several = arguments_of(["udpin://127.0.0.1:1", "udpin://127.0.0.1:2"])

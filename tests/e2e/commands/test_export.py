@@ -10,7 +10,7 @@ CLIENT = Path(__file__).with_name("mavsdk_plan_client.py")
 WAYPOINT, RTL, TAKEOFF, SPEED, TRIGGER = 16, 20, 22, 178, 206
 
 
-def test_mavsdk_reads_an_exported_mission_and_the_vehicle_tells_the_same(tmp_path):
+def test_mavsdk_uploads_an_exported_mission_and_reads_the_same_back(tmp_path):
     plan, rows = tmp_path / "again.plan", tmp_path / "again.waypoints"
     arguments = ["--plan", str(plan), "--waypoints", str(rows)]
     assert main(["export", mission("speck"), *arguments]) == 0

@@ -22,7 +22,7 @@ def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_kml_is_flown_in_the_simulator(tmp_path, capsys):
+def test_kml_is_flown_in_the_simulator(tmp_path, capsys):
     saved(tmp_path, "meadow.kml", kml(placemark("Meadow", kml_polygon(FIELD))))
     # small pictures and a strategy that needs no compiled kernels: this is about the mission
     small = ("--pixels", "320x240", "--strategy", "rdfs", "--wind", "2")
@@ -48,9 +48,7 @@ def test_a_kml_is_flown_in_the_simulator(tmp_path, capsys):
         assert name in {area.name for area in areas}
 
 
-def test_a_new_mission_maps_all_of_its_area_and_other_strategies_say_what_they_leave(
-    capsys, monkeypatch
-):
+def test_new_mission_maps_all_of_its_area_and_other_strategies_warn(capsys, monkeypatch):
     made = ["new", "--at", "52.4568,13.3044", "--size", "40x30", "--drone", "sim"]
     assert main([*made, "--out", "all.toml"]) == 0
     assert main([*made, "--find", "first", "--out", "first.toml"]) == 0

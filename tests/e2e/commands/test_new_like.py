@@ -78,7 +78,7 @@ def test_new_like_masks_beside_photographs_learns_and_names_the_detector(photos,
     assert_it_finds_the_field()
 
 
-def test_new_like_folder_with_masks_in_it_takes_them_for_masks(photos):
+def test_new_like_folder_with_masks_in_it_uses_them_as_masks(photos):
     assert main([*NEW, "--like", str(photos)]) == 0
     assert_it_finds_the_field()
 
@@ -114,7 +114,7 @@ def sent(address: str, data: bytes, method: str) -> None:
         assert answer.status == 200
 
 
-def test_new_like_without_masks_and_terminal_says_how_to_paint(photos, capsys):
+def test_new_like_without_masks_and_terminal_explains_how_to_paint(photos, capsys):
     for mask in photos.glob("*.png"):
         mask.unlink()
     assert main([*NEW, "--like", str(photos)]) == 2

@@ -21,7 +21,7 @@ SPEEDUP = 20.0
 
 
 # --- in the simulator ----------------------------------------------------------------------------
-def test_a_flight_is_that_of_the_command_also_where_a_loop_runs(speck, tmp_path):
+def test_flight_equals_that_of_the_command_also_inside_a_running_loop(speck, tmp_path):
     async def notebook() -> uavmap.Results:
         return uavmap.fly(mission("speck"), sim=True, out=tmp_path / "out", quiet=True)
 
@@ -38,7 +38,7 @@ def test_a_flight_is_that_of_the_command_also_where_a_loop_runs(speck, tmp_path)
     assert flight.region_utm.area == pytest.approx(flight.area_m2, rel=2e-3)
 
 
-def test_a_loop_goes_on_while_it_flies_and_cancelling_ends_it(tmp_path):
+def test_loop_continues_during_a_flight_and_cancelling_ends_it(tmp_path):
     beats = 0
 
     async def program() -> None:
@@ -62,7 +62,7 @@ def test_a_loop_goes_on_while_it_flies_and_cancelling_ends_it(tmp_path):
         uavmap.open_results(tmp_path / "out")
 
 
-def test_the_errors_are_those_of_the_command(tmp_path):
+def test_errors_are_those_of_the_command(tmp_path):
     with pytest.raises(uavmap.MissionFileError, match="did you mean 'runway'"):
         uavmap.fly("runwya", sim=True)
     with pytest.raises(uavmap.LinkError, match="no vehicle to fly"):
@@ -97,7 +97,7 @@ def came_home(folder: Path) -> bool:
     return bool(events(folder, "recalled")) and bool(events(folder, "landed"))
 
 
-def test_control_c_and_cancellation_bring_it_home(tmp_path):
+def test_control_c_and_cancellation_bring_the_vehicle_home(tmp_path):
     """One after the other with the same simulated aircraft: the simulator takes a second to start.
 
     Ctrl-C where no loop runs, a cancelled task, and SIGTERM where one does; then it is finished.
@@ -128,7 +128,7 @@ def test_control_c_and_cancellation_bring_it_home(tmp_path):
         assert finished.completed
 
 
-def test_a_second_control_c_leaves_it_to_its_autopilot(folder):
+def test_second_control_c_leaves_the_vehicle_to_its_autopilot(folder):
     """Over `runway` and not too fast: the second press comes while it flies, or comes down."""
 
     def twice() -> None:
@@ -159,7 +159,7 @@ def test_importing_uavmap_loads_nothing_heavy():
     assert (done.code, done.err) == (0, "")
 
 
-def test_all_names_are_there_and_the_package_of_flights_is_one_of_them():
+def test_public_names_are_there_and_a_package_shadows_none():
     assert set(uavmap.__all__) <= set(dir(uavmap))
     assert all(getattr(uavmap, name) is not None for name in uavmap.__all__)
     with pytest.raises(AttributeError, match="no attribute 'flz'"):

@@ -51,7 +51,7 @@ def test_photographs_make_a_map_of_the_road(tmp_path):
     assert apart["refined"]["median_px"] < 1.0
 
 
-def test_check_says_what_would_be_flown(tmp_path):
+def test_check_reports_the_planned_search(tmp_path):
     figures = uavmap("check", "runway", "--json", cwd=tmp_path).summary
     assert figures["mission"] == "runway"
     assert figures["search_length_m"] > 100.0
@@ -60,7 +60,7 @@ def test_check_says_what_would_be_flown(tmp_path):
     assert list(tmp_path.iterdir()) == []  # checking leaves nothing behind
 
 
-def test_check_says_of_flight_without_stopping_what_holds_for_it(tmp_path):
+def test_check_of_a_flight_without_stopping_reports_its_figures(tmp_path):
     """A look a cell, and a stop at either end of a lane, are none of `swath`."""
     text = Path(mission("tiny")).read_text("utf-8")
     found = {}
@@ -77,7 +77,7 @@ def test_check_says_of_flight_without_stopping_what_holds_for_it(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["road", "runway", "spill"])
-def test_the_shipped_missions_are_sound(name, capsys):
+def test_shipped_missions_are_sound(name, capsys):
     assert name in shipped_missions()
     assert main(["check", name]) == 0
     out, err = capsys.readouterr()
@@ -135,7 +135,7 @@ def with_the_usual_camera(text):
 
 
 @pytest.mark.parametrize("case", LAYERS)
-def test_check_says_how_high_and_how_fast_and_why(case, tmp_path, capsys):
+def test_check_reports_height_and_speed_with_the_reason(case, tmp_path, capsys):
     changes, reason, *rows = LAYERS[case]
     text = with_the_usual_camera(Path(mission("tiny")).read_text("utf-8"))
     for before, after in changes:
@@ -150,7 +150,7 @@ def test_check_says_how_high_and_how_fast_and_why(case, tmp_path, capsys):
     assert not lines[at + 1 + len(rows)].startswith("    ")
 
 
-def test_check_tells_the_layers_to_programs_too(tmp_path):
+def test_check_json_has_the_layers(tmp_path):
     found = uavmap("check", "spill", "--json", cwd=tmp_path).summary
     assert found["altitude_set_by"] == "flight.altitude_m"
     assert [layer["altitude_m"] for layer in found["layers"]] == [12.0, 18.0, 24.0]
@@ -159,7 +159,7 @@ def test_check_tells_the_layers_to_programs_too(tmp_path):
     assert {layer["speed_set_by"] for layer in found["layers"]} == {"flight.speed_m_s"}
 
 
-def test_a_port_that_is_taken_is_named():
+def test_port_in_use_is_named():
     with simulator("speck", speedup=1.0) as (url,):
         port = int(url.rpartition(":")[2])
         _, http_port = free_ports(1)
@@ -173,7 +173,7 @@ def test_a_port_that_is_taken_is_named():
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root writes anywhere")
-def test_a_folder_that_cannot_be_written(tmp_path):
+def test_folder_that_cannot_be_written_is_named(tmp_path):
     tmp_path.chmod(0o500)
     try:
         done = uavmap("fly", mission("speck"), "--sim", "--out", tmp_path / "out")

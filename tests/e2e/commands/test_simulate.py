@@ -7,7 +7,7 @@ import pytest
 from tests.e2e.rig import python, uavmap
 
 
-def test_a_simulation_repeats_itself(tmp_path):
+def test_simulation_repeats_itself(tmp_path):
     arguments = ["simulate", "--generate", "eden", "--cells", 40, "--count", 4, "--robots", 3]
     arguments += ["--drift", "0.3,45", "--json"]
     once = uavmap(*arguments, "--out", tmp_path / "out", hash_seed="1")
@@ -23,7 +23,7 @@ def test_a_simulation_repeats_itself(tmp_path):
     assert rows == rows_again
 
 
-def test_what_takes_long_to_load_is_loaded_when_it_is_needed():
+def test_slow_imports_are_loaded_when_needed():
     code = "import sys, uavmap.ui.cli; print(sorted({'numba', 'matplotlib'} & set(sys.modules)))"
     assert python("-c", code).out == "[]\n"
 
@@ -31,7 +31,7 @@ def test_what_takes_long_to_load_is_loaded_when_it_is_needed():
 @pytest.mark.parametrize(
     ("roi", "strategy", "robots"), [("eden:30:1", "horizon", 3), ("eden:3:1", "swath", 2)]
 )
-def test_a_strategy_plans_the_same_compiled_or_not(roi, strategy, robots, monkeypatch):
+def test_strategy_plans_the_same_compiled_or_not(roi, strategy, robots, monkeypatch):
     found = []
     for plain in "01":
         monkeypatch.setenv("NUMBA_DISABLE_JIT", plain)

@@ -35,14 +35,14 @@ def mapped(
     return folder, place, shots
 
 
-def test_ground_like_no_example_is_unsure_and_what_is_sure_is_right(mapped):
+def test_ground_like_no_example_is_unsure_and_sure_ground_is_right(mapped):
     folder, place, _ = mapped
     region, unsure, truth = sites.judged_cells(folder / "map", place)
     assert 0.6 < 1 - unsure.mean() < 0.85  # bare and ploughed soil, roofs, panels are not
     assert Counts.of(region, truth, ~unsure).iou > 0.85
 
 
-def test_the_picture_is_asked_for_that_settles_most_and_the_summary_counts(mapped):
+def test_picture_that_settles_most_is_asked_for_and_the_summary_counts(mapped):
     folder, place, shots = mapped
     summary = json.loads((folder / "map" / "summary.json").read_text("utf-8"))
     unsure = int(sites.judged_cells(folder / "map", place)[1].sum())
@@ -58,7 +58,7 @@ def test_the_picture_is_asked_for_that_settles_most_and_the_summary_counts(mappe
     assert (folder / "eyes" / "next.txt").read_text("utf-8").startswith(lines[0].split("\t")[0])
 
 
-def test_the_page_learns_draws_the_map_and_outlines_what_is_unfamiliar(mapped, tmp_path):
+def test_page_learns_and_outlines_unfamiliar_ground_on_the_map(mapped, tmp_path):
     folder, *_ = mapped
     photos, painted = folder / "photos", folder / "painted"
     study = Study(photos, painted, tmp_path / "eyes", Wishes())

@@ -8,7 +8,7 @@ from tests.e2e.rig import ROOT, python
 PACKAGES = ("missions", "vision", "sitl", "uavmap")
 
 
-def test_the_wheel_holds_the_four_packages(tmp_path):
+def test_wheel_holds_the_four_packages(tmp_path):
     source = tmp_path / "source"
     source.mkdir()
     for name in PACKAGES:  # a copy: building must leave no traces in the tree

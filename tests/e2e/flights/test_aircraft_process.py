@@ -55,7 +55,7 @@ def killed(process: Process) -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_mission_process_that_dies_leaves_nobody_in_the_air(autopilot, patient, folder):
+def test_mission_process_that_dies_leaves_no_vehicle_in_the_air(autopilot, patient, folder):
     with searching(folder, patient, autopilot) as (process, _):
         killed(process)
         rig.wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
@@ -89,7 +89,7 @@ def test_control_c_while_the_aircraft_are_brought_home_names_them(patient, folde
         rig.wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
 
 
-def test_the_next_process_takes_over_the_aircraft_in_the_air(folder):
+def test_next_process_takes_over_the_aircraft_in_the_air(folder):
     with searching(folder) as (process, _):
         aircraft = rig.aircraft_process(folder)
         killed(process)
@@ -102,7 +102,7 @@ def test_the_next_process_takes_over_the_aircraft_in_the_air(folder):
     assert len(rig.events(folder, "landed")) == 1  # it was never brought down in between
 
 
-def test_a_process_of_the_aircraft_that_dies_is_started_again(folder):
+def test_process_of_the_aircraft_that_dies_is_started_again(folder):
     with searching(folder) as (process, _):
         os.kill(rig.aircraft_process(folder), signal.SIGKILL)
         done = rig.ended(process)
@@ -160,7 +160,7 @@ def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(f
         os.kill(aircraft, 0)
 
 
-def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path):
+def test_setpoints_continue_while_the_mission_process_stands_still(tmp_path):
     folder, passing = tmp_path / "out", ("--auto-swap", "--strategy", "swath")
     with (
         rig.simulator("speck", speedup=STREAMED) as urls,

@@ -141,7 +141,7 @@ def test_mosaic_of_a_flight_is_a_map_beneath(day: Day) -> None:
     assert not day.page.complaints()
 
 
-def test_preflight_lists_what_the_doctor_finds_and_a_replayed_click_is_refused(day: Day) -> None:
+def test_preflight_lists_the_doctors_findings_and_refuses_a_replayed_click(day: Day) -> None:
     day.enter()
     page, before = day.page, day.commands()
     page.open("Preflight")

@@ -24,7 +24,7 @@ def lines(done: rig.Finished) -> list[str]:
     return [line for line in done.err.splitlines() if line.startswith(("uavmap: ", "vehicle "))]
 
 
-def test_a_full_disk_brings_it_home_before_the_process_ends(folder):
+def test_full_disk_brings_the_vehicle_home_before_the_process_ends(folder):
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         words = rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)
         with rig.started(*words, room_bytes=ROOM_BYTES) as process:
@@ -42,7 +42,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(folder):
     assert first["airborne"] is False  # it stood at home when it was taken up again
 
 
-def test_who_does_not_wait_is_told_where_each_aircraft_is(folder):
+def test_second_interrupt_names_the_place_of_each_aircraft(folder):
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with rig.in_flight(urls, folder, SPEEDUP) as process:
             process.send_signal(signal.SIGINT)
@@ -61,7 +61,7 @@ def test_who_does_not_wait_is_told_where_each_aircraft_is(folder):
 
 
 @pytest.mark.parametrize("number", [None, signal.SIGHUP])
-def test_a_terminal_that_is_gone_ends_no_flight_badly(number, folder):
+def test_terminal_that_is_gone_ends_no_flight_badly(number, folder):
     """Without a signal the flight goes on to its end; with one it comes home."""
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with rig.in_flight(urls, folder, SPEEDUP) as process:

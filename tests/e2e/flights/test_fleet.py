@@ -67,7 +67,7 @@ def members(out: Path, count: int = 3) -> Sequence[Path]:
     return [out / f"vehicle-{number}" for number in range(1, count + 1)]
 
 
-def test_three_that_hear_each_other_map_a_region_together(tmp_path):
+def test_three_members_with_radio_map_a_region_together(tmp_path):
     out = tmp_path / "out"
     summary = flown(made(tmp_path), "free,loss:0.1,delay:0.1", out)
     regions = [region(folder) for folder in (*members(out), out)]
@@ -88,7 +88,7 @@ def test_three_that_hear_each_other_map_a_region_together(tmp_path):
         assert json.loads((folder / "summary.json").read_text())["completed"]
 
 
-def test_two_that_never_hear_each_other_each_map_it_all(tmp_path):
+def test_two_members_without_radio_map_the_whole_region_each(tmp_path):
     """Each keeps to its own air, so they lose time and nothing else."""
     out = tmp_path / "out"
     flown(made(tmp_path, 2), "range:0", out)
@@ -99,7 +99,7 @@ def test_two_that_never_hear_each_other_each_map_it_all(tmp_path):
         assert len(found) > 0.9 * len(regions[-1])
 
 
-def test_a_radio_that_is_none_is_refused(tmp_path):
+def test_invalid_radio_is_refused(tmp_path):
     done = rig.flown(made(tmp_path), tmp_path / "out", "--comms", "range:x").done
     assert done.code == 2
     assert "--comms range:x" in done.err
@@ -152,7 +152,7 @@ class Beset(SimulatedFleet):
         self.air.silence(number)
 
 
-def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(folder, monkeypatch):
+def test_fleet_continues_when_a_program_dies_and_a_vehicle_falls(folder, monkeypatch):
     """Messages overtake each other, one clock is 7 s ahead, and nobody is told of any of it."""
     text = field_text(more='[[sim.faults]]\nvehicle = 2\nat_s = 40.9\nkind = "motor"\n')
     model = LinkModel(delay_s=0.1, jitter_s=4.0, doubled=0.3)
@@ -183,7 +183,7 @@ def test_pads_without_a_place_lie_far_enough_apart():
     assert [round(b - a) for a, b in itertools.pairwise(east_m)] == [13, 13, 13]
 
 
-def test_with_an_aircraft_down_no_summary_is_complete(tmp_path):
+def test_summary_with_an_aircraft_down_is_not_complete(tmp_path):
     file, out = made(tmp_path), tmp_path / "out"
     fault = '[[sim.faults]]\nkind = "motor"\nvehicle = 3\nat_s = 40\nshare = 0.0\n'
     file.write_text(file.read_text("utf-8") + fault, "utf-8")
@@ -195,9 +195,7 @@ def test_with_an_aircraft_down_no_summary_is_complete(tmp_path):
 
 
 @pytest.mark.parametrize("second_m", [0.0, -6.0])
-def test_pads_whose_heights_contradict_the_mission_keep_a_fleet_on_the_ground(
-    tmp_path, monkeypatch, second_m
-):
+def test_pads_with_wrong_heights_keep_a_fleet_on_the_ground(tmp_path, monkeypatch, second_m):
     """Pads 60 m apart on a slope of a tenth, receivers that are good to half a metre."""
     homes_m = [(0.0, 0.0), (60.0, 0.0)]
     text = mission_text(

@@ -30,7 +30,7 @@ def begin_and_stop(folder, count, number=signal.SIGKILL, *more):
         return rig.stop_after(process, folder, count, number)
 
 
-def test_killed_again_and_again_it_ends_as_if_nothing_had_been(speck, folder):
+def test_flight_killed_again_and_again_ends_like_an_undisturbed_one(speck, folder):
     whole = rig.bodies(speck.folder)
     first, *others = moments(4, 3, len(whole))
     begin_and_stop(folder, first)
@@ -50,7 +50,7 @@ def test_killed_again_and_again_it_ends_as_if_nothing_had_been(speck, folder):
     assert (folder / "map.png").read_bytes() == (speck.folder / "map.png").read_bytes()
 
 
-def test_from_home_nothing_that_was_seen_is_lost(speck, folder):
+def test_resume_from_home_keeps_all_frames(speck, folder):
     whole = rig.bodies(speck.folder)
     begin_and_stop(folder, len(whole) // 2)
     before = rig.bodies(folder)
@@ -77,7 +77,7 @@ def says_how_it_goes_on_and_leaves_a_map(stopped, folder):
     assert json.loads((folder / "summary.json").read_text())["completed"] is False
 
 
-def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, folder):
+def test_control_c_stops_a_simulated_flight_and_resume_continues(speck, folder):
     whole = rig.bodies(speck.folder)
     # paced, so that it is still in the air when the signal comes, on a busy machine as well
     stopped = begin_and_stop(folder, len(whole) // 4, signal.SIGINT, "--speedup", 8)
@@ -92,7 +92,7 @@ def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, folder):
     assert rig.bodies(folder) == whole
 
 
-def test_a_simulated_flight_that_is_told_twice_to_end_leaves_its_map_all_the_same(folder):
+def test_simulated_flight_with_two_sigterms_leaves_its_map(folder):
     with rig.started(
         "fly", rig.mission("speck"), "--sim", "--speedup", 15, "--json", "--out", folder
     ) as process:
@@ -120,7 +120,9 @@ def test_resuming_a_finished_mission_writes_its_results_anew(speck, folder):
 
 
 @pytest.mark.parametrize("room_bytes", [1_000, 10_000, 50_000])
-def test_full_disk_twice_then_resumed_ends_as_if_nothing_had_been(room_bytes, speck, tmp_path):
+def test_flight_with_a_full_disk_twice_and_resumed_ends_like_an_undisturbed_one(
+    room_bytes, speck, tmp_path
+):
     whole, folder = rig.bodies(speck.folder), tmp_path / "out"
     words = ["fly", rig.mission("speck"), "--sim", "--json", "--out", folder]
     confirmed = 0
@@ -139,7 +141,7 @@ def test_full_disk_twice_then_resumed_ends_as_if_nothing_had_been(room_bytes, sp
         assert (folder / name).read_bytes() == (speck.folder / name).read_bytes()
 
 
-def test_a_damaged_journal_is_recovered_and_the_flight_ends_as_if_nothing_had_been(speck, folder):
+def test_damaged_journal_is_recovered_and_the_flight_ends_like_an_undisturbed_one(speck, folder):
     shutil.copytree(speck.folder, folder)
     path = folder / "journal.jsonl"
     data = bytearray(path.read_bytes())

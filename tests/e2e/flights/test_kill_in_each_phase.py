@@ -35,7 +35,7 @@ def killed_in(phase: type[Order], process: Process, journey: Journey) -> bool:
 
 
 @pytest.mark.parametrize(("autopilot", "phases"), [("ardupilot", PHASES), ("px4", (TakeOff, Look))])
-def test_killed_in_each_phase_it_is_taken_up_and_completes(autopilot, phases, speck, folder):
+def test_flight_killed_in_each_phase_is_resumed_and_completes(autopilot, phases, speck, folder):
     journey = Journey(folder, "speck")
     hit = 0
     with rig.simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:

@@ -41,7 +41,7 @@ at_s = 22.0
 
 
 @pytest.mark.parametrize(("attitude", "sigmas"), [(EXACT_ATTITUDE, 3.0), ("", 4.0)])
-def test_both_know_where_they_are_after_satellites_are_lost(attitude, sigmas):
+def test_vehicles_without_satellites_know_their_positions_by_leapfrog(attitude, sigmas):
     text = mission_text(
         square(2, 6, 14, 8), square(-20, -20, 60, 60), vehicles=2, capacity_wh=60.0,
         strategy="leapfrog", layer_m=8.0, mounting="gimbal", interval_s=0.5,

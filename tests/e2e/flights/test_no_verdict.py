@@ -42,7 +42,7 @@ def test_flight_over_real_ground_default_detector_sees_nothing_ends_without_a_ve
     assert re.search(r"mission completed\s*.\s*no verdict", told.out)
 
 
-def test_flight_whose_detector_takes_all_for_region_ends_without_a_verdict(tmp_path):
+def test_flight_with_region_everywhere_ends_without_a_verdict(tmp_path):
     text = SPECK.replace("dilations = 4", "intensity = 254")
     flight = rig.flown_text(text, tmp_path, "--strategy", "swath")
     done, folder = flight.done, flight.folder

@@ -48,7 +48,7 @@ def amid_a_path(flight: rig.Flight, name: str) -> int:
 
 # --- in one process --------------------------------------------------------------------------
 @pytest.mark.parametrize(("name", "vehicles"), [("tiny", 1), ("pair", 2), ("drift", 1)])
-def test_it_is_complete_and_right(name, vehicles, tiny_passed, tmp_path):
+def test_nonstop_flight_is_complete_and_right(name, vehicles, tiny_passed, tmp_path):
     """The region of `drift` moves on, behind a hole in the fence."""
     flight = tiny_passed if name == "tiny" else rig.flown(name, tmp_path / "out", *SWATH)
     summary = flight.complete()
@@ -59,13 +59,13 @@ def test_it_is_complete_and_right(name, vehicles, tiny_passed, tmp_path):
         assert summary["min_separation_m"] >= 4.0
 
 
-def test_it_is_quicker_than_a_look_over_every_cell(tiny, tiny_passed):
+def test_nonstop_flight_is_quicker_than_a_look_over_every_cell(tiny, tiny_passed):
     assert tiny_passed.summary["exploration_s"] < 0.6 * tiny.summary["exploration_s"]
     assert tiny_passed.summary["makespan_s"] < tiny.summary["makespan_s"]
     assert rig.maps_alike(tiny.folder, tiny_passed.folder, 3)
 
 
-def test_nobody_looks_and_frames_come_from_anywhere(tiny_passed):
+def test_nonstop_flight_gives_no_look_order_and_frames_from_anywhere(tiny_passed):
     told = orders_of("tiny", rig.bodies(tiny_passed.folder))
     assert not any(isinstance(order, Look) for orders in told for order in orders)
     frames = rig.events(tiny_passed.folder, "frame_seen")
@@ -73,7 +73,7 @@ def test_nobody_looks_and_frames_come_from_anywhere(tiny_passed):
     assert max(len(frame["votes"]) for frame in frames) > 5  # more than a cell and its neighbours
 
 
-def test_without_numba_the_mission_is_flown_too(speck_passed, folder):
+def test_mission_without_numba_is_complete(speck_passed, folder):
     """Plain Python plans with fewer moves: another path to the same map."""
     code = (
         "import sys; sys.modules['numba'] = None; from uavmap.ui.cli import main; sys.exit(main())"
@@ -87,7 +87,7 @@ def test_without_numba_the_mission_is_flown_too(speck_passed, folder):
         assert rig.bodies(folder) != rig.bodies(speck_passed.folder)
 
 
-def test_killed_on_its_path_it_ends_as_if_nothing_had_been(tiny_passed, folder):
+def test_flight_killed_on_a_path_ends_like_an_undisturbed_one(tiny_passed, folder):
     whole = rig.bodies(tiny_passed.folder)
     arguments = ("fly", rig.mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
     count = amid_a_path(tiny_passed, "tiny")
@@ -124,7 +124,7 @@ def stopped_on_a_path(
 
 
 @pytest.mark.parametrize(("autopilot", "speedup"), [("px4", SPEEDUP), ("ardupilot", STREAMED)])
-def test_killed_on_its_path_it_is_taken_up_in_the_air(autopilot, speedup, speck_passed, folder):
+def test_flight_killed_on_a_path_is_resumed_in_the_air(autopilot, speedup, speck_passed, folder):
     with rig.simulator("speck", speedup=speedup, autopilot=autopilot) as urls:
         stopped_on_a_path(urls, folder, signal.SIGKILL, speedup)
         before = rig.bodies(folder)
@@ -138,7 +138,7 @@ def test_killed_on_its_path_it_is_taken_up_in_the_air(autopilot, speedup, speck_
     assert rig.maps_alike(folder, speck_passed.folder)
 
 
-def test_a_px4_returns_when_its_stream_ends_and_flies_again(speck_passed, folder, tmp_path):
+def test_px4_returns_when_its_stream_ends_and_flies_again(speck_passed, folder, tmp_path):
     """Without setpoints it leaves OFFBOARD by a failsafe; if it is still in the air when the
     service is back, that is left to it, and the next resume sends it out."""
     stickless = rig.kinder("speck", tmp_path, stick=False)
@@ -156,7 +156,7 @@ def test_a_px4_returns_when_its_stream_ends_and_flies_again(speck_passed, folder
     assert rig.maps_alike(folder, speck_passed.folder)
 
 
-def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(speck_passed, folder):
+def test_control_c_on_a_path_returns_and_resume_flies_again(speck_passed, folder):
     with rig.simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls:
         stopped = stopped_on_a_path(urls, folder, signal.SIGINT, SPEEDUP)
         assert stopped is not None
@@ -172,7 +172,7 @@ def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(speck_
     assert rig.maps_alike(folder, speck_passed.folder)
 
 
-def test_two_vehicles_over_sockets(tiny_passed, folder):
+def test_two_vehicles_over_sockets_complete(tiny_passed, folder):
     with rig.simulator("tiny", speedup=SPEEDUP, vehicles=2) as urls:
         done = rig.uavmap(
             *rig.flying(rig.mission("tiny"), urls, folder, SPEEDUP, *SWATH, "--vehicles", 2)

@@ -19,7 +19,7 @@ from uavmap.mavlink.links.signing import read_key
 SPEEDUP = 20.0
 
 
-def test_a_key_is_made_installed_and_flown_with_beside_a_ground_station(tmp_path):
+def test_key_is_made_installed_and_used_beside_a_ground_station(tmp_path):
     key, folder = tmp_path / "key", tmp_path / "out"
     assert rig.uavmap("keys", "new", key).code == 0
     with rig.simulator("speck", speedup=SPEEDUP) as urls, station() as (port, ground):
@@ -48,7 +48,7 @@ def test_a_key_is_made_installed_and_flown_with_beside_a_ground_station(tmp_path
         assert (removed.code, removed.err) == (0, "")
 
 
-def test_a_ground_station_asks_the_vehicle_through_us(tmp_path):
+def test_ground_station_queries_the_vehicle_through_the_service(tmp_path):
     with rig.simulator("speck", speedup=SPEEDUP) as urls, station() as (port, ground):
         forward = ("--forward", f"udpout://{rig.LOOPBACK}:{port}")
         words = rig.flying(rig.mission("speck"), urls, tmp_path / "out", SPEEDUP, *forward)
@@ -91,7 +91,7 @@ def station():
 
 
 # --- keys ----------------------------------------------------------------------------------------
-def test_keys_at_a_terminal_pause_go_on_and_call_home(folder):
+def test_keys_at_a_terminal_pause_continue_and_recall(folder):
     """A real terminal, a real process: pressed keys become events, and the map says what was not
     looked at."""
     operator, ours = pty.openpty()
@@ -132,7 +132,7 @@ def test_keys_at_a_terminal_pause_go_on_and_call_home(folder):
     assert json.loads((folder / "summary.json").read_text())["cells_skipped"] == 0
 
 
-def test_a_port_given_twice_is_refused_with_the_remedy(tmp_path):
+def test_port_given_twice_is_refused_with_the_remedy(tmp_path):
     port, _ = rig.free_ports(1)
     url = f"udpin://{rig.LOOPBACK}:{port}"
     done = rig.uavmap(

@@ -71,7 +71,7 @@ class Page:
         rig.wait_until(lambda: bool(self.shows(script)), script)
 
 
-def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(folder):
+def test_buttons_steer_a_flight_and_the_page_survives_its_reader(folder):
     need_browser()
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         lines = [
@@ -130,7 +130,7 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(folder):
     assert kinds == ["paused", "continued", "recalled"]
 
 
-def test_pictures_for_the_documentation(tmp_path):
+def test_page_gives_the_pictures_of_the_documentation(tmp_path):
     if not FOLDER:
         pytest.skip("UAVMAP_PICTURES=FOLDER asks for the pictures of docs/how-to/page.md")
     need_browser()
@@ -147,7 +147,7 @@ def test_pictures_for_the_documentation(tmp_path):
         assert process.wait() == 0
 
 
-def test_what_cannot_be_watched_is_said_in_a_line(tmp_path):
+def test_folder_that_cannot_be_watched_is_refused_in_a_line(tmp_path):
     for folder, said in ((tmp_path / "none", "no such folder"), (tmp_path, "no journal")):
         done = rig.uavmap("watch", folder, "--port", "0")
         assert (done.code, done.out) == (2, "")

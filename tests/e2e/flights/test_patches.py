@@ -37,7 +37,7 @@ def made() -> str:
     return text.replace("48.0010072", "48.0007500") + SECOND
 
 
-def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path):
+def test_patches_are_all_mapped_if_all_are_requested(tmp_path):
     text = made().replace("[search]", '[search]\nfind = "all"')
     summary = rig.flown_text(text, tmp_path).complete()
     found = summary["patches"]
@@ -67,7 +67,7 @@ def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path):
     assert "the whole box is seen" in summary["finding"]
 
 
-def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
+def test_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     text = made()
     high = '[search]\nfind = "all"\naltitude_m = 30.0'
     text = text.replace("[search]", high).replace("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
@@ -96,7 +96,7 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
 
 
 @pytest.mark.parametrize(("attitude", "most_missed"), [(EXACT_ATTITUDE, 0), ("", 1)])
-def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(
+def test_vehicles_climb_on_paths_to_drifting_lanes_and_share_layers(
     attitude, most_missed, tmp_path
 ):
     text = made()

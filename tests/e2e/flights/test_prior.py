@@ -52,7 +52,7 @@ def found_s(mission: Path) -> float:
     return state.found_s
 
 
-def test_the_region_is_found_sooner(tmp_path):
+def test_region_with_a_prior_is_found_sooner(tmp_path):
     mission = written(tmp_path / "known", prior=True)
     expected = rig.uavmap("check", mission, "--json").summary
     sooner_s = expected["first_sighting_without_prior_s"] - expected["first_sighting_s"]
@@ -61,7 +61,7 @@ def test_the_region_is_found_sooner(tmp_path):
     assert unknown - known > 0.5 * sooner_s > 15.0  # it need not lie where it is expected
 
 
-def test_check_says_how_much_sooner_it_is_expected(tmp_path):
+def test_check_with_a_prior_reports_an_earlier_first_sighting(tmp_path):
     mission = written(tmp_path / "known", prior=True)
     done = rig.uavmap("check", mission)
     found = re.search(
@@ -77,6 +77,6 @@ def test_check_says_how_much_sooner_it_is_expected(tmp_path):
     assert figures["first_sighting_without_prior_s"] == pytest.approx(late_s, abs=0.6)
 
 
-def test_check_says_nothing_of_it_without_a_prior(tmp_path):
+def test_check_without_a_prior_reports_no_first_sighting(tmp_path):
     done = rig.uavmap("check", written(tmp_path / "unknown", prior=False))
     assert "first sighting" not in done.out

@@ -64,13 +64,13 @@ def iou(one, other):
 
 
 class TestTiny:
-    def test_it_is_complete_and_right(self, tiny):
+    def test_flight_is_complete_and_right(self, tiny):
         tiny.complete()
         assert tiny.summary["iou_cells"] > 0.75
         assert tiny.summary["vertices"] == tiny.summary["cells_roi"] > 15
         assert tiny.summary["bound_held"] is True
 
-    def test_the_summary_says_all_that_was_promised(self, tiny):
+    def test_summary_has_all_documented_keys(self, tiny):
         written = json.loads((tiny.folder / "summary.json").read_text("utf-8"))
         assert {**written, "out": str(tiny.folder)} == tiny.summary
         assert [key for key in KEYS if key not in written] == []
@@ -78,21 +78,21 @@ class TestTiny:
         assert written["seed"] == 1
         assert written["vehicles"] == 1
 
-    def test_all_results_are_there_and_nothing_else(self, tiny):
+    def test_folder_has_all_results_and_no_others(self, tiny):
         assert {path.name for path in tiny.folder.iterdir()} == RESULTS
 
     def test_progress_goes_to_standard_error(self, tiny):
         json.loads(tiny.done.out)  # nothing but the summary
         assert " left  [1: " in tiny.done.err
 
-    def test_the_outline_lies_over_the_true_region(self, tiny):
+    def test_outline_lies_over_the_true_region(self, tiny):
         start = toml("tiny")["start"]["position"]
         outline = unary_union([shape(f["geometry"]) for f in features(tiny.folder, "outline")])
         truth = Polygon(lon_lat(toml("tiny")["sim"]["roi"][0]["polygon"]))
         found = iou(on_ground(outline, start), on_ground(truth, start))
         assert found == pytest.approx(tiny.summary["iou_cells"], abs=0.01)
 
-    def test_geojson_is_sound(self, tiny):
+    def test_geojson_is_valid(self, tiny):
         for feature in json.loads((tiny.folder / "map.geojson").read_text("utf-8"))["features"]:
             geometry = shape(feature["geometry"])
             assert geometry.is_valid
@@ -113,7 +113,7 @@ class TestTiny:
         assert picture is not None
         assert picture.std() > 10.0
 
-    def test_the_mosaic_shows_the_ground_as_the_simulator_paints_it(self, tiny):
+    def test_mosaic_shows_the_ground_as_the_simulator_paints_it(self, tiny):
         flown = flown_of(tiny.folder)
         ground = Ground.read(tiny.folder, flown.setting.grid)
         truth = true_ground(flown.setting, flown.plan.seed, ground.raster)
@@ -128,11 +128,11 @@ class TestTiny:
             assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
             assert ((file.dataset_mask() > 0) == seen).all()
 
-    def test_the_report_shows_the_ground(self, tiny):
+    def test_report_shows_the_ground(self, tiny):
         text = (tiny.folder / "report.html").read_text("utf-8")
         assert 'href="data:image/webp;base64,' in text
 
-    def test_the_log_tells_the_flight_in_mavlink(self, tiny):
+    def test_log_has_the_flight_in_mavlink(self, tiny):
         log = mavutil.mavlink_connection(str(tiny.folder / "flight.tlog"))
         seen, heights, modes, pictures = set(), [], set(), 0
         while (message := log.recv_match()) is not None:
@@ -156,7 +156,7 @@ class TestTiny:
 
 class TestDeterminism:
     @pytest.mark.parametrize(("fixture", "more"), [("speck", ()), ("speck_passed", SWATH)])
-    def test_the_same_seed_is_the_same_flight_to_the_byte(self, fixture, more, request, tmp_path):
+    def test_same_seed_is_the_same_flight_to_the_byte(self, fixture, more, request, tmp_path):
         flight = request.getfixturevalue(fixture)
         folder = tmp_path / "in a folder with blanks" / "and another"
         again = rig.flown("speck", folder, *more, hash_seed="2")
@@ -166,7 +166,7 @@ class TestDeterminism:
             assert (folder / name).read_bytes() == (flight.folder / name).read_bytes(), name
 
     @pytest.mark.parametrize("fixture", ["speck", "speck_passed"])
-    def test_results_anew_from_the_journal_are_the_same_to_the_byte(
+    def test_results_made_again_from_the_journal_are_the_same_to_the_byte(
         self, fixture, request, tmp_path
     ):
         flight = request.getfixturevalue(fixture)
@@ -191,7 +191,7 @@ class TestDeterminism:
 
 
 class TestPair:
-    def test_both_fly_apart_and_change_batteries(self, pair):
+    def test_pair_flies_apart_and_changes_batteries(self, pair):
         pair.complete()
         assert pair.summary["min_separation_m"] >= toml("pair")["team"]["separation_m"]
         swaps = [event["vehicle"] for event in rig.events(pair.folder, "battery_swapped")]
@@ -199,7 +199,7 @@ class TestPair:
         assert pair.summary["battery_swaps"] == len(swaps)
         assert pair.summary["sorties"] == len(rig.events(pair.folder, "airborne")) > 2
 
-    def test_the_other_goes_on_while_one_is_home_for_a_battery(self, pair):
+    def test_other_vehicle_continues_while_one_changes_its_battery(self, pair):
         frames = {1: [], 2: []}
         seen_meanwhile = 0
         out = {}
@@ -213,7 +213,7 @@ class TestPair:
                 seen_meanwhile += sum(out[number] < t_s < event["t_s"] for t_s in frames[other])
         assert seen_meanwhile > 10
 
-    def test_after_a_swap_the_vehicle_flies_straight_back_to_its_vertex(self, pair):
+    def test_vehicle_after_a_swap_flies_straight_back_to_its_vertex(self, pair):
         order = rig.events(pair.folder, "airborne", "arrived", "battery_swapped", "frame_seen")
         for number in (1, 2):
             mine = [event["kind"] for event in order if event["vehicle"] == number]
@@ -221,11 +221,11 @@ class TestPair:
             assert mine[at + 1] == "airborne"
             assert mine[at + 2] == "arrived"  # one leg, without stops on the way
 
-    def test_both_tracks_are_drawn(self, pair):
+    def test_tracks_of_both_vehicles_are_drawn(self, pair):
         tracks = features(pair.folder, "track")
         assert {f["properties"]["vehicle"] for f in tracks} == {1, 2}
 
-    def test_they_share_one_map(self, pair):
+    def test_vehicles_share_one_map(self, pair):
         looked = {number: set() for number in (1, 2)}
         for event in rig.events(pair.folder, "frame_seen"):
             if len(event["votes"]) > 1:
@@ -236,10 +236,10 @@ class TestPair:
 
 
 class TestDrift:
-    def test_it_is_complete_and_right(self, drift):
+    def test_flight_is_complete_and_right(self, drift):
         drift.complete()
 
-    def test_the_map_is_where_the_region_has_drifted_to(self, drift):
+    def test_map_is_where_the_region_has_drifted_to(self, drift):
         mission_file = toml("drift")
         start, flow = mission_file["start"]["position"], mission_file["drift"]
         (outline,) = features(drift.folder, "outline")
@@ -272,7 +272,7 @@ def _points(feature):
     return lines if geometry["type"] == "LineString" else [p for line in lines for p in line]
 
 
-def test_a_search_that_finds_nothing_is_a_result(tmp_path):
+def test_search_that_finds_nothing_is_a_result(tmp_path):
     summary = rig.flown("astray", tmp_path).complete(most_missed=100)
     assert summary["cells_roi"] == summary["vertices"] == 0
     assert summary["cells_missed"] > 0

@@ -25,7 +25,7 @@ def plain_m(setting: Setting) -> float:
 @pytest.mark.parametrize(
     ("habits", "most_missed"), [({"tilt_sigma_deg": 0, "heading_sigma_deg": 0}, 0), ({}, 3)]
 )
-def test_a_survey_in_the_wind_flies_its_lanes_once(habits, most_missed, tmp_path):
+def test_survey_in_the_wind_flies_its_lanes_once(habits, most_missed, tmp_path):
     """The camera tilts with the airframe and looks to leeward: lanes are flown to windward."""
     flown = rig.kinder("windy", tmp_path, **habits)
     setting = setting_of(load(rig.mission(flown)))

@@ -28,7 +28,7 @@ def test_flight_with_tak_is_the_same_flight_and_all_of_it_arrives(tmp_path):
     assert last["track-1"].points
 
 
-def test_flight_goes_on_without_a_server_and_a_wrong_url_ends_before_it(tmp_path):
+def test_flight_continues_without_a_server_and_not_with_a_wrong_url(tmp_path):
     with Listener() as listener:
         url = listener.url
     flight = rig.uavmap("fly", rig.mission("speck"), "--sim", "--tak", url, "--out", tmp_path / "a")

@@ -85,7 +85,7 @@ class Flown:
 
 
 @pytest.mark.parametrize(("autopilot", "strategy"), [("ardupilot", "rdfs"), ("px4", "swath")])
-def test_over_a_slope_cells_are_right_and_nobody_comes_near_the_ground(
+def test_flight_over_a_slope_has_right_cells_and_stays_clear_of_the_ground(
     autopilot, strategy, tmp_path
 ):
     flown = Flown(tmp_path, autopilot, strategy)
@@ -97,7 +97,7 @@ def test_over_a_slope_cells_are_right_and_nobody_comes_near_the_ground(
 
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 8.0])
-def test_a_picture_over_a_slope_says_of_each_cell_what_is_there(pitch_deg):
+def test_picture_over_a_slope_judges_each_cell_right(pitch_deg):
     """What the simulator renders by rays and the service reads by corners is the same ground; taken
     as flat, cells are off by metres."""
     heights, grid = slope(20.0, TOWARD_DEG), Grid.at(START, 4.0)

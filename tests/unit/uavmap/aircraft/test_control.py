@@ -30,7 +30,7 @@ def in_air(kind):
     kind=st.sampled_from([ARDUPILOT, PX4]),
     steps=st.lists(st.tuples(st.booleans(), st.integers(0, 30), st.floats(0.1, 2.0)), max_size=12),
 )
-def test_control_mode_not_asked_for_is_never_ours(kind, steps):
+def test_control_mode_not_requested_is_never_under_our_control(kind, steps):
     modes = sorted(kind.mode_names)
     control, now_s = in_air(kind), 0.0
     asked, asked_s, seen = kind.follows, 0.0, True
@@ -58,7 +58,7 @@ def test_control_mode_not_asked_for_is_never_ours(kind, steps):
 
 
 @pytest.mark.parametrize(("after_s", "holder"), [(1.0, Holder.OURS), (4.0, Holder.PILOT)])
-def test_control_late_request_is_ours_for_a_while(after_s, holder):
+def test_control_late_request_is_accepted_for_a_while(after_s, holder):
     control = FLYING.asking(RTL, 0.0).asking(LAND, 0.5)
     assert control.heard(ARDUPILOT, Beat(RTL, True, False, 0.5 + after_s)).holder is holder
     assert LATE_S == 3.0
@@ -79,7 +79,7 @@ def test_control_refused_request_leaves_the_mode_before_it():
         (LOITER, True, Holder.PILOT),
     ],
 )
-def test_control_found_in_air_is_ours_by_mode(mode, resumed, holder):
+def test_control_found_in_air_depends_on_the_mode(mode, resumed, holder):
     found = Control(air=AirState.AIRBORNE).noted(Beat(mode, True, False, 1.0))
     assert found.connected(ARDUPILOT, resumed=resumed).holder is holder
 
@@ -108,7 +108,7 @@ def test_px4_that_disarms_into_hold_is_judged_by_its_heartbeat(mode, holder):
 
 
 @pytest.mark.parametrize("mode", [PX4.rtl, PX4.land])
-def test_pilots_hold_in_a_landing_is_his_at_once_and_given_back_by_a_heartbeat(mode):
+def test_control_pilots_hold_in_a_landing_counts_at_once_until_a_heartbeat(mode):
     ours = lands(mode, Holder.OURS)
     assert ours.heard(PX4, Beat(HOLD, True, False, 9.1, LANDING)).holder is Holder.PILOT
     told = lands(mode, Holder.PILOT).heard(PX4, Beat(HOLD, True, False, 9.1, LANDING))

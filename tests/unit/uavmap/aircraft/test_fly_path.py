@@ -78,7 +78,7 @@ def kinds(flight, kind):
 
 @both
 @by(fly, small_mission)
-async def test_path_replaced_on_the_way_is_flown_on(flight, /, autopilot):
+async def test_path_replaced_midway_is_continued(flight, /, autopilot):
     speeds = []
     announced = set()
 
@@ -120,7 +120,7 @@ async def test_path_replaced_on_the_way_is_flown_on(flight, /, autopilot):
     assert not flight.said
 
 
-def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one():
+def test_simulated_copter_follows_a_path_like_a_real_one():
     """At 6 m/s: 0.18 m in the mean, 0.54 in 95 % of the time, and as long as planned."""
     flown = followed("ardupilot", 6.0)
     assert not flown.failed
@@ -146,7 +146,7 @@ async def test_path_link_loses_setpoints_stays_near(flight, /, autopilot):
 
 
 @by(fly)
-async def test_the_timeout_is_short_while_paths_are_flown(flight, /):
+async def test_timeout_is_short_while_paths_are_flown(flight, /):
     parameters = flight.vehicle._ap.parameters
     assert parameters["GUID_TIMEOUT"] == 3.0
     await on_the_way(flight)
@@ -210,7 +210,7 @@ async def test_px4_stream_lost_returns_and_is_left_alone(flight, /):
 
 
 @by(fly)
-async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight, /):
+async def test_link_lost_on_a_path_stops_the_vehicle_until_it_is_back(flight, /):
     await on_the_way(flight, 5.0)
     lost_at = where(flight)
     flight.to_driver = flight.to_vehicle = lambda message: False
@@ -238,7 +238,7 @@ async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight, /):
     ],
 )
 @by(fly, small_mission)
-async def test_a_pilot_takes_over_on_a_path(flight, /, autopilot, mode):
+async def test_pilot_takes_over_on_a_path(flight, /, autopilot, mode):
     await on_the_way(flight)
     if isinstance(mode, Px4Mode):
         flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
@@ -254,7 +254,7 @@ async def test_a_pilot_takes_over_on_a_path(flight, /, autopilot, mode):
 # --- other orders on the way ---------------------------------------------------------------------
 @both
 @by(fly, small_mission)
-async def test_hold_brakes_on_the_shortest_way_and_stays(flight, /, autopilot):
+async def test_hold_brakes_in_the_shortest_distance_and_stays(flight, /, autopilot):
     await on_the_way(flight, 5.0)
     begin, farthest = where(flight), 0.0
     assert speed_of(flight) > 5.0
@@ -344,7 +344,7 @@ async def test_path_with_another_interval_changes_pace_of_pictures(flight, /):
 
 
 @by(fly)
-async def test_a_path_that_was_called_off_is_not_gone_on_with(flight, /):
+async def test_path_called_off_is_not_resumed(flight, /):
     """Two orders in one breath: the path after them begins anew."""
     await on_the_way(flight)
     flight.driver.give(Hold())
@@ -371,7 +371,7 @@ async def test_path_over_drifting_region_moves(flight, /, autopilot):
 
 
 @by(fly_up)
-async def test_a_camera_that_refuses_ends_the_order_and_the_stream(flight, /):
+async def test_camera_that_refuses_ends_the_order_and_the_stream(flight, /):
     flight.vehicle.fail.reject(START_CAPTURE)
     plan = corner(flight.now_s() + NOTICE_S)
     flight.driver.give(order(plan))

@@ -118,7 +118,7 @@ class ByMap:
 
 
 @by(fly)
-async def test_failsafe_lands_it_on_way_home_by_map_is_left_alone(flight, /):
+async def test_failsafe_lands_it_on_return_by_map_is_left_alone(flight, /):
     """An ArduCopter shows no difference between its EKF failsafe's LAND and a pilot's."""
     await fly_out(flight, 20.0)
     flight.driver._monitor.navigation = ByMap()
@@ -206,7 +206,7 @@ async def test_px4_pilot_hold_after_offboard_keeps_it(flight, /, lost_ack):
 
 
 @by(fly, on_px4)
-async def test_px4_back_in_offboard_after_failsafe_is_not_ours(flight, /):
+async def test_px4_back_in_offboard_after_failsafe_is_not_under_our_control(flight, /):
     """Seen: RTL by a failsafe for 1.0 s, then OFFBOARD by itself; the flight went on."""
     await on_path(flight)
     autopilot = flight.vehicle._ap
@@ -272,7 +272,7 @@ async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight, /):
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_without_a_landed_state_it_is_guarded_and_brought_home(autopilot):
+def test_vehicle_without_a_landed_state_is_guarded_and_brought_home(autopilot):
     """EXTENDED_SYS_STATE does not come: no rule of the guardian looked at it, nobody was there."""
 
     async def body(flight):

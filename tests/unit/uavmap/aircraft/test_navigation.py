@@ -67,7 +67,7 @@ def gnss(craft):
 
 
 @pytest.mark.parametrize("action", ["rtl", "land"])
-def test_lost_satellites_end_the_flight_as_the_mission_says(action):
+def test_satellites_lost_end_the_flight_as_the_mission_requires(action):
     flown = craft(gnss_loss=action)
     flown.pass_s(5.0)
     assert not flown.acts
@@ -79,7 +79,7 @@ def test_lost_satellites_end_the_flight_as_the_mission_says(action):
     assert gnss(flown) == ["lost"]
 
 
-def test_a_flicker_begins_anew():
+def test_flag_that_flickers_restarts_the_wait():
     flown = craft()
     for _ in range(5):
         flown.view.ekf_flags = LOST
@@ -100,7 +100,7 @@ def test_a_flicker_begins_anew():
     ],
     ids=["a filter that holds still", "on the ground", "a receiver alone"],
 )
-def test_what_is_no_loss_changes_nothing(loss, said, airborne):
+def test_flag_without_a_loss_changes_nothing(loss, said, airborne):
     flown = craft(gnss_loss=loss)
     for name, value in said.items():
         setattr(flown.view, name, value)
@@ -109,7 +109,7 @@ def test_what_is_no_loss_changes_nothing(loss, said, airborne):
     assert not flown.events
 
 
-def test_a_receiver_without_a_fix_is_believed_before_the_filter():
+def test_receiver_without_a_fix_counts_before_the_filter():
     flown = craft(gnss_loss="map")
     assert mav.MAVLINK_MSG_ID_GPS_RAW_INT in flown.navigation.streams
     flown.view.gps_fix = 1
@@ -123,7 +123,7 @@ def test_a_receiver_without_a_fix_is_believed_before_the_filter():
     assert gnss(flown)[-1] == "good"
 
 
-def test_without_pictures_it_knows_less_with_every_metre_and_comes_home():
+def test_navigation_without_pictures_loses_accuracy_and_returns():
     flown = craft(gnss_loss="map")
     flown.view.ekf_flags = LOST
     flown.pass_s(LOST_S + 0.2)
@@ -141,7 +141,7 @@ def test_without_pictures_it_knows_less_with_every_metre_and_comes_home():
 
 
 @pytest.mark.parametrize("asked", ['gnss_loss = "map"', "watch = true"])
-def test_ground_that_moves_leads_nobody(asked):
+def test_navigation_by_map_over_a_drifting_region_is_refused(asked):
     text = mission_text(square(10, 10, 40, 40), square(-20, -20, 90, 90), drift_m_s=0.3)
     parse_mission(text, "film.toml")
     with pytest.raises(MissionFileError, match=f"navigation.{asked} does not go with drift"):

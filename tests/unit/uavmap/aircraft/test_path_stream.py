@@ -104,7 +104,7 @@ def place_of(message):
 
 
 @by(flown)
-async def test_place_and_velocity_ten_times_a_second_the_velocity_half_a_second_ahead():
+async def test_stream_sends_places_and_velocities_ahead_ten_times_a_second():
     wire = Wire()
     wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))
     streaming = asyncio.create_task(wire.stream.run())
@@ -135,7 +135,7 @@ async def test_place_and_velocity_ten_times_a_second_the_velocity_half_a_second_
 
 
 @by(flown)
-async def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump():
+async def test_path_that_replaces_another_leaves_no_gap_and_no_jump():
     wire = Wire()
     first = plan()
     wire.stream.begin(FlyPath(first, 12.0, None, 0.2))
@@ -164,7 +164,7 @@ async def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump():
     assert min(moving) > 3.0
 
 
-def test_what_is_told_depends_on_time_alone():
+def test_stream_depends_on_time_alone():
     """Telemetry that stops, or lies, changes nothing."""
 
     def sent(*, lies):
@@ -218,7 +218,7 @@ async def test_px4_sees_a_stream_first_and_then_changes_to_offboard():
 
 
 @by(flown)
-async def test_a_px4_that_does_not_change_its_mode_ends_the_order():
+async def test_px4_that_does_not_change_its_mode_ends_the_order():
     wire = Wire(px4=True)
 
     def answer(message):
@@ -251,7 +251,7 @@ async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots():
 
 
 @by(flown)
-async def test_no_copy_of_a_mode_is_sent_on_a_report_of_before_it_waited():
+async def test_mode_command_is_not_repeated_on_an_older_report():
     """Another command kept it waiting, and copies followed each second."""
     wire, told_s = Wire(px4=True), []
     other = asyncio.create_task(wire.peer.session.command(mav.MAV_CMD_DO_CHANGE_SPEED))
@@ -275,7 +275,7 @@ async def test_no_copy_of_a_mode_is_sent_on_a_report_of_before_it_waited():
 
 
 @by(flown)
-async def test_take_off_that_is_refused_leaves_the_mode_before_it_asked_for():
+async def test_take_off_refused_keeps_the_earlier_mode_requested():
     wire = Wire(px4=True)
     wire.peer.answer = lambda message: (
         wire.peer.say(ack(message.command, mav.MAV_RESULT_DENIED))
@@ -293,7 +293,7 @@ async def test_take_off_that_is_refused_leaves_the_mode_before_it_asked_for():
 
 # --- leaving -------------------------------------------------------------------------------------
 @by(flown)
-async def test_an_ardupilot_is_braked_by_a_velocity_of_zero():
+async def test_ardupilot_is_braked_by_a_velocity_of_zero():
     wire = Wire()
     assert await wire.stream.leave() is False
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
@@ -313,7 +313,7 @@ async def test_an_ardupilot_is_braked_by_a_velocity_of_zero():
 
 @pytest.mark.parametrize("mode", [4, 5])
 @by(flown)
-async def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode):
+async def test_braking_ends_in_time_and_sends_nothing_to_a_pilot(mode):
     wire = Wire()
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
     wire.tell(mode, speed_m_s=6.0)
@@ -325,7 +325,7 @@ async def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode):
 
 
 @by(flown)
-async def test_a_px4_goes_back_into_hold_while_the_stream_goes_on():
+async def test_px4_returns_to_hold_while_the_stream_continues():
     wire = Wire(px4=True)
     wire.monitor.control = wire.monitor.control.asking(OFFBOARD, wire.now_s())
     wire.tell(OFFBOARD, speed_m_s=6.0)
@@ -371,7 +371,7 @@ class Keeper:
 
 @pytest.mark.parametrize("lossy", [False, True])
 @by(flown)
-async def test_the_timeout_is_shortened_once_for_the_flight(lossy):
+async def test_timeout_is_shortened_once_for_the_flight(lossy):
     keeper = Keeper(3.0, lossy=lossy)
     await keeper.timeout.shorten()
     assert keeper.number == 1.0
@@ -390,7 +390,7 @@ async def test_timeout_short_enough_is_left_alone(found, flown_with):
 
 
 @by(flown)
-async def test_a_timeout_that_cannot_be_had_is_told_once_and_is_no_failure():
+async def test_timeout_that_cannot_be_set_is_reported_once_and_is_no_failure():
     keeper = Keeper(3.0, stubborn=True)
     await keeper.timeout.shorten()
     await keeper.timeout.shorten()
@@ -405,7 +405,7 @@ async def test_a_timeout_that_cannot_be_had_is_told_once_and_is_no_failure():
 
 
 @by(flown)
-async def test_a_px4_keeps_its_parameters():
+async def test_px4_keeps_its_parameters():
     wire = Wire(px4=True)
     timeout = StreamTimeout("sim", wire.peer.session, lambda text: None)
     await timeout.shorten()
@@ -413,7 +413,7 @@ async def test_a_px4_keeps_its_parameters():
 
 
 @by(flown)
-async def test_a_place_that_is_none_is_not_sent():
+async def test_impossible_place_is_not_sent():
     wire = Wire()
     lost = replace(plan(), drift_m_s=(math.nan, 0.0))
     wire.stream.begin(FlyPath(lost, 12.0, None, 0.2))
@@ -424,7 +424,7 @@ async def test_a_place_that_is_none_is_not_sent():
 # --- on a fast clock -----------------------------------------------------------------------------
 @pytest.mark.parametrize("px4", [False, True])
 @by(flown)
-async def test_places_ahead_instead_of_a_stream(px4):
+async def test_driver_without_a_stream_sends_places_ahead(px4):
     """A vehicle stops at the last of them by itself: there is no velocity that runs on."""
     wire = Wire(px4=px4, by_places=True)
     wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))

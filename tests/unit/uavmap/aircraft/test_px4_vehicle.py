@@ -50,7 +50,7 @@ def modes_of(flight):
 
 @pytest.mark.parametrize("amsl_m", [0.0, 1800.0, -20.0])
 @by(fly_up, on_px4)
-async def test_every_order_ends_with_its_event(flight, /, amsl_m):
+async def test_order_ends_with_its_event(flight, /, amsl_m):
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
     arrived = await flight.after(to(10.0, 16.0), ev.Arrived)
@@ -66,14 +66,14 @@ async def test_every_order_ends_with_its_event(flight, /, amsl_m):
 
 
 @by(fly_up, lambda: on_px4(speed_m_s=3.0))
-async def test_the_wanted_speed_is_flown(flight, /):
+async def test_ordered_speed_is_flown(flight, /):
     flight.driver.give(to(0.0, 60.0))
     await asyncio.sleep(7.0)
     assert flight.vehicle.truth.velocity_m_s[1] == pytest.approx(3.0, abs=0.3)
 
 
 @by(fly, on_px4)
-async def test_home_that_moves_on_arming_is_no_surprise(flight, /):
+async def test_home_that_moves_on_arming_is_accepted(flight, /):
     """Its height, too: by the barometer it has climbed since home was set."""
     before_m = flight.session.view.home_amsl_m
     flight.vehicle._ap.error.up += 4.0
@@ -181,7 +181,7 @@ async def test_pilots_mission_ending_in_hold_gives_nothing_back(flight, /):
 
 
 @by(fly, on_px4)
-async def test_a_failsafe_is_not_ours_although_it_waits_in_hold(flight, /):
+async def test_failsafe_waiting_in_hold_is_not_under_our_control(flight, /):
     await flying(flight)
     flight.vehicle.fail.rc(for_s=2.0)
     overridden = await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
@@ -192,7 +192,7 @@ async def test_a_failsafe_is_not_ours_although_it_waits_in_hold(flight, /):
 
 
 @by(fly, on_px4)
-async def test_a_return_for_the_battery_is_let_alone(flight, /):
+async def test_failsafe_return_for_the_battery_is_left_alone(flight, /):
     set_param(flight, "COM_LOW_BAT_ACT", 2)
     await flying(flight)
     flight.vehicle.fail.battery_sag(8.0)
@@ -208,7 +208,7 @@ def silence(message):
 
 @pytest.mark.parametrize("meanwhile", [None, Px4Mode.RTL])
 @by(fly, on_px4)
-async def test_link_lost_and_back(flight, /, meanwhile):
+async def test_link_lost_and_back_reports_the_control(flight, /, meanwhile):
     await flying(flight)
     flight.to_driver = flight.to_vehicle = silence
     await flight.sees(ev.LinkLost, within_s=6.0)
@@ -226,7 +226,7 @@ async def test_link_lost_and_back(flight, /, meanwhile):
 
 
 @by(fly, on_px4)
-async def test_the_heartbeat_of_a_camera_reports_no_mode(flight, /):
+async def test_heartbeat_of_a_camera_reports_no_mode(flight, /):
     """It came between two of the autopilot, and the mode of before counted as reported just now."""
     await flying(flight)
     flight.to_driver = silence
@@ -238,7 +238,7 @@ async def test_the_heartbeat_of_a_camera_reports_no_mode(flight, /):
 
 
 @by(fly, on_px4)
-async def test_a_refused_arming_is_said_with_its_reason(flight, /):
+async def test_refused_arming_is_reported_with_its_reason(flight, /):
     flight.vehicle._ap.arm = lambda force=False: "Arming denied! Compass"
     failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=200.0)
     assert "COMPONENT_ARM_DISARM was refused: temporarily rejected" in failed.reason
@@ -275,7 +275,7 @@ async def test_stand_down_after_landing_away_is_no_crash(flight, /):
 
 @pytest.mark.parametrize("after_s", [1.75, 4.5, 5.0, 6.0])
 @by(fly, on_px4)
-async def test_take_off_called_off_on_slow_link_is_ours(flight, /, after_s):
+async def test_take_off_called_off_on_slow_link_stays_under_our_control(flight, /, after_s):
     """Of its arming, its climb and its landing it is heard when other things were asked for."""
     flight.vehicle.fail.link(delay_s=0.6)
     flight.driver.give(TakeOff(UP_M))
@@ -289,7 +289,7 @@ async def test_take_off_called_off_on_slow_link_is_ours(flight, /, after_s):
 
 
 @by(fly, on_px4)
-async def test_taken_before_take_off_and_disarmed_has_landed(flight, /):
+async def test_vehicle_taken_before_take_off_and_disarmed_has_landed(flight, /):
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF, for_s=20.0)
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.session.view.armed)
@@ -301,7 +301,7 @@ async def test_taken_before_take_off_and_disarmed_has_landed(flight, /):
 
 
 @by(fly, on_px4)
-async def test_a_pilot_who_has_it_land_is_seen_once_it_follows_us_again(flight, /):
+async def test_pilots_landing_in_a_guardians_descent_is_noticed(flight, /):
     """In the descent of its guardian it flies to targets: landing is the pilot's word there."""
     await flying(flight)
     flight.driver.guardian.take_over("land", "a test", hurry=True)

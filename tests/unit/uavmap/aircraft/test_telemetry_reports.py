@@ -23,7 +23,7 @@ def frames(*numbers):
         yield message.pack(sender)
 
 
-def test_report_behind_a_place_has_what_the_vehicle_sent_and_the_loss_of_its_link():
+def test_report_after_a_place_has_telemetry_and_the_loss_of_the_link():
     async def scenario():
         session, sent = Session(lambda frame: None, lambda data: None), []
         reports = TelemetryReports({1: session}, sent.append)

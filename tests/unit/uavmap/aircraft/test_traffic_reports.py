@@ -58,7 +58,7 @@ def test_report_has_the_track_in_the_frame_of_the_mission():
     assert track.velocity_m_s.east_m == pytest.approx(50.0, abs=0.2)
 
 
-def test_report_comes_behind_a_place_once_a_second_and_only_with_news():
+def test_report_comes_after_a_place_once_a_second_and_only_with_news():
     one = adsb(NORTH.lat_deg, NORTH.lon_deg, icao=1)
     two = adsb(NORTH.lat_deg, NORTH.lon_deg, icao=2)
     events = reporting(

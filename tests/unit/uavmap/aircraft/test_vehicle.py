@@ -35,7 +35,7 @@ GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL
 
 # --- the straight path -----------------------------------------------------------------------
 @by(fly)
-async def test_home_that_moves_on_arming_is_no_surprise(flight, /):
+async def test_home_that_moves_on_arming_is_accepted(flight, /):
     """ArduPilot sets home anew when it arms; heights are then above the new one."""
     before = flight.session.view.home
     flight.vehicle._ap.error.east += 3.0
@@ -48,7 +48,7 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight, /):
 
 
 @by(fly_up)
-async def test_an_order_replaces_the_last_midway(flight, /):
+async def test_order_replaces_the_last_one_midway(flight, /):
     flight.driver.give(to(60.0, 0.0))
     await asyncio.sleep(3.0)
     await flight.after(to(0.0, 20.0), ev.Arrived)
@@ -64,7 +64,7 @@ async def test_an_order_replaces_the_last_midway(flight, /):
 
 
 @by(fly)
-async def test_a_take_off_that_is_replaced_on_the_way_up(flight, /):
+async def test_take_off_replaced_in_the_climb_lands(flight, /):
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.vehicle.truth.height_m > 4.0)
     await flight.after(Land(), ev.Landed)
@@ -72,7 +72,7 @@ async def test_a_take_off_that_is_replaced_on_the_way_up(flight, /):
 
 
 @by(fly_up)
-async def test_hold_stays(flight, /):
+async def test_hold_keeps_the_position(flight, /):
     flight.driver.give(to(40.0, 0.0))
     await asyncio.sleep(4.0)
     flight.driver.give(Hold())
@@ -122,7 +122,7 @@ PHASES = [taking_off, climbing, flying, sweeping, looking, holding, landing, idl
     ids=lambda value: getattr(value, "__name__", None),
 )
 @by(fly)
-async def test_a_pilot_takes_over_at_once_in_every_phase(flight, /, phase, mode):
+async def test_pilot_takes_over_at_once_in_every_phase(flight, /, phase, mode):
     await phase(flight)
     flight.pilot_mode(mode)
     index, t_s = len(flight.sent), flight.now_s()
@@ -142,7 +142,7 @@ async def test_a_pilot_takes_over_at_once_in_every_phase(flight, /, phase, mode)
 
 
 @by(fly_up, lambda: small_mission(drift_m_s=0.1, interval_s=1.0))
-async def test_a_drifting_look_yields_too(flight, /):
+async def test_drifting_look_yields_to_a_pilot(flight, /):
     """Here two tasks send commands: one follows the cell, one takes the pictures."""
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(ev.FrameSeen, 2)
@@ -152,7 +152,7 @@ async def test_a_drifting_look_yields_too(flight, /):
 
 @pytest.mark.parametrize("phase", [taking_off, flying, looking], ids=lambda f: f.__name__)
 @by(fly)
-async def test_a_pilot_takes_over_while_an_ack_is_awaited(flight, /, phase):
+async def test_pilot_takes_over_while_an_ack_is_awaited(flight, /, phase):
     """The commands are lost on the way: they would be repeated each second."""
     await phase(flight)
     flight.to_vehicle = lambda message: not message.get_type().startswith("COMMAND_")
@@ -162,7 +162,7 @@ async def test_a_pilot_takes_over_while_an_ack_is_awaited(flight, /, phase):
 
 
 @by(fly)
-async def test_a_mode_that_flaps(flight, /):
+async def test_mode_that_changes_quickly_is_reported_each_time(flight, /):
     await flying(flight)
     for _ in range(3):
         flight.pilot_mode(LOITER)
@@ -174,7 +174,7 @@ async def test_a_mode_that_flaps(flight, /):
 
 
 @by(fly_up)
-async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight, /):
+async def test_pilot_starting_from_the_ground_is_left_alone(flight, /):
     """Between two sorties the pilot switches the mode, then arms, and flies by hand."""
     await flight.after(Land(), ev.Landed)
     flight.pilot_mode(LOITER)
@@ -186,7 +186,7 @@ async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight, /):
 
 
 @by(fly_up)
-async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight, /):
+async def test_orders_of_a_ground_station_are_not_answered(flight, /):
     flight.driver.give(to(40.0, 0.0))
     for _ in range(20):  # denied by the vehicle, acknowledged to its sender
         flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
@@ -198,7 +198,7 @@ async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight, /):
 
 # --- refusals --------------------------------------------------------------------------------
 @by(fly)
-async def test_a_vehicle_that_never_gets_ready(flight, /):
+async def test_vehicle_never_ready_fails_the_take_off(flight, /):
     flight.to_driver = lambda message: message.get_type() != "EKF_STATUS_REPORT"
     flight.session.view.ekf_flags = 0
     failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=150.0)
@@ -213,7 +213,7 @@ def silence(message):
 
 
 @by(fly)
-async def test_silent_vehicle_is_given_up_until_it_is_heard(flight, /):
+async def test_silent_vehicle_is_given_up_until_it_answers(flight, /):
     await flying(flight)
     flight.to_driver = flight.to_vehicle = silence
     await flight.sees(ev.LinkLost)
@@ -226,7 +226,7 @@ async def test_silent_vehicle_is_given_up_until_it_is_heard(flight, /):
 
 
 @by(fly)
-async def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes(flight, /):
+async def test_silent_vehicle_on_the_ground_is_waited_for_two_minutes(flight, /):
     flight.to_driver = flight.to_vehicle = silence
     lost = await flight.sees(ev.LinkLost)
     given_up = await flight.sees(ev.GivenUp, within_s=200.0)
@@ -235,7 +235,7 @@ async def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes(flight, 
 
 
 @by(on_virtual_time)
-async def test_nobody_answers():
+async def test_connect_without_an_answer_is_a_link_error():
     flight = Flight(small_mission())
     with pytest.raises(LinkError, match="no vehicle answered within 10 s"):
         await flight.driver.connect()
@@ -253,7 +253,7 @@ async def test_another_autopilot_is_refused_by_name():
 
 
 @by(on_virtual_time)
-async def test_a_battery_that_tells_nothing_is_not_waited_for_in_silence():
+async def test_battery_that_reports_nothing_ends_the_connection_with_an_error():
     flight = Flight(small_mission())
     unknown = ("BATTERY_STATUS", "SYS_STATUS")
     flight.to_driver = lambda message: message.get_type() not in unknown
@@ -274,7 +274,7 @@ async def test_positions_that_cease_are_a_lost_link(flight, /):
 
 
 @by(fly)
-async def test_streams_that_were_forgotten_are_asked_for_again(flight, /):
+async def test_streams_forgotten_by_the_vehicle_are_requested_again(flight, /):
     await flying(flight)
     streams = flight.vehicle._streams
     for message_id in list(streams._interval_s):
@@ -334,7 +334,7 @@ async def test_clock_stood_still_vehicle_that_answers_is_connected(flight, /):
 
 # --- pictures --------------------------------------------------------------------------------
 @by(fly_up)
-async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight, /):
+async def test_camera_that_stalls_is_reported_and_the_look_order_ends(flight, /):
     flight.to_driver = lambda message: message.get_type() != "CAMERA_IMAGE_CAPTURED"
     await flight.after(Look(Cell(0, 0), 5, UP_M), ev.LookEnded, within_s=300.0)
     assert len(flight.seen(ev.FrameLost)) == 5
@@ -343,7 +343,7 @@ async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight, /):
 
 
 @by(fly_up)
-async def test_a_lost_announcement_is_asked_for_again(flight, /):
+async def test_lost_announcement_is_requested_again(flight, /):
     heard = []
 
     def lossy(message):
@@ -361,7 +361,7 @@ async def test_a_lost_announcement_is_asked_for_again(flight, /):
 
 @pytest.mark.parametrize("part", [0.0, 0.5])
 @by(fly_up)
-async def test_a_corrupt_picture_is_a_lost_frame(flight, /, part):
+async def test_corrupt_picture_is_a_lost_frame(flight, /, part):
     flight.change = lambda picture: picture[: int(len(picture) * part)]
     await flight.after(Look(Cell(0, 0), 3, UP_M), ev.LookEnded)
     assert len(flight.seen(ev.FrameLost)) == 3
@@ -372,7 +372,7 @@ async def test_a_corrupt_picture_is_a_lost_frame(flight, /, part):
 
 
 @by(fly_up)
-async def test_a_camera_without_an_answer_loses_its_pictures(flight, /):
+async def test_camera_without_an_answer_loses_its_pictures(flight, /):
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
     lost = await flight.after(Look(Cell(0, 0), 3, UP_M), ev.FrameLost)
     assert "the camera is silent" in lost.reason
@@ -380,7 +380,7 @@ async def test_a_camera_without_an_answer_loses_its_pictures(flight, /):
 
 
 @by(fly_up)
-async def test_a_wild_picture_number_is_not_asked_for_a_million_times(flight, /):
+async def test_wild_picture_number_is_not_requested_a_million_times(flight, /):
     camera = mav.MAVLink(None, srcSystem=1, srcComponent=100)
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(ev.FrameSeen, 1)
@@ -393,20 +393,20 @@ async def test_a_wild_picture_number_is_not_asked_for_a_million_times(flight, /)
 
 
 # --- who carries out orders ------------------------------------------------------------------
-def test_no_orders_before_it_runs():
+def test_driver_before_it_runs_refuses_orders():
     flight = Flight(small_mission())
     with pytest.raises(RuntimeError, match="only while it runs"):
         flight.driver.give(Hold())
 
 
 @by(fly)
-async def test_the_driver_speaks_once_a_second_while_it_is_alive(flight, /):
+async def test_driver_sends_a_heartbeat_once_a_second(flight, /):
     await asyncio.sleep(30.0)
     beats = [t_s for t_s, m in flight.sent if m.get_type() == "HEARTBEAT"]
     assert len(beats) == pytest.approx(31, abs=2)
 
 
-def test_a_report_that_fails_ends_the_driver():
+def test_report_that_fails_ends_the_driver():
     """The journal's disk is full: to fly on without a journal would be worse."""
 
     class FullError(Exception):
@@ -430,7 +430,7 @@ def test_a_report_that_fails_ends_the_driver():
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_streams_refused_one_is_not_missed(field, /, autopilot):
+async def test_streams_with_a_refused_one_are_complete(field, /, autopilot):
     """An older PX4 has no CURRENT_MODE: its link returns without all streams asked for anew."""
     session = field.links[0].session
     rates = {**session.view.kind.streams, 12_900: 5.0}  # an identifier that nobody sends
@@ -441,7 +441,7 @@ async def test_streams_refused_one_is_not_missed(field, /, autopilot):
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_heartbeat_of_ardupilot_is_heard_at_5_hz(field, /):
+async def test_heartbeat_of_ardupilot_is_received_at_5_hz(field, /):
     session, beats = field.links[0].session, []
 
     def hear(message):

@@ -32,7 +32,7 @@ async def test_virtual_time_runs_in_the_order_of_the_timers():
 
 
 @by(on_virtual_time)
-async def test_small_steps_do_not_drift():
+async def test_small_steps_of_virtual_time_do_not_drift():
     loop = asyncio.get_running_loop()
     for step in range(20_000):
         await asyncio.sleep((step + 1) * 0.05 - loop.time())
@@ -40,7 +40,7 @@ async def test_small_steps_do_not_drift():
 
 
 @by(on_virtual_time)
-async def test_virtual_time_stands_still_while_somebody_works():
+async def test_virtual_time_stands_still_while_a_task_works():
     assert await at_s(0.0) == 0.0
     for _ in range(100):
         await asyncio.sleep(0)
@@ -48,7 +48,7 @@ async def test_virtual_time_stands_still_while_somebody_works():
 
 
 @by(on_virtual_time)
-async def test_a_time_out_is_virtual():
+async def test_time_out_is_virtual():
     begin_s = time.monotonic()
     with pytest.raises(TimeoutError):
         async with asyncio.timeout(600.0):
@@ -58,7 +58,7 @@ async def test_a_time_out_is_virtual():
 
 
 @pytest.mark.parametrize("make", [VirtualClock, ScaledClock])
-def test_a_clock_with_a_pace_is_faster_than_real_time(make):
+def test_clock_with_a_pace_is_faster_than_real_time(make):
     begin_s = time.monotonic()
     assert run(at_s(20.0), make(200.0)) >= 20.0
     assert 0.09 < time.monotonic() - begin_s < 2.0
@@ -67,7 +67,7 @@ def test_a_clock_with_a_pace_is_faster_than_real_time(make):
 @pytest.mark.parametrize(
     "make", [VirtualClock, lambda: VirtualClock(pace=5.0), lambda: ScaledClock(5.0)]
 )
-def test_a_socket_is_served_before_time_moves_on(make):
+def test_socket_is_served_before_time_moves_on(make):
     async def main() -> tuple[bytes, float]:
         here, there = socket.socketpair()
         here.setblocking(False)
@@ -83,7 +83,7 @@ def test_a_socket_is_served_before_time_moves_on(make):
 
 
 @pytest.mark.parametrize("make", [lambda: VirtualClock(pace=1.0), ScaledClock])
-def test_a_signal_is_handled_at_once(make):
+def test_signal_is_handled_at_once(make):
     async def main() -> None:
         loop = asyncio.get_running_loop()
         heard = asyncio.Event()
@@ -100,7 +100,7 @@ def test_a_signal_is_handled_at_once(make):
     assert time.monotonic() - begin_s < 5.0
 
 
-def test_a_signal_between_virtual_instants():
+def test_signal_between_virtual_instants_is_handled():
     async def main() -> float:
         loop = asyncio.get_running_loop()
         heard = asyncio.Event()
@@ -121,7 +121,7 @@ def test_a_signal_between_virtual_instants():
 
 
 @pytest.mark.filterwarnings("error")
-def test_what_a_run_leaves_behind_is_cancelled_and_errors_come_out():
+def test_run_cancels_remaining_tasks_and_raises_errors():
     seen: list[str] = []
 
     async def straggler() -> None:
@@ -150,19 +150,19 @@ def said(rate: float, speedup: float = 1.0, seconds: int = 60) -> list[str]:
 
 
 @pytest.mark.parametrize("rate", [0.7, 0.8, 1.0, 1.3])
-def test_a_busy_machine_is_not_a_wrong_speedup(rate):
+def test_busy_machine_is_not_a_wrong_speedup(rate):
     assert said(rate) == []
 
 
 @pytest.mark.parametrize(
     ("speedup", "rate", "meant"), [(1.0, 10.0, "10"), (10.0, 0.3, "3"), (10.0, 0.1, "1")]
 )
-def test_a_wrong_speedup_is_said_once_with_the_right_one(speedup, rate, meant):
+def test_wrong_speedup_is_reported_once_with_the_right_one(speedup, rate, meant):
     (text,) = said(rate, speedup)
     assert f"--speedup {meant} meant" in text
 
 
-def test_a_restart_is_no_pace():
+def test_restart_of_the_vehicle_is_no_wrong_speedup():
     clock = ClockRate(10.0, 1.0)
     times = [*range(20), *range(3), *range(3, 40)]
     assert not any(clock.take(float(t), float(boot)) for t, boot in enumerate(times))

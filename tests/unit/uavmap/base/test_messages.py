@@ -73,7 +73,7 @@ def test_members_in_tasks_begin_their_lines_with_their_number():
     ]  # fmt: skip
 
 
-def test_a_thread_without_a_context_is_shown_by_all():
+def test_thread_without_a_context_is_shown_by_all():
     said = Said()
     with shown_on(said):
         thread = threading.Thread(target=LOG.info, args=("from a driver's thread",))

@@ -23,7 +23,7 @@ class Tty(io.StringIO):
 
 
 @given(st.text(max_size=400), st.integers(0, 100))
-def test_printable_is_printable(text, limit):
+def test_printable_text_has_no_control_characters(text, limit):
     safe = printable(text, limit)
     assert safe.isprintable()
     assert len(safe) <= max(limit, 3)
@@ -31,22 +31,22 @@ def test_printable_is_printable(text, limit):
 
 
 @given(st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=100))
-def test_plain_text_stays(text):
+def test_plain_text_is_unchanged(text):
     assert printable(text, 100) == text
 
 
-def test_bidi_and_zero_width_marks_go():
+def test_bidi_and_zero_width_marks_are_removed():
     marks = "".join(map(chr, (0x200B, 0x200E, 0x202A, 0x202E, 0x2066, 0x2069, 0xFEFF, 0xD800)))
     assert printable(f"a{marks}b") == "ab"
 
 
-def test_say_writes_no_escape_sequences_but_keeps_its_lines():
+def test_terminal_writes_no_escape_sequences_and_keeps_lines():
     out = io.StringIO()
     Terminal(out).show("      5 s  vehicle 1:\x1b[2J\x1b]0;owned\x07 [/x] gone\nnext\x9b31m line")
     assert out.getvalue() == "      5 s  vehicle 1: [/x] gone\nnext line\n"
 
 
-def test_a_note_that_looks_like_markup_breaks_no_table():
+def test_note_that_looks_like_markup_breaks_no_table():
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state = setting.initial_state()
     lost = replace(state.vehicles[1], phase=Phase.FAILED, note="[/x] \x1b[2Jrefused [bold]")

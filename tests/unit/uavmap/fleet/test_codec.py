@@ -111,13 +111,13 @@ messages = st.builds(
 
 @CHECKED
 @given(messages)
-def test_what_is_said_is_heard(message):
+def test_message_is_decoded_as_it_was_encoded(message):
     assert decode(encode(message)) == message
 
 
 @CHECKED
 @given(messages, st.data())
-def test_damaged_bytes_are_refused_or_say_something_else(message, data):
+def test_damaged_bytes_are_refused_or_another_message(message, data):
     said = bytearray(encode(message))
     for _ in range(data.draw(st.integers(1, 4))):
         said[data.draw(st.integers(0, len(said) - 1))] = data.draw(st.integers(0, 255))
@@ -128,12 +128,12 @@ def test_damaged_bytes_are_refused_or_say_something_else(message, data):
 
 
 @given(st.binary(max_size=200))
-def test_noise_is_refused(noise):
+def test_noise_is_refused_without_another_error(noise):
     with contextlib.suppress(BytesError):
         decode(noise)
 
 
-def test_bytes_that_unpack_to_more_than_anybody_says_are_refused():
+def test_bytes_that_unpack_beyond_the_limit_are_refused():
     import zlib  # noqa: PLC0415
 
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
@@ -142,7 +142,7 @@ def test_bytes_that_unpack_to_more_than_anybody_says_are_refused():
         inflated(bomb, 1 << 16)
 
 
-def test_a_picture_of_too_many_cells_is_refused():
+def test_picture_of_too_many_cells_is_refused():
     out = Writer()
     for value in (0, 2 * 100_000, 100_000, 0, 0):
         out.count(value)
@@ -154,7 +154,7 @@ def test_a_picture_of_too_many_cells_is_refused():
         decode(said.data)
 
 
-def test_bits_are_told_as_runs_or_one_by_one():
+def test_bits_are_encoded_as_runs_or_one_by_one():
     same, mixed = [True] * 200, [k % 2 == 0 for k in range(200)]
     lengths = []
     for bits in (same, mixed):
@@ -166,7 +166,7 @@ def test_bits_are_told_as_runs_or_one_by_one():
     assert lengths[1] == 26
 
 
-def test_a_minute_of_frames_fits_in_a_narrow_radio():
+def test_minute_of_frames_fits_in_a_narrow_radio():
     """Five frames a second at 6 m/s over cells of 4 m: each column of cells in three frames."""
     told = []
     for k in range(300):

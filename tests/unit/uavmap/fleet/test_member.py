@@ -81,7 +81,7 @@ def in_a_row(spacing_m: float, range_m: float, count: int = 3) -> list[Station]:
     return [Station(k, air, GridPoint(spacing_m * k, 0.0)) for k in range(count + 1)]
 
 
-def test_a_word_from_the_ground_is_passed_on_to_who_cannot_hear_it():
+def test_command_of_the_station_is_relayed_to_members_out_of_range():
     async def recall_all(stations: list[Station]) -> None:
         await asyncio.sleep(20.0)
         stations[0].member.order(Word(7, 0, "recall"))
@@ -92,7 +92,7 @@ def test_a_word_from_the_ground_is_passed_on_to_who_cannot_hear_it():
         assert station.told(Recalled) == [Recalled], station.number
 
 
-def test_the_newest_word_holds_and_each_is_told_once():
+def test_newest_command_holds_and_each_is_reported_once():
     async def words(stations: list[Station]) -> None:
         await asyncio.sleep(15.0)
         ground = stations[0].member
@@ -138,7 +138,7 @@ def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet
     assert len(found) == 4
 
 
-def test_a_talk_that_fails_is_told_once_and_goes_on(said):
+def test_communication_that_fails_is_reported_once_and_continues(said):
     async def listen(stations: list[Station]) -> None:
         stations[1].late_s = float("nan")  # a clock that says nothing
         await asyncio.sleep(20.0)
@@ -153,7 +153,7 @@ def test_a_talk_that_fails_is_told_once_and_goes_on(said):
     assert stations[1].told(Recalled) == [Recalled]
 
 
-def test_a_ground_station_whose_clock_went_back_is_heard(monkeypatch):
+def test_ground_station_with_an_earlier_clock_is_obeyed(monkeypatch):
     """A station 5 minutes ahead has all hold; another with the right time calls them home."""
 
     async def two_stations(stations: list[Station]) -> None:
@@ -169,7 +169,7 @@ def test_a_ground_station_whose_clock_went_back_is_heard(monkeypatch):
         assert station.told(Paused, Recalled) == [Paused, Recalled], station.number
 
 
-def test_a_member_that_is_resumed_is_not_called_home_by_the_word_that_it_has_obeyed():
+def test_resumed_member_ignores_a_recall_that_it_obeyed_before():
     again: list[Station] = []
 
     async def resumed(stations: list[Station]) -> None:
@@ -228,7 +228,7 @@ def size(batches: tuple[Batch, ...]) -> int:
     return len(encode(Message(0.0, batches=batches))) - len(encode(Message(0.0)))
 
 
-def test_what_is_on_its_way_is_not_told_again_and_what_was_lost_is():
+def test_fact_under_way_is_not_sent_again_and_a_lost_one_is():
     peer, known = Peer(0.0), Knowledge()
     telling = Telling(1, {2: peer})
     known.take(1, 0, facts(0, 6))
@@ -241,7 +241,7 @@ def test_what_is_on_its_way_is_not_told_again_and_what_was_lost_is():
     assert told(again) == [(1, 1), (1, 2), (1, 4), (1, 6), (1, 7)]
 
 
-def test_what_was_lost_takes_half_of_the_room_while_there_is_news():
+def test_lost_facts_take_half_of_the_room_while_there_is_news():
     peer, known = Peer(0.0), Knowledge()
     telling = Telling(1, {2: peer})
     known.take(1, 0, facts(0, 60))
@@ -256,7 +256,7 @@ def test_what_was_lost_takes_half_of_the_room_while_there_is_news():
     assert telling.batches(known, 6.0, 0) == ()
 
 
-def test_others_facts_are_told_to_who_has_heard_nothing_of_them_for_long():
+def test_facts_of_others_are_relayed_to_a_member_that_lacks_them():
     peer, known = Peer(0.0), Knowledge()
     telling = Telling(1, {2: peer})
     known.take(3, 0, facts(0, 4))
@@ -267,7 +267,7 @@ def test_others_facts_are_told_to_who_has_heard_nothing_of_them_for_long():
     assert not telling.batches(known, 60.0, ROOM)
 
 
-def test_who_starts_anew_tells_only_what_somebody_lacks():
+def test_restarted_member_sends_only_facts_that_another_lacks():
     peer, known = Peer(0.0), Knowledge()
     peer.have, peer.have_s = {1: Holding(5)}, 3.0
     known.take(1, 0, facts(0, 7))
@@ -293,7 +293,7 @@ class Talk:
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2])
-def test_news_is_told_soon_and_once_and_what_was_lost_again(loss):
+def test_news_is_sent_soon_and_once_and_lost_facts_again(loss):
     async def talk() -> tuple[Talk, int, dict[int, int]]:
         air = Air(LinkModel(loss=loss, delay_s=0.1), seed=3)
         loop = asyncio.get_running_loop()

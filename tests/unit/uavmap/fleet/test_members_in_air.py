@@ -184,7 +184,7 @@ async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
     return wrong, sum(mind.changes for mind in minds), minds
 
 
-def test_air_that_a_member_holds_is_nobody_elses_and_facts_reach_all():
+def test_reserved_air_has_one_member_and_facts_reach_all():
     changes = 0
     for seed in range(SEEDS):
         wrong, changed, minds = run(history(seed), VirtualClock())
@@ -196,7 +196,7 @@ def test_air_that_a_member_holds_is_nobody_elses_and_facts_reach_all():
     assert changes > 5 * SEEDS
 
 
-def test_who_has_just_started_has_promised_nothing():
+def test_member_without_a_message_grants_no_air():
     async def asked(says: bool) -> float:
         air = Air(LinkModel())
         minds = [Mind(number, air, random.Random(number)) for number in (1, 2, 3)]
@@ -218,7 +218,7 @@ def test_who_has_just_started_has_promised_nothing():
     assert run(asked(False), VirtualClock()) == -math.inf
 
 
-def test_a_message_that_was_overtaken_opens_no_air():
+def test_message_that_was_overtaken_opens_no_air():
     async def told() -> list[Asked]:
         ours, theirs, found = Seal(KEY, 1, 1), Seal(KEY, 2, 1), list[Event]()
         radio = Air(LinkModel()).radio(1, lambda: (GridPoint(0.0, 0.0), 0.0))

@@ -71,7 +71,7 @@ async def over_zenoh(**where: str) -> AsyncIterator[ZenohRadio]:
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
 @by(in_real_time)
-async def test_who_was_gone_and_comes_again_is_heard_again(kind, said):
+async def test_radio_that_was_gone_and_returns_is_received_again(kind, said):
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     type_ = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
     endpoint = f"{kind}/127.0.0.1:{free_port(type_)}"
@@ -87,7 +87,7 @@ async def test_who_was_gone_and_comes_again_is_heard_again(kind, said):
 
 
 @by(in_real_time)
-async def test_a_port_that_is_taken_is_told_and_tried_again(said):
+async def test_port_in_use_is_reported_and_tried_again(said):
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -108,7 +108,7 @@ def group(interface: str) -> MulticastRadio:
 
 
 @by(in_real_time)
-async def test_all_of_a_group_hear_what_one_says():
+async def test_message_to_a_group_reaches_all_of_it():
     one = group("lo")
     others = [MulticastRadio(one._endpoint) for _ in range(2)]
     ears = [Ear(radio) for radio in (one, *others)]
@@ -127,7 +127,7 @@ async def test_all_of_a_group_hear_what_one_says():
 
 
 @by(in_real_time)
-async def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said):
+async def test_missing_interface_is_reported_once_and_waited_for(said):
     endpoint = parse_endpoint("--listen", "udp/224.0.0.224:7447#iface=none0")
     radio = MulticastRadio(endpoint)
     radio.open()
@@ -139,7 +139,7 @@ async def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said):
 
 
 @by(in_real_time)
-async def test_two_speak_by_a_router():
+async def test_two_radios_exchange_messages_by_a_router():
     zenoh = pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     config = zenoh.Config()
@@ -161,7 +161,7 @@ async def test_two_speak_by_a_router():
         ("udp/224.0.0.224:7447#iface=wlan0", "udp/224.0.0.224:7447#iface=wlan0"),
     ],
 )
-def test_an_endpoint_comes_back_as_it_was_written(text, url):
+def test_endpoint_comes_back_as_it_was_written(text, url):
     assert parse_endpoint("--listen", text).url == url
 
 
@@ -178,7 +178,7 @@ def test_an_endpoint_comes_back_as_it_was_written(text, url):
         ("--listen", "tcp/224.0.0.224:7447#iface=wlan0", "udp/224.0.0.224"),
     ],
 )
-def test_what_is_none_is_refused_with_a_remedy(option, text, remedy):
+def test_invalid_endpoint_is_refused_with_a_remedy(option, text, remedy):
     with pytest.raises(LinkError) as refused:
         parse_endpoint(option, text)
     assert str(refused.value).startswith(f"{option} {text}: ")
@@ -203,7 +203,7 @@ def on_the_grid(text: str) -> Comms | Links:
         ),
     ],
 )
-def test_in_flight(text, model):
+def test_link_model_in_flight_is_read_from_its_text(text, model):
     assert link_model(text) == model
 
 
@@ -229,7 +229,7 @@ def test_in_flight(text, model):
         ),
     ],
 )
-def test_on_the_grid(text, links):
+def test_link_model_on_the_grid_is_read_from_its_text(text, links):
     assert on_the_grid(text) == links
 
 
@@ -252,7 +252,7 @@ def test_on_the_grid(text, links):
         ("free,loss:0.1,loss:0.2", "loss stands there twice"),
     ],
 )
-def test_what_is_no_radio_is_said(read, text, said):
+def test_invalid_link_model_is_refused_with_a_reason(read, text, said):
     with pytest.raises(ValueError, match=re.escape(said)):
         read(text)
 
@@ -273,7 +273,7 @@ def test_what_is_no_radio_is_said(read, text, said):
         ("free,apart:1-2:1+2/2", "robot 2 stands there twice"),
     ],
 )
-def test_what_is_no_radio_on_the_grid_is_said(text, said):
+def test_invalid_link_model_on_the_grid_is_refused_with_a_reason(text, said):
     with pytest.raises(ValueError, match=re.escape(said)):
         on_the_grid(text)
 
@@ -282,7 +282,7 @@ def test_what_is_no_radio_on_the_grid_is_said(text, said):
     st.sampled_from(["", "range:5,", "free,apart:"]),
     st.text("rangefloosdtyp:,.+-/0123456789 einfx", max_size=30),
 )
-def test_any_text_is_a_radio_or_a_value_error(start, text):
+def test_arbitrary_text_is_a_link_model_or_a_value_error(start, text):
     for read in (in_flight, on_the_grid):
         with contextlib.suppress(ValueError):
             read(start + text)

@@ -39,13 +39,13 @@ def pair() -> tuple[Seal, Seal]:
     return one, other
 
 
-def test_members_that_have_met_hear_each_other():
+def test_members_that_have_met_open_each_others_datagrams():
     one, other = pair()
     assert other.opened(one.sealed(b"hello")) == (1, b"hello")
     assert one.opened(other.sealed(b"")) == (2, b"")
 
 
-def test_of_ten_thousand_strange_datagrams_none_is_taken():
+def test_ten_thousand_strange_datagrams_are_refused():
     one, other = pair()
     chance = random.Random(1)
     stranger = Seal(OTHER, 1, 1)
@@ -69,7 +69,7 @@ def test_of_ten_thousand_strange_datagrams_none_is_taken():
     assert other.opened(good) == (1, b"a fact of ours")
 
 
-def test_of_ten_thousand_replayed_datagrams_none_is_taken():
+def test_ten_thousand_replayed_datagrams_are_refused():
     one, other = pair()
     said = [one.sealed(bytes([k % 256])) for k in range(500)]
     assert sum(other.opened(datagram) is not None for datagram in said) == 500
@@ -78,7 +78,7 @@ def test_of_ten_thousand_replayed_datagrams_none_is_taken():
     assert other.refused["heard before"] == 10_000
 
 
-def test_an_earlier_flight_is_not_played_to_who_has_just_started():
+def test_datagrams_of_an_earlier_flight_are_refused_after_a_start():
     one, other = Seal(KEY, 1, 5), Seal(KEY, 2, 5)
     recorded: list[bytes] = []
     for _ in range(3):
@@ -93,7 +93,7 @@ def test_an_earlier_flight_is_not_played_to_who_has_just_started():
     assert new.refused["not known to be alive yet"] > 0
 
 
-def test_who_starts_again_is_believed_and_the_earlier_start_no_more():
+def test_restarted_member_is_accepted_and_its_earlier_start_refused():
     one, other = pair()
     late = one.sealed(b"from before")
     again = Seal(KEY, 1, 2)
@@ -103,7 +103,7 @@ def test_who_starts_again_is_believed_and_the_earlier_start_no_more():
     assert other.refused["from an earlier start"] == 1
 
 
-def test_two_with_one_number_are_told():
+def test_second_member_with_the_same_number_is_reported():
     one, other = pair()
     twin = Seal(KEY, 1, 9)
     assert one.opened(twin.sealed(b"I am 1")) is None
@@ -115,7 +115,7 @@ def test_two_with_one_number_are_told():
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.integers(0, 120), max_size=200))
-def test_each_counter_is_taken_once_in_any_order(order):
+def test_counter_is_accepted_once_in_any_order(order):
     one, other = pair()
     said = [one.sealed(bytes([k])) for k in range(121)]
     taken: list[int] = []
@@ -130,7 +130,7 @@ def test_each_counter_is_taken_once_in_any_order(order):
             newest = max(newest, k)
 
 
-def test_a_question_is_answered_once_and_is_no_fact():
+def test_question_is_answered_once_and_is_no_fact():
     one, other = pair()
     question = one.sealed(bytes(8), ASKS)
     assert other.opened(question) is None
@@ -155,7 +155,7 @@ def network(tmp_path: Path, **where: Any) -> FleetNetwork:
     return FleetNetwork(key_file=str(file), **where)
 
 
-def test_what_facts_mean_is_in_the_key_and_what_they_do_not_is_not():
+def test_key_depends_on_the_meaning_of_facts_alone():
     secret, one = bytes(range(32)), flown()
     assert fleet_key(secret, one) == fleet_key(secret, flown(capacity_wh=90.0))
     others = [flown(drift_m_s=0.1), flown(frames=7), flown(altitude_m=13.0)]
@@ -169,7 +169,7 @@ def test_what_facts_mean_is_in_the_key_and_what_they_do_not_is_not():
     fleet_key(secret, load("bay"))  # whose search is as high as it may: no warning
 
 
-def test_every_start_is_higher_than_those_before(tmp_path):
+def test_start_number_rises_with_each_start(tmp_path):
     where, starts = network(tmp_path, peers=(PEER,)), []
     with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
         for now_utc_s in (1000.0, 1000.5, 10.0, 5000.0):  # twice in a second; a clock set back
@@ -180,7 +180,7 @@ def test_every_start_is_higher_than_those_before(tmp_path):
     assert seal.member == 2
 
 
-def test_a_network_without_a_key_is_refused(tmp_path):
+def test_network_without_a_key_is_refused(tmp_path):
     with pytest.raises(LinkError, match=r"--fleet-key FILE is missing.*uavmap keys new"):
         check_network(FleetNetwork(listen=(GROUP,)))
     with pytest.raises(LinkError, match="cannot be read"):
@@ -189,12 +189,12 @@ def test_a_network_without_a_key_is_refused(tmp_path):
     check_network(None)
 
 
-def test_a_router_stands_alone(tmp_path):
+def test_router_with_peers_is_refused(tmp_path):
     with pytest.raises(LinkError, match="leave out --peer"):
         check_network(network(tmp_path, peers=(PEER,), routers=(PEER,)))
 
 
-def test_only_links_need_zenoh(tmp_path, monkeypatch):
+def test_zenoh_is_needed_for_links_only(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "zenoh", None)
     check_network(network(tmp_path, listen=(GROUP,)))
     with pytest.raises(LinkError, match=r"pip install .eclipse-zenoh>="):

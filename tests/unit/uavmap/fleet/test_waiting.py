@@ -38,12 +38,12 @@ async def interrupted(*, may_leave: bool) -> str:
     return await task
 
 
-def test_an_operator_ends_the_wait_and_gets_the_results(said):
+def test_operator_ends_the_wait_and_gets_the_results(said):
     assert asyncio.run(interrupted(may_leave=True)) == "results"
     assert "Ctrl-C ends the wait" in said[0]
     assert "uavmap merge" in said[1]
 
 
-def test_without_an_operator_it_ends_as_any_task():
+def test_wait_without_an_operator_is_cancelled_like_any_task():
     with pytest.raises(asyncio.CancelledError):
         asyncio.run(interrupted(may_leave=False))

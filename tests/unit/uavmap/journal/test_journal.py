@@ -42,7 +42,7 @@ def path(tmp_path, written):
     return Path(shutil.copy(written, tmp_path / "journal.jsonl"))
 
 
-def test_what_was_appended_is_read_in_order(path):
+def test_appended_events_are_read_in_order(path):
     with Journal.open(path) as journal:
         assert list(journal.events()) == some_events(40)
         assert journal.meta == META
@@ -71,7 +71,7 @@ def test_flight_plan_does_not_change(path):
         journal.put_meta("plan", {"seed": 8})
 
 
-def test_each_line_is_synced_before_append_returns(tmp_path, monkeypatch):
+def test_line_is_synced_before_append_returns(tmp_path, monkeypatch):
     path, synced = tmp_path / "out" / "journal.jsonl", list[tuple[bool, int]]()
 
     def seen(file: int) -> None:
@@ -87,7 +87,7 @@ def test_each_line_is_synced_before_append_returns(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("what", ["journal", "text", "empty"])
-def test_nothing_is_ever_overwritten(path, what):
+def test_existing_file_is_never_overwritten(path, what):
     if what != "journal":
         path.write_text("notes" * (what == "text"))
     before = contents(path.parent)
@@ -96,14 +96,14 @@ def test_nothing_is_ever_overwritten(path, what):
     assert contents(path.parent) == before
 
 
-def test_there_is_no_journal(tmp_path):
+def test_place_without_a_journal_is_refused(tmp_path):
     for place in (tmp_path / "journal.jsonl", tmp_path, tmp_path / "no" / "journal.jsonl"):
         with pytest.raises(JournalError, match="no journal here"):
             Journal.open(place)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_another_format(path, monkeypatch):
+def test_journal_of_another_format_is_refused(path, monkeypatch):
     monkeypatch.setattr(event_log, "FORMAT", 2)
     assert "has journal format 1, this program knows 2" in refused(path)
 
@@ -120,7 +120,7 @@ def test_second_writer_is_refused_and_reader_is_not(path):
         assert os.listdir(path.parent) == [path.name]
 
 
-def test_whole_journal_that_cannot_be_written_is_said(path, monkeypatch):
+def test_whole_journal_that_cannot_be_written_is_reported(path, monkeypatch):
     opened = os.open
 
     def read_only(name: object, flags: int, *more: int) -> int:
@@ -159,7 +159,7 @@ def test_events_that_come_again_are_checked_not_written(path):
         assert len(journal.bodies()) == 81
 
 
-def test_event_that_json_cannot_hold_is_refused_and_the_journal_goes_on(tmp_path):
+def test_event_that_json_cannot_hold_is_refused_and_the_journal_continues(tmp_path):
     path = tmp_path / "journal.jsonl"
     with Journal.create(path, META) as journal:
         journal.append(Airborne(1, 1.0))
@@ -242,7 +242,7 @@ KILLED_AT_EACH_LINE = """
 """
 
 
-def test_killed_at_each_line_of_its_creation(tmp_path):
+def test_journal_killed_at_each_line_of_its_creation_is_whole_or_none(tmp_path):
     command = program(KILLED_AT_EACH_LINE, tmp_path)
     done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -289,7 +289,7 @@ def test_full_disk_begins_no_journal(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("cuttable", [True, False])
-def test_full_disk_keeps_what_was_confirmed_and_goes_on_with_room(tmp_path, monkeypatch, cuttable):
+def test_full_disk_keeps_confirmed_events_and_continues_with_room(tmp_path, monkeypatch, cuttable):
     events, path = some_events(50), tmp_path / "journal.jsonl"
     pwrite = os.pwrite
 

@@ -96,7 +96,7 @@ def test_truncation_at_each_byte_heals_to_the_last_whole_line(tmp_path):
 
 
 @pytest.mark.parametrize("tail", [b"\0" * 700, b"half a line", b"a whole line\n", b"\xff\n"])
-def test_what_a_power_cut_left_at_the_end_is_cut_off(whole, tmp_path, tail):
+def test_torn_end_of_a_power_cut_is_cut_off(whole, tmp_path, tail):
     path = copied(whole, tmp_path / "torn")
     good = path.read_bytes()
     path.write_bytes(good + tail)
@@ -109,7 +109,7 @@ def test_what_a_power_cut_left_at_the_end_is_cut_off(whole, tmp_path, tail):
     assert recover(path) is None
 
 
-def test_hundred_flipped_bits(whole, tmp_path):
+def test_hundred_flipped_bits_are_noticed(whole, tmp_path):
     rng, size, seen = np.random.default_rng(3), whole.stat().st_size, Counter[str]()
     last = len(lines_of(whole)[-1])
     for bit in rng.integers(0, 8 * (size - last), 100):
@@ -165,7 +165,7 @@ def test_lines_that_do_not_belong_here_are_noticed(whole, tmp_path, change):
     assert judge(path, [*EVENTS, LONG]) == "recovered"
 
 
-def test_event_that_this_program_cannot_read(tmp_path, monkeypatch):
+def test_unknown_event_is_lost_in_the_recovery(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(event_log, "to_json", lambda event: '{"kind":"from the future"}')
         path = write(tmp_path / "journal.jsonl", EVENTS[:1])

@@ -24,7 +24,7 @@ class Usage(NamedTuple):
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="a device that is always full")
-def test_no_half_of_a_picture_is_left_where_its_pose_cannot_be_written(tmp_path):
+def test_picture_without_a_written_pose_is_not_kept(tmp_path):
     said: list[str] = []
     (tmp_path / FRAMES).mkdir()
     (tmp_path / FRAMES / POSES).symlink_to(FULL)
@@ -35,7 +35,7 @@ def test_no_half_of_a_picture_is_left_where_its_pose_cannot_be_written(tmp_path)
     assert [path.name for path in (tmp_path / FRAMES).iterdir()] == [POSES]
 
 
-def test_a_picture_that_cannot_be_written_leaves_the_others_whole(tmp_path, monkeypatch):
+def test_picture_that_cannot_be_written_leaves_the_others_whole(tmp_path, monkeypatch):
     said: list[str] = []
     keeper = FrameKeeper(tmp_path, said.append)
     keeper.keep(frame(1.0), PICTURE)
@@ -60,7 +60,7 @@ def test_a_picture_that_cannot_be_written_leaves_the_others_whole(tmp_path, monk
     assert len(said) == 1
 
 
-def test_a_list_of_poses_that_is_damaged_stops_no_resume(tmp_path):
+def test_list_of_poses_that_is_damaged_stops_no_resume(tmp_path):
     said: list[str] = []
     (tmp_path / FRAMES).mkdir()
     (tmp_path / FRAMES / POSES).write_bytes(b"\xff\xfe\x00garbage")
@@ -70,7 +70,7 @@ def test_a_list_of_poses_that_is_damaged_stops_no_resume(tmp_path):
     assert len(list((tmp_path / FRAMES).iterdir())) == 1
 
 
-def test_the_last_room_on_the_disk_is_the_journals(tmp_path, monkeypatch):
+def test_last_room_on_the_disk_is_left_to_the_journal(tmp_path, monkeypatch):
     left = iter(range(ROOM_MIB * 2**20 + 100_000, 0, -20_000))  # each of them takes some
     monkeypatch.setattr(shutil, "disk_usage", lambda path: Usage(next(left)))
     said: list[str] = []

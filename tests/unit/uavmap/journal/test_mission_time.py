@@ -136,7 +136,7 @@ clocks = st.builds(
     st.floats(0.0, 4e9),
     st.floats(0.01, 100.0),
 )
-def test_it_never_runs_backwards_and_never_jumps_silently(last_s, mark, now, epoch_s, speedup):
+def test_mission_time_never_runs_backwards_and_reports_jumps(last_s, mark, now, epoch_s, speedup):
     found = mission_time(last_s, mark, now, epoch_utc_s=epoch_s, speedup=speedup)
     assert found.start_s >= last_s
     if found.question:
@@ -161,7 +161,7 @@ def test_marks_are_kept_in_the_journal_now_and_then(tmp_path, monkeypatch):
             assert last_mark(journal.meta) == Mark(1.0 if mission_s < 3.0 else 3.0, THEN)
 
 
-def test_a_mark_that_cannot_be_written_stops_nothing(tmp_path, monkeypatch):
+def test_mark_that_cannot_be_written_stops_nothing(tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -172,12 +172,12 @@ def test_a_mark_that_cannot_be_written_stops_nothing(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("mark", [None, 5, [], {}, {"mission_s": "x"}, {"mission_s": 1.0}])
-def test_what_is_no_mark(mark):
+def test_invalid_mark_is_ignored(mark):
     assert last_mark({CLOCK: mark}) is None
 
 
 @pytest.mark.parametrize("answer", [True, False, None])
-def test_what_is_doubtful_is_asked_where_somebody_is(answer):
+def test_doubtful_time_is_asked_of_an_operator(answer):
     found = mission_time(LAST_EVENT_S, MARK, later(3 * DAY_S, **OTHER_BOOT), epoch_utc_s=EPOCH_S)
     said: list[str] = []
     asked: list[str] = []
@@ -192,7 +192,7 @@ def test_what_is_doubtful_is_asked_where_somebody_is(answer):
     assert len(said) == 1
 
 
-def test_the_clocks_of_this_computer_go_forward():
+def test_clocks_of_this_computer_go_forward():
     one, other = read_clocks(), read_clocks()
     assert other.since_boot_s >= one.since_boot_s
     assert other.boot_id == one.boot_id

@@ -54,7 +54,7 @@ def test_pymavlink_reads_the_messages_and_their_times(tmp_path):
     assert [number for *_, number in found] == [0, 1, 2, 3]
 
 
-def test_append_goes_on_and_a_new_log_begins_anew(tmp_path):
+def test_append_continues_a_log_and_a_new_one_is_empty(tmp_path):
     peer, path = Peer(), tmp_path / "flight.tlog"
     for append in (False, True, True):
         with TlogWriter(path, lambda: EPOCH_S, append=append) as log:
@@ -65,7 +65,7 @@ def test_append_goes_on_and_a_new_log_begins_anew(tmp_path):
     assert len(read(path)) == 1
 
 
-def test_what_was_recorded_before_a_kill_is_there_and_whole(tmp_path):
+def test_frames_recorded_before_a_kill_are_whole(tmp_path):
     path = tmp_path / "flight.tlog"
     program = """
         import os, signal, sys
@@ -104,7 +104,7 @@ class FullDisk:
 
 
 @pytest.mark.parametrize("torn", [0, 1, 9, 20])
-def test_a_full_disk_is_said_once_and_stops_nothing(tmp_path, monkeypatch, torn):
+def test_full_disk_is_reported_once_and_stops_nothing(tmp_path, monkeypatch, torn):
     path, peer, said = tmp_path / "flight.tlog", Peer(), []
     frames = [peer.frame(heartbeat()) for _ in range(40)]
     record = len(frames[0]) + 8
@@ -124,7 +124,7 @@ def test_a_full_disk_is_said_once_and_stops_nothing(tmp_path, monkeypatch, torn)
     assert numbers == [*range(10), *range(30, 40)]
 
 
-def test_a_log_that_cannot_be_opened_or_is_closed_stops_nothing(tmp_path):
+def test_log_that_cannot_be_opened_or_is_closed_stops_nothing(tmp_path):
     said: list[str] = []
     now_s = EPOCH_S
     path = tmp_path / "flight.tlog"

@@ -41,7 +41,7 @@ def told(folder: Path, value: object, **options: Any) -> str:
 
 
 # --- sets of cells ---------------------------------------------------------------------------
-def test_sets_are_read(tmp_path):
+def test_sets_of_rois_are_read(tmp_path):
     rois = [
         {"start": [0, 0], "cells": [[0, 1], [0, 0]], "seed": 5},
         {"start": [-7, 3], "cells": [[-7, 3]]},
@@ -101,7 +101,7 @@ FAULTS: dict[str, tuple[object, str]] = {
 }
 
 
-def test_what_cannot_be_read(tmp_path):
+def test_unreadable_file_is_refused(tmp_path):
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     for name in (tmp_path, tmp_path / "binary", tmp_path / "nowhere", "x" * 5000, "a\0b"):
         with pytest.raises(RoiError, match="cannot be read"):
@@ -124,7 +124,7 @@ json_values = st.recursive(
 
 
 @given(json_values)
-def test_whatever_a_file_holds_is_read_or_told(tmp_path_factory, value):
+def test_arbitrary_content_is_read_or_refused(tmp_path_factory, value):
     path = written(tmp_path_factory.getbasetemp(), value, "any.json")
     for whole in (value, {"rois": [value]}, {"type": "Polygon", "coordinates": value}):
         written(tmp_path_factory.getbasetemp(), whole, "any.json")
@@ -146,7 +146,7 @@ def test_polygons_are_rois_of_their_own(tmp_path):
     assert len(coarse.cells) == pytest.approx(8, abs=4)
 
 
-def test_with_a_start_all_polygons_are_one_roi(tmp_path):
+def test_polygons_with_a_start_are_one_roi(tmp_path):
     parts = [[block(0, 0, 40, 20)], [block(38, 0, 40, 20)], [block(300, 0, 20, 20)]]
     path = written(tmp_path, {"type": "MultiPolygon", "coordinates": parts}, "lake.json")
     inside = LatLon(LAT + 10 * M_NORTH, LON + 10 * M_EAST)
@@ -165,7 +165,7 @@ def test_with_a_start_all_polygons_are_one_roi(tmp_path):
 
 
 @pytest.mark.parametrize(("east_m", "north_m"), [(0, 0), (40, 20), (0, 20), (20, 0), (20, 21)])
-def test_a_start_at_the_rim_is_its_nearest_cell(tmp_path, east_m, north_m):
+def test_start_at_the_rim_is_its_nearest_cell(tmp_path, east_m, north_m):
     """A cell around a corner is covered by a quarter."""
     shape = {"type": "Polygon", "coordinates": [block(0, 0, 40, 20)]}
     path = written(tmp_path, shape, "lake.json")
@@ -203,7 +203,7 @@ SHAPES: dict[str, tuple[object, str]] = {
 
 @pytest.mark.parametrize(("value", "words"), [*FAULTS.values(), *SHAPES.values()],
                          ids=[*FAULTS, *SHAPES])  # fmt: skip
-def test_faults_are_told_with_their_place(tmp_path, value, words):
+def test_faults_are_reported_with_their_place(tmp_path, value, words):
     text = told(tmp_path, value)
     assert words in text
     assert len(text) < 200
@@ -216,7 +216,7 @@ def test_faults_are_told_with_their_place(tmp_path, value, words):
         ({"rois": [{"start": [0, 0], "cells": [[0, 0]]}]}, "leave out --start"),
     ],
 )
-def test_a_start_that_is_none_is_told(tmp_path, value, words):
+def test_invalid_start_is_refused(tmp_path, value, words):
     assert words in told(tmp_path, value, start=LatLon(LAT, LON))
 
 
@@ -232,6 +232,6 @@ def test_growths_are_grown_by_name(kind):
     ["eden", "eden:", "eden:12", "eden:0:1", "eden:12:1:1", "eden:-3:1", "eden:1e3:1", "eden:x:1",
      f"eden:{MAX_CELLS + 1}:1", "eden:9" + "9" * 400 + ":1", "eden:²:1"],
 )  # fmt: skip
-def test_names_that_grow_nothing(name):
+def test_invalid_names_of_growths_are_refused(name):
     with pytest.raises(UavmapError):
         load_rois(name)

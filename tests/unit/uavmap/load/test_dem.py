@@ -90,7 +90,7 @@ def test_any_coordinate_system_gives_the_same_ground(tmp_path, epsg):
         assert told_m == pytest.approx(ground_m(east_m, north_m), abs=0.1), (epsg, east_m, north_m)
 
 
-def test_check_tells_of_the_ground(tmp_path, capsys):
+def test_check_reports_heights_and_slopes_of_the_ground(tmp_path, capsys):
     geotiff(tmp_path / "dem.tif")
     assert main(["check", str(mission_file(tmp_path))]) == 0
     told = capsys.readouterr().out
@@ -125,7 +125,7 @@ def _zero(band):
         ({"pixel": 120.0, "south_m": -480.0}, "more than 100; take a finer model"),
     ],
 )
-def test_what_is_no_ground_is_refused_with_file_and_place(tmp_path, how, words):
+def test_invalid_ground_is_refused_with_file_and_place(tmp_path, how, words):
     geotiff(tmp_path / "dem.tif", **how)
     said = refused(tmp_path)
     assert "terrain.dem = 'dem.tif'" in said
@@ -151,7 +151,7 @@ def test_heights_in_feet_become_metres(tmp_path, how):
     assert "its heights are in 'fathom'" in refused(tmp_path)
 
 
-def test_a_model_that_is_none_or_lies_nowhere_is_refused(tmp_path):
+def test_invalid_or_distant_model_is_refused(tmp_path):
     level = np.full((9, 9), 500.0, np.float32)
     written(tmp_path / "dem.tif", level, rasterio.crs.CRS.from_epsg(32632), count=3)
     assert "it has 3 bands" in refused(tmp_path)
@@ -163,7 +163,7 @@ def test_a_model_that_is_none_or_lies_nowhere_is_refused(tmp_path):
     assert "no height at start.position" in refused(tmp_path)
 
 
-def test_of_a_fine_model_means_are_read_and_no_more_than_is_needed(tmp_path, monkeypatch):
+def test_fine_model_is_read_as_means_and_no_more_than_needed(tmp_path, monkeypatch):
     def stones(band):
         band[::2] += 0.6
         band[1::2] -= 0.6
@@ -193,7 +193,7 @@ def test_gaps_outside_of_the_fence_are_no_cliffs(tmp_path):
     assert load(str(mission_file(tmp_path))).surveyed is not None
 
 
-def test_a_fence_that_lies_nowhere_is_told_of_over_ground_too(tmp_path, capsys):
+def test_impossible_fence_is_refused_over_ground_as_well(tmp_path, capsys):
     geotiff(tmp_path / "dem.tif")
     path = mission_file(tmp_path)
     text = path.read_text("utf-8")

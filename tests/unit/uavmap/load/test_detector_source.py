@@ -53,14 +53,14 @@ def fault(text: str) -> str:
     return str(caught.value)
 
 
-def test_a_detector_has_a_table_with_its_own_defaults():
+def test_detector_has_a_table_with_its_own_defaults():
     made = section('[detector]\nname = "paved"\n[detector.paved]\ngreenness = 0.1')
     assert str(detector_of_section(made)) == (
         "PavedDetector(greenness=0.1, intensity=90, dilations=1)"
     )
 
 
-def test_a_mission_without_tables_means_what_it_meant():
+def test_mission_without_tables_keeps_its_detector():
     made = section('[detector]\nname = "paved"\ngreenness = 0.1')
     assert str(detector_of_section(made)) == (
         "PavedDetector(greenness=0.1, intensity=150, dilations=7)"
@@ -90,7 +90,7 @@ def test_a_mission_without_tables_means_what_it_meant():
         ('[detector]\nname = "adaptive"\n[detector.adaptive]\nwindow = 9', "detector.window is 9"),
     ],
 )  # fmt: skip
-def test_what_a_detector_refuses_the_check_refuses(text, message):
+def test_value_that_a_detector_refuses_fails_the_check(text, message):
     found = fault(text)
     assert found.startswith("m.toml: ")
     assert message in found
@@ -103,7 +103,7 @@ def test_what_a_detector_refuses_the_check_refuses(text, message):
         (r"a\u0000b", r"detector.model = 'a\x00b': no path of a file"),
     ],
 )
-def test_a_model_that_cannot_be_read_is_named(model, message, tmp_path, capsys):
+def test_model_that_cannot_be_read_is_named(model, message, tmp_path, capsys):
     path = tmp_path / "field.toml"
     path.write_text(f'{HEAD}\n[detector]\nname = "learned"\nmodel = "{model}"\n')
     assert main(["check", str(path)]) == 2
@@ -121,7 +121,7 @@ def test_a_model_that_cannot_be_read_is_named(model, message, tmp_path, capsys):
         ('[detector]\nname = "learned"\nmodel = "a\\u0000b"', "no path of a file"),
     ],
 )
-def test_a_folder_without_a_detector_is_refused(tmp_path, capsys, text, message):
+def test_folder_without_a_detector_is_refused(tmp_path, capsys, text, message):
     if text is not None:
         (tmp_path / "detector.toml").write_text(text)
     arguments = ["--detector", str(tmp_path), "--out", str(tmp_path / "out")]
@@ -174,7 +174,7 @@ def _load(point: EntryPoint) -> object:
 
 
 @pytest.mark.usefixtures("plugins")
-def test_a_plug_in_is_a_detector_like_ours():
+def test_plug_in_is_a_detector_like_any_other():
     assert "everything" in known_detectors()
     made = section('[detector]\nname = "everything"\n[detector.everything]\nlevel = 5')
     detector = detector_of_section(made)
@@ -190,7 +190,7 @@ def test_a_plug_in_is_a_detector_like_ours():
 @pytest.mark.parametrize(
     ("name", "message"), [("nothing", "makes no detector"), ("gone", "cannot be loaded")]
 )
-def test_a_plug_in_that_does_not_work_is_named(name, message):
+def test_plug_in_that_does_not_work_is_named(name, message):
     with pytest.raises(MissionFileError, match=message):
         check_detector(DetectorSection(name=name))
 
@@ -206,7 +206,7 @@ def onnx(folder: Path, toml: str, model: bytes = MEAN) -> DetectorSection:
     return DetectorSection(name="onnx", model=str(folder / "net.onnx"))
 
 
-def test_a_segmentation_model_judges_tile_by_tile(tmp_path):
+def test_segmentation_model_judges_tile_by_tile(tmp_path):
     pytest.importorskip("onnxruntime")
     toml = 'tile_px = 32\noutput = "probability"'
     detector = detector_of_section(onnx(tmp_path, toml))
@@ -225,13 +225,13 @@ def test_a_segmentation_model_judges_tile_by_tile(tmp_path):
         ("tile_px = ", MEAN, "not a TOML file"),
     ],
 )
-def test_what_is_wrong_with_a_segmentation_model_is_said(tmp_path, toml, model, message):
+def test_faulty_segmentation_model_is_refused_with_a_reason(tmp_path, toml, model, message):
     pytest.importorskip("onnxruntime")
     with pytest.raises(MissionFileError, match=message):
         detector_of_section(onnx(tmp_path, toml, model))
 
 
-def test_an_answer_of_another_shape_is_said(tmp_path):
+def test_model_output_of_another_shape_is_an_image_error(tmp_path):
     pytest.importorskip("onnxruntime")
     detector = detector_of_section(onnx(tmp_path, "tile_px = 32\nchannel = 2"))
     with pytest.raises(ImageError, match="is the TOML file beside it right"):
@@ -267,7 +267,7 @@ def test_classes_come_from_the_file_beside_the_model_and_the_region_from_the_mis
     assert found["share"] == 0.2
 
 
-def test_words_for_the_region_name_the_classes_that_are_explored():
+def test_description_of_the_region_names_the_explored_classes():
     colours = {"samples": {"oil": [[9, 9, 9]], "weed": [[9, 200, 9]]}}
     table = {"name": "color", "color": colours, "classes": {"oil": {"number": 1}}}
     table["classes"] |= {"weed": {"number": 2}, "region": ["oil"]}
@@ -300,7 +300,7 @@ def eyes(folder: Path) -> Path:
     return folder
 
 
-def test_a_replay_outlives_the_detector_that_it_was_made_with(good, tmp_path):
+def test_replay_stays_readable_without_its_detector(good, tmp_path):
     model = eyes(tmp_path / "eyes")
     line = ["replay", str(good), "--refine", "off"]
     one, two = tmp_path / "one", tmp_path / "two"
@@ -317,7 +317,7 @@ def test_a_replay_outlives_the_detector_that_it_was_made_with(good, tmp_path):
     assert section.model_sha256 is not None
 
 
-def test_a_flight_goes_on_without_the_file_that_its_model_came_from(tmp_path):
+def test_flight_continues_without_the_original_file_of_its_model(tmp_path):
     model = eyes(tmp_path / "eyes")
     mission = load("runway", str(model))
     section = mission.detector
@@ -358,7 +358,7 @@ def test_masks_overlays_and_results_below_the_photographs_are_left_out(good, tmp
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
-def test_an_interrupted_tuning_leaves_nothing(error, tmp_path, monkeypatch):
+def test_interrupted_tuning_leaves_no_file(error, tmp_path, monkeypatch):
     shot(tmp_path / "0.jpg")
 
     def fails(*_: object) -> None:

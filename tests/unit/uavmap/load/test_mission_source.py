@@ -58,7 +58,7 @@ def from_python() -> None:
         from_python,
     ],
 )
-def test_a_mission_is_parsed_once(work, monkeypatch, tmp_path):
+def test_mission_is_parsed_once(work, monkeypatch, tmp_path):
     parsed: list[str] = []
     parse = tomllib.loads
 
@@ -87,28 +87,28 @@ def test_a_mission_is_parsed_once(work, monkeypatch, tmp_path):
         ("fence: no", 11),
     ],
 )
-def test_a_fault_has_the_line_of_its_key(fault, line):
+def test_fault_has_the_line_of_its_key(fault, line):
     assert with_lines(f"f.toml: {fault}", "f.toml", TEXT) == f"f.toml:{line}: {fault}"
 
 
 @pytest.mark.parametrize("fault", ["f.toml: start: missing; add it", "--detector x: no"])
-def test_a_fault_without_a_key_in_the_file_has_no_line(fault):
+def test_fault_without_a_key_in_the_file_has_no_line(fault):
     assert with_lines(fault, "f.toml", TEXT) == fault
 
 
-def test_a_long_line_of_dots_is_no_work():
+def test_long_line_of_dots_is_parsed_quickly():
     text = "a." * 500_000 + "\n[grid]\ncell_m = 0"
     assert with_lines("f: grid.cell_m = 0: no", "f", text) == "f:3: grid.cell_m = 0: no"
 
 
-def test_load_shipped_name_beside_a_folder_of_that_name(tmp_path, monkeypatch):
+def test_shipped_name_beside_a_folder_of_that_name_is_loaded(tmp_path, monkeypatch):
     (tmp_path / "runway").mkdir()
     monkeypatch.chdir(tmp_path)
     assert load("runway") == mission_of_text(named_text("runway").text, "runway")
 
 
 @pytest.mark.parametrize("name", shipped_missions())
-def test_a_journal_gives_the_plan_back_as_it_was(name, tmp_path):
+def test_journal_gives_the_plan_back_as_it_was(name, tmp_path):
     plan = plan_of(name, named_text(name).text, vehicles=2, seed=5)
     assert again(plan, tmp_path) == plan
 
@@ -174,7 +174,7 @@ def test_points_and_polygons_become_places_of_the_mission(tmp_path):
 
 
 @pytest.mark.parametrize("prior", ["'prior' = 'where.geojson'", 'prior = """where.geojson"""'])
-def test_a_path_is_read_however_it_is_written(tmp_path, prior):
+def test_path_of_a_file_is_read_in_any_spelling(tmp_path, prior):
     text = MISSION.replace('prior = "where.geojson"', prior)
     assert len(loaded(tmp_path, collection(POINT), text)) == 1
 
@@ -204,7 +204,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_fault_names_file_key_value_and_remedy(tmp_path, name):
+def test_fault_names_file_key_value_and_remedy(tmp_path, name):
     content, said = BAD[name]
     with pytest.raises(MissionFileError) as caught:
         loaded(tmp_path, content)
@@ -214,7 +214,7 @@ def test_a_fault_names_file_key_value_and_remedy(tmp_path, name):
     assert "\n" not in line
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
+def test_missing_file_is_named(tmp_path):
     (tmp_path / "field.toml").write_text(MISSION)
     with pytest.raises(MissionFileError, match=r"'where.geojson': cannot be read \(No such file"):
         load(str(tmp_path / "field.toml"))

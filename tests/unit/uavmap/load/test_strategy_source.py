@@ -24,7 +24,9 @@ TINY = Path(__file__).parents[3] / "data" / "tiny.toml"
     ("strategy", "compiled", "told"),
     [("horizon", False, 1), ("horizon", True, 0), ("swath", False, 1), ("rdfs", False, 0)],
 )
-def test_fly_and_resume_tell_it_once(strategy, compiled, told, tmp_path, monkeypatch, capsys):
+def test_fly_and_resume_without_numba_warn_once(
+    strategy, compiled, told, tmp_path, monkeypatch, capsys
+):
     def flown(self: flight.Flight) -> dict[str, Any]:
         return {"completed": False}
 
@@ -58,7 +60,7 @@ def test_resume_refuses_another_planner(
 
 
 @pytest.mark.parametrize(("strategies", "told"), [("rdfs,horizon", 1), ("rdfs", 0)])
-def test_simulate_tells_it(strategies, told, monkeypatch, capsys):
+def test_simulate_without_numba_warns_once(strategies, told, monkeypatch, capsys):
     monkeypatch.setattr(jit, "COMPILED", False)
     command = ["simulate", "--roi", "rectangle:6:1", "--strategy", strategies, "--robots", "2"]
     assert main(command) == 0
@@ -69,7 +71,7 @@ def test_simulate_tells_it(strategies, told, monkeypatch, capsys):
     ("strategy", "kept", "told"),
     [("swath", (), 1), ("survey", (), 1), ("swath", ("swath.improve-1.nbi",), 0), ("rdfs", (), 0)],
 )
-def test_that_the_planner_is_compiled_now_is_told(strategy, kept, told, tmp_path, monkeypatch):
+def test_compilation_of_the_planner_is_announced(strategy, kept, told, tmp_path, monkeypatch):
     for name in kept:
         (tmp_path / name).touch()
     made: list[str] = []
@@ -83,7 +85,7 @@ def test_that_the_planner_is_compiled_now_is_told(strategy, kept, told, tmp_path
 
 
 @pytest.mark.skipif(not jit.COMPILED, reason="numba is not installed")
-def test_nothing_is_compiled_after_the_planner_was_got_ready(tmp_path):
+def test_planner_that_is_ready_compiles_nothing_more(tmp_path):
     code = """if True:
         import sys
         from missions.planning.kernels import swath

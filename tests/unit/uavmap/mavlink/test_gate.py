@@ -113,7 +113,7 @@ class Vehicle:
     ],
     ids=lambda m: m.get_type(),
 )
-def test_what_cannot_be_changes_nothing(message):
+def test_impossible_message_changes_nothing(message):
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     assert vehicle.hear(home(), 1.0)
@@ -133,7 +133,7 @@ def seen(view):
     )  # fmt: skip
 
 
-def test_a_second_component_does_not_speak_for_the_autopilot():
+def test_second_component_does_not_report_for_the_autopilot():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     for message in (
@@ -156,7 +156,7 @@ def test_a_second_component_does_not_speak_for_the_autopilot():
     }  # fmt: skip
 
 
-def test_pictures_are_announced_by_the_camera_that_was_heard_first():
+def test_pictures_are_announced_by_the_first_camera_only():
     vehicle = Vehicle()
     beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_CAMERA, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
     assert vehicle.hear(captured(1.0), 1.0, component=100)
@@ -221,7 +221,7 @@ def test_charge_is_that_of_the_battery_it_flies_on(told):
     assert (vehicle.view.battery_percent is None) == (len(told) == 3)
 
 
-def test_a_message_without_a_charge_does_not_keep_an_old_one_alive():
+def test_message_without_a_charge_does_not_renew_an_old_one():
     vehicle = Vehicle()
     vehicle.hear(battery(-1, consumed_hj=1080), 1.0)
     assert vehicle.view.remaining_wh(60.0) == pytest.approx(30.0)
@@ -258,7 +258,7 @@ def test_charge_state_of_the_flown_battery_is_read(charge, reported):
     assert vehicle.view.grounded_by == (reported and "its autopilot reports its battery as low")
 
 
-def test_critical_state_of_an_ardupilot_is_reported_and_grounds_nobody():
+def test_critical_state_of_an_ardupilot_is_reported_and_grounds_no_vehicle():
     vehicle = Vehicle()
     beat = heartbeat(armed=True)
     beat.system_status = mav.MAV_STATE_CRITICAL
@@ -268,7 +268,7 @@ def test_critical_state_of_an_ardupilot_is_reported_and_grounds_nobody():
 
 
 # --- leaps -----------------------------------------------------------------------------------
-def test_a_leap_is_not_believed_at_once():
+def test_leap_is_not_believed_at_once():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     assert not vehicle.at(1.1, 500.0)
@@ -277,7 +277,7 @@ def test_a_leap_is_not_believed_at_once():
     assert vehicle.view.gate.track.jumps == 0
 
 
-def test_a_leap_that_stays_is_believed_and_told():
+def test_leap_that_stays_is_believed_and_reported():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     taken = [vehicle.at(2.0 + 0.1 * n, 500.0) for n in range(40)]
@@ -287,7 +287,7 @@ def test_a_leap_that_stays_is_believed_and_told():
     assert any("jumped by 500 m" in line for line in vehicle.said)
 
 
-def test_a_stranger_between_the_true_positions_never_wins():
+def test_stranger_between_the_true_positions_never_wins():
     vehicle = Vehicle()
     for n in range(200):
         assert vehicle.at(1.0 + 0.1 * n)
@@ -301,7 +301,7 @@ def test_flight_is_no_leap(speed_m_s, gap_s):
     assert all(vehicle.at(1.0 + gap_s * n, speed_m_s * gap_s * n) for n in range(20))
 
 
-def test_a_height_that_leaps_is_a_leap():
+def test_height_that_leaps_is_a_leap():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     assert not vehicle.at(1.1, up_m=400.0)
@@ -309,7 +309,7 @@ def test_a_height_that_leaps_is_a_leap():
     assert vehicle.at(1.3)
 
 
-def test_a_place_far_from_the_mission_is_none_of_its_vehicles():
+def test_place_far_from_the_mission_is_refused():
     vehicle = Vehicle()
     vehicle.view.gate.area = LatLon(-33.0, 151.0)
     assert not any(vehicle.at(1.0 + n) for n in range(20))
@@ -319,7 +319,7 @@ def test_a_place_far_from_the_mission_is_none_of_its_vehicles():
 
 
 # --- clocks ----------------------------------------------------------------------------------
-def test_an_old_message_is_refused():
+def test_old_message_is_refused():
     vehicle = Vehicle()
     for t_s in (5.0, 5.1):
         assert vehicle.at(t_s)
@@ -330,14 +330,14 @@ def test_an_old_message_is_refused():
     assert vehicle.view.boot_offset_s == pytest.approx(0.0)
 
 
-def test_a_message_that_is_repeated_for_ever_does_not_count_as_news():
+def test_message_repeated_for_ever_is_no_news():
     vehicle = Vehicle()
     for n in range(100):
         vehicle.hear(position(t_s=5.0), 5.0 + 0.1 * n)
     assert vehicle.view.position_s == pytest.approx(7.0)
 
 
-def test_a_restart_is_recognised_after_a_second():
+def test_restart_is_recognised_after_a_second():
     vehicle = Vehicle()
     assert vehicle.at(500.0)
     taken = [vehicle.hear(position(t_s=1.0 + 0.1 * n), 510.0 + 0.1 * n) for n in range(20)]
@@ -347,7 +347,7 @@ def test_a_restart_is_recognised_after_a_second():
     assert any("restarted" in line for line in vehicle.said)
 
 
-def test_a_clock_that_leaps_ahead_once_is_not_followed():
+def test_clock_that_leaps_ahead_once_is_not_followed():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
     assert not vehicle.hear(position(t_s=4_000_000.0), 1.1)
@@ -356,7 +356,7 @@ def test_a_clock_that_leaps_ahead_once_is_not_followed():
 
 
 @pytest.mark.parametrize("rate", [0.3, 1.0, 10.0])
-def test_a_clock_of_another_speed_is_followed(rate):
+def test_clock_of_another_speed_is_followed(rate):
     """A simulator may run slower or faster than it was said to."""
     clock = BootClock()
     for n in range(1, 2000):
@@ -407,7 +407,7 @@ def test_clock_never_lies_in_the_future(told):
 
 # --- the camera's clock ----------------------------------------------------------------------
 @pytest.mark.parametrize("ahead_s", [60.0, -4.0, 1.0, 0.0, 3600.0])
-def test_a_camera_with_a_clock_of_its_own(ahead_s):
+def test_camera_with_its_own_clock_is_dated_right(ahead_s):
     vehicle = Vehicle()
     for n in range(50, 100):
         vehicle.at(0.1 * n)
@@ -418,7 +418,7 @@ def test_a_camera_with_a_clock_of_its_own(ahead_s):
         assert vehicle.view.captured_s(boot_ms, taken_s + 0.1) == pytest.approx(taken_s, abs=0.06)
 
 
-def test_a_cameras_clock_that_leaps_costs_at_most_one_stamp():
+def test_cameras_clock_that_leaps_costs_at_most_one_stamp():
     vehicle = Vehicle()
     vehicle.at(5.0)
     for taken_s, boot_s in ((6.0, 6.0), (7.0, 900_000.0), (8.0, 8.0)):
@@ -439,7 +439,7 @@ def test_stamp_lies_between_order_and_now(boot_ms, now_s, ago_s):
 
 
 # --- what is told ----------------------------------------------------------------------------
-def test_a_kind_is_told_of_once_in_ten_seconds():
+def test_refused_kind_is_reported_once_in_ten_seconds():
     vehicle = Vehicle()
     for n in range(300):
         vehicle.hear(position(214.7, t_s=1.0 + 0.1 * n), 1.0 + 0.1 * n)
@@ -448,14 +448,14 @@ def test_a_kind_is_told_of_once_in_ten_seconds():
     assert vehicle.view.gate.figures() == {"GLOBAL_POSITION_INT: lat is out of range": 300}
 
 
-def test_no_fix_is_counted_but_not_told():
+def test_position_without_a_fix_is_counted_and_not_reported():
     vehicle = Vehicle()
     vehicle.hear(position(0.0, 0.0, t_s=1.0), 1.0)
     assert vehicle.said == []
     assert vehicle.view.boot_offset_s == pytest.approx(0.0)  # its clock is right all the same
 
 
-def test_texts_are_made_safe_and_old_ones_left_out():
+def test_texts_are_made_printable_and_old_ones_left_out():
     vehicle = Vehicle()
     vehicle.hear(text("\x1b]0;owned\x07\x1b[31mPreArm: bad\x1b[0m\r\x08"), 1.0)
     assert vehicle.view.recent_texts(2.0) == " (vehicle: PreArm: bad)"
@@ -492,7 +492,7 @@ def told(uid=0, uid2=0, system=1, north_m=0.0, boot_s=1.0):
         (VehicleView(), VehicleView(), False),
     ],
 )
-def test_same_aircraft(a, b, same):
+def test_links_to_the_same_aircraft_are_recognised(a, b, same):
     assert same_aircraft(a, b) is same
     assert same_aircraft(b, a) is same
 
@@ -530,7 +530,7 @@ def poisoned(hostile, rng):
     return message
 
 
-def test_ten_thousand_random_and_poisoned_frames_with_the_vehicles_own_ids():
+def test_ten_thousand_poisoned_frames_with_the_vehicles_ids_are_survived():
     rng, hostile = random.Random(11), Hostile(11)
     heard = []
 
@@ -577,7 +577,7 @@ def finite(view):
     return all(map(math.isfinite, numbers))
 
 
-def test_a_stream_that_is_never_read_to_its_end_takes_no_memory():
+def test_stream_that_is_never_read_to_its_end_takes_no_memory():
     """The parser lets go of what it has read only when nothing is left over."""
 
     def endless(peer):
@@ -609,7 +609,7 @@ def test_parser_that_raises_costs_its_bytes_only(monkeypatch):
 
 
 @pytest.mark.skipif(not TLOG.is_file(), reason="the recorded flight is not beside this repository")
-def test_a_real_flight_passes_whole():
+def test_recording_of_a_real_flight_passes_whole():
     """A recorded ArduCopter: nothing of what it says is refused but positions before the fix."""
     data = TLOG.read_bytes()
     session = []

@@ -46,7 +46,7 @@ def script(peer, *replies):
 
 
 @by(conversation)
-async def test_an_accepted_command_is_sent_once(peer, /):
+async def test_accepted_command_is_sent_once(peer, /):
     script(peer, [ack(ARM, OK)])
     await peer.session.command(ARM, 1)
     ((_, message),) = peer.heard
@@ -56,7 +56,7 @@ async def test_an_accepted_command_is_sent_once(peer, /):
 
 
 @by(conversation)
-async def test_silence_is_met_with_repeats_whose_confirmation_rises(peer, /):
+async def test_command_without_an_answer_is_repeated_with_rising_confirmation(peer, /):
     script(peer, None, None, [ack(ARM, OK)])
     await peer.session.command(ARM, 1)
     assert [c for _, _, c in peer.commands()] == [0, 1, 2]
@@ -65,7 +65,7 @@ async def test_silence_is_met_with_repeats_whose_confirmation_rises(peer, /):
 
 
 @by(conversation)
-async def test_lasting_silence_is_a_link_error(peer, /):
+async def test_command_without_any_answer_is_a_link_error(peer, /):
     with pytest.raises(LinkError, match="MAV_CMD_COMPONENT_ARM_DISARM was not acknowledged"):
         await peer.session.command(ARM, 1)
     assert asyncio.get_running_loop().time() == pytest.approx(ACK_TRIES * ACK_WAIT_S)
@@ -73,7 +73,7 @@ async def test_lasting_silence_is_a_link_error(peer, /):
 
 
 @by(conversation)
-async def test_in_progress_extends_the_wait(peer, /):
+async def test_command_in_progress_extends_the_wait(peer, /):
     def answer(message):
         for at_s in (0.1, 0.9, 1.7, 2.5):
             peer.say(ack(ARM, UNDER_WAY), after_s=at_s)
@@ -86,7 +86,7 @@ async def test_in_progress_extends_the_wait(peer, /):
 
 
 @by(conversation)
-async def test_temporarily_rejected_is_tried_again(peer, /):
+async def test_command_temporarily_rejected_is_tried_again(peer, /):
     script(peer, [ack(CAPTURE, BUSY)], [ack(CAPTURE, BUSY)], [ack(CAPTURE, OK)])
     await peer.session.command(CAPTURE, 0, 1.0, 5, component=100)
     assert asyncio.get_running_loop().time() > 2 * ACK_WAIT_S
@@ -94,7 +94,7 @@ async def test_temporarily_rejected_is_tried_again(peer, /):
 
 
 @by(conversation)
-async def test_temporarily_rejected_for_ever_is_an_error(peer, /):
+async def test_command_rejected_for_ever_is_an_error(peer, /):
     script(peer, *([[ack(CAPTURE, BUSY)]] * 50))
     with pytest.raises(LinkError):
         await peer.session.command(CAPTURE, 0)
@@ -136,7 +136,7 @@ async def test_refusal_carries_text_of_same_datagram_and_no_old_one(peer, /):
 
 
 @by(conversation)
-async def test_acks_for_others_and_of_other_commands_are_not_ours(peer, /):
+async def test_acks_for_others_and_of_other_commands_are_ignored(peer, /):
     script(
         peer,
         [ack(ARM, DENIED, target=255), ack(LAND, OK), ack(LAND, DENIED)],
@@ -147,7 +147,7 @@ async def test_acks_for_others_and_of_other_commands_are_not_ours(peer, /):
 
 
 @by(conversation)
-async def test_only_the_component_that_was_asked_acknowledges(peer, /):
+async def test_component_that_was_asked_acknowledges_alone(peer, /):
     """An ArduPilot with a camera of its own accepts a command that went to another camera."""
 
     def answer(message):
@@ -160,7 +160,7 @@ async def test_only_the_component_that_was_asked_acknowledges(peer, /):
         await peer.session.command(CAPTURE, 0, component=100)
 
 
-def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own():
+def test_autopilot_that_is_not_component_1_is_asked_at_its_own():
     async def body(peer):
         script(peer, [ack(ARM, OK)], [ack(LAND, OK)])
         await peer.session.command(ARM, 1)
@@ -184,7 +184,7 @@ async def test_number_that_does_not_fit_is_a_link_error(peer, /):
 
 
 @by(on_virtual_time)
-async def test_feeding_says_whether_the_vehicle_spoke():
+async def test_feed_returns_whether_the_vehicle_sent_a_frame():
     peer, other = Peer(), Peer(system=7)
     camera = heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)
     assert not peer.session.feed(b"?" * 50)
@@ -197,7 +197,7 @@ async def test_feeding_says_whether_the_vehicle_spoke():
 
 
 @by(conversation)
-async def test_two_commands_at_once_both_get_their_ack(peer, /):
+async def test_commands_at_the_same_time_get_their_own_acks(peer, /):
     def answer(message):
         result = OK if message.command == ARM else DENIED
         peer.say(ack(message.command, result), after_s=0.3)
@@ -240,7 +240,7 @@ async def test_command_called_off_is_not_repeated_and_blocks_none(peer, /):
 
 
 @by(conversation)
-async def test_a_place_goes_as_command_int(peer, /):
+async def test_place_is_sent_as_command_int(peer, /):
     script(peer, [ack(mav.MAV_CMD_DO_REPOSITION, OK)])
     nan = float("nan")
     place = LatLon(-33.8567844, 151.2152967)
@@ -253,7 +253,7 @@ async def test_a_place_goes_as_command_int(peer, /):
 
 
 @by(conversation)
-async def test_until(peer, /):
+async def test_until_waits_for_a_condition_or_the_timeout(peer, /):
     session, loop = peer.session, asyncio.get_running_loop()
     assert await session.until(lambda: True)
     assert not await session.until(lambda: session.view.armed, timeout_s=2.0)
@@ -293,7 +293,7 @@ async def test_second_component_as_autopilot_changes_nothing(peer, /):
 
 
 @by(conversation)
-async def test_garbage_between_frames(peer, /):
+async def test_garbage_between_frames_loses_no_frame(peer, /):
     rng = np.random.default_rng(5)
     heard = []
     peer.session.listen(heard.append)
@@ -319,7 +319,7 @@ async def test_heartbeat_overtaken_on_its_way_changes_nothing(peer, /):
 
 
 @by(conversation)
-async def test_every_frame_of_both_directions_is_recorded_whole(peer, /):
+async def test_frames_of_both_directions_are_recorded_whole(peer, /):
     script(peer, [ack(ARM, OK)])
     await peer.session.command(ARM, 1)
     peer.session.heartbeat()

@@ -78,7 +78,7 @@ async def test_reports_without_a_place_near_the_vehicle_are_no_traffic(peer, /):
 
 
 @by(conversation)
-async def test_utm_report_of_another_system_is_heard(peer, /):
+async def test_utm_report_of_another_system_is_accepted(peer, /):
     heard, other = hear(peer, utm(), utm(flags=4), system=77).values()
     assert (heard.ident, heard.amsl_m) == ("07" * 18, 650.0)
     assert heard.velocity_m_s == (4.0, 3.0)

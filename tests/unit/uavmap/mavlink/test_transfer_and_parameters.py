@@ -27,7 +27,7 @@ def ring(count):
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_a_fence_comes_back_as_it_was_sent(field, /, autopilot):
+async def test_fence_is_read_back_as_it_was_sent(field, /, autopilot):
     transfer = MissionTransfer(field.links[0].session)
     assert await transfer.download(Kind.FENCE) == ()
     await transfer.upload(Kind.FENCE, ring(7))
@@ -48,7 +48,7 @@ async def test_transfer_link_loses_a_fifth_succeeds(field, /, autopilot):
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_fence_that_the_vehicle_refuses_says_why(field, /):
+async def test_fence_that_the_vehicle_refuses_is_an_error_with_its_reason(field, /):
     transfer = MissionTransfer(field.links[0].session)
     (first, *rest) = ring(4)
     nowhere = Item(INCLUSION, LatLon(95.0, 11.0), 4.0)
@@ -128,7 +128,7 @@ async def test_upload_over_slow_link_succeeds_without_doubled_items(there_s):
 
 
 @by(on_virtual_time)
-async def test_upload_refused_sequence_while_vehicle_asks_goes_on():
+async def test_upload_refused_sequence_while_vehicle_asks_continues():
     """Another client, or an echo, doubles an item: the vehicle refuses the copy, and goes on."""
     far = FarArduPilot(0.02)
     far.peer.session.feed(far.peer.frame(heartbeat()))

@@ -60,11 +60,11 @@ def test_straight_flight_is_placed_exactly(t_s, rate_hz, speed_m_s):
     assert outside_s - 1e-9 <= place.gap_s <= outside_s + 0.5 / rate_hz + 1e-9
 
 
-def test_who_has_not_said_anything_is_nowhere():
+def test_vehicle_without_a_report_has_no_place():
     assert Whereabouts().at(10.0) is None
 
 
-def test_a_clock_that_begins_anew_leaves_nothing_of_before():
+def test_clock_that_restarts_clears_the_track():
     track = flown(5.0, 8.0)
     track.take(Fix(1.0, north_of_home(500.0), 0.0, STILL))
     place = track.at(15.0)
@@ -72,13 +72,13 @@ def test_a_clock_that_begins_anew_leaves_nothing_of_before():
     assert place.gap_s == 14.0
 
 
-def test_what_is_long_ago_is_forgotten():
+def test_old_positions_are_forgotten():
     track = flown(5.0, 8.0, last_s=100.0)
     place = track.at(100.0 - KEPT_S - 10.0)
     assert place.gap_s == pytest.approx(10.0)
 
 
-def test_across_the_date_line():
+def test_track_across_the_date_line_is_interpolated():
     track = Whereabouts()
     track.take(Fix(1.0, LatLon(0.0, 179.9999), 12.0, STILL))
     track.take(Fix(2.0, LatLon(0.0, -179.9997), 12.0, STILL))
@@ -135,17 +135,17 @@ def test_picture_judged_late_is_held_against_place_of_then(age_s):
         assert fault == "the position is not where the vehicle was"
 
 
-def test_a_camera_whose_place_lags_by_seconds_is_not_believed():
+def test_camera_place_that_lags_by_seconds_is_refused():
     """What it says is where the vehicle was three seconds before: 24 m behind the picture."""
     assert fault_of(told(10.0, SPEED_M_S * 7.0)) == "the position is not where the vehicle was"
 
 
-def test_the_height_is_that_of_then_too():
+def test_height_of_a_picture_is_that_of_its_exposure():
     assert fault_of(told(7.0, 56.0, height_m=28.0)) == "the height is not that of the vehicle"
     assert fault_of(told(7.0, 56.0, height_m=26.0)) is None
 
 
-def test_without_telemetry_the_vehicle_may_be_farther_on():
+def test_picture_without_telemetry_may_be_farther_on():
     """Two seconds after its last position it is known within 50 m more, as it may have turned."""
     assert fault_of(told(12.0, 96.0), heard_s=12.0) is None
     assert fault_of(told(12.0, 96.0 - 60.0), heard_s=12.0) is None
@@ -255,7 +255,7 @@ async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap():
 
 
 @by(on_virtual_time)
-async def test_leap_of_a_place_without_an_estimate_is_left_to_those_who_judge_it():
+async def test_leap_of_a_place_without_an_estimate_is_left_to_the_gate():
     peer = Peer()
     peer.session.feed(peer.frame(heartbeat(armed=True)))
     for n, north in enumerate((0.0, 0.0, 18.0 * DEG)):

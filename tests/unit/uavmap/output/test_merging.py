@@ -69,7 +69,7 @@ def events_in(folder):
         return list(journal.events())
 
 
-def test_the_order_of_the_folders_changes_nothing(pair, tmp_path):
+def test_order_of_the_folders_changes_nothing(pair, tmp_path):
     said = []
     summary = merged_results(pair, tmp_path / "a", said.append)
     merged_results(pair[::-1], tmp_path / "b", said.append)
@@ -83,7 +83,7 @@ def test_the_order_of_the_folders_changes_nothing(pair, tmp_path):
     assert events_in(tmp_path / "a") == events_in(tmp_path / "b") == [*votes(1), *votes(2)]
 
 
-def test_flights_of_a_strategy_that_looks_make_one_map(tmp_path, capsys):
+def test_flights_with_look_orders_make_one_map(tmp_path, capsys):
     folders = [
         folder_of(tmp_path / "one"),
         folder_of(tmp_path / "two", EVENTS, replace(PLAN, epoch_utc_s=2e9)),
@@ -98,12 +98,12 @@ def test_flights_of_a_strategy_that_looks_make_one_map(tmp_path, capsys):
     assert "uavmap resume" not in capsys.readouterr().err
 
 
-def test_of_a_lost_vehicle_counts_what_others_have_heard(pair, tmp_path):
+def test_frames_of_a_lost_vehicle_count_as_far_as_others_received_them(pair, tmp_path):
     assert merged_results(pair[:1], tmp_path / "a", print)["cells_roi"] == 2
     assert merged_results(pair[1:], tmp_path / "b", print)["cells_roi"] == 1
 
 
-def test_map_has_the_classes_of_what_others_have_seen(tmp_path):
+def test_map_has_the_classes_in_frames_of_others(tmp_path):
     of_classes = plan(TEXT + CLASSES)
     heard = told(2)
     (fact,) = heard.frames
@@ -123,7 +123,7 @@ def test_map_has_the_classes_of_what_others_have_seen(tmp_path):
         assert wet.low_m2 == pytest.approx(0.3 * 16.0)  # half of what was seen: it is all rim
 
 
-def test_unsure_cells_are_those_of_all_vehicles_on_the_map_of_each_of_a_station_and_of_all(
+def test_unsure_cells_are_those_of_all_vehicles_on_every_map(
     tmp_path,
 ):
     once, beside = Cell(1, 5), Cell(3, 4)  # shown by one frame of vehicle 2; by both vehicles
@@ -158,7 +158,7 @@ def test_unsure_cells_are_those_of_all_vehicles_on_the_map_of_each_of_a_station_
         assert not flown.values["completed"]
 
 
-def test_the_good_beginning_of_a_damaged_journal_counts(pair, tmp_path):
+def test_good_beginning_of_a_damaged_journal_counts(pair, tmp_path):
     journal = pair[1] / JOURNAL
     data = journal.read_bytes()
     third = data.index(b'{"seq":4,')
@@ -171,7 +171,7 @@ def test_the_good_beginning_of_a_damaged_journal_counts(pair, tmp_path):
     assert journal.read_bytes() == data
 
 
-def test_a_flight_under_way_is_read_as_far_as_it_is(pair, tmp_path):
+def test_flight_under_way_is_read_as_far_as_it_is(pair, tmp_path):
     said = []
     with Journal.open(pair[1] / JOURNAL) as journal:
         merged_results(pair, tmp_path / "out", said.append)
@@ -179,7 +179,7 @@ def test_a_flight_under_way_is_read_as_far_as_it_is(pair, tmp_path):
     assert any("is still under way; 4 events are merged" in line for line in said)
 
 
-def test_several_flights_over_one_grid_make_one_map(tmp_path):
+def test_flights_over_one_grid_make_one_map(tmp_path):
     early = written(tmp_path / "x" / "out", plan(ALONE, None), [*votes(1)])
     late = written(tmp_path / "y" / "out", plan(ALONE, None, 1600.0), [*votes(1)])
     summary = merged_results([late, early], tmp_path / "all", print)
@@ -191,7 +191,7 @@ def test_several_flights_over_one_grid_make_one_map(tmp_path):
     assert events_in(tmp_path / "again") == found
 
 
-def test_what_makes_no_map_together_is_refused(pair, tmp_path):
+def test_flights_that_make_no_map_together_are_refused(pair, tmp_path):
     out = tmp_path / "out"
     other = TEXT.replace("layer_m = 6.0", "layer_m = 7.0")
     strangers = {
@@ -229,7 +229,7 @@ def test_ground_that_drifts_is_not_the_same_an_hour_later(tmp_path):
         merged_results(folders, tmp_path / "out", print)
 
 
-def test_many_flights_need_no_room_for_all_their_vehicles(tmp_path):
+def test_many_flights_are_merged_into_a_vehicle_each(tmp_path):
     folders = [
         written(tmp_path / str(k), plan(ALONE, None, 1000.0 * k), [*votes(1)]) for k in range(6)
     ]

@@ -19,7 +19,7 @@ from uavmap.output.facts.cell_outlines import outline
 GRID = Grid.at(LatLon(48.0, 11.0), cell_m=4.0)
 
 
-def test_figures_keep_their_order_and_what_is_no_number_is_null(tmp_path):
+def test_figures_keep_their_order_and_nan_is_null(tmp_path):
     path = tmp_path / "summary.json"
     summary.write({"mission": "runway", "iou": math.nan, "b": [math.inf, 1.5], "a": None}, path)
     text = path.read_text()
@@ -30,13 +30,13 @@ def test_figures_keep_their_order_and_what_is_no_number_is_null(tmp_path):
     assert json.loads(summary.encode({"c": {"d": -math.inf}})) == {"c": {"d": None}}
 
 
-def test_what_json_cannot_hold_is_an_error(tmp_path):
+def test_value_that_json_cannot_hold_is_an_error(tmp_path):
     with pytest.raises(TypeError):
         summary.write({"a": object()}, tmp_path / "summary.json")
     assert not list(tmp_path.iterdir())
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+def test_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "file"
     path.write_text("old")
 
@@ -50,7 +50,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-def test_results_are_readable_by_others(tmp_path):
+def test_results_have_the_permissions_of_ordinary_files(tmp_path):
     path, ordinary = tmp_path / "file", tmp_path / "ordinary"
     ordinary.write_text("")
     atomic.write_text(path, "new")
@@ -58,7 +58,7 @@ def test_results_are_readable_by_others(tmp_path):
 
 
 @given(st.sets(st.builds(Cell, st.integers(-6, 6), st.integers(-6, 6))))
-def test_an_outline_has_the_area_of_its_cells_and_only_corners(cells):
+def test_outline_has_the_area_of_its_cells_and_only_corners(cells):
     shape = outline(cells, GRID)
     assert shape.is_valid
     assert shape.area == len(cells) * 16.0

@@ -58,7 +58,7 @@ def test_coverage_resolution_and_obliqueness_weigh() -> None:
     assert behind.tolist() == [0.0]
 
 
-def test_a_look_from_above_outweighs_two_aslant() -> None:
+def test_view_from_above_outweighs_two_oblique_ones() -> None:
     evidence = Evidence()
     evidence.add([Vote(HERE, True, 0.9)], [0.9])
     for _ in range(2):
@@ -67,7 +67,7 @@ def test_a_look_from_above_outweighs_two_aslant() -> None:
     assert evidence.cells() == {HERE: (1, 3)}
 
 
-def test_a_share_is_a_mean_and_many_pictures_do_not_make_it_more() -> None:
+def test_share_is_a_mean_and_many_pictures_do_not_make_it_more() -> None:
     evidence = Evidence()
     for _ in range(50):
         evidence.add([Vote(HERE, False, 0.3)], [0.9])
@@ -82,7 +82,7 @@ def test_too_little_weight_decides_nothing() -> None:
     assert found.decided.sum() == 1
 
 
-def test_no_order_moves_a_belief_by_a_bit() -> None:
+def test_order_of_pictures_does_not_change_a_belief() -> None:
     rng = random.Random(3)
     pictures = [
         ([Vote(HERE, True, round(rng.random(), 3))], [round(rng.random(), 3)]) for _ in range(30)
@@ -98,7 +98,7 @@ def test_no_order_moves_a_belief_by_a_bit() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_votes_are_those_of_a_belief(seed: int) -> None:
+def test_votes_are_those_of_a_belief(seed: int) -> None:
     """Sums are enough where pictures come in the order of their exposure."""
     rng = np.random.default_rng(seed)
     votes, belief = Votes(3, 2), Belief(3, 2)
@@ -117,7 +117,7 @@ def test_the_votes_are_those_of_a_belief(seed: int) -> None:
     assert counts == {cell: tuple(tally) for cell, tally in belief.cells().items()}
 
 
-def test_a_journal_holds_the_evidence() -> None:
+def test_journal_holds_the_evidence() -> None:
     seen = FrameSeen(1, 1.0, HERE, (Vote(HERE, True, 0.8),))
     told = Weighed(1, 1.0, (0.75,))
     assert from_json(to_json(told)) == told
@@ -128,7 +128,7 @@ def test_a_journal_holds_the_evidence() -> None:
 
 
 # --- through the command -------------------------------------------------------------------------
-def test_a_capture_that_was_saved_once_more_counts_once(good: Path, tmp_path: Path) -> None:
+def test_capture_that_was_saved_once_more_counts_once(good: Path, tmp_path: Path) -> None:
     photos = tmp_path / "photos"
     shutil.copytree(good, photos)
     code, _, _ = mapped(photos, good, tmp_path / "one")
@@ -160,9 +160,7 @@ def test_names_and_order_do_not_change_the_map(good: Path, tmp_path: Path) -> No
     assert one == two
 
 
-def test_the_map_tells_beliefs_and_the_journal_leads_to_the_same(
-    good: Path, tmp_path: Path
-) -> None:
+def test_map_has_the_beliefs_that_the_journal_gives(good: Path, tmp_path: Path) -> None:
     out = tmp_path / "map"
     _, _, summary = mapped(good, good, out)
     assert summary["decided_by"] == "evidence"
@@ -233,7 +231,7 @@ def test_evidence_takes_some_tens_of_bytes_a_cell() -> None:
     assert most / len(table) < CELL_BYTES
 
 
-def test_who_writes_cells_takes_some_at_a_time(tmp_path: Path) -> None:
+def test_writers_of_cells_use_little_memory(tmp_path: Path) -> None:
     table, _ = weighed(full(SIDE), 0.5)
     sparse = np.arange(len(table)) % 97 == 0  # a large region has a long outline: no matter here
     some = CellTable.judged(table.cells, sparse, table.positive, table.votes, table.belief)

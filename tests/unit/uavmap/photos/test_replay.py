@@ -171,7 +171,7 @@ def test_painted_photographs_give_the_right_cells(tmp_path: Path) -> None:
     assert summary["cells_roi"] == pytest.approx(21.0 * 15.0 / CELL_M**2, abs=6)
 
 
-def test_photographs_of_one_second_count_each(tmp_path: Path) -> None:
+def test_photographs_of_the_same_second_all_count(tmp_path: Path) -> None:
     images = tmp_path / "images"
     images.mkdir()
     for number in range(2):
@@ -192,7 +192,7 @@ def row(folder: Path, *images: Image.Image) -> Path:
     return folder
 
 
-def test_a_replay_that_judged_nothing_is_not_complete(tmp_path: Path) -> None:
+def test_replay_that_judged_nothing_is_not_complete(tmp_path: Path) -> None:
     cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
     summary, states = mapped(row(tmp_path / "images", cap, cap), setting(), tmp_path / "out")
     assert (summary["photographs"], summary["photographs_judged"]) == (2, 0)
@@ -200,7 +200,7 @@ def test_a_replay_that_judged_nothing_is_not_complete(tmp_path: Path) -> None:
     assert states == {}
 
 
-def test_a_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
+def test_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
     tmp_path: Path, said: Said
 ) -> None:
     good = paint(16.0, 12.0, 0.0, seed=1)
@@ -222,7 +222,7 @@ def test_a_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
     assert summary["cells_roi"] > 10  # two votes are needed, and two there are
 
 
-def test_the_first_photographs_of_a_place_decide(tmp_path: Path) -> None:
+def test_first_photographs_of_a_place_decide(tmp_path: Path) -> None:
     """By the rule of the paper, two of three: what thirty more show by mistake changes nothing."""
     meadow = [paint(400.0, 12.0, 0.0, seed=n) for n in range(3)]
     wrong = [paint(16.0, 12.0, 0.0, seed=10 + n) for n in range(6)]

@@ -30,7 +30,7 @@ def on_loopback(**more: Any) -> Any:
     )  # fmt: skip
 
 
-def test_the_map_of_a_cluster_is_that_of_this_computer(good: Path, tmp_path: Path) -> None:
+def test_map_of_a_cluster_is_that_of_this_computer(good: Path, tmp_path: Path) -> None:
     (good / "torn.jpg").write_bytes((good / "0.jpg").read_bytes()[:9000])
     line = ["replay", str(good), "--mission", str(good / "m.toml")]
     assert main([*line, "--out", str(tmp_path / "here")]) == 0
@@ -53,7 +53,7 @@ def dies_once(mark: str) -> str:
     return "done"
 
 
-def test_what_a_worker_had_when_it_died_is_done_again(tmp_path: Path) -> None:
+def test_work_of_a_worker_that_died_is_repeated(tmp_path: Path) -> None:
     mark = tmp_path / "die"
     mark.touch()
     with (
@@ -64,7 +64,7 @@ def test_what_a_worker_had_when_it_died_is_done_again(tmp_path: Path) -> None:
     assert not mark.exists()
 
 
-def test_a_cluster_without_workers_and_one_of_another_version_are_named(
+def test_cluster_without_workers_and_one_of_another_version_are_named(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with on_loopback(silence_logs=50) as cluster:
@@ -83,7 +83,7 @@ def test_a_cluster_without_workers_and_one_of_another_version_are_named(
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere"])
-def test_a_scheduler_that_is_not_there_is_a_line(
+def test_missing_scheduler_is_reported_in_a_line(
     address: str,
     good: Path,
     tmp_path: Path,
@@ -98,7 +98,7 @@ def test_a_scheduler_that_is_not_there_is_a_line(
     assert not out.exists()
 
 
-def test_a_content_travels_with_its_bytes_or_its_fault() -> None:
+def test_content_travels_with_its_bytes_or_its_fault() -> None:
     pixels = np.full((4, 6, 3), 7, np.uint8)
     gone = pickle.loads(pickle.dumps(Travelling(b"", 9, fault="cannot be read")))
     with pytest.raises(ImageError, match="cannot be read"):
@@ -108,7 +108,7 @@ def test_a_content_travels_with_its_bytes_or_its_fault() -> None:
 
 
 # --- threads -------------------------------------------------------------------------------------
-def test_the_answers_come_in_the_items_order_and_few_wait() -> None:
+def test_answers_come_in_the_items_order_and_few_wait() -> None:
     begun: list[int] = []
 
     def work(number: int) -> int:
@@ -121,7 +121,7 @@ def test_the_answers_come_in_the_items_order_and_few_wait() -> None:
     assert list(answers) == list(range(5, 100))
 
 
-def test_opencv_has_its_threads_back_when_the_last_one_is_done() -> None:
+def test_opencv_has_its_threads_back_after_the_last_user() -> None:
     before = cv2.getNumThreads()
     cv2.setNumThreads(2)
     try:
@@ -136,7 +136,7 @@ def test_opencv_has_its_threads_back_when_the_last_one_is_done() -> None:
         cv2.setNumThreads(before)
 
 
-def test_what_a_worker_raises_is_raised() -> None:
+def test_error_of_a_worker_is_raised() -> None:
     def work(number: int) -> int:
         return 1 // (2 - number)
 

@@ -119,7 +119,7 @@ async def test_aircraft_that_cannot_restart_end_the_mission(*, reset, tmp_path, 
 
 
 @by(in_real_time)
-async def test_a_process_that_nobody_waits_for_is_ended(tmp_path, monkeypatch):
+async def test_process_without_a_waiting_mission_is_ended(tmp_path, monkeypatch):
     connecting, ended = asyncio.Event(), asyncio.Event()
 
     async def hangs(**_: object) -> None:
@@ -139,7 +139,7 @@ async def test_a_process_that_nobody_waits_for_is_ended(tmp_path, monkeypatch):
 
 
 @by(in_real_time)
-async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(tmp_path, monkeypatch):
+async def test_third_control_c_still_reports_the_state_of_the_aircraft(tmp_path, monkeypatch):
     waiting, over = asyncio.Event(), threading.Event()
     loop = asyncio.get_running_loop()
 
@@ -165,7 +165,7 @@ async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(tmp_p
 
 @pytest.mark.parametrize("state", ["returning", "refused"])
 @by(in_real_time)
-async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left(state, tmp_path):
+async def test_aircraft_that_another_process_brings_home_are_not_reported_as_left(state, tmp_path):
     with found(tmp_path) as (process, other, server):
         port = Mission().port
         port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here"}))
@@ -179,7 +179,7 @@ async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left
 
 
 @by(in_real_time)
-async def test_aircraft_that_send_no_message_end_the_mission_which_says_so(tmp_path, monkeypatch):
+async def test_aircraft_that_send_no_message_end_the_mission_with_a_line(tmp_path, monkeypatch):
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
     with found(tmp_path) as (process, other, _):
         port = Mission().port
@@ -190,7 +190,7 @@ async def test_aircraft_that_send_no_message_end_the_mission_which_says_so(tmp_p
 
 
 @by(in_real_time)
-async def test_the_last_message_is_sent_to_the_next_process_as_well():
+async def test_last_message_is_sent_to_the_next_process_as_well():
     mission = Mission()
     mission.port.receive(say.Ready(None))
     mission.port.fly(0.0)
@@ -205,7 +205,7 @@ async def test_the_last_message_is_sent_to_the_next_process_as_well():
 
 
 @by(in_real_time)
-async def test_an_end_that_the_mission_has_not_asked_for_ends_it():
+async def test_end_that_the_mission_has_not_asked_for_ends_it():
     port = Mission().port
     port.receive(say.Ended({}))
     with pytest.raises(LinkError, match="asked to end, before the mission has"):
@@ -214,7 +214,7 @@ async def test_an_end_that_the_mission_has_not_asked_for_ends_it():
 
 
 @by(in_real_time)
-async def test_what_is_in_the_journal_is_known_to_the_aircraft():
+async def test_aircraft_know_the_events_in_the_journal():
     mission = Mission()
     mission.port.receive(say.Happened(FIRST, 1))
     await asyncio.sleep(0.01)
@@ -247,7 +247,7 @@ class Falling:
 
 
 @by(in_real_time)
-async def test_after_a_defect_the_guardians_have_the_vehicles():
+async def test_defect_gives_the_vehicles_to_the_guardians():
     host = Host(lambda message: None)
     host.receive(BEGIN)
     host.receive(say.Fly(0.0))
@@ -274,7 +274,7 @@ async def connected(child: AircraftChild, token: str) -> AsyncIterator[asyncio.S
 
 
 @by(in_real_time)
-async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path):
+async def test_events_that_a_dead_mission_did_not_keep_are_recorded(tmp_path):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     async with connected(child, child._token) as writer:
         child._send(say.Happened(FIRST, 1))
@@ -287,7 +287,7 @@ async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path):
 
 @pytest.mark.parametrize("kept", [False, True])
 @by(in_real_time)
-async def test_what_a_mission_that_dies_late_has_not_kept_is_recorded(*, kept, tmp_path):
+async def test_events_that_a_mission_dying_late_did_not_keep_are_recorded(*, kept, tmp_path):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     async with connected(child, child._token) as writer:
         child._send(say.Happened(FIRST, 1))
@@ -330,7 +330,7 @@ async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(tmp
 
 
 @by(in_real_time)
-async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(tmp_path, monkeypatch):
+async def test_aircraft_send_signs_of_life_before_their_links_are_open(tmp_path, monkeypatch):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     sent: list[say.Message] = []
     async with connected(child, child._token):
@@ -341,7 +341,7 @@ async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(tmp_p
     assert sent == [say.Beat()]
 
 
-def test_a_record_goes_into_the_journal_once(tmp_path):
+def test_record_is_added_to_the_journal_once(tmp_path):
     with Journal.create(tmp_path / JOURNAL, {"plan": plan().as_json()}) as journal:
         journal.append(FIRST)
         record = say.encode(say.Happened(FIRST, 1)) + say.encode(say.Happened(SECOND, 2))
@@ -351,7 +351,7 @@ def test_a_record_goes_into_the_journal_once(tmp_path):
 
 
 @pytest.mark.parametrize("lives", [False, True])
-def test_a_silent_process_is_not_joined_by_a_second(*, lives, tmp_path, monkeypatch):
+def test_silent_process_is_not_joined_by_a_second(*, lives, tmp_path, monkeypatch):
     monkeypatch.setattr(aircraft_takeover, "ATTACH_WALL_S", 0.2)
     with (
         listening() as (_, address),

@@ -27,20 +27,20 @@ def flown_with_loss(loss: float, seed: int) -> Flown:
     return flown(f"loss {loss} seed {seed}", mission_text("speck", [fault]), seed)
 
 
-def test_with_a_fifth_of_everything_lost_the_mission_is_complete():
+def test_mission_with_a_fifth_of_all_frames_lost_is_complete():
     flight = flown_with_loss(0.2, 2)
     assert flight.code == 0, flight.line()
     assert not flight.columns & FORBIDDEN
 
 
-def test_with_most_of_everything_lost_nobody_is_left_in_the_air():
+def test_mission_with_most_frames_lost_leaves_no_vehicle_in_the_air():
     flight = flown_with_loss(0.6, 4)
     assert flight.kinds["lifted_off"] >= 1, flight.line()
     assert flight.referee.in_the_air == [], flight.line()
     assert flight.code in (0, 3)
 
 
-def test_who_cannot_connect_says_why():
+def test_vehicle_that_cannot_connect_is_reported_with_the_reason():
     flight = flown_with_loss(0.8, 1)
     assert flight.code == 2, flight.line()
     assert "the link loses too much" in flight.said
@@ -51,7 +51,7 @@ def commands(flight: Flight, number: int) -> list[Any]:
 
 
 @by(on_virtual_time)
-async def test_a_stream_that_does_not_come_is_asked_for_again():
+async def test_stream_that_does_not_come_is_requested_again():
     wanted = mav.MAVLINK_MSG_ID_SYS_STATUS
 
     def dropped(message: Any) -> bool:
@@ -79,7 +79,7 @@ def _doubled(flight: Flight, message: Any) -> None:
 
 
 @by(fly)
-async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight, /):
+async def test_streams_that_still_come_after_a_gap_are_not_requested(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     asked = len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL))
     flight.to_driver = lambda message: False
@@ -92,7 +92,7 @@ async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight, /):
 
 
 @by(fly)
-async def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again(flight, /):
+async def test_hold_acknowledged_by_an_older_ack_is_requested_again(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(FlyTo((GridPoint(45.0, 30.0),), None, stop=False, height_m=UP_M))
     await asyncio.sleep(6.0)
@@ -116,7 +116,7 @@ async def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again(
 
 
 @by(fly)
-async def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away(flight, /):
+async def test_late_frames_are_no_vehicle_blown_off_course(flight, /):
     flight.vehicle.fail.link(jitter_s=2.0)
     await flight.after(TakeOff(UP_M), Airborne, within_s=200.0)
     for goal in (GridPoint(45.0, 30.0), GridPoint(0.0, 10.0), GridPoint(45.0, 0.0)):
@@ -129,7 +129,7 @@ async def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away
 
 
 @by(on_virtual_time)
-async def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails():
+async def test_vehicle_left_in_the_air_is_brought_home_if_the_connection_fails():
     flight = Flight(small_mission())
     async with under_way(flight):
         await flight.after(TakeOff(UP_M), Airborne)

@@ -50,7 +50,7 @@ def told(field: Field, what: str) -> str:
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_a_vehicle_that_was_just_switched_on_is_waited_for(autopilot, tmp_path):
+def test_vehicle_that_was_just_switched_on_is_waited_for(autopilot, tmp_path):
     async def body(field: Field) -> None:
         flight = before(field, tmp_path)
         assert field.links[0].session.view.ekf_flags & EKF_ABSOLUTE == 0
@@ -64,7 +64,7 @@ def test_a_vehicle_that_was_just_switched_on_is_waited_for(autopilot, tmp_path):
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_a_simulator_is_shown_set_up_and_not_asked_about(field, /, autopilot, tmp_path):
+async def test_simulator_is_shown_and_set_up_without_a_question(field, /, autopilot, tmp_path):
     flight = before(field, tmp_path)
     await flight.go()
     assert "a box of about" in field.told[0]
@@ -82,7 +82,7 @@ async def test_a_simulator_is_shown_set_up_and_not_asked_about(field, /, autopil
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_nobody_to_ask_is_no_yes(field, /, tmp_path, monkeypatch):
+async def test_question_without_an_operator_counts_as_no(field, /, tmp_path, monkeypatch):
     real(monkeypatch)
     with pytest.raises(PreflightError, match="give --yes"):
         await before(field, tmp_path).go()
@@ -92,7 +92,7 @@ async def test_nobody_to_ask_is_no_yes(field, /, tmp_path, monkeypatch):
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_who_is_in_the_air_already_is_told_of(field, /, tmp_path):
+async def test_vehicle_already_in_the_air_is_reported(field, /, tmp_path):
     for command, *params in ((176, 1, 4), (400, 1), (22, 0, 0, 0, 0, 0, 0, 25)):
         filled = (*params, *([0.0] * (7 - len(params))))
         field.ask(0, mav.MAVLink_command_long_message(1, 1, command, 0, *filled))
@@ -104,7 +104,7 @@ async def test_who_is_in_the_air_already_is_told_of(field, /, tmp_path):
 
 @pytest.mark.parametrize("vehicles", [1, 3])
 @by(on_field, lambda vehicles: mission_of("ardupilot", vehicles))
-async def test_a_dry_run_sets_all_and_arms_nothing(field, /, vehicles, tmp_path):
+async def test_dry_run_sets_all_and_arms_nothing(field, /, vehicles, tmp_path):
     flight = before(field, tmp_path, dry=True)
     with pytest.raises(NotFlownError) as over:
         await flight.go()
@@ -119,7 +119,9 @@ async def test_a_dry_run_sets_all_and_arms_nothing(field, /, vehicles, tmp_path)
     on_field,
     lambda autopilot: at_heights(with_receivers(mission_of(autopilot, 2), 0.0), (0.0, -6.0)),
 )
-async def test_return_heights_of_a_team_are_apart_whatever_its_homes(field, /, autopilot, tmp_path):
+async def test_return_heights_of_a_team_are_apart_at_any_heights_of_homes(
+    field, /, autopilot, tmp_path
+):
     """Layers above each own home put two of them, 6 m apart in height, into the same air."""
     views = [link.session.view for link in field.links]
     assert views[0].home_amsl_m - views[1].home_amsl_m == pytest.approx(6.0, abs=0.1)
@@ -133,7 +135,7 @@ async def test_return_heights_of_a_team_are_apart_whatever_its_homes(field, /, a
     assert field.parameter(1, ceiling) >= 24.0 + 10.0
 
 
-def test_an_empty_battery_cannot_be_passed_over(tmp_path, monkeypatch):
+def test_empty_battery_refuses_the_flight(tmp_path, monkeypatch):
     real(monkeypatch)
     weak = Battery(capacity_wh=4000.0, hover_power_w=300.0, reserve=0.98)
 
@@ -150,7 +152,7 @@ def test_an_empty_battery_cannot_be_passed_over(tmp_path, monkeypatch):
     ("kind", "why"), [("camera_stall", "none came"), ("camera_corrupt", "picture")]
 )
 @by(on_field, lambda kind: mission_of("ardupilot", faults=(fault_of(kind),)))
-async def test_a_camera_that_gives_nothing_cannot_be_passed_over(field, /, kind, why, tmp_path):
+async def test_camera_without_pictures_refuses_the_flight(field, /, kind, why, tmp_path):
     with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
         await before(field, tmp_path, yes=True).go()
     assert why in str(error.value)
@@ -162,7 +164,7 @@ async def test_a_camera_that_gives_nothing_cannot_be_passed_over(field, /, kind,
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_kept_fence_that_the_mission_leaves(field, /, tmp_path):
+async def test_kept_fence_that_the_mission_leaves_is_refused(field, /, tmp_path):
     field.put(0, "FENCE_ENABLE", 1)
     await before(field, tmp_path, keep=True).go()
     assert "kept: 0 items" in told(field, "fence")
@@ -173,7 +175,7 @@ async def test_a_kept_fence_that_the_mission_leaves(field, /, tmp_path):
 
 
 @by(on_field, lambda: mission_of("ardupilot", faults=(fault_of("gps"),)))
-async def test_without_a_fix_it_is_said_what_is_missing(field, /, tmp_path):
+async def test_vehicle_without_a_fix_has_findings_that_name_it(field, /, tmp_path):
     with pytest.raises(NotFlownError) as over:
         await before(field, tmp_path, dry=True).go()
     assert not over.value.could_fly
@@ -182,7 +184,7 @@ async def test_without_a_fix_it_is_said_what_is_missing(field, /, tmp_path):
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_flight_that_is_gone_on_with_asks_nothing(field, /, tmp_path, monkeypatch):
+async def test_resumed_flight_asks_no_question(field, /, tmp_path, monkeypatch):
     real(monkeypatch)
     goes_on = BeforeFlight(None, field.setting, tmp_path, field.links, Operator().ask)
     await goes_on.go()
@@ -199,7 +201,7 @@ async def test_a_flight_that_is_gone_on_with_asks_nothing(field, /, tmp_path, mo
 @pytest.mark.parametrize(
     ("typed", "answer"), [("y\n", True), ("YES\n", True), ("n\n", False), ("\n", False)]
 )
-def test_only_a_yes_is_a_yes(typed, answer):
+def test_answer_other_than_yes_counts_as_no(typed, answer):
     ours, theirs = pty.openpty()
     with os.fdopen(theirs, "r") as stream:
 

@@ -37,7 +37,7 @@ def raises(failure: Exception) -> Callable[[Situation], Decision]:
     return failing
 
 
-def test_a_strategy_that_says_what_is_wrong(monkeypatch):
+def test_strategy_that_raises_its_error_ends_the_mission_with_it(monkeypatch):
     flight = flight_with(monkeypatch, raises(StrategyError("rdfs: the stack is empty")))
     assert flight.code == 2
     assert flight.raised == ""
@@ -49,14 +49,14 @@ def test_a_strategy_that_says_what_is_wrong(monkeypatch):
     assert "to go on: uavmap resume" in flight.said
 
 
-def test_a_strategy_with_a_defect(monkeypatch):
+def test_strategy_with_a_defect_returns_the_vehicle(monkeypatch):
     flight = flight_with(monkeypatch, raises(ZeroDivisionError("division by zero")))
     assert flight.code is None
     assert "ZeroDivisionError: division by zero" in flight.raised
     assert "the mission failed (division by zero); it is commanded to return" in flight.said
 
 
-def test_a_strategy_that_moves_where_nobody_can(monkeypatch):
+def test_strategy_that_moves_to_an_unknown_cell_ends_the_mission(monkeypatch):
     flight = flight_with(monkeypatch, lambda s: Decision(dict.fromkeys(s.robots, FAR)))
     assert flight.code == 2
     assert flight.said.splitlines()[-1].startswith("uavmap: rdfs: robot 1 moves from (")
@@ -64,7 +64,7 @@ def test_a_strategy_that_moves_where_nobody_can(monkeypatch):
 
 
 @pytest.mark.parametrize("says", [True, False], ids=["wait", "nothing"])
-def test_a_strategy_that_leaves_everybody_waiting(monkeypatch, says):
+def test_strategy_that_leaves_all_vehicles_waiting_ends_incomplete(monkeypatch, says):
     flight = flight_with(monkeypatch, lambda s: Decision(dict.fromkeys(s.robots) if says else {}))
     assert flight.code == 3
     assert not flight.summary["completed"]

@@ -24,7 +24,7 @@ def plan(folder: Path) -> FlightPlan:
     return plan_of(source.source, source.text, "swath", 1, 3, (), None, SIM_EPOCH_UTC_S)
 
 
-def test_it_ends_with_the_whole_region(tmp_path, monkeypatch):
+def test_mission_that_falls_back_maps_the_whole_region(tmp_path, monkeypatch):
     fallen: list[float] = []
 
     def told(state: State) -> State:
@@ -41,7 +41,7 @@ def test_it_ends_with_the_whole_region(tmp_path, monkeypatch):
     assert summary["bound_held"]
 
 
-def test_it_is_never_needed_where_frames_decide(tmp_path, monkeypatch):
+def test_fallback_is_not_used_where_frames_decide(tmp_path, monkeypatch):
     def never(state: State) -> State:
         raise AssertionError(f"at {state.t_s} s")
 
@@ -51,7 +51,7 @@ def test_it_is_never_needed_where_frames_decide(tmp_path, monkeypatch):
     assert summary["exploration_s"] < 0.5 * summary["bound_makespan_s"]
 
 
-def test_the_patience_grows_with_what_is_known():
+def test_patience_grows_with_the_known_region():
     setting = setting_of(load(MISSION))
     state = setting.initial_state()
     assert fallback.patience_s(state) == fallback.LEAST_PATIENCE_S

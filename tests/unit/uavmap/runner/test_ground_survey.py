@@ -28,7 +28,7 @@ def plan(autopilot: str = "ardupilot") -> FlightPlan:
     return plan_of("field.toml", text, None, None, 1, (), None, 0.0)
 
 
-def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said):
+def test_ground_reported_by_the_autopilot_is_kept_in_the_plan(said):
     surveyed = with_ground(plan())
     assert surveyed.mission.terrain is not None
     assert surveyed.mission.terrain.source is None
@@ -41,14 +41,14 @@ def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said):
     assert with_ground(surveyed) is surveyed
 
 
-def test_without_its_answer_nothing_is_flown(tmp_path):
+def test_autopilot_without_terrain_is_refused(tmp_path):
     with pytest.raises(LinkError, match=r"a PX4 does not report its terrain; give terrain.dem"):
         _alone(lambda: with_ground(plan("px4")))
     with pytest.raises(MissionFileError, match=r"terrain.source"):
         fly(plan(), tmp_path)
 
 
-def test_ground_that_never_comes_is_refused(monkeypatch):
+def test_autopilot_without_an_answer_about_its_ground_is_refused(monkeypatch):
     tell = Telemetry.terrain_report
     monkeypatch.setattr(Telemetry, "terrain_report", lambda self, lat, lon, *, loaded: tell(
         self, lat, lon, loaded=False))  # fmt: skip
@@ -67,7 +67,7 @@ def _alone(call) -> None:
         raise alone
 
 
-def test_a_fence_too_large_to_ask_for_is_refused():
+def test_fence_too_large_for_its_ground_is_refused():
     text = mission_text(square(-4, 10, 24, 16), square(-40, -40, 4000, 4000), altitude_m=14.0)
     text = text.replace("[flight]", '[flight]\nheight_above = "ground"')
     large = plan_of("large.toml", text + '\n[terrain]\nsource = "autopilot"\n')

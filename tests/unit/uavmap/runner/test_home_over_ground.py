@@ -31,7 +31,7 @@ def steep() -> Mission:
 
 
 @by(fly, steep)
-async def test_a_long_leg_down_a_steep_slope_is_no_reason_to_fly_straight_over_a_hole(flight, /):
+async def test_return_down_a_steep_slope_goes_around_a_hole(flight, /):
     nearest_m: list[float] = []
     hole = Polygon([tuple(corner) for corner in HOUSE])
     await flight.after(TakeOff(UP_M), Airborne)

@@ -41,7 +41,7 @@ def numbers(value: object) -> list[float]:
     [(214.7, 8.5), (-200.0, 8.5), (START.lat_deg, 200.0), (-33.0, 151.0), (0.0, 0.0)],
 )
 @by(fly, small_mission)
-async def test_a_garbage_position_in_flight_is_not_believed(flight, /, lat, lon):
+async def test_garbage_position_in_flight_is_not_believed(flight, /, lat, lon):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(FlyTo((GridPoint(30.0, 12.0),), None, True, UP_M))
     before = flight.session.view.gate.refused.total()
@@ -74,7 +74,7 @@ async def test_a_garbage_position_in_flight_is_not_believed(flight, /, lat, lon)
     ],
 )
 @by(fly, small_mission)
-async def test_a_rogue_camera_costs_pictures_and_nothing_more(flight, /, how, usable):
+async def test_rogue_camera_costs_pictures_only(flight, /, how, usable):
     def poison(message: Any) -> bool:
         if message.get_type() != "CAMERA_IMAGE_CAPTURED":
             return True
@@ -92,7 +92,7 @@ async def test_a_rogue_camera_costs_pictures_and_nothing_more(flight, /, how, us
 
 
 @pytest.mark.parametrize("kind", forging.KINDS)
-def test_two_thousand_forged_frames_in_a_flight(kind):
+def test_flight_survives_two_thousand_forged_frames(kind):
     flight, reached = forging.fly(kind, 1, 2000)
     assert not flight.columns & FORBIDDEN, flight.line()
     assert reached == ()
@@ -100,7 +100,7 @@ def test_two_thousand_forged_frames_in_a_flight(kind):
         assert flight.code == 0
 
 
-def test_one_wrong_charge_does_not_land_it_in_the_field():
+def test_single_wrong_charge_does_not_land_the_vehicle_in_the_field():
     corners = ((-50, -50), (50, -50), (50, 50), (-50, 50))
     fence = Fence.of([GridPoint(*corner) for corner in corners], [], 2.0)
     limits = Limits(fence, EnergyModel(300.0, 60.0, 0.15, 5.0, 2.0))

@@ -75,7 +75,7 @@ def dry_run(field: Field, folder: Path) -> int:
     return not_flown(over.value)
 
 
-def test_dry_run_whose_settings_stay_fails_and_resume_puts_back(field, tmp_path, capsys):
+def test_dry_run_that_cannot_restore_fails_and_resume_restores(field, tmp_path, capsys):
     """A real PX4 kept the mission's fence after two of six dry runs; the remedy did not exist."""
     folder = tmp_path / "flight"
     field.put(0, "FENCE_ALT_MAX", 77.0)
@@ -103,7 +103,7 @@ def test_dry_run_whose_settings_stay_fails_and_resume_puts_back(field, tmp_path,
     assert not (folder / JOURNAL).exists()
 
 
-def test_dry_run_that_put_all_back_leaves_no_folder(field, tmp_path):
+def test_dry_run_that_restored_all_leaves_no_folder(field, tmp_path):
     folder = tmp_path / "flight"
     before = field.parameter(0, "FENCE_ALT_MAX")
     assert dry_run(field, folder) == 0
@@ -111,7 +111,7 @@ def test_dry_run_that_put_all_back_leaves_no_folder(field, tmp_path):
     assert [path.name for path in folder.iterdir()] == ["test-picture-1.png"]
 
 
-def test_resume_that_hears_nothing_names_where_the_aircraft_was_last(field, tmp_path):
+def test_resume_without_an_answer_names_the_last_place_of_the_aircraft(field, tmp_path):
     home = GridPoint(0.0, 0.0)
     plan = FlightPlan.make(
         FlightOptions(mission_source="small", urls=(URL,)), field.setting.mission, 0.0

@@ -30,14 +30,14 @@ def gone_on_with(said):
 
 # --- the link ------------------------------------------------------------------------------------
 @both
-def test_answers_that_come_late(autopilot):
+def test_answers_that_come_late_fail_no_order(autopilot):
     late = {"kind": "link", "at_s": 0.0, "delay_s": 1.2}
     flight = scenario(autopilot, faults=[late])
     assert (flight.code, flight.kinds["order_failed"]) == (0, 0)
 
 
 @both
-def test_a_link_that_is_gone_for_40_seconds_on_a_lane(autopilot):
+def test_link_gone_for_40_seconds_on_a_lane_is_reconnected(autopilot):
     gone = once(flying, lambda v: v.fail.link(silent=True, after_s=3.0, for_s=40.0))
     flight = scenario(autopilot, gone)
     assert flight.code == 0
@@ -46,7 +46,7 @@ def test_a_link_that_is_gone_for_40_seconds_on_a_lane(autopilot):
 
 
 @both
-def test_the_vehicle_hears_nobody_for_30_seconds(autopilot):
+def test_vehicle_without_our_frames_for_30_seconds_returns(autopilot):
     own = {
         "ardupilot": {"FS_GCS_ENABLE": 1, "SYSID_MYGCS": 245},
         "px4": {"NAV_DLL_ACT": 2},
@@ -60,19 +60,19 @@ def test_the_vehicle_hears_nobody_for_30_seconds(autopilot):
     assert gone_on_with(flight.said)
 
 
-def test_an_ardupilot_does_not_take_the_service_for_its_ground_station_by_itself():
+def test_ardupilot_does_not_count_the_service_as_its_ground_station():
     deaf = once(flying, lambda v: v.fail.link(silent=True, way="up", after_s=1.0, for_s=8.0))
     flight = scenario("ardupilot", deaf, parameters={"FS_GCS_ENABLE": 1})
     assert (flight.code, flight.kinds["overridden"]) == (0, 0)
 
 
-def test_to_a_px4_that_needs_a_ground_station_the_service_is_one():
+def test_px4_that_needs_a_ground_station_accepts_the_service():
     assert scenario("px4", parameters={"NAV_DLL_ACT": 2}).code == 0
 
 
 # --- the pilot -----------------------------------------------------------------------------------
 @both
-def test_a_pilot_who_lands_is_told_how_to_go_on(autopilot):
+def test_pilot_landing_gets_a_line_on_how_to_resume(autopilot):
     lands = once(after(3.0), lambda v: into(v, LAND[autopilot]))
     flight = scenario(autopilot, once(flying, lambda v: None), lands)
     assert flight.code in (3, 4)  # 4: it landed away from its pad, which is said
@@ -82,7 +82,7 @@ def test_a_pilot_who_lands_is_told_how_to_go_on(autopilot):
 
 
 @both
-def test_a_pilot_who_has_it_return_and_gives_it_back(autopilot):
+def test_pilot_commands_a_return_and_gives_it_back_completes(autopilot):
     takes = once(after(3.0), lambda v: into(v, RTL[autopilot]))
     gives = once(after(5.0), lambda v: into(v, FOLLOWS[autopilot]))
     flight = scenario(autopilot, once(flying, lambda v: None), takes, gives)
@@ -92,7 +92,7 @@ def test_a_pilot_who_has_it_return_and_gives_it_back(autopilot):
 
 # --- failsafes -----------------------------------------------------------------------------------
 @both
-def test_a_battery_failsafe_has_the_vehicle(autopilot):
+def test_battery_failsafe_keeps_the_vehicle(autopilot):
     own = {
         "ardupilot": {"BATT_FS_LOW_ACT": 2, "BATT_LOW_VOLT": 18.0},
         "px4": {"COM_LOW_BAT_ACT": 3},
@@ -106,7 +106,7 @@ def test_a_battery_failsafe_has_the_vehicle(autopilot):
     assert gone_on_with(flight.said)
 
 
-def test_a_landing_that_a_failsafe_breaks_off_over_the_pad_is_no_failed_landing():
+def test_landing_interrupted_by_a_failsafe_over_the_pad_is_no_failure():
     """A PX4 whose battery gets critical two metres above its pad holds first, and then lands."""
     own = {"COM_LOW_BAT_ACT": 3}
     sags = once(
@@ -121,7 +121,7 @@ def test_a_landing_that_a_failsafe_breaks_off_over_the_pad_is_no_failed_landing(
 
 
 @both
-def test_satellites_that_are_gone_in_the_air(autopilot):
+def test_satellites_gone_in_the_air_land_the_vehicle(autopilot):
     flight = scenario(autopilot, once(flying, lambda v: v.fail.gps(after_s=3.0)))
     assert flight.code == 4  # it came down where it was, and that is said
     assert "is in LAND" in flight.said
@@ -130,7 +130,7 @@ def test_satellites_that_are_gone_in_the_air(autopilot):
 
 
 @both
-def test_a_position_that_leaps_by_55_m_is_noticed(autopilot):
+def test_position_that_leaps_by_55_m_is_noticed(autopilot):
     leaps = {"kind": "gps_glitch", "at_s": 25.0, "metres": 55.0, "for_s": 10.0}
     flight = scenario(autopilot, faults=[leaps])
     assert flight.code in (3, 4)  # 4: it was landed at once, and that is said
@@ -139,7 +139,7 @@ def test_a_position_that_leaps_by_55_m_is_noticed(autopilot):
 
 
 @both
-def test_an_altitude_fence_below_the_layer(autopilot):
+def test_altitude_fence_below_the_layer_is_a_failsafe(autopilot):
     own = {
         "ardupilot": {
             "FENCE_ENABLE": 1, "FENCE_TYPE": 1, "FENCE_ALT_MAX": 10, "FENCE_ACTION": 1,
@@ -153,7 +153,7 @@ def test_an_altitude_fence_below_the_layer(autopilot):
     assert gone_on_with(flight.said)
 
 
-def test_a_circular_fence_that_the_box_leaves():
+def test_circular_fence_smaller_than_the_box_fails_the_order():
     own = {"FENCE_ENABLE": 1, "FENCE_TYPE": 2, "FENCE_RADIUS": 12, "FENCE_ACTION": 1}
     flight = scenario("ardupilot", parameters=own)
     assert flight.code == 3
@@ -164,7 +164,7 @@ def test_a_circular_fence_that_the_box_leaves():
 
 
 @both
-def test_a_radio_control_that_is_lost(autopilot):
+def test_radio_control_lost_is_a_failsafe(autopilot):
     flight = scenario(
         autopilot, once(flying, lambda v: v.fail.rc(after_s=3.0)), parameters=FS_RADIO[autopilot]
     )
@@ -176,7 +176,7 @@ FS_RADIO = {"ardupilot": {"FS_THR_ENABLE": 1}, "px4": {"NAV_RCL_ACT": 2}}
 
 
 @both
-def test_a_motor_that_fails_is_a_crash_and_the_flight_ends(autopilot):
+def test_motor_that_fails_is_a_crash_and_the_flight_ends(autopilot):
     flight = scenario(autopilot, once(flying, lambda v: v.fail.motor(after_s=3.0)))
     assert flight.code == 4
     assert flight.columns >= {"crash", "down"}
@@ -185,7 +185,7 @@ def test_a_motor_that_fails_is_a_crash_and_the_flight_ends(autopilot):
 
 
 @both
-def test_an_outage_of_satellites_is_flown_through_by_optical_flow(autopilot):
+def test_outage_of_satellites_is_survived_by_optical_flow(autopilot):
     flow = "[sim]\noptical_flow = true\nodometry_drift = 0.01\n"
     goes_on = '\n[navigation]\ngnss_loss = "map"\nwatch = false\n'
     flight = scenario(
@@ -202,14 +202,14 @@ NOTHING_JUDGED = "no region found in 0 judged frames"
 
 
 @both
-def test_without_a_camera_nothing_is_called_searched(autopilot):
+def test_vehicle_without_a_camera_searches_nothing(autopilot):
     flight = scenario(autopilot, quirks={"camera": "none"})
     assert (flight.code, flight.summary["completed"]) == (3, False)
     assert NOTHING_JUDGED in flight.summary["finding"]
     assert "camera is silent" in flight.summary["notes"]["1"]
 
 
-def test_an_autopilots_own_camera_that_shows_no_picture():
+def test_camera_of_the_autopilot_without_pictures_searches_nothing():
     """It accepts every command, as another component than was asked; CAM1_TYPE 1."""
     flight = scenario("ardupilot", quirks={"camera": "autopilot"})
     assert (flight.code, flight.summary["completed"]) == (3, False)
@@ -217,7 +217,7 @@ def test_an_autopilots_own_camera_that_shows_no_picture():
 
 
 @both
-def test_every_picture_is_corrupt(autopilot):
+def test_camera_with_corrupt_pictures_only_ends_incomplete(autopilot):
     flight = scenario(autopilot, faults=[{"kind": "camera_corrupt", "at_s": 0.0}])
     assert (flight.code, flight.summary["completed"]) == (3, False)
     assert "not a readable picture" in flight.said
@@ -225,7 +225,7 @@ def test_every_picture_is_corrupt(autopilot):
 
 
 @both
-def test_a_camera_that_tells_no_pose_harms_nobody(autopilot):
+def test_camera_without_poses_completes(autopilot):
     flight = scenario(autopilot, quirks={"camera_tells_pose": False})
     assert flight.code == 0
     assert flight.kinds["frame_lost"] == 0
@@ -233,21 +233,21 @@ def test_a_camera_that_tells_no_pose_harms_nobody(autopilot):
 
 
 @pytest.mark.parametrize(("autopilot", "ahead_s"), [("ardupilot", -1.7), ("px4", 1000.0)])
-def test_a_camera_with_a_clock_of_its_own(autopilot, ahead_s):
+def test_camera_with_its_own_clock_completes(autopilot, ahead_s):
     flight = scenario(autopilot, quirks={"camera_clock_s": ahead_s})
     assert flight.code == 0
     assert flight.kinds["frame_lost"] == 0
 
 
 @pytest.mark.parametrize(("autopilot", "ppm"), [("ardupilot", 2000.0), ("px4", -2000.0)])
-def test_a_vehicles_clock_that_drifts(autopilot, ppm):
+def test_drifting_clock_of_a_vehicle_completes(autopilot, ppm):
     """2 s in a thousand; a boot time that is taken once is wrong by 0.2 s after this flight."""
     flight = scenario(autopilot, quirks={"clock_ppm": ppm})
     assert flight.code == 0
 
 
 @both
-def test_a_camera_that_another_process_left_capturing(autopilot):
+def test_camera_left_capturing_by_another_process_completes(autopilot):
     flight = scenario(
         autopilot,
         once(flying, lambda v: camera(v, mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 0.5, 0)),
@@ -269,20 +269,20 @@ def test_arming_that_is_refused_is_explained_by_the_vehicle():
     assert flight.kinds["lifted_off"] == 0
 
 
-def test_without_satellites_at_the_start_the_reason_is_told_in_the_end():
+def test_vehicle_without_satellites_at_the_start_reports_the_reason():
     flight = scenario("ardupilot", faults=[{"kind": "gps", "at_s": 0.0}])
     assert flight.code == 3
     assert "PreArm: GPS 1: Bad fix" in flight.said
     assert flight.kinds["lifted_off"] == 0
 
 
-def test_a_home_far_from_the_mission_does_not_take_off():
+def test_vehicle_far_from_the_mission_does_not_take_off():
     moved = mission_text("speck").replace("[[vehicles]]", "[[vehicles]]\nhome = [47.303, 8.5]")
     with pytest.raises(Exception, match="fence"):
         parse_mission(moved, "moved")
 
 
-def test_a_forced_stop_of_the_motors_is_no_landing():
+def test_forced_stop_of_the_motors_is_no_landing():
     flight = scenario(
         "px4", once(flying, lambda v: None),
         once(after(3.0), lambda v: command(v, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196)),
@@ -300,7 +300,7 @@ def cut_at_take_off(vehicle: SimVehicle) -> bool:
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_link_is_lost_at_take_off_the_flight_ends_when_its_battery_must_be_empty(autopilot):
+def test_link_lost_at_take_off_ends_the_flight_when_the_battery_must_be_empty(autopilot):
     """It was given up after 120 s, "on the ground", while it hovered in its layer."""
     flight = scenario(autopilot, cut_at_take_off)
     assert flight.code == 4, flight.line()

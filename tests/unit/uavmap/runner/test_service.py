@@ -94,13 +94,13 @@ def test_events_are_committed_in_order_and_orders_handed_out(journal):
     assert state.over
 
 
-def test_a_flight_is_over_when_nobody_has_anything_to_do(journal):
+def test_flight_is_over_when_no_vehicle_has_an_order(journal):
     vehicle = Played((1.0, CONNECTED), (2.0, Overridden(1, 2.0, "LOITER")))
     state = serve(journal, vehicle, lambda service: pytest.fail("it should be over by now"))
     assert state.over
 
 
-def test_an_order_comes_after_the_commit(journal):
+def test_order_is_given_after_the_commit(journal):
     committed: list[str] = []
 
     class Watched(Played):
@@ -113,7 +113,7 @@ def test_an_order_comes_after_the_commit(journal):
     assert committed == ["connected", "link_lost", "connected"]
 
 
-def test_a_recall_is_posted_once(journal):
+def test_recall_is_posted_once(journal):
     def twice(service: Service) -> None:
         service.recall()
         service.recall()
@@ -128,7 +128,7 @@ def test_stop_ends_the_flight_as_it_is(journal):
     assert not state.over
 
 
-def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal):
+def test_report_during_an_order_is_handled_afterwards(journal):
     depth: list[int] = []
 
     class Eager(Played):
@@ -151,7 +151,7 @@ def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch, said):
+def test_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch, said):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -182,7 +182,7 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch,
     assert "are not in the journal" in said[0]
 
 
-def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(journal, monkeypatch):
+def test_report_after_a_failure_is_recorded_and_not_acted_on(journal, monkeypatch):
     flying = Connected(1, 1.0, HOME, HOME, 12.0, True, True, 25.0)
     vehicle = Played((1.0, flying), (5.0, Tracked(1, 5.0, HOME, 12.0, 25.0)))
     service = service_of(journal, vehicle)
@@ -216,7 +216,7 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(journal, monk
 
 
 @by(on_virtual_time)
-async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal):
+async def test_aircraft_know_the_events_recorded_after_the_end(journal):
     service = service_of(journal, Played())
 
     async def nobody(_: object) -> None:
@@ -237,7 +237,7 @@ async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal):
 
 
 @by(on_virtual_time)
-async def test_a_report_that_no_journal_can_hold_is_refused_and_told(journal, said):
+async def test_report_that_no_journal_can_hold_is_refused_with_a_line(journal, said):
     nowhere = GridPoint(float("inf"), 0.0)
     vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
     service = service_of(journal, vehicle)
@@ -257,7 +257,7 @@ def judge(model: Path, *, recall: bool) -> PictureJudge:
 
 
 @pytest.mark.parametrize("there", [False, True])
-def test_without_its_model_a_flight_can_be_called_home_and_no_more(tmp_path, there, said):
+def test_flight_without_its_model_can_only_be_recalled(tmp_path, there, said):
     model = tmp_path / "model.json"
     if there:
         model.write_text("another one")
@@ -269,7 +269,7 @@ def test_without_its_model_a_flight_can_be_called_home_and_no_more(tmp_path, the
     assert line.endswith("the aircraft are brought home without it")
 
 
-def test_who_has_no_detector_says_nothing_of_a_picture():
+def test_service_without_a_detector_refuses_pictures():
     picture = np.zeros((4, 4, 3), np.uint8)
     for judge in (Blind().mask, Blind().probability):
         with pytest.raises(ImageError, match="only return home"):

@@ -74,7 +74,7 @@ def serve(body: Body, folder: Path) -> None:
 
 @pytest.mark.parametrize("fetch_s", [0.0, 1.5, 2.5])
 @by(fly)
-async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(flight, /, fetch_s):
+async def test_pictures_that_are_fetched_slowly_are_judged_or_reported_lost(flight, /, fetch_s):
     announced: set[int] = set()
 
     async def slow(url: str) -> bytes:
@@ -100,7 +100,7 @@ async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(fl
 
 
 @by(serve, lambda tmp_path: tmp_path)
-async def test_a_link_that_drops_during_a_landing_costs_nothing(flight, service, /, tmp_path):
+async def test_link_that_drops_during_a_landing_costs_nothing(flight, service, /, tmp_path):
     def vehicle() -> Any:
         return service.state.vehicles[1]
 
@@ -124,7 +124,7 @@ async def test_a_link_that_drops_during_a_landing_costs_nothing(flight, service,
 @pytest.mark.parametrize("mode", [Mode.STABILIZE, Mode.LOITER])
 @pytest.mark.parametrize("arms", [True, False])
 @by(serve, lambda tmp_path: tmp_path)
-async def test_a_pilot_on_the_ground_has_the_last_word(flight, service, /, mode, arms, tmp_path):
+async def test_pilot_on_the_ground_keeps_the_vehicle(flight, service, /, mode, arms, tmp_path):
     if not arms:
         flight.vehicle.fail.reject(command=mav.MAV_CMD_COMPONENT_ARM_DISARM)
     await flight.until(lambda: flight.session.view.mode == Mode.GUIDED, 20.0)
@@ -155,7 +155,7 @@ async def test_a_pilot_on_the_ground_has_the_last_word(flight, service, /, mode,
     ],
     ids=lambda value: value["kind"] if isinstance(value, dict) else "",
 )
-def test_it_ends_honestly(fault, code, home, said):
+def test_flight_with_a_fault_ends_with_its_exit_code(fault, code, home, said):
     flight = flown(fault["kind"], mission_text("speck", [{**fault, "at_s": 18.0}]), 1)
     assert not flight.columns & FORBIDDEN, flight.line()
     assert flight.code == code, flight.line()
@@ -163,7 +163,7 @@ def test_it_ends_honestly(fault, code, home, said):
     assert said in flight.said
 
 
-def test_what_a_leaning_camera_shows_beside_its_lane_is_no_search_of_it():
+def test_leaning_camera_searches_no_lane_that_it_does_not_show():
     """A gust blows it 2 m off its lane, and a fixed camera leans: a row of cells is not seen.
 
     The region that lies there was missed, the lane called searched, and the mission complete.
@@ -197,7 +197,7 @@ async def test_camera_answers_that_are_lost_for_6_seconds_cost_nothing(
 
 
 @by(fly)
-async def test_two_links_that_hear_one_aircraft_are_refused(flight, /):
+async def test_two_links_to_one_aircraft_are_refused(flight, /):
     second = Session(lambda frame: None, lambda frame: None)
 
     def forwarded(message: Any) -> bool:
@@ -216,7 +216,7 @@ async def test_two_links_that_hear_one_aircraft_are_refused(flight, /):
 
 
 @by(fly)
-async def test_a_vehicle_tells_how_high_its_home_is(flight, /):
+async def test_vehicle_reports_the_height_of_its_home(flight, /):
     await flight.sees(Connected)
     (connected,) = flight.seen(Connected)
     assert connected.home_amsl_m == pytest.approx(flight.session.view.home_amsl_m, abs=0.1)

@@ -44,7 +44,7 @@ async def speed_of(flight, order):
 @pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("speed_m_s", [1.0, 3.0, 6.0, 10.0])
 @by(fly, lambda autopilot, speed_m_s: on(autopilot, speed_m_s=speed_m_s))
-async def test_the_speed_of_the_mission_is_flown_within_5_percent(flight, /, autopilot, speed_m_s):
+async def test_speed_of_the_mission_is_flown_within_5_percent(flight, /, autopilot, speed_m_s):
     await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(to(WEST), Arrived)
     leg = to(EAST if speed_m_s > 3.0 else 0.0)
@@ -53,7 +53,7 @@ async def test_the_speed_of_the_mission_is_flown_within_5_percent(flight, /, aut
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(fly, lambda autopilot: on(autopilot, speed_m_s=3.0))
-async def test_after_a_pilot_gave_it_back_the_speed_is_told_again(flight, /, autopilot):
+async def test_vehicle_given_back_by_its_pilot_gets_the_speed_again(flight, /, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(to(WEST), Arrived)
     modes = {"ardupilot": ((1, LOITER), (1, GUIDED)), "px4": ((1, 4, 5), (1, 4, 3))}
@@ -64,7 +64,7 @@ async def test_after_a_pilot_gave_it_back_the_speed_is_told_again(flight, /, aut
 
 
 @by(fly, lambda: on("px4"))
-async def test_a_px4_flies_at_its_height_although_its_home_moves(flight, /):
+async def test_px4_flies_at_its_height_although_its_home_moves(flight, /):
     told_m, homes_m, true_m = [], [], []
 
     def listen(message):
@@ -85,7 +85,7 @@ async def test_a_px4_flies_at_its_height_although_its_home_moves(flight, /):
 
 
 @by(fly, lambda: on("px4"))
-async def test_a_picture_of_a_px4_is_where_its_height_by_the_sea_says(flight, /):
+async def test_picture_of_a_px4_is_placed_by_its_height_above_sea(flight, /):
     shot = {}
 
     def listen(message):

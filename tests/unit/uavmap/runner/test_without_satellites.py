@@ -91,7 +91,7 @@ def flown(tmp_path, monkeypatch, said):
 
 
 @pytest.mark.parametrize(("attitude", "most_m"), [(EXACT_ATTITUDE, 2.0), ("", 3.0)])
-def test_satellites_that_are_lost_end_nothing_where_its_own_map_leads(flown, attitude, most_m):
+def test_satellites_that_are_lost_end_no_flight_led_by_its_map(flown, attitude, most_m):
     flight = flown('gnss_loss = "map"', LOST + attitude, FLOW)
     assert flight.summary["completed"], flight.summary["notes"]
     assert flight.summary["fence_breaches"] == 0
@@ -106,7 +106,7 @@ def test_satellites_that_are_lost_end_nothing_where_its_own_map_leads(flown, att
     assert max(metres for _, metres in off_m) < most_m, off_m
 
 
-def test_where_a_return_is_wanted_its_autopilot_returns(flown):
+def test_mission_that_requires_a_return_without_satellites_returns(flown):
     flight = flown('gnss_loss = "rtl"', LOST, FLOW)
     assert "satellite navigation is lost; it is commanded to return (RTL)" in flight.told
     assert "RTL" in flight.modes
@@ -115,7 +115,7 @@ def test_where_a_return_is_wanted_its_autopilot_returns(flown):
     assert flight.summary["navigation"]["1"]["sigma_m"] is None
 
 
-def test_without_flow_its_autopilot_has_the_last_word(flown):
+def test_vehicle_without_flow_is_left_to_its_autopilot(flown):
     flight = flown('gnss_loss = "map"', LOST)
     assert "taken by a pilot or a failsafe" in flight.told or flight.summary["notes"]
     assert not flight.summary["completed"]
@@ -134,7 +134,7 @@ def test_satellites_that_drift_are_noticed_before_they_are_off_by_a_cell(flown, 
     assert flight.summary["fence_breaches"] == 0
 
 
-def test_a_leap_of_satellites_does_not_lead_it_astray(flown):
+def test_leap_of_satellites_does_not_lead_it_astray(flown):
     leap = '[[sim.faults]]\nkind = "gps_glitch"\nat_s = 30\nmetres = 15\ntoward_deg = 200\n'
     flight = flown('gnss_loss = "map"', leap)
     assert flight.navigated[0].gnss == "wrong"
@@ -143,7 +143,7 @@ def test_a_leap_of_satellites_does_not_lead_it_astray(flown):
     assert flight.summary["fence_breaches"] == 0
 
 
-def test_a_camera_that_repeats_its_picture_does_not_accuse_satellites(flown, monkeypatch):
+def test_camera_that_repeats_its_picture_is_no_fault_of_satellites(flown, monkeypatch):
     image = SimVehicle.image
     kept: list[bytes] = []
 

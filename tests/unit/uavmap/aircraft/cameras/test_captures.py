@@ -103,7 +103,7 @@ async def three(source, told):
     await pictures(source, 3)
 
 
-def test_video_over_http_and_its_return():
+def test_http_video_that_ends_is_opened_again():
     async def body(source, told):
         first = await pictures(source, 4)
         steps = [b.taken_s - a.taken_s for a, b in itertools.pairwise(first)]
@@ -120,19 +120,19 @@ def test_video_over_http_and_its_return():
         on(f"http://127.0.0.1:{port}/video", body)
 
 
-def test_rtsp():
+def test_rtsp_stream_gives_pictures():
     with RtspServer([jpeg(shade) for shade in range(20, 220, 4)]) as server:
         on(f"rtsp://127.0.0.1:{server.port}/main", three)
 
 
-def test_a_gstreamer_pipeline():
+def test_gstreamer_pipeline_gives_pictures():
     if shutil.which("gst-launch-1.0") is None:
         pytest.skip("this machine has no gst-launch-1.0")
     wanted = "video/x-raw,width=320,height=240,framerate=20/1"
     on(f"gstreamer:videotestsrc is-live=true ! {wanted}", three)
 
 
-def test_frames_that_piled_up_in_a_stall_are_not_of_now():
+def test_frames_queued_in_a_stall_are_dropped():
     """25 frames a second; for two seconds the network stands, then all of them come at once."""
     watch = Freshness()
     taken_s = [n * 0.04 for n in range(250)]
@@ -143,7 +143,7 @@ def test_frames_that_piled_up_in_a_stall_are_not_of_now():
     assert sum(fresh) > 190
 
 
-def test_a_v4l2_device():
+def test_v4l2_device_gives_pictures():
     if not os.path.exists("/dev/video0"):
         pytest.skip("this machine has no V4L2 device")
     on("v4l2:/dev/video0", three)
@@ -159,7 +159,7 @@ for number in range(int(sys.argv[2])):
 
 
 @by(in_real_time)
-async def test_a_program_that_writes_jpegs_and_is_run_again_when_it_ends():
+async def test_program_that_writes_jpegs_is_run_again_when_it_ends():
     command = [sys.executable, "-c", WRITER, jpeg(90).hex(), "25"]
     told = []
     reader = ThreadReader(partial(PipeCapture, command, "a program"))
@@ -174,7 +174,7 @@ async def test_a_program_that_writes_jpegs_and_is_run_again_when_it_ends():
 
 
 @by(in_real_time)
-async def test_a_hanging_stream_ends_nothing():
+async def test_stream_that_hangs_ends_nothing():
     """Its frames stop; what waits for it ends at once when it is closed."""
     command = [sys.executable, "-c", WRITER + "time.sleep(600)", jpeg(90).hex(), "40"]
     reader = ThreadReader(partial(PipeCapture, command, "a program"))
@@ -202,17 +202,17 @@ async def unused(source, told):
         ("triggered:/no/such/folder", "/no/such/folder: no such folder"),
     ],
 )
-def test_what_is_not_there(text, reason):
+def test_missing_camera_is_a_link_error(text, reason):
     with pytest.raises(LinkError, match=reason):
         on(text, unused)
 
 
-def test_a_url_where_nobody_is():
+def test_url_without_a_server_is_a_link_error():
     with pytest.raises(LinkError, match="cannot be opened; does it play in VLC"):
         on(f"http://127.0.0.1:{free_port()}/video", unused)
 
 
-def test_a_program_that_is_not_installed(monkeypatch):
+def test_program_not_installed_is_a_link_error(monkeypatch):
     monkeypatch.setenv("PATH", "/nonexistent")
     with pytest.raises(LinkError, match=r"needs the program gst-launch-1\.0, which is not"):
         on("gstreamer:videotestsrc", unused)
@@ -221,7 +221,7 @@ def test_a_program_that_is_not_installed(monkeypatch):
 
 
 @by(in_real_time)
-async def test_pictures_of_another_size_are_said_before_the_flight():
+async def test_pictures_of_another_size_are_refused_before_the_flight():
     async def nothing(url):
         raise LinkError(url)
 
@@ -233,7 +233,7 @@ async def test_pictures_of_another_size_are_said_before_the_flight():
                 raise AssertionError("it was opened")
 
 
-def test_the_programs_are_told_what_is_wanted():
+def test_program_commands_have_size_and_rate():
     command = libcamera_command("1", (1280, 960), 0.5)
     assert command[1:3] == ["--camera", "1"]
     assert command[command.index("--width") + 1] == "1280"
@@ -247,6 +247,6 @@ def test_the_programs_are_told_what_is_wanted():
     "text",
     ["", "usb", "v4l2:video0", "folder:", "mavlink:1", "libcamera:x", "gstreamer: ", "/dev/"],
 )
-def test_what_is_no_camera(text):
+def test_text_that_names_no_camera_is_refused(text):
     with pytest.raises(LinkError, match="is not a camera; write mavlink, v4l2:/dev/video0"):
         parse_camera(text)

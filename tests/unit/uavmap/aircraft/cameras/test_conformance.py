@@ -26,7 +26,7 @@ def on_each_bench(body):
 
 
 @on_each_bench
-async def test_nothing_is_taken_before_it_is_ordered_nor_after_it_was_stopped(bench):
+async def test_camera_before_start_and_after_stop_gives_no_picture(bench):
     await bench.shoot(3)
     await asyncio.sleep(3.0)
     assert bench.heard == []
@@ -42,7 +42,7 @@ async def test_nothing_is_taken_before_it_is_ordered_nor_after_it_was_stopped(be
 
 
 @on_each_bench
-async def test_a_picture_is_dated_by_its_exposure(bench):
+async def test_picture_is_dated_by_its_exposure(bench):
     await bench.source.start(0.7, 0)
     times = await bench.shoot(12, 0.73)
     await asyncio.sleep(3.0)
@@ -52,7 +52,7 @@ async def test_a_picture_is_dated_by_its_exposure(bench):
 
 
 @on_each_bench
-async def test_pictures_come_in_their_order_and_can_be_had(bench):
+async def test_pictures_come_in_order_and_can_be_fetched(bench):
     await bench.source.start(0.5, 0)
     await bench.shoot(5, 0.5)
     await asyncio.sleep(2.0)
@@ -64,7 +64,7 @@ async def test_pictures_come_in_their_order_and_can_be_had(bench):
 
 
 @on_each_bench
-async def test_a_count_is_kept(bench):
+async def test_count_of_pictures_is_kept(bench):
     for burst in range(2):
         await bench.source.start(0.5, 3)
         await bench.shoot(6, 0.5, first=6 * burst)
@@ -74,7 +74,7 @@ async def test_a_count_is_kept(bench):
 
 
 @on_each_bench
-async def test_an_interval_is_kept_by_who_takes_more_than_is_wanted(bench):
+async def test_interval_is_kept_by_a_camera_that_takes_more(bench):
     await bench.source.start(1.0, 0)
     await bench.shoot(40, 0.1)
     await asyncio.sleep(2.0)
@@ -85,7 +85,7 @@ async def test_an_interval_is_kept_by_who_takes_more_than_is_wanted(bench):
 
 
 @on_each_bench
-async def test_a_start_while_pictures_are_taken_begins_anew(bench):
+async def test_start_while_pictures_are_taken_restarts_them(bench):
     await bench.source.start(5.0, 0)
     await bench.shoot(2, 0.5)
     await bench.source.start(0.5, 0)
@@ -95,7 +95,7 @@ async def test_a_start_while_pictures_are_taken_begins_anew(bench):
 
 
 @on_each_bench
-async def test_a_picture_that_cannot_be_had_is_a_lost_one_and_the_next_comes(bench):
+async def test_picture_that_cannot_be_fetched_is_lost_and_the_next_comes(bench):
     await bench.source.start(1.0, 0)
     await bench.shoot(1)
     await bench.hardware.spoil(1)
@@ -107,7 +107,7 @@ async def test_a_picture_that_cannot_be_had_is_a_lost_one_and_the_next_comes(ben
 
 
 @on_each_bench
-async def test_what_goes_and_comes_back_goes_on(bench):
+async def test_camera_that_vanishes_and_returns_continues(bench):
     await bench.source.start(1.0, 0)
     await bench.shoot(2)
     await asyncio.sleep(1.0)
@@ -125,7 +125,7 @@ async def test_what_goes_and_comes_back_goes_on(bench):
     assert await bench.load() == [True] * 5
 
 
-def test_picture_whose_feedback_is_lost_gets_no_neighbours_place(tmp_path):
+def test_picture_without_feedback_gets_no_neighbours_place(tmp_path):
     """At 5 pictures a second the neighbour's exposure is 0.2 s, and 1.2 m at 6 m/s, away."""
 
     async def main():

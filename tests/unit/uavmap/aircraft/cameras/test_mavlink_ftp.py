@@ -92,7 +92,7 @@ async def test_picture_comes_whole(server, fetch, /):
     assert server.open == {}
 
 
-def test_over_a_link_that_loses_a_fifth():
+def test_picture_over_a_link_that_loses_a_fifth_comes_whole():
     async def body(server, fetch):
         assert await fetch("mftp:///DCIM/1.jpg") == PICTURE
 
@@ -110,13 +110,13 @@ def test_over_a_link_that_loses_a_fifth():
     ],
 )
 @by(served)
-async def test_what_cannot_be_fetched_is_a_link_error(server, fetch, /, url, reason):
+async def test_picture_that_cannot_be_fetched_is_a_link_error(server, fetch, /, url, reason):
     with pytest.raises(LinkError, match=f"cannot be fetched: {reason}") as raised:
         await fetch(url)
     assert str(raised.value).isprintable()
 
 
-def test_silence_ends_the_wait():
+def test_silence_of_the_server_ends_the_wait():
     async def body(server, fetch):
         with pytest.raises(LinkError, match="it does not answer"):
             await fetch("mftp:///DCIM/1.jpg")

@@ -87,7 +87,7 @@ def angle_deg(a, b):
     return math.degrees(2.0 * math.acos(min(cosine, 1.0)))
 
 
-def test_in_a_turn_between_two_messages():
+def test_pose_in_a_turn_lies_between_its_messages():
     errors_m, errors_deg = [], []
 
     async def body(peer, poses):
@@ -106,7 +106,7 @@ def test_in_a_turn_between_two_messages():
 
 
 @by(flown)
-async def test_what_a_camera_tells_comes_first(peer, poses, /):
+async def test_pose_reported_by_the_camera_has_precedence(peer, poses, /):
     place, height_m, turned = truth(2.0)
     told = ToldPose(place, height_m, turned)
     taken_s = asyncio.get_running_loop().time()
@@ -124,7 +124,7 @@ async def test_what_a_camera_tells_comes_first(peer, poses, /):
 @pytest.mark.parametrize(
     ("late_s", "fault"), [(100.0, None), (3.0, "in the future"), (0.0, "its time cannot be right")]
 )
-def test_time_that_cannot_be_right_is_refused(late_s, fault):
+def test_impossible_time_is_refused(late_s, fault):
     async def body(peer, poses):
         now_s = asyncio.get_running_loop().time()
         taken_s = now_s + 20.0 if fault == "in the future" else now_s - late_s
@@ -136,7 +136,7 @@ def test_time_that_cannot_be_right_is_refused(late_s, fault):
     assert sum(peer.session.view.gate.refused.values()) == 1
 
 
-def test_an_attitude_of_another_clock_is_refused_and_counted():
+def test_attitude_of_another_clock_is_refused_and_counted():
     async def body(peer, poses):
         taken_s = asyncio.get_running_loop().time()
         with pytest.raises(ImageError, match="the vehicle's own at that time is unknown"):
@@ -149,13 +149,13 @@ def test_an_attitude_of_another_clock_is_refused_and_counted():
 
 @settings(max_examples=100, deadline=None)
 @given(SMALL, SMALL, ANGLE, st.floats(-180.0, 180.0), st.booleans())
-def test_a_mount_is_that_of_the_simulator(roll, pitch, yaw, yaw_deg, fixed):
+def test_mount_agrees_with_the_simulator(roll, pitch, yaw, yaw_deg, fixed):
     theirs = CameraSpec(fixed=fixed, yaw_deg=yaw_deg).attitude(roll, pitch, yaw)
     ours = Mount(fixed, yaw_deg).attitude(Quaternion.from_euler(roll, pitch, yaw))
     assert angle_deg(ours, theirs) < 1e-4
 
 
-def test_a_plate_that_is_not_level():
+def test_mount_not_level_turns_the_view():
     """Pitched up by 10 degrees the camera looks forward, rolled to the right it looks left."""
     level = Quaternion.from_euler(0.0, 0.0, 0.0)
     for mount, axis in (
@@ -169,7 +169,7 @@ def test_a_plate_that_is_not_level():
 
 # --- the time of a file ----------------------------------------------------------------------
 @by(on_virtual_time)
-async def test_a_camera_that_writes_irregularly_is_dated_by_its_own_clock(tmp_path):
+async def test_camera_that_writes_irregularly_keeps_its_own_times(tmp_path):
     """EXIF time with parts of a second: the delay of each file does not matter."""
     camera_ahead_s = 1_790_000_000.25
     async with folder_bench(tmp_path) as bench:

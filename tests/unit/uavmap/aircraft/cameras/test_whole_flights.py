@@ -130,7 +130,7 @@ async def triggered(simulation, session, card, said):
 
 
 @pytest.mark.parametrize("rig", [folder, triggered], ids=lambda rig: rig.__name__)
-def test_without_stopping(rig, tmp_path):
+def test_flight_without_stopping_maps_the_region(rig, tmp_path):
     """From a moving camera that tilts: poses of another moment would shift the map."""
     summary, events, said = flown(rig, mission(strategy="swath"), tmp_path / "flight")
     assert summary["completed"], said

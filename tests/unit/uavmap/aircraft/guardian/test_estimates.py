@@ -67,20 +67,20 @@ def flown(wind, factor, legs, leg_s=20.0, gust_m_s=0.0):
 
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (4.0, 0.0), (-3.0, 3.0), (0.0, -9.0)])
-def test_the_quadcopter_measures_its_wind(wind):
+def test_quadcopter_estimates_its_wind(wind):
     for measured in flown(wind, 1.0, LEGS):
         assert measured == pytest.approx(math.hypot(*wind), rel=0.25, abs=1.3)
 
 
 @pytest.mark.parametrize("factor", [0.6, 2.0, 4.0])
-def test_another_airframe_is_learned_from_its_legs(factor):
+def test_estimate_of_another_airframe_is_learned_from_its_legs(factor):
     """Without learning, four times the drag would pass for a wind of 7 m/s in still air."""
     assert max(flown((0.0, 0.0), factor, LEGS)[1:]) < 3.0
     assert flown((0.0, 6.0), factor, LEGS * 2)[-1] == pytest.approx(6.0, abs=2.0)
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0])
-def test_gusts_say_nothing_of_the_airframe_and_are_no_gale(factor):
+def test_gusts_leave_the_airframe_estimate_and_are_no_gale(factor):
     """Six seconds of 10 m/s in a minute, on legs of five seconds: they pass for no 12 m/s."""
     legs = [(6.0 * math.cos(1.1 * k), 6.0 * math.sin(1.1 * k)) for k in range(48)]
     found = flown((3.6, 0.0), factor, legs, leg_s=5.0, gust_m_s=6.4)
@@ -88,7 +88,7 @@ def test_gusts_say_nothing_of_the_airframe_and_are_no_gale(factor):
     assert found[-1] == pytest.approx(3.6, abs=1.5)
 
 
-def test_nothing_is_said_of_the_first_seconds_nor_on_the_ground():
+def test_wind_in_the_first_seconds_and_on_the_ground_is_unknown():
     estimate = WindEstimate()
     estimate.moved(0.0, 1.0, 1.0)
     assert estimate.speed_m_s is None
@@ -103,7 +103,7 @@ def test_nothing_is_said_of_the_first_seconds_nor_on_the_ground():
     assert estimate.speed_m_s is None
 
 
-def test_numbers_that_make_no_sense_change_nothing():
+def test_implausible_numbers_change_no_estimate():
     estimate = WindEstimate()
     for attitude in ((math.nan, 0.0, 0.0), (0.0, 1.57, 0.0), (0.0, 0.0, math.inf)):
         estimate.tilted(*attitude)
@@ -112,7 +112,7 @@ def test_numbers_that_make_no_sense_change_nothing():
 
 
 @pytest.mark.parametrize("wind_m_s", [0.0, 7.0])
-def test_a_simulated_flight_measures_its_wind(wind_m_s):
+def test_simulated_flight_measures_its_wind(wind_m_s):
     made = small_mission()
     made = made.model_copy(
         update={"wind": made.wind.model_copy(update={"speed_m_s": wind_m_s, "from_deg": 40.0})}
@@ -145,7 +145,7 @@ def at(east_m, north_m):
     step_s=st.sampled_from([0.1, 0.2, 0.5, 1.0, 3.0]),
     noise_m=st.floats(0.0, 0.5),
 )
-def test_flight_is_no_leap_whatever_it_flies(accelerations, step_s, noise_m):
+def test_plausible_flight_is_no_leap(accelerations, step_s, noise_m):
     leaps, t_s = Leaps(), 100.0
     east, north, v_east, v_north = 0.0, 0.0, 0.0, 0.0
     for index, (a_east, a_north) in enumerate(accelerations):
@@ -159,7 +159,7 @@ def test_flight_is_no_leap_whatever_it_flies(accelerations, step_s, noise_m):
 
 
 @given(metres=st.floats(20.0, 500.0), bearing=st.floats(0.0, math.tau), gap_s=st.floats(0.05, 0.8))
-def test_a_leap_of_the_position_is_one(metres, bearing, gap_s):
+def test_leap_of_the_position_is_noticed(metres, bearing, gap_s):
     leaps = Leaps()
     for tenth in range(20):
         leaps.take(100.0 + tenth / 10.0, at(0.5 * tenth, 0.0), (0.0, 5.0))
@@ -172,7 +172,7 @@ def test_a_leap_of_the_position_is_one(metres, bearing, gap_s):
     assert leaps.leapt == ""  # once is enough
 
 
-def test_after_a_gap_or_a_restart_nothing_can_be_said():
+def test_position_after_a_gap_or_a_restart_is_no_leap():
     leaps = Leaps()
     leaps.take(100.0, at(0.0, 0.0), (0.0, 0.0))
     leaps.take(102.0, at(80.0, 0.0), (0.0, 0.0))
@@ -188,7 +188,7 @@ async def on_a_leg(flight):
 
 @pytest.mark.parametrize("metres", [25.0, 50.0])
 @by(fly)
-async def test_a_glitch_in_flight_ends_the_order(flight, /, metres):
+async def test_glitch_of_the_position_in_flight_ends_the_order(flight, /, metres):
     await on_a_leg(flight)
     flight.vehicle.fail.gps_glitch(metres=metres, toward_deg=90.0)
     failed = await flight.sees(OrderFailed, within_s=3.0)
@@ -197,7 +197,7 @@ async def test_a_glitch_in_flight_ends_the_order(flight, /, metres):
 
 @pytest.mark.parametrize("gust_m_s", [8.0, 20.0])
 @by(fly)
-async def test_a_gust_is_no_leap(flight, /, gust_m_s):
+async def test_gust_is_no_leap(flight, /, gust_m_s):
     await on_a_leg(flight)
     flight.vehicle.fail.wind_gust(m_s=gust_m_s, for_s=2.0)
     await asyncio.sleep(10.0)
@@ -232,7 +232,7 @@ def test_motors_that_stop_in_the_last_metre_are_an_impact():
 
 
 @pytest.mark.parametrize("fast_m_s", [0.7, 1.5, 2.4])
-def test_a_landing_is_no_impact(fast_m_s):
+def test_landing_is_no_impact(fast_m_s):
     impact = told([*[fast_m_s] * 50, *[0.5] * 60, 0.1, 0.0])
     assert impact.speed_m_s == 0.5
     assert told([*[fast_m_s] * 50, 0.0]).speed_m_s <= HARD_M_S
@@ -241,17 +241,17 @@ def test_a_landing_is_no_impact(fast_m_s):
 @pytest.mark.parametrize(
     ("height_m", "every_s"), [(1.5, 0.1), (3.0, 0.1), (10.0, 0.1), (3.0, 0.2), (10.0, 0.2)]
 )
-def test_a_fall_is_one(height_m, every_s):
+def test_fall_is_an_impact(height_m, every_s):
     assert told(fall(height_m, every_s), every_s=every_s).speed_m_s > HARD_M_S
 
 
-def test_a_bounce_does_not_hide_it():
+def test_bounce_does_not_hide_an_impact():
     impact = told(fall(3.0, 0.1))
     told([-1.0, -0.5, 0.5, 1.0, 0.0, 0.0], impact=impact)
     assert impact.speed_m_s > HARD_M_S
 
 
-def test_a_stop_in_the_air_is_forgotten_before_the_landing():
+def test_stop_in_the_air_is_forgotten_before_the_landing():
     impact = told([4.0, 4.0, 4.0, 0.0])
     told([0.0] * round(IMPACT_KEPT_S / 0.1 + 1), impact=impact)
     assert impact.speed_m_s == 0.0
@@ -262,7 +262,7 @@ def test_braking_as_an_autopilot_brakes_is_no_impact():
     assert told([4.0 - 0.25 * n for n in range(17)]).speed_m_s < HARD_M_S
 
 
-def test_a_clock_that_begins_anew_begins_it_anew():
+def test_clock_that_restarts_resets_the_impact():
     impact = told(fall(3.0, 0.1))
     impact.take(0.0, 0.0)
     assert impact.speed_m_s == 0.0

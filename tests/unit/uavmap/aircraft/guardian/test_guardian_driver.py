@@ -88,7 +88,7 @@ async def test_return_order_is_flown_around_hole(flight, /, autopilot):
 
 
 @by(fly)
-async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight, /):
+async def test_guardian_terminal_is_gone_lands_the_vehicle(flight, /):
     await out(flight)
 
     def gone(text):
@@ -100,7 +100,7 @@ async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight, /):
 
 
 @by(fly)
-async def test_on_the_ground_nothing_is_sent(flight, /):
+async def test_guardian_on_the_ground_sends_nothing(flight, /):
     sent = len(flight.sent)
     await flight.driver.guardian.bring_home("the mission failed")
     assert flight.commands_after(sent) == []
@@ -122,7 +122,7 @@ async def test_guardian_link_loses_half_comes_home(flight, /, seed):
 
 
 @by(fly)
-async def test_an_autopilot_that_does_not_return_lands(flight, /):
+async def test_guardian_autopilot_does_not_return_lands(flight, /):
     await out(flight)
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     await flight.driver.guardian.bring_home("the mission failed")
@@ -132,7 +132,7 @@ async def test_an_autopilot_that_does_not_return_lands(flight, /):
 
 
 @by(fly)
-async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight, /):
+async def test_guardian_pilot_selects_loiter_stops_sending(flight, /):
     await out(flight)
     home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
     await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
@@ -187,7 +187,7 @@ async def test_guardian_acting_orders_of_mission_do_nothing(flight, /):
 
 
 @by(fly)
-async def test_a_take_over_on_the_ground_ends_with_one_landing(flight, /):
+async def test_guardian_takes_over_on_the_ground_ends_with_one_landing(flight, /):
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF)
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.session.view.armed)
@@ -199,7 +199,7 @@ async def test_a_take_over_on_the_ground_ends_with_one_landing(flight, /):
 
 
 @by(fly)
-async def test_after_a_silence_the_guardian_sees_to_it_again(flight, /):
+async def test_guardian_link_silent_and_back_acts_again(flight, /):
     await out(flight)
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, for_s=12.0)
     flight.to_driver = flight.to_vehicle = lambda message: False
@@ -212,7 +212,7 @@ async def test_after_a_silence_the_guardian_sees_to_it_again(flight, /):
 
 
 @by(fly)
-async def test_guardian_link_back_after_mission_failed_sees_it_down(flight, /):
+async def test_guardian_link_back_after_mission_failed_lands_it(flight, /):
     loop = asyncio.get_running_loop()
     await out(flight)
     flight.to_driver = flight.to_vehicle = lambda message: False
@@ -230,7 +230,7 @@ async def test_guardian_link_back_after_mission_failed_sees_it_down(flight, /):
 
 
 @by(fly_up)
-async def test_guardian_fall_on_way_home_is_reported(flight, /):
+async def test_guardian_fall_on_return_path_is_reported(flight, /):
     flight.driving.cancel()
     loop = asyncio.get_running_loop()
 
@@ -281,7 +281,7 @@ async def test_motors_stop_just_above_ground_is_landing(flight, /, autopilot):
 
 
 @by(fly)
-async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight, /):
+async def test_crashed_aircraft_that_believes_to_fly_stays_down(flight, /):
     """Armed, in the air by its own word, and without height: the service is not fooled."""
     await out(flight)
     flight.to_driver = lambda m: m.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
@@ -308,7 +308,7 @@ async def test_storm_lands_vehicle_near_the_fence(flight, /, autopilot):
 
 
 @by(fly_up)
-async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight, /):
+async def test_leg_without_progress_is_reported_to_the_mission(flight, /):
     # accepted, and not carried out: the autopilot is told to stay by somebody else
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 192
     flight.driver.give(FlyTo((GridPoint(40.0, 20.0),), None, stop=False, height_m=UP_M))
@@ -325,7 +325,7 @@ async def test_sweep_waiting_for_its_camera_is_left_alone(flight, /):
 
 
 @by(fly)
-async def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen(flight, /):
+async def test_take_off_without_acknowledgement_is_recognised(flight, /):
     flight.to_driver = lambda message: (
         not (message.get_type() == "COMMAND_ACK" and message.command == mav.MAV_CMD_NAV_TAKEOFF)
     )
@@ -335,7 +335,7 @@ async def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen(flight, /):
 
 
 @by(fly_up)
-async def test_a_place_that_is_none_stops_no_clock(flight, /):
+async def test_impossible_position_stops_no_clock(flight, /):
     """What cannot be sent is tried again in a while, and not without end at one instant."""
     nowhere = GridPoint(float("inf"), 0.0)
     flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))

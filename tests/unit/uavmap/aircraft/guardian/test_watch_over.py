@@ -49,7 +49,7 @@ async def failing(after_s, failure):
 
 
 @by(on_virtual_time)
-async def test_a_mission_that_fails_ends_when_everybody_is_home():
+async def test_mission_that_fails_ends_when_all_vehicles_are_home():
     kept = [Kept(), Kept(takes_s=50.0)]
     loop = asyncio.get_running_loop()
     with pytest.raises(JournalError, match="disk is full"):
@@ -60,7 +60,7 @@ async def test_a_mission_that_fails_ends_when_everybody_is_home():
     assert all("disk is full" in reason for k in kept for _, reason, _ in k.said)
 
 
-def test_who_is_not_at_home_at_the_end_is_named():
+def test_vehicle_not_at_home_at_the_end_is_named():
     kept = [Kept(), Kept(fate="on the ground 40 m from home")]
     with pytest.raises(AircraftError, match="vehicle 2: on the ground 40 m from home"):
         run(watched(kept, failing(1.0, JournalError("full")), leave=True), VirtualClock())
@@ -94,7 +94,7 @@ async def test_watched_over_one_guardian_fails_after_the_mission_others_come_hom
 
 
 @by(on_virtual_time)
-async def test_who_leaves_has_the_autopilots_return():
+async def test_interrupt_leaves_the_return_to_the_autopilot():
     kept = [Kept(fate="left to its autopilot in RTL")]
     flying = asyncio.ensure_future(watched(kept, asyncio.sleep(1e6), leave=True))
     await asyncio.sleep(5.0)
@@ -105,7 +105,7 @@ async def test_who_leaves_has_the_autopilots_return():
 
 
 @by(on_virtual_time)
-async def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot():
+async def test_interrupt_during_the_return_leaves_it_to_the_autopilot():
     kept = [Kept(takes_s=1000.0, fate="left to its autopilot in RTL")]
     failure = JournalError("full")
     flying = asyncio.ensure_future(watched(kept, failing(1.0, failure), leave=True))
@@ -117,7 +117,7 @@ async def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot():
     assert [what for what, _, _ in kept[0].said] == ["home", "leave"]
 
 
-def test_a_guardian_that_fails_ends_the_mission_loudly():
+def test_guardian_that_fails_ends_the_mission_loudly():
     class Broken(Kept):
         async def run(self):
             self.running = True
@@ -129,7 +129,7 @@ def test_a_guardian_that_fails_ends_the_mission_loudly():
 
 
 @by(on_virtual_time)
-async def test_a_third_interruption_still_has_the_aircraft_named():
+async def test_third_interrupt_still_names_the_aircraft():
     class Slow(Kept):
         async def leave(self, reason):
             await super().leave(reason)
@@ -145,7 +145,7 @@ async def test_a_third_interruption_still_has_the_aircraft_named():
     assert asyncio.get_running_loop().time() == pytest.approx(10.0)
 
 
-def test_a_bug_keeps_its_traceback_and_names_who_is_not_at_home():
+def test_defect_keeps_its_traceback_and_names_vehicles_not_at_home():
     kept = [Kept(), Kept(fate="on the ground 40 m from home")]
     with pytest.raises(ZeroDivisionError) as caught:
         run(watched(kept, failing(1.0, ZeroDivisionError()), leave=True), VirtualClock())

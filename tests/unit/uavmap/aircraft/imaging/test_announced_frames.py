@@ -118,7 +118,7 @@ def place(t_s):
     )  # fmt: skip
 
 
-def test_a_picture_is_judged():
+def test_announced_picture_is_judged():
     (event,) = judged(announced())
     assert isinstance(event, FrameSeen)
     assert event.vantage == Cell(0, 0)
@@ -152,7 +152,7 @@ NO_ATTITUDE = "it reports no attitude, and the vehicle's own at that time is unk
         ({"relative_alt": 900_000}, "the height is not that of the vehicle"),
     ],
 )
-def test_a_pose_that_makes_no_sense(how, reason):
+def test_unusable_pose_loses_the_frame(how, reason):
     asked = []
 
     async def fetch(url):
@@ -165,7 +165,7 @@ def test_a_pose_that_makes_no_sense(how, reason):
     assert asked == []
 
 
-def test_any_pose_at_all():
+def test_arbitrary_pose_is_judged_or_lost():
     rng = random.Random(5)
     values = [0.0, NAN, INF, -INF, 3.4e38, 1e-40, 1.0, -1.0, 0.7071068]
     many = [
@@ -187,7 +187,7 @@ def test_any_pose_at_all():
         assert not isinstance(event, FrameLost) or event.reason.isprintable()
 
 
-def test_a_frame_is_stamped_within_the_capture():
+def test_frame_is_stamped_within_the_capture():
     """A camera that was switched on a minute before the autopilot, and one with a broken clock."""
     (event,) = judged(announced(time_boot_ms=65_000))
     assert event.t_s == pytest.approx(5.1)
@@ -218,7 +218,7 @@ def forget(peer):
         ({"peers": forget}, "the vehicle has not reported where it is"),
     ],
 )
-def test_a_frame_that_is_lost_has_its_reason(how, reason):
+def test_frame_that_is_lost_has_its_reason(how, reason):
     (event,) = judged(announced(), **how)
     assert isinstance(event, FrameLost)
     assert re.search(reason, event.reason)

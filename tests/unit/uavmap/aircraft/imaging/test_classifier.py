@@ -43,7 +43,7 @@ def flat(level):
     return Frame(image, pose, 0.0, camera)
 
 
-def test_the_vantage_is_the_cell_below_unless_one_is_given():
+def test_vantage_is_the_cell_below_unless_one_is_given():
     vantage, votes = classifier().votes(frame(east_m=9.0), None)
     assert vantage == Cell(2, 0)
     assert {vote.cell for vote in votes} == set(vantage.cross())
@@ -53,7 +53,7 @@ def test_the_vantage_is_the_cell_below_unless_one_is_given():
     assert votes
 
 
-def test_from_anywhere_a_frame_judges_all_that_it_shows_whole():
+def test_frame_from_anywhere_judges_every_cell_shown_whole():
     """From 12 m the picture shows 20.1 m x 15.1 m; half a metre of its rim is left out."""
     here = classifier()
     east_m = 9.3
@@ -71,7 +71,7 @@ def test_from_anywhere_a_frame_judges_all_that_it_shows_whole():
 
 
 @pytest.mark.parametrize("east_m", [0.0, 100.0, 145.0, 200.0, 1000.0])
-def test_seeing_all_goes_by_the_pose_however_far_the_vantage_is(east_m):
+def test_recorded_frame_is_judged_by_its_pose_at_any_vantage(east_m):
     """All photographs of a replay have one vantage; each judges the ground that it shows."""
     vantage, votes = classifier(seeing_all()).votes(frame(east_m, 50.0), Cell(0, 0))
     assert vantage == Cell(0, 0)
@@ -83,12 +83,12 @@ def test_seeing_all_goes_by_the_pose_however_far_the_vantage_is(east_m):
 
 
 @pytest.mark.parametrize("level", [0, 128, 255])
-def test_a_picture_without_content_is_an_error(level):
+def test_picture_without_content_is_an_error(level):
     with pytest.raises(ImageError, match="picture is"):
         classifier().votes(flat(level), None)
 
 
-def test_a_stalled_camera_is_an_error_until_it_goes_on():
+def test_stalled_camera_is_an_error_until_a_new_picture():
     judge = classifier()
     judge.votes(frame(seed=1), None)
     for _ in range(3):
@@ -97,7 +97,7 @@ def test_a_stalled_camera_is_an_error_until_it_goes_on():
     assert judge.votes(frame(seed=2), None)[1]
 
 
-def test_a_picture_that_was_refused_is_remembered_too():
+def test_refused_picture_is_remembered():
     judge = classifier()
     judge.votes(frame(seed=1), None)
     with pytest.raises(ImageError):
@@ -105,7 +105,7 @@ def test_a_picture_that_was_refused_is_remembered_too():
     assert judge.votes(frame(seed=1), None)[1]  # it does not repeat the last one
 
 
-def test_a_simulated_camera_without_noise_may_repeat():
+def test_simulated_camera_without_noise_may_repeat():
     judge = classifier(seeing_all(noiseless=True))
     assert judge.votes(flat(128), None) == judge.votes(flat(128), None)
     with pytest.raises(ImageError, match="dark"):

@@ -69,14 +69,14 @@ def server(answer):
         b"HTTP/1.1 200 OK\r\nContent-Type: image/jpeg\r\nContent-Length: 4\r\n\r\nJPEG",
     ],
 )
-def test_a_picture(answer):
+def test_picture_is_fetched(answer):
     with server(answer) as there:
         assert fetch(there.url) == b"JPEG"
         assert there.request.startswith(b"GET /1/0.jpg HTTP/1.0\r\n")
         assert f"Host: 127.0.0.1:{there.port}".encode() in there.request
 
 
-def test_a_server_that_keeps_the_connection_open_is_not_waited_for():
+def test_server_that_keeps_the_connection_open_is_not_waited_for():
     hold = threading.Event()
 
     def talk(client):
@@ -105,7 +105,7 @@ def test_a_server_that_keeps_the_connection_open_is_not_waited_for():
         OK + b"Content-Encoding: gzip\r\n\r\nJPEG",
     ],
 )
-def test_no_picture(answer):
+def test_answer_without_a_picture_is_a_link_error(answer):
     with server(answer) as there:
         with pytest.raises(LinkError, match="cannot be fetched") as caught:
             fetch(there.url)
@@ -113,7 +113,7 @@ def test_no_picture(answer):
 
 
 @pytest.mark.parametrize("location", ["file:///etc/hostname", "http://127.0.0.1:{port}/secret"])
-def test_no_redirect_is_followed(location):
+def test_redirect_is_not_followed(location):
     with server(OK + b"\r\nsecret") as other:
         target = location.format(port=other.port).encode()
         with server(b"HTTP/1.0 302 Found\r\nLocation: " + target + b"\r\n\r\n") as there:
@@ -122,7 +122,7 @@ def test_no_redirect_is_followed(location):
             assert (there.clients, other.clients) == (1, 0)
 
 
-def test_a_reason_phrase_cannot_write_to_a_terminal():
+def test_reason_phrase_cannot_write_to_a_terminal():
     answer = b"HTTP/1.0 404 \x1b]0;owned\x07\x1b[31mred\r\n\r\n"
     with server(answer) as there, pytest.raises(LinkError) as caught:
         fetch(there.url)
@@ -137,7 +137,7 @@ def test_a_reason_phrase_cannot_write_to_a_terminal():
         "http://127.0.0.1/\r\nX: y", "http://127.0.0.1/\u202e.jpg", "HTTP:\x00//x",
     ],
 )  # fmt: skip
-def test_no_address(url):
+def test_invalid_address_is_a_link_error(url):
     with pytest.raises(LinkError, match="cannot be fetched") as caught:
         fetch(url)
     assert str(caught.value).isprintable()
@@ -150,7 +150,7 @@ def test_no_address(url):
         "[::ffff:127.0.0.1]", "camera@127.0.0.1", "192.0.2.7@127.0.0.1",
     ],
 )  # fmt: skip
-def test_a_host_that_was_not_named_gets_no_request(host):
+def test_host_not_named_gets_no_request(host):
     """A camera at 192.0.2.7 that wants us to ask this machine's own services."""
     with server(OK + b"\r\nsecret") as there:
         with pytest.raises(
@@ -170,24 +170,24 @@ def test_a_host_that_was_not_named_gets_no_request(host):
         ("LOCALHOST", "localhost"),
     ],
 )
-def test_names_of_one_host(host, allowed):
+def test_allowed_host_is_fetched_by_any_of_its_names(host, allowed):
     with server(OK + b"\r\nJPEG") as there:
         assert fetch(f"http://{host}:{there.port}/0.jpg", allowed) == b"JPEG"
 
 
-def test_nobody_is_heard_yet():
+def test_fetch_before_the_vehicle_answers_is_refused():
     with pytest.raises(LinkError, match="neither the vehicle's host"):
         fetch("http://127.0.0.1:1/0.jpg", "")
 
 
-def test_nobody_there():
+def test_host_without_a_server_is_a_link_error():
     with pytest.raises(LinkError, match="cannot be fetched"):
         fetch(f"http://127.0.0.1:{free_port()}/0.jpg")
 
 
 @pytest.mark.parametrize("head", [b"", OK, OK + b"\r\n", OK + b"Content-Length: 9000\r\n\r\n"])
 @pytest.mark.parametrize("speedup", [1.0, 20.0])
-def test_a_byte_now_and_then_is_cut_off(head, speedup):
+def test_slow_trickle_of_bytes_is_cut_off(head, speedup):
     """One limit over the whole download, in real seconds whatever the clock."""
     done = threading.Event()
 
@@ -208,7 +208,7 @@ def test_a_byte_now_and_then_is_cut_off(head, speedup):
         done.set()
 
 
-def test_a_download_that_is_called_off_leaves_nothing_behind():
+def test_download_that_is_called_off_leaves_nothing_behind():
     asked, done = threading.Event(), threading.Event()
 
     def talk(client):
@@ -228,7 +228,7 @@ def test_a_download_that_is_called_off_leaves_nothing_behind():
         done.set()
 
 
-def test_a_flood_is_cut_off(monkeypatch):
+def test_flood_of_bytes_is_cut_off(monkeypatch):
     monkeypatch.setattr(http_pictures, "MAX_PICTURE_BYTES", 100_000)
 
     def talk(client):
@@ -241,7 +241,7 @@ def test_a_flood_is_cut_off(monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no /proc to count descriptors in")
-def test_no_socket_is_left_open():
+def test_failed_fetches_leave_no_socket_open():
     before = len(os.listdir("/proc/self/fd"))
     with server(b"HTTP/1.0 404 Not Found\r\n\r\n") as there:
         for _ in range(5):

@@ -51,7 +51,7 @@ def taken(anywhere):
     return camera, events
 
 
-def test_the_newest_of_those_that_wait_is_judged_next():
+def test_newest_waiting_picture_is_judged_next():
     camera, events = taken(anywhere=True)
     assert camera.indices == sorted(camera.indices)
     assert camera.indices[-1] == 99

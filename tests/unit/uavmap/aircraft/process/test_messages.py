@@ -62,7 +62,7 @@ ALL = [
 ]
 
 
-def test_every_message_comes_out_as_it_went_in_however_the_bytes_are_cut():
+def test_messages_in_arbitrary_pieces_are_decoded_unchanged():
     wire = b"".join(map(say.encode, ALL))
     rng = np.random.default_rng(1)
     for _ in range(20):
@@ -73,7 +73,7 @@ def test_every_message_comes_out_as_it_went_in_however_the_bytes_are_cut():
         assert found == ALL
 
 
-def test_pixels_of_a_picture_come_out_as_pixels():
+def test_pixels_of_a_picture_are_decoded_unchanged():
     pixels = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
     sent = say.Picture(1, 1, 2.0, POSE, None, True, "one", (2, 4, 3), pixels.tobytes())
     (found,) = say.Decoder().feed(say.encode(sent))
@@ -85,7 +85,7 @@ def test_pixels_of_a_picture_come_out_as_pixels():
     "data",
     [b"\x00\x00\x00\x02\x00\x00\x00\x00{}", b"\xff" * 8, say.encode(ALL[3])[:8] + b"x" * 999],
 )
-def test_what_is_no_message_is_refused(data):
+def test_invalid_bytes_are_refused(data):
     with pytest.raises(LinkError):
         list(say.Decoder().feed(data))
 

@@ -37,7 +37,7 @@ def run(hall, *options):
         ("column", ["--range", 5, "--robots", 4], 4, None),
     ],
 )
-def test_a_hall_is_mapped_whole(hall, capsys, mode, options, robots, cover):
+def test_hall_is_mapped_whole(hall, capsys, mode, options, robots, cover):
     arguments = ["--cooperate", mode, *options, "--seed", 7, "--json"]
     assert run(hall, *arguments) == 0
     text = capsys.readouterr().out
@@ -57,7 +57,7 @@ def test_a_hall_is_mapped_whole(hall, capsys, mode, options, robots, cover):
     assert capsys.readouterr().out == text
 
 
-def test_another_seed_gives_other_errors_on_the_same_way(hall, capsys):
+def test_another_seed_gives_other_errors_on_the_same_path(hall, capsys):
     found = []
     for seed in (1, 2):
         run(hall, "--cooperate", "trapezoid", "--range", 8, "--seed", seed, "--json")
@@ -66,7 +66,7 @@ def test_another_seed_gives_other_errors_on_the_same_way(hall, capsys):
     assert found[0]["final_places"] != found[1]["final_places"]
 
 
-def test_files_and_pictures(hall, tmp_path, capsys):
+def test_cooperation_writes_its_files_and_a_film(hall, tmp_path, capsys):
     out, film = tmp_path / "out", tmp_path / "film.gif"
     options = ["--cooperate", "trapezoid", "--range", 10, "--start", "0,20"]
     assert run(hall, *options, "--out", out, "--animate", film) == 0
@@ -112,7 +112,7 @@ def test_files_and_pictures(hall, tmp_path, capsys):
         (["--cooperate", "trapezoid", "--range", "9", "--start", "x"], "EAST,NORTH in metres"),
     ],
 )
-def test_what_does_not_go_together_is_refused(hall, capsys, options, said):
+def test_options_that_do_not_go_together_are_refused(hall, capsys, options, said):
     assert run(hall, *options) == 2
     error = capsys.readouterr().err
     assert said in error
@@ -120,13 +120,13 @@ def test_what_does_not_go_together_is_refused(hall, capsys, options, said):
 
 
 @pytest.mark.parametrize("option", [["--range", "9"], ["--cooperate", "column"], ["--theta", "9"]])
-def test_cells_are_explored_without_these_options(capsys, option):
+def test_options_of_cooperation_are_refused_without_it(capsys, option):
     assert main(["simulate", "--roi", "eden:20:1", *option]) == 2
     assert "is for --polygon FILE" in capsys.readouterr().err
 
 
 # --- files --------------------------------------------------------------------------------------
-def test_json_in_metres(tmp_path):
+def test_json_file_in_metres_is_read(tmp_path):
     path = tmp_path / "a.json"
     ring, hole = [[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [2, 1], [2, 2]]
     path.write_text(json.dumps({"polygon_m": ring, "holes_m": [hole]}))
@@ -135,7 +135,7 @@ def test_json_in_metres(tmp_path):
     assert ground.plane is None
 
 
-def test_geojson_with_a_hole_and_a_keep_out_zone(tmp_path):
+def test_geojson_file_keeps_its_hole_and_keep_out_zone(tmp_path):
     def square(west, south, size):
         step = size / 111_195  # about a metre at the equator, both ways
         x, y = west / 111_195, south / 111_195
@@ -171,7 +171,7 @@ def test_geojson_with_a_hole_and_a_keep_out_zone(tmp_path):
         ("nothing", "not a kind of file"),
     ],
 )
-def test_a_file_that_is_no_polygon_is_named(tmp_path, text, said):
+def test_file_that_is_no_polygon_is_named(tmp_path, text, said):
     path = tmp_path / "a.wkt"
     path.write_text(text)
     with pytest.raises(AreaError, match=said) as raised:
@@ -179,6 +179,6 @@ def test_a_file_that_is_no_polygon_is_named(tmp_path, text, said):
     assert str(raised.value).startswith(str(path))
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
+def test_missing_file_is_named(tmp_path):
     with pytest.raises(AreaError, match=r"b\.wkt: cannot be read"):
         read_polygon_file(str(tmp_path / "b.wkt"))

@@ -30,7 +30,7 @@ def pair_file(folder: Path) -> Path:
     return path
 
 
-def test_both_strategies_in_seconds(tmp_path, capsys):
+def test_both_strategies_have_their_times_in_seconds(tmp_path, capsys):
     arguments = ("--roi", pair_file(tmp_path), "--strategy", "swath,survey", "--robots", 2)
     once, again = (printed(capsys, *arguments) for _ in range(2))
     assert list(once) == ["swath", "survey"]
@@ -52,7 +52,7 @@ def test_both_strategies_in_seconds(tmp_path, capsys):
     assert once["survey"]["rois"][0]["plans"] == 0
 
 
-def test_the_seed_draws_the_errors(capsys):
+def test_seed_draws_the_errors(capsys):
     def survey(seed: int) -> Any:
         arguments = ("--roi", "eden:60:1", "--strategy", "survey", "--error-rate", 0.3)
         return printed(capsys, *arguments, "--seed", seed)["rois"][0]["cells_wrong"]
@@ -62,7 +62,7 @@ def test_the_seed_draws_the_errors(capsys):
     assert len(set(wrong)) > 1
 
 
-def test_a_survey_is_quicker_with_more_speed_footprint_and_vehicles(capsys):
+def test_survey_is_quicker_with_more_speed_footprint_and_vehicles(capsys):
     def seconds(*more: object) -> float:
         found = printed(capsys, "--roi", "eden:60:1", "--strategy", "survey", *more)
         (row,) = found["rois"]
@@ -86,7 +86,7 @@ def test_errors_and_losses_leave_cells_open_or_wrong(capsys):
     assert row["cells_missed"] > 0
 
 
-def test_the_reference_that_knows_the_region(tmp_path, capsys):
+def test_offline_reference_is_within_the_bounds(tmp_path, capsys):
     values = printed(capsys, "--roi", pair_file(tmp_path), "--strategy", "survey", "--offline")
     for row in (*values["rois"], values["means"]):
         assert set(row) == ROW | {"offline_s", "ratio_offline"}
@@ -112,11 +112,11 @@ def test_the_reference_that_knows_the_region(tmp_path, capsys):
         (["--strategy", "swat"], "survey"),
     ],
 )
-def test_what_cannot_be_has_its_line(arguments, said, refused):
+def test_impossible_options_are_refused_in_a_line(arguments, said, refused):
     assert said in refused("simulate", "--roi", "eden:9:1", *arguments)
 
 
-def test_the_film_shows_footprints(tmp_path, capsys):
+def test_film_of_a_survey_is_a_gif(tmp_path, capsys):
     film = tmp_path / "film.gif"
     arguments = ["simulate", "--roi", "eden:6:1", "--strategy", "survey", "--robots", "2"]
     assert main([*arguments, "--animate", str(film)]) == 0

@@ -36,7 +36,7 @@ def row_file(folder: Path) -> Path:
     return path
 
 
-def test_figures_by_hand(tmp_path, capsys):
+def test_figures_agree_with_a_calculation_by_hand(tmp_path, capsys):
     values = printed(capsys, "simulate", "--roi", row_file(tmp_path), "--json")
     assert set(values) == {"rois", "means"}
     row, square = values["rois"]
@@ -49,7 +49,7 @@ def test_figures_by_hand(tmp_path, capsys):
     assert means["bound_held"] is True
 
 
-def test_a_drift_across_a_row(tmp_path, capsys):
+def test_drift_across_a_row_costs_less_than_along_it(tmp_path, capsys):
     """Across the drift every step costs 1 / sqrt(1 - 0.36) = 1.25; along it 1.5625 in the mean."""
     roi = row_file(tmp_path)
     across, along = (
@@ -65,7 +65,7 @@ def test_a_drift_across_a_row(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("comms", ["shared", "meeting"])
-def test_several_strategies_on_grown_rois(capsys, comms):
+def test_several_strategies_repeat_on_grown_rois(capsys, comms):
     arguments = ["simulate", "--generate", "ragged", "--cells", 40, "--count", 3, "--robots", 3]
     arguments += ["--comms", comms, "--strategy", "rdfs,rdfs-paper", "--strategy", "rdfs", "--json"]
     once, again = (printed(capsys, *arguments) for _ in range(2))
@@ -82,7 +82,7 @@ def test_several_strategies_on_grown_rois(capsys, comms):
     assert once == again
 
 
-def test_a_radio_is_stated_and_filmed_and_bounds_are_not(tmp_path, capsys):
+def test_radio_is_stated_and_filmed_and_bounds_are_not(tmp_path, capsys):
     arguments = ["simulate", "--roi", "eden:40:3", "--robots", 3, "--comms", "range:3,loss:0.5"]
     once, again, other = (
         printed(capsys, *arguments, "--json", "--strategy", "rdfs,greedy", "--seed", seed)
@@ -101,7 +101,7 @@ def test_a_radio_is_stated_and_filmed_and_bounds_are_not(tmp_path, capsys):
     assert film.read_bytes().startswith(b"GIF8")
 
 
-def test_the_table_names_strategies_and_bounds(capsys):
+def test_table_names_strategies_and_bounds(capsys):
     assert main(["simulate", "--generate", "thin", "--cells", "20", "--count", "2"]) == 0
     shown = capsys.readouterr().out
     words_of_time = "the lower bound of a ROI took another 0."
@@ -109,7 +109,7 @@ def test_the_table_names_strategies_and_bounds(capsys):
         assert words in shown
 
 
-def test_the_figures_are_written_once(tmp_path, capsys):
+def test_figures_are_written_once(tmp_path, capsys):
     out = tmp_path / "new" / "out"
     arguments = ["simulate", "--roi", "eden:9:1", "--json", "--out", str(out)]
     assert main(arguments) == 0
@@ -118,7 +118,7 @@ def test_the_figures_are_written_once(tmp_path, capsys):
     assert "choose another" in capsys.readouterr().err
 
 
-def test_an_interruption_prints_what_is_done(monkeypatch, capsys):
+def test_interrupt_prints_the_finished_trials(monkeypatch, capsys):
     def interrupted(*arguments: Any) -> Iterator[Trial]:
         for number, trial in enumerate(trials(*arguments)):
             if number == 2:
@@ -161,7 +161,7 @@ def test_an_interruption_prints_what_is_done(monkeypatch, capsys):
         (["--roi", "eden:9:1", "--out", f"{__file__}/new"], "cannot be made: Not a directory"),
     ],
 )
-def test_what_is_wrong_is_said_in_a_line(arguments, words, capsys):
+def test_wrong_arguments_are_refused_in_a_line(arguments, words, capsys):
     assert main(["simulate", *arguments]) == 2
     streams = capsys.readouterr()
     assert streams.out == ""
@@ -180,7 +180,7 @@ def test_what_is_wrong_is_said_in_a_line(arguments, words, capsys):
         ["--generate", "eden", "--speed", "inf"],
     ],
 )
-def test_usage(arguments, capsys):
+def test_missing_arguments_show_the_usage(arguments, capsys):
     with pytest.raises(SystemExit) as left:
         main(["simulate", *arguments])
     assert left.value.code == 2
@@ -201,7 +201,7 @@ def figures(capsys: pytest.CaptureFixture[str], *options: str) -> Any:
     return printed(capsys, "simulate", *options, "--json")
 
 
-def test_all_methods_on_grown_rois(capsys, tmp_path):
+def test_methods_of_localization_run_on_grown_rois(capsys, tmp_path):
     names = ",".join(METHODS)
     options = ("--generate", "ragged", "--cells", "30", "--count", "2", "--localize", names)
     found = figures(capsys, *options, "--trials", "8", "--out", str(tmp_path))
@@ -219,14 +219,14 @@ def test_all_methods_on_grown_rois(capsys, tmp_path):
     assert figures(capsys, *options, "--trials", "8", "--seed", "2") != found
 
 
-def test_without_a_map_it_takes_longer(capsys):
+def test_localization_without_a_map_takes_longer(capsys):
     options = ("--roi", "eden:30:1", "--localize", "homing", "--trials", "9")
     with_map, without = figures(capsys, *options), figures(capsys, *options, "--no-map")
     assert without["means"]["moves_mean"] > 3 * with_map["means"]["moves_mean"]
     assert without["means"]["right"] == 1.0
 
 
-def test_with_errors_it_says_how_certain_it_is(capsys):
+def test_localization_with_errors_reports_its_confidence(capsys):
     options = ("--roi", "ragged:60:2", "--localize", "plan", "--noise", "0.056,0.11")
     found = figures(capsys, *options, "--slip", "0.02", "--trials", "60")["rois"][0]
     assert found["right"] >= 0.95
@@ -237,14 +237,14 @@ def test_with_errors_it_says_how_certain_it_is(capsys):
     assert low["moves_mean"] < found["moves_mean"]
 
 
-def test_rois_of_a_file(capsys, tmp_path):
+def test_rois_of_a_file_are_localized(capsys, tmp_path):
     path = tmp_path / "rois.json"
     path.write_text('{"rois": [{"start": [0, 0], "cells": [[0, 0], [1, 0], [2, 0], [3, 0]]}]}')
     found = figures(capsys, "--roi", str(path), "--localize", "plan", "--trials", "5")
     assert found["rois"][0]["cells"] == 4
 
 
-def test_people_get_a_table(capsys):
+def test_terminal_gets_a_table(capsys):
     assert main(["simulate", "--roi", "eden:20:1", "--localize", "homing,random"]) == 0
     out = capsys.readouterr().out
     assert "eden:20:1, 100 starts each, with a map" in out

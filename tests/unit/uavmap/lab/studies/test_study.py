@@ -56,7 +56,7 @@ def test_greedy_table_1_is_the_papers_to_the_digit_also_as_json(tmp_path, capsys
 
 
 @pytest.mark.parametrize("n", sorted(greedy_table_1.PAPER))
-def test_the_formulas_give_the_papers_rows(n):
+def test_formulas_give_the_papers_rows(n):
     assert (greedy_table_1.travel(n), greedy_table_1.vertices(n)) == greedy_table_1.PAPER[n]
 
 
@@ -74,7 +74,7 @@ def test_lrv_figure_3_is_within_two_thousandths_of_the_paper(tmp_path):
 @pytest.mark.parametrize(
     ("m", "tolerance"), [(m, 0.0001) for m in lrv_figure_3.PAPER if m >= 300] + [(100, 0.0005)]
 )
-def test_the_formula_gives_the_papers_sequence(m, tolerance):
+def test_formula_gives_the_papers_sequence(m, tolerance):
     assert lrv_figure_3.formula(m) == pytest.approx(lrv_figure_3.PAPER[m], rel=tolerance)
 
 
@@ -90,7 +90,7 @@ def test_roi_figure_7_breaks_no_bound_and_shows_the_papers_trends(tmp_path, monk
     assert "| time falls with the speed ratio | yes | yes | yes |" in page
 
 
-def test_a_broken_bound_is_counted():
+def test_broken_bound_is_counted():
     assert len(roi_figure_7.jobs(False, 1)) >= 10_000  # the full study
     done = roi_figure_7.trial(roi_figure_7.jobs(True, 1)[0])
     assert not done.violated
@@ -98,7 +98,7 @@ def test_a_broken_bound_is_counted():
     assert replace(done, makespan=done.lower * 0.99).violated
 
 
-def test_roi_bounds_tells_the_readings_of_algorithm_1_apart(tmp_path):
+def test_roi_bounds_distinguishes_the_readings_of_algorithm_1(tmp_path):
     rows = study("roi-bounds", tmp_path)
     above = dict.fromkeys(roi_bounds.SIZES, 0)
     for row in rows:
@@ -111,7 +111,7 @@ def test_roi_bounds_tells_the_readings_of_algorithm_1_apart(tmp_path):
     assert sum(int(row["above Lemma 1 with ecc"]) for row in deep) > 0
 
 
-def test_strategies_sets_ours_beside_the_prototypes(tmp_path, monkeypatch):
+def test_strategies_compares_with_the_prototypes(tmp_path, monkeypatch):
     monkeypatch.setattr(strategy_comparison, "QUICK_CELLS", 12)
     monkeypatch.setattr(strategy_comparison, "QUICK_TRIALS", 1)
     rows = study("strategies", tmp_path)
@@ -134,7 +134,7 @@ def test_homing_robot_keeps_its_bounds_and_meets_the_papers_grids(tmp_path):
     assert "0 of\n28 needed fewer" in page
 
 
-def test_two_robots_sets_the_paper_beside(tmp_path):
+def test_two_robots_agrees_with_the_paper(tmp_path):
     rows = study("two-robots", tmp_path)
     assert {row["covering"] for row in rows} == {"triangles", "diamonds"}
     for row in rows:
@@ -144,7 +144,7 @@ def test_two_robots_sets_the_paper_beside(tmp_path):
     assert "as printed" in (tmp_path / "two-robots.md").read_text()
 
 
-def test_leapfrog_says_how_much_better_tracked_errors_are(tmp_path):
+def test_leapfrog_reports_the_gain_of_tracked_errors(tmp_path):
     rows = study("leapfrog", tmp_path)
     assert {(row["m"], row["hops"]) for row in rows} == {
         ("50", "6"), ("100", "12"), ("50", "5"), ("100", "9")
@@ -154,7 +154,7 @@ def test_leapfrog_says_how_much_better_tracked_errors_are(tmp_path):
 
 
 # --- the lawn mower --------------------------------------------------------------------------
-def test_a_lawn_mower_splits_its_rectangle_and_takes_the_better_way():
+def test_lawn_mower_splits_its_rectangle_in_the_better_direction():
     corners = [Cell(0, 0), Cell(9, 3)]
     assert lawn_mower(corners, 1, Metric()) == 39
     assert lawn_mower(corners, 2, Metric()) == 19
@@ -162,7 +162,7 @@ def test_a_lawn_mower_splits_its_rectangle_and_takes_the_better_way():
     assert lawn_mower(corners, 100, Metric()) == 3
 
 
-def test_a_lawn_mower_in_a_drift_takes_the_cheaper_lanes():
+def test_lawn_mower_in_a_drift_takes_the_cheaper_lanes():
     """Short lanes across the drift, and on against it."""
     metric = Metric(speed=2.0, drift_east=1.0)
     along, against, aside = 1 / (2 - 1), 1 / (2 + 1), 1 / 3**0.5
@@ -176,7 +176,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_wherever_the_trials_run_the_files_are_the_same(tmp_path, capsys):
+def test_trials_on_any_workers_give_the_same_files(tmp_path, capsys):
     study("roi-bounds", tmp_path / "here")
     study("roi-bounds", tmp_path / "processes", "--workers", "2")
     with distributed.LocalCluster(
@@ -200,7 +200,7 @@ def test_results_keep_the_order_of_the_jobs():
 
 
 # --- what is said ----------------------------------------------------------------------------
-def test_a_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch):
+def test_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(command, "find_spec", lambda name: None)
     assert main(["study", "strategies", "--out", str(tmp_path / "new")]) == 2
     error = capsys.readouterr().err
@@ -217,13 +217,13 @@ def test_a_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch)
         *((a, "expected tcp://HOST:PORT") for a in ("http://h:1", "tcp://h:70000")),
     ],
 )
-def test_a_scheduler_that_is_none_is_named(address, said, tmp_path, capsys, monkeypatch):
+def test_invalid_scheduler_is_named(address, said, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(command, "ANSWER_S", 0.3)
     assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", address]) == 2
     assert said in capsys.readouterr().err
 
 
-def test_a_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):
+def test_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):
     def missing(name: str) -> None:
         raise ImportError(name)
 
@@ -232,14 +232,14 @@ def test_a_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):
     assert "pip install 'distributed>=" in capsys.readouterr().err
 
 
-def test_an_out_that_cannot_be_made_is_named(tmp_path, capsys):
+def test_output_folder_that_cannot_be_made_is_named(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main(["study", "strategies", "--out", str(tmp_path / "file" / "x")]) == 2
     assert "cannot be made: Not a directory" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", ["csv", "png", "md"])
-def test_nothing_is_overwritten(kind, tmp_path, capsys):
+def test_existing_results_are_not_overwritten(kind, tmp_path, capsys):
     kept = tmp_path / f"strategies.{kind}"
     kept.write_text("ours")
     assert main(["study", "strategies", "--quick", "--out", str(tmp_path)]) == 2
@@ -249,7 +249,7 @@ def test_nothing_is_overwritten(kind, tmp_path, capsys):
     assert [path.read_text() for path in tmp_path.iterdir()] == ["ours"]
 
 
-def test_ctrl_c_ends_it_in_a_line(tmp_path, capsys, monkeypatch):
+def test_ctrl_c_ends_a_study_in_a_line(tmp_path, capsys, monkeypatch):
     def interrupted(job: object) -> None:
         raise KeyboardInterrupt
 
@@ -266,7 +266,7 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize("stream", [io.StringIO(), Terminal()])
-def test_progress_is_told_after_two_seconds(stream, monkeypatch):
+def test_progress_is_shown_after_two_seconds(stream, monkeypatch):
     now_s = 100.0
     monkeypatch.setattr(command.time, "monotonic", lambda: now_s)
     progress = Progress("name", 8, stream)

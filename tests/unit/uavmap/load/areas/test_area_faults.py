@@ -233,7 +233,7 @@ FAULTS: dict[str, tuple[Maker, str]] = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_is_wrong_is_told_in_a_line(fault, tmp_path):
+def test_faulty_file_is_refused_in_a_line(fault, tmp_path):
     assert_refused(*FAULTS[fault], tmp_path)
 
 
@@ -252,7 +252,7 @@ def assert_refused(make: Maker, expected: str, folder: Path) -> None:
 @pytest.mark.parametrize(
     "fault", [name for name in FAULTS if "billions" in name or "bomb" in name or "2 GB" in name]
 )
-def test_no_memory_is_taken(fault, tmp_path):
+def test_faulty_file_takes_little_memory(fault, tmp_path):
     path = FAULTS[fault][0](tmp_path)
     tracemalloc.start()
     try:
@@ -304,7 +304,7 @@ def test_area_that_makes_no_mission_is_refused(case, tmp_path):
     assert expected in laid_out(tmp_path, *features, **wishes)
 
 
-def test_several_areas_are_asked_about(tmp_path):
+def test_several_areas_need_a_choice(tmp_path):
     two = feature(name="North"), feature(moved(0.003), name="South")
     said = laid_out(tmp_path, *two)
     assert "'North', 'South'; choose one with --area NAME, or give --together" in said
@@ -324,7 +324,7 @@ def test_one_of_several_areas_is_chosen_and_all_are_enclosed(tmp_path):
     assert max(place.lon_deg for place in both.box) == pytest.approx(13.3075)
 
 
-def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path):
+def test_keep_out_zone_is_cut_to_the_fence(tmp_path):
     road = [(x + 0.001, y) for x, y in files.POND[:2]] + [(13.31, 52.4566), (13.31, 52.4563)]
     shapes = feature(name="field"), feature(road, name="keep-out road")
     drawing = read_area_file(str(saved(tmp_path, "a.geojson", collection(*shapes))))
@@ -335,14 +335,14 @@ def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path):
     assert fence.contains(Polygon([(lon, lat) for lat, lon in hole]))
 
 
-def test_an_area_over_the_antimeridian(tmp_path):
+def test_area_over_the_antimeridian_is_laid_out(tmp_path):
     ring = [(179.9995, -17.0), (-179.9995, -17.0), (-179.9995, -16.999), (179.9995, -16.999)]
     path = saved(tmp_path, "fiji.geojson", collection(feature(ring)))
     layout = lay_out(read_area_file(str(path)), Wishes())
     assert abs(layout.home.lon_deg) > 179.99
 
 
-def test_a_coast_line_is_simplified(tmp_path):
+def test_coast_line_is_simplified(tmp_path):
     x0, y0 = FIELD[0]
     coast = [(x0 + i * 1e-6, y0 + 1e-6 * (i % 3)) for i in range(1500)]
     path = saved(tmp_path, "coast.geojson", collection(feature([*coast, *FIELD[2:]])))
@@ -357,7 +357,7 @@ def test_swapped_coordinates_are_turned_round(tmp_path):
     assert [(p.lon_deg, p.lat_deg) for p in turned] == list(FIELD)
 
 
-def test_the_system_of_a_file_that_names_none(tmp_path):
+def test_file_without_a_coordinate_system_is_read_by_its_epsg(tmp_path):
     path = files.beside(tmp_path, "a", in_metres())
     ring = read_area_file(str(path), epsg=32633).areas[0].ring
     assert ring[0].lat_deg == pytest.approx(52.456, abs=0.002)
@@ -365,14 +365,14 @@ def test_the_system_of_a_file_that_names_none(tmp_path):
         read_area_file(str(files.KINDS["qgis_shapefile"](tmp_path)), epsg=25833)
 
 
-def test_a_geopackage_that_is_open_elsewhere(tmp_path):
+def test_geopackage_open_in_another_program_is_refused(tmp_path):
     path = files.KINDS["qgis_geopackage"](tmp_path)
     saved(tmp_path, "qgis_geopackage.gpkg-wal", b"x")
     with pytest.raises(AreaError, match="is open in another program"):
         read_area_file(str(path))
 
 
-def test_a_shapefile_whose_rings_turn_the_wrong_way(tmp_path, capfd, caplog):
+def test_shapefile_with_reversed_rings_is_read(tmp_path, capfd, caplog):
     buffer = {suffix: io.BytesIO() for suffix in ("shp", "shx", "dbf")}
     with shapefile.Writer(**buffer, shapeType=5) as writer:
         writer.field("Name", "C", 40)
@@ -384,7 +384,7 @@ def test_a_shapefile_whose_rings_turn_the_wrong_way(tmp_path, capfd, caplog):
     assert caplog.records == []
 
 
-def test_no_byte_of_a_shapefile_is_trusted():
+def test_damaged_shapefile_is_read_or_an_area_error():
     parts = files.shapefile("shapefile_with_hole")
     for suffix in ("shp", "dbf"):
         for place in range(0, len(parts[suffix]), 5):

@@ -58,7 +58,7 @@ def metres(ring: Positions | tuple[tuple[float, float], ...]) -> Polygon:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_becomes_the_field_and_a_mission(kind, tmp_path):
+def test_file_of_each_kind_becomes_the_field_and_a_mission(kind, tmp_path):
     drawing = read_area_file(str(KINDS[kind](tmp_path)))
     (area,) = drawing.areas
     # to half a metre: a datum other than WGS84 is known no better

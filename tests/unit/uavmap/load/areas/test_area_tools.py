@@ -131,11 +131,11 @@ REFUSED: dict[str, tuple[Maker, str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_it_is_refused_in_a_line_that_helps(case, tmp_path):
+def test_unusable_file_is_refused_with_a_remedy(case, tmp_path):
     assert_refused(*REFUSED[case], tmp_path)
 
 
-def test_ways_that_are_left_out_are_told(tmp_path):
+def test_tracks_left_out_are_reported(tmp_path):
     tracks = {"Field": [*FIELD, FIELD[0]], "to it": FIELD[:2]}
     drawing = read_area_file(str(saved(tmp_path, "a.gpx", gpx(tracks=tracks))))
     assert "1 tracks or routes are left out" in drawing.notices[0]
@@ -147,20 +147,20 @@ def test_ways_that_are_left_out_are_told(tmp_path):
     assert drawing.notices == ("open paths are left out; an area is a polygon",)
 
 
-def test_a_way_that_crosses_itself_all_over_costs_nothing(tmp_path):
+def test_track_that_crosses_itself_often_is_read_quickly(tmp_path):
     star = [(13.0 + k * 97 % 151 / 1e4, 52.0 + k * 61 % 149 / 1e4) for k in range(150)]
     drawing = read_area_file(str(saved(tmp_path, "a.gpx", gpx(tracks={"w": [*star, star[0]]}))))
     assert drawing.notices == ()
     assert len(drawing.areas[0].ring) == 150
 
 
-def test_a_structure_beside_a_survey_is_told(tmp_path):
+def test_structure_scan_beside_a_survey_is_reported(tmp_path):
     path = plan(mission={"items": [files.SURVEY, STRUCTURE]})(tmp_path)
     drawing = read_area_file(str(path))
     assert "a structure scan is left out" in drawing.notices[0]
 
 
-def test_a_corridor_of_a_bent_line_has_its_width_everywhere(tmp_path):
+def test_corridor_of_a_bent_line_has_its_width_everywhere(tmp_path):
     bent = files.lat_lon([FIELD[0], FIELD[1], FIELD[2]])
     (area,) = read_area_file(str(corridor(polyline=bent)(tmp_path))).areas
     east_m = 111_447.0 * 0.60924  # a degree of longitude at 52.4565 degrees
@@ -168,7 +168,7 @@ def test_a_corridor_of_a_bent_line_has_its_width_everywhere(tmp_path):
     assert ground.area == pytest.approx(20.0 * (101.8 + 111.3), rel=0.01)
 
 
-def test_a_table_of_wkt_has_its_holes_and_names(tmp_path):
+def test_table_of_wkt_has_its_holes_and_names(tmp_path):
     shape = shapely.Polygon(FIELD, [POND])
     rows = ["name;wkt", f"North;{shape.wkt}", f"Geofence;{shape.buffer(0.001).wkt}"]
     drawing = read_area_file(str(saved(tmp_path, "a.csv", "\n".join(rows))))
@@ -178,7 +178,7 @@ def test_a_table_of_wkt_has_its_holes_and_names(tmp_path):
     assert "names no coordinate system" in drawing.notices[0]
 
 
-def test_an_outline_of_many_corners_fits_into_a_cell(tmp_path):
+def test_outline_of_many_corners_fits_into_a_cell(tmp_path):
     coast = shapely.Point(13.303, 52.456).buffer(0.001, quad_segs=1500)
     (area,) = read_area_file(str(saved(tmp_path, "a.csv", f'wkt\n"{coast.wkt}"'))).areas
     assert len(area.ring) == 6000

@@ -48,7 +48,7 @@ def made_of(path: Path, *options: str) -> Mission:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_region_is_the_box_of_the_next_mission(kind, tmp_path):
+def test_region_is_the_box_of_the_next_mission(kind, tmp_path):
     folder, setting = results(tmp_path)
     name, options = KINDS[kind]
     out = tmp_path / name.partition("/")[0]
@@ -68,7 +68,7 @@ def test_the_region_is_the_box_of_the_next_mission(kind, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["plan", "waypoints"])
-def test_the_plan_of_a_search_is_a_mission_over_the_same_ground(kind, tmp_path):
+def test_plan_of_a_search_is_a_mission_over_the_same_ground(kind, tmp_path):
     file, setting = mission_file(tmp_path)
     plan = tmp_path / f"search.{kind}"
     options = ["--plan", str(tmp_path / "search.plan")]

@@ -138,7 +138,7 @@ def test_zone_matters_unless_it_begins_above_the_ceiling(tmp_path, lower, refere
     assert len(holes(mission)) == 1 + counts
 
 
-def test_limits_in_feet_and_in_an_unknown_unit(tmp_path):
+def test_limits_in_feet_are_converted_and_an_unknown_unit_is_a_hole(tmp_path):
     area = square(60, 60, 20, 20)
     feet = written(tmp_path, layered(area, lower=390, reference="AGL", uom="ft"))
     assert feet.fence.zones[0].effect == "hole"  # 118.9 m
@@ -148,7 +148,7 @@ def test_limits_in_feet_and_in_an_unknown_unit(tmp_path):
     assert levels.fence.zones[0].effect == "hole"
 
 
-def test_zone_that_you_may_fly_in_is_no_hole_and_is_named(tmp_path):
+def test_zone_allowed_by_the_mission_is_no_hole_and_is_named(tmp_path):
     feature = plain(square(60, 60, 20, 20), name="Mine")
     mission = written(tmp_path, feature, keys='allowed_zones = ["Mine"]\n')
     assert len(holes(mission)) == 1

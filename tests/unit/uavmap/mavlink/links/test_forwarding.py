@@ -56,7 +56,7 @@ FRAMES = [
 
 # --- cutting -----------------------------------------------------------------------------------
 @pytest.mark.parametrize("seed", range(20))
-def test_frames_come_out_as_they_went_in_whatever_the_pieces(seed):
+def test_frames_in_arbitrary_pieces_come_out_unchanged(seed):
     rng = random.Random(seed)
     sent = [rng.choice(FRAMES) for _ in range(60)]
     stream = b"boot banner\r\n" + b"".join(sent)
@@ -68,7 +68,7 @@ def test_frames_come_out_as_they_went_in_whatever_the_pieces(seed):
     assert found == sent
 
 
-def test_junk_costs_no_more_than_the_frame_it_hit():
+def test_junk_costs_only_the_frame_it_hit():
     rng, splitter = random.Random(7), Splitter()
     found = []
     for _ in range(300):
@@ -85,7 +85,7 @@ def test_addresses_are_read_without_decoding():
 @pytest.mark.parametrize(
     "kind", [k for k in mav.mavlink_map.values() if "target_system" in k.fieldnames]
 )
-def test_the_target_of_every_message_that_has_one(kind):
+def test_target_of_every_message_is_read(kind):
     values = [b"" if t == "char" and n else [0] * n if n else 0
               for t, n in zip(kind.fieldtypes, _in_order(kind), strict=True)]  # fmt: skip
     values[kind.fieldnames.index("target_system")] = 77
@@ -125,7 +125,7 @@ async def received(link, least=1):
     return data
 
 
-def test_not_a_byte_is_changed_either_way():
+def test_forwarded_frames_are_unchanged_in_both_directions():
     port = free_port(socket.SOCK_DGRAM)
     vehicle, ground = sockets(2)
 
@@ -174,7 +174,7 @@ class Wire:
         self.sent.append(data)
 
 
-def test_a_stations_frames_go_to_whom_they_are_for():
+def test_frames_of_a_station_go_to_their_target():
     forwarding = Forwarding(lambda data: None)
     one, two, both = Wire("one"), Wire("two"), Wire("router")
     for system, wire in ((2, one), (5, two), (6, both), (7, both)):
@@ -187,7 +187,7 @@ def test_a_stations_frames_go_to_whom_they_are_for():
 
 
 @by(in_real_time)
-async def test_a_station_that_does_not_read_holds_up_nobody():
+async def test_station_that_does_not_read_delays_no_link():
     server = socket.create_server((LOOPBACK, 0))  # whose connections nobody reads
     url = parse_url(f"tcpout://{LOOPBACK}:{server.getsockname()[1]}")
     async with open_transport(url, lambda data: False) as station:
@@ -198,7 +198,7 @@ async def test_a_station_that_does_not_read_holds_up_nobody():
     server.close()
 
 
-def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can():
+def test_full_serial_port_delays_no_link_and_is_written_later():
     operator, ours = pty.openpty()
     tty.setraw(ours)
 
@@ -258,7 +258,7 @@ def test_one_port_serves_several_vehicles(routed, said):
 
 
 @by(on_virtual_time)
-async def test_another_system_than_the_one_that_is_meant_is_not_taken():
+async def test_frame_of_another_system_is_ignored():
     session = Session(lambda data: None, lambda data: None)
     session.view.wanted_system = 2
     session.feed(frame(heartbeat(), 1))
@@ -275,7 +275,7 @@ async def test_another_system_than_the_one_that_is_meant_is_not_taken():
         ["udpin://0.0.0.0:14550?system=1", "udpin://0.0.0.0:14550?system=1"],
     ],
 )
-def test_two_on_one_port_have_to_be_told_apart(urls):
+def test_two_vehicles_on_one_port_need_system_numbers(urls):
     with pytest.raises(LinkError, match=r"\?system=1, .*\?system=2"):
         check_urls(urls)
 

@@ -52,7 +52,7 @@ def beat(system=1, mode=4):
 
 
 # --- signatures --------------------------------------------------------------------------------
-def test_pymavlink_believes_what_we_sign_and_we_what_it_signs():
+def test_pymavlink_and_session_accept_each_others_signatures():
     """The other implementation, as a ground station has it."""
     theirs = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     theirs.signing.secret_key, theirs.signing.timestamp = KEY, NOW
@@ -65,7 +65,7 @@ def test_pymavlink_believes_what_we_sign_and_we_what_it_signs():
     assert message.get_type() == "HEARTBEAT"
 
 
-def test_none_of_ten_thousand_forged_frames_is_taken():
+def test_ten_thousand_forged_frames_are_refused():
     """Unsigned, signed with another key, garbled, and replayed frames of our own vehicle."""
     rng = random.Random(1)
     vehicle, forger, ours = signing(), signing(OTHER), signing()
@@ -103,7 +103,7 @@ def test_none_of_ten_thousand_forged_frames_is_taken():
 
 
 @by(on_virtual_time)
-async def test_a_refusal_is_said_once():
+async def test_refused_signature_is_reported_once():
     said = []
     session = Session(lambda frame: None, lambda frame: None)
     session.signing, session.view.gate.say = signing(), said.append
@@ -112,7 +112,7 @@ async def test_a_refusal_is_said_once():
     assert said == ["frames refused: not signed; further ones are counted, and not logged"]
 
 
-def test_a_stream_may_begin_a_minute_ago_and_not_before():
+def test_stream_may_begin_a_minute_ago_and_not_earlier():
     ours = signing()
     ours.next_tick()
     assert signing(now=NOW - NEW_STREAM_BEHIND - 5).sign(beat(2)) != b""
@@ -129,7 +129,7 @@ def test_frames_of_another_dialect_and_of_version_1_are_not_signed():
 
 
 # --- time --------------------------------------------------------------------------------------
-def test_timestamps_rise_whatever_the_clock_does(monkeypatch):
+def test_timestamps_rise_with_any_change_of_the_clock(monkeypatch):
     memory, clock = Memory(), [NOW]
     ours = Signing(KEY, memory, lambda: clock[0])
     ticks = []
@@ -159,7 +159,7 @@ def test_timestamps_survive_restart_and_clock_jump(tmp_path, clean):
 
 
 # --- the file ----------------------------------------------------------------------------------
-def test_a_key_is_its_owners(tmp_path):
+def test_key_file_is_readable_by_its_owner_only(tmp_path):
     path = tmp_path / "key"
     new_key(path)
     assert path.stat().st_mode & 0o777 == 0o600
@@ -173,7 +173,7 @@ def test_a_key_is_its_owners(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "00" * 32, "ab" * 31, "ab" * 33, "zz" * 32, "ab" * 5000])
-def test_what_is_no_key_is_refused_without_being_shown(tmp_path, text):
+def test_invalid_key_is_refused_without_showing_it(tmp_path, text):
     path = tmp_path / "key"
     path.write_text(text)
     path.chmod(0o600)
@@ -182,7 +182,7 @@ def test_what_is_no_key_is_refused_without_being_shown(tmp_path, text):
     assert not text or text not in str(refused.value)
 
 
-def test_a_missing_key_and_a_damaged_memory(tmp_path):
+def test_missing_key_and_damaged_timestamps_are_link_errors(tmp_path):
     path = tmp_path / "key"
     with pytest.raises(LinkError, match="uavmap keys new"):
         read_key(path)
@@ -193,7 +193,7 @@ def test_a_missing_key_and_a_damaged_memory(tmp_path):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_memory_that_cannot_be_kept_is_said(tmp_path):
+def test_timestamps_that_cannot_be_kept_are_a_link_error(tmp_path):
     path = tmp_path / "key"
     new_key(path)
     tmp_path.chmod(0o500)
@@ -201,14 +201,14 @@ def test_a_memory_that_cannot_be_kept_is_said(tmp_path):
         KeptTimestamps(path)
 
 
-def test_the_key_is_in_no_repr():
+def test_key_is_in_no_repr():
     assert KEY.hex() not in repr(signing())
     assert repr(signing()) == "Signing(...)"
 
 
 # --- a vehicle ---------------------------------------------------------------------------------
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_key_removed_vehicle_sends_and_hears_unsigned_frames(field, /):
+async def test_key_removed_vehicle_sends_and_accepts_unsigned_frames(field, /):
     """A real ArduCopter 4.6.2 kept a key of zeros as its key where the time was not 0: it signed
     with it, and refused the owner's.
     """

@@ -98,7 +98,7 @@ async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn():
     ("there", "kind"), [("udp", socket.SOCK_DGRAM), ("tcp", socket.SOCK_STREAM)]
 )
 @by(on_loop)
-async def test_in_and_out_speak_to_each_other(there, kind):
+async def test_listener_and_caller_exchange_bytes(there, kind):
     port = free_port(kind)
     at_home, outside = Ear(), Ear()
     listening = at(f"{there}in", port)
@@ -153,7 +153,7 @@ async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
 
 
 @by(on_loop)
-async def test_a_named_udp_peer_is_never_replaced(monkeypatch):
+async def test_named_udp_peer_is_never_replaced(monkeypatch):
     monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)
     ear, told, loop = Ear(), Told(), asyncio.get_running_loop()
     with (
@@ -180,7 +180,7 @@ async def test_a_named_udp_peer_is_never_replaced(monkeypatch):
 
 
 @by(on_loop)
-async def test_many_strangers_are_not_all_told_of():
+async def test_many_strangers_are_not_all_reported():
     port = free_port(socket.SOCK_DGRAM)
     ear, told = Ear(), Told()
     url = at("udpin", port)
@@ -196,7 +196,7 @@ async def test_many_strangers_are_not_all_told_of():
 
 
 @by(on_loop)
-async def test_a_tcp_server_refuses_a_second_client_while_it_has_one():
+async def test_tcp_server_refuses_a_second_client_while_it_has_one():
     port = free_port(socket.SOCK_STREAM)
     ear, told, first = Ear(), Told(), Ear()
     calling = at("tcpout", port)
@@ -236,7 +236,7 @@ async def taken(port, ear):
 
 
 @by(on_loop)
-async def test_sending_where_nobody_listens_is_no_error():
+async def test_sending_without_a_listener_is_no_error():
     udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     async with open_transport(at("udpout", udp), Ear()) as transport:
         for _ in range(5):
@@ -265,7 +265,7 @@ async def test_sending_where_nobody_listens_is_no_error():
     ids=["tcpout", "udpin", "tcpin", "serial"],
 )
 @by(on_loop)
-async def test_what_cannot_be_opened_is_a_link_error_that_names_it(url):
+async def test_link_that_cannot_be_opened_is_an_error_that_names_it(url):
     with pytest.raises(LinkError) as caught:
         async with open_transport(parse_url(url), Ear()):
             pass
@@ -275,7 +275,7 @@ async def test_what_cannot_be_opened_is_a_link_error_that_names_it(url):
 
 
 @by(on_loop)
-async def test_two_cannot_listen_on_one_port():
+async def test_second_listener_on_a_port_is_refused():
     port = free_port(socket.SOCK_DGRAM)
     url = at("udpin", port)
     async with open_transport(url, Ear()):
@@ -293,7 +293,7 @@ def pseudo_terminal():
 
 
 @by(on_loop)
-async def test_serial_both_ways():
+async def test_serial_port_carries_every_byte_both_ways():
     master, name = pseudo_terminal()
     ear, loop = Ear(), asyncio.get_running_loop()
     every_byte = bytes(range(256))
@@ -311,7 +311,7 @@ async def test_serial_both_ways():
 
 
 @by(on_loop)
-async def test_a_serial_port_that_is_unplugged_raises_nothing():
+async def test_serial_port_that_is_unplugged_raises_nothing():
     master, name = pseudo_terminal()
     ear = Ear()
     async with open_transport(Endpoint("serial", name, 57600), ear) as port:
@@ -355,7 +355,7 @@ async def test_tcp_connection_that_ends_is_made_again(monkeypatch):
 
 
 @by(on_loop)
-async def test_a_serial_port_that_is_plugged_in_again_goes_on(monkeypatch, tmp_path):
+async def test_serial_port_that_is_plugged_in_again_continues(monkeypatch, tmp_path):
     monkeypatch.setattr(serial_port, "REOPEN_S", 0.01)
     plug = tmp_path / "ttyACM0"
     ear, loop = Ear(), asyncio.get_running_loop()
@@ -381,7 +381,7 @@ async def test_a_serial_port_that_is_plugged_in_again_goes_on(monkeypatch, tmp_p
 
 
 @by(on_loop)
-async def test_an_impossible_baud_rate_is_a_link_error():
+async def test_impossible_baud_rate_is_a_link_error():
     master, name = pseudo_terminal()
     try:
         with pytest.raises(LinkError, match="cannot be opened"):

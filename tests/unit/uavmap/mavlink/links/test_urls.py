@@ -31,7 +31,7 @@ ACCEPTED = [
 
 
 @pytest.mark.parametrize(("url", "transport", "host", "port"), ACCEPTED)
-def test_both_styles(url, transport, host, port):
+def test_url_of_either_style_is_read(url, transport, host, port):
     endpoint = parse_url(url)
     assert (endpoint.transport, endpoint.host, endpoint.port) == (transport, host, port)
 
@@ -61,7 +61,7 @@ def test_both_styles(url, transport, host, port):
         ),
     ],
 )
-def test_what_is_refused_says_what_to_write(url, remedy):
+def test_refused_url_is_named_with_a_remedy(url, remedy):
     with pytest.raises(LinkError) as caught:
         parse_url(url)
     assert remedy in str(caught.value)
@@ -89,7 +89,7 @@ endpoints = st.one_of(
 
 
 @given(endpoints)
-def test_round_trip(endpoint):
+def test_url_of_an_endpoint_is_read_back(endpoint):
     assert parse_url(endpoint.url) == endpoint
     if endpoint.transport != "serial":
         assert parse_url(endpoint.url.replace("://", ":", 1)) == endpoint
@@ -98,6 +98,6 @@ def test_round_trip(endpoint):
 
 
 @given(st.text(max_size=40))
-def test_any_text_is_an_endpoint_or_a_link_error(url):
+def test_arbitrary_text_is_an_endpoint_or_a_link_error(url):
     with contextlib.suppress(LinkError):
         parse_url(url)

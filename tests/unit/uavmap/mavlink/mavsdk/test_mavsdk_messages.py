@@ -44,7 +44,7 @@ def messages(draw):
 
 
 @given(messages())
-def test_a_message_survives_the_way_through_json(message):
+def test_message_through_json_is_unchanged(message):
     told = json.loads(json.dumps(fields_of(message)))
     back = message_of(message.get_type(), 3, 7, told)
     assert str(back) == str(message)
@@ -52,7 +52,7 @@ def test_a_message_survives_the_way_through_json(message):
     assert back.get_msgId() == message.get_msgId()
 
 
-def test_a_number_that_is_none_is_told_as_null_and_back():
+def test_number_that_is_nan_is_null_in_json():
     message = mav.MAVLink_command_long_message(1, 1, 22, 0, 0, 0, 0, *[math.nan] * 3, 12.0)
     told = fields_of(message)
     assert [told[f"param{i}"] for i in (1, 4, 7)] == [0, None, 12.0]
@@ -61,12 +61,12 @@ def test_a_number_that_is_none_is_told_as_null_and_back():
 
 
 @given(st.dictionaries(st.sampled_from(["type", "autopilot", "custom_mode"]), st.none()))
-def test_a_whole_number_that_is_missing_makes_no_message(fields):
+def test_whole_number_that_is_missing_makes_no_message(fields):
     assert (message_of("HEARTBEAT", 1, 1, fields) is None) == bool(fields)
 
 
 @given(st.lists(st.binary(max_size=40)), st.integers(1, 7))
-def test_pieces_come_out_as_they_went_in(parts, size):
+def test_pieces_of_a_stream_come_out_unchanged(parts, size):
     stream = b"".join(frames(part) + words({"n": len(part)}) for part in parts)
     pieces = Pieces()
     out = [
@@ -79,7 +79,7 @@ def test_pieces_come_out_as_they_went_in(parts, size):
 
 
 @pytest.mark.parametrize("data", [b"x1234", b"F" + (MOST_BYTES + 1).to_bytes(4, "little")])
-def test_what_is_no_piece_is_said(data):
+def test_invalid_piece_is_a_value_error(data):
     with pytest.raises(ValueError, match="no piece"):
         list(Pieces().feed(data))
 
@@ -102,7 +102,7 @@ def _command(command):
     return mav.MAVLink_command_long_message(1, 1, command, 0, *[0.0] * 7)
 
 
-def test_a_command_goes_as_long_as_it_is_asked_for_and_no_other():
+def test_command_passes_while_it_is_asked_for_and_no_other():
     ends = _Ends()
     arm, mode = (_command(c) for c in (mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_CMD_DO_SET_MODE))
     assert ends.wants(arm) == 0
@@ -133,7 +133,7 @@ def test_each_copy_of_a_mode_that_mavsdk_repeats_takes_a_permit():
     assert ends.wants(mode) == 0
 
 
-def test_a_message_goes_as_often_as_it_was_handed_over():
+def test_message_passes_as_often_as_it_was_handed_over():
     ends = _Ends()
     target = mav.MAVLink_set_position_target_global_int_message(0, 1, 1, 6, 0, *[0] * 11)
     ends.outbox.once(target)
@@ -146,7 +146,7 @@ def test_a_message_goes_as_often_as_it_was_handed_over():
     assert ends.wants(target) == 1
 
 
-def test_of_its_own_accord_mavsdk_only_asks_what_a_vehicle_is():
+def test_mavsdk_by_itself_may_only_request_messages():
     ends = _Ends()
     assert ends.wants(_command(mav.MAV_CMD_REQUEST_MESSAGE)) == 1
     assert (

@@ -39,7 +39,7 @@ def test_cells_have_the_colour_of_their_state(cell, drift_m_s):
     assert near(at(image, data, east_m + 1, north_m - 0.7), STATES[state])
 
 
-def test_north_is_up_and_east_is_right_at_one_scale():
+def test_map_has_north_up_and_east_right_at_one_scale():
     view = map_view(make_map())
     (x0, y0), (x1, y1) = view.pixel(GridPoint(0, 0)), view.pixel(GridPoint(10, -10))
     assert x1 - x0 == pytest.approx(y1 - y0)
@@ -67,7 +67,7 @@ def test_cells_and_box_are_in_view():
         assert 0 < y < view.height_px
 
 
-def test_the_same_map_gives_the_same_bytes(tmp_path):
+def test_same_map_gives_the_same_bytes(tmp_path):
     for name in ("a.png", "b.png"):
         write_sheet(map_scene(make_map()), tmp_path / name)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
@@ -76,7 +76,7 @@ def test_the_same_map_gives_the_same_bytes(tmp_path):
         assert image.size == draw_sheet(map_scene(make_map())).size
 
 
-def test_a_photograph_shows_through_cells_and_less_through_the_region():
+def test_photograph_shows_through_cells_and_less_through_the_region():
     scene = map_scene(make_map())
     view = scene.view
     photograph = np.zeros((view.height_px, view.width_px, 4), np.uint8)
@@ -108,7 +108,7 @@ def test_scale_bars_are_round_and_fit(longest_m):
     assert f"{length_m:e}"[0] in "125"
 
 
-def test_both_backends_draw_every_line_of_the_legend():
+def test_legend_is_drawn_whole_by_both_backends():
     data = make_map()
     data = replace(data, boundary=Polygon([(-3.1, -2.2), (14.3, 1.7), (9.9, 17.6)]))
     scene = map_scene(data)

@@ -46,7 +46,7 @@ def test_true_area_of_nested_discs_lies_within_the_bounds(outer_m, inner_m, asid
         assert one.low_m2 <= one.area_m2 <= one.high_m2 + 1e-9
 
 
-def test_volume_is_area_by_thickness_and_without_bound_where_one_class_has_none():
+def test_volume_is_area_by_thickness_and_unbounded_without_one():
     cells = np.array([[0, 0], [5, 5]], np.int32)
     shares = np.array([[1.0, 0.0], [0.0, 0.5]])
     found = class_areas(CLASSES, GRID, cells, shares, np.array([0, 1]))

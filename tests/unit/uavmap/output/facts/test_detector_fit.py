@@ -66,7 +66,7 @@ def test_detector_fit_after_the_first_frames_reports_once(positive, expected, wa
     assert one.warns == warns
 
 
-def test_detector_fit_counts_ground_and_not_how_often_it_is_seen():
+def test_detector_fit_counts_ground_once_however_often_seen():
     fit = DetectorFit()
     fit.note(frame(0, 0, 80))
     for _ in range(200):
@@ -89,7 +89,7 @@ def with_detector(state, **section):
     return replace(state, setting=replace(state.setting, mission=mission))
 
 
-def test_no_verdict_nearly_all_is_region_tells_nothing_on_any_ground():
+def test_no_verdict_nearly_all_is_region_on_any_ground():
     setting, state = flight()
     for real in (False, True):
         assert "90% of the 200 cells seen" in no_verdict(state, fit_of(9), real=real)
@@ -120,11 +120,11 @@ def test_no_verdict_without_region_depends_on_ground_and_detector():
         ({"name": "paved"}, False),
     ],
 )
-def test_is_untouched_only_with_all_values_of_the_default(section, untouched):
+def test_detector_is_untouched_only_with_all_default_values(section, untouched):
     assert is_untouched(DetectorSection(**section)) == untouched
 
 
-def test_terminal_and_page_report_what_the_detector_takes():
+def test_terminal_and_page_report_a_detector_that_finds_region_everywhere():
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state, out = setting.initial_state(), io.StringIO()
     table, watcher = ProgressTable(Terminal(out)), Watcher(state, real=True)

@@ -85,7 +85,7 @@ NIGHT = [ev.Resumed(80_000.0), connected(1, 80_001.0)]  # a failsafe landed the 
     ],
     ids=["one sortie", "a swap", "two vehicles", "a way that nobody saw", "a night on the ground"],
 )
-def test_a_flight_has_its_figures(events, distance_m, flight_s, makespan_s, sorties, swaps):
+def test_flight_has_its_figures(events, distance_m, flight_s, makespan_s, sorties, swaps):
     found = of(events, vehicles=max(event.vehicle for event in events if event.kind == "tracked"))
     assert (found.distance_m, found.flight_time_s) == (distance_m, flight_s)
     assert found.makespan_s == makespan_s
@@ -95,7 +95,7 @@ def test_a_flight_has_its_figures(events, distance_m, flight_s, makespan_s, sort
     assert len(of(SORTIE).tracks[1]) == 5
 
 
-def test_a_search_that_finds_the_region_has_a_bound():
+def test_search_that_finds_the_region_has_a_bound():
     cell = Cell(0, 4)
     votes = tuple(ev.Vote(c, c == cell, 0.9 * (c == cell)) for c in cell.cross())
     events = list(SORTIE[:6])
@@ -132,7 +132,7 @@ def test_finding_other_patches_seen_counts_only_the_explored_one(others, what, r
     assert finding(state) == f"{what} in 3 judged frames, explored to its end{rest}"
 
 
-def test_nothing_has_happened():
+def test_flight_without_events_has_figures_of_zero():
     state, found = figures(setting(3), [])
     assert (found.distance_m, found.flight_time_s, found.makespan_s) == (0.0, 0.0, 0.0)
     assert (found.sorties, found.battery_swaps, found.exploration_s) == (0, 0, 0.0)
@@ -150,7 +150,7 @@ def flown(seed, strategy):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 9])
-def test_an_exploration_lies_between_its_bounds(seed):
+def test_exploration_lies_between_its_bounds(seed):
     values, found = flown(seed, "rdfs")
     assert found.bound_makespan_s is not None
     assert 0.0 < found.lower_bound_s <= found.exploration_s <= found.bound_makespan_s
@@ -161,18 +161,18 @@ def test_an_exploration_lies_between_its_bounds(seed):
 
 
 @pytest.mark.parametrize(("strategy", "seed"), [("rdfs-paper", 2), ("greedy", 5), ("bfdn", 2)])
-def test_a_promise_that_is_none_in_flight_is_no_bound(strategy, seed):
+def test_bound_that_does_not_hold_in_flight_is_left_out(strategy, seed):
     """`rdfs-paper` promises nothing; `greedy` alone flies straight; no team flies in rounds."""
     values, found = flown(seed, strategy)
     assert found.lower_bound_s > 0.0
     assert (values["bound_makespan_s"], values["bound_held"]) == (None, None)
 
 
-def test_one_vehicle_goes_in_rounds_of_its_own():
+def test_single_vehicle_keeps_the_bound_of_bfdn():
     assert flown(5, "bfdn")[0]["bound_held"] is True
 
 
-def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch):
+def test_flight_that_falls_back_on_stopping_has_a_lower_bound(monkeypatch):
     monkeypatch.setattr(passes, "patience_s", lambda state: 0.5)
     made = mission(
         square(-4, 10, 24, 16),

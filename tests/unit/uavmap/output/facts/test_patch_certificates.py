@@ -60,7 +60,7 @@ def around(cells):
     return {near for cell in cells for near in cell.neighbours()} - cells
 
 
-def test_two_patches_and_all_of_them():
+def test_certificates_of_two_patches_and_of_all():
     """A block of two cells that three frames decide, and one cell whose east is never shown."""
     pair, single = block(0, 4, 2, 1), {Cell(4, 5)}
     ground = around(single) - {Cell(5, 5)}
@@ -88,7 +88,7 @@ def test_two_patches_and_all_of_them():
     assert told[3].endswith("a patch may be missing there")
 
 
-def test_the_lower_bound_is_of_the_ground_that_was_judged_later():
+def test_lower_bound_covers_the_ground_judged_later():
     """20 x 20 cells, one of which is judged at once; two vehicles, level cameras."""
     region = block(0, 0, 20, 20)
     frames = [seen(float(k), {Cell(0, 0)}, set()) for k in range(3)]
@@ -104,7 +104,7 @@ def test_the_lower_bound_is_of_the_ground_that_was_judged_later():
     assert in_all["lower_bound_s"] == patch["lower_bound_s"] > 10.0
 
 
-def test_why_a_cell_is_open():
+def test_open_cell_has_its_reason():
     one = Cell(2, 5)
     frames = [seen(float(k), {one}, set()) for k in range(3)]
     state = state_of(*frames, seen(3.0, set(), {Cell(2, 6)}))
@@ -121,14 +121,14 @@ def test_why_a_cell_is_open():
 
 
 @pytest.mark.parametrize("strategy", ["swath", "rdfs"])
-def test_what_nobody_can_show_is_beyond_the_fence(strategy):
+def test_cell_out_of_every_view_is_beyond_the_fence(strategy):
     """The fence ends at 60 m east: a cell at 80 m is out of every view, one at 40 m is not."""
     cells = [Cell(10, 0), Cell(20, 0), Cell(0, -30)]
     found = beyond_fence(setting(strategy=strategy), cells, 0.0)
     assert found == {Cell(20, 0), Cell(0, -30)}
 
 
-def test_a_cell_that_drifted_out_is_beyond_the_fence():
+def test_cell_that_drifted_out_is_beyond_the_fence():
     there = setting()
     grid = Grid.at(there.mission.home, 4.0, 0.5, 90.0)
     drifting = replace(there, grid=grid)
@@ -136,7 +136,7 @@ def test_a_cell_that_drifted_out_is_beyond_the_fence():
     assert beyond_fence(drifting, [Cell(10, 0)], 120.0)  # 60 m farther
 
 
-def test_without_a_region_there_is_no_certificate_but_of_the_box():
+def test_box_without_a_region_has_the_only_certificate():
     shown = set(setting().box_cells)
     frames = [seen(float(k), set(), shown) for k in range(3)]
     found, in_all = certificates(state_of(*frames), 0.0)
@@ -146,7 +146,7 @@ def test_without_a_region_there_is_no_certificate_but_of_the_box():
     assert list(lines(found, in_all, verbose=True)) == ["search box: 28 of 28 cells decided"]
 
 
-def test_summary_of_a_flight_shows_patches_and_what_was_not_seen(capsys):
+def test_summary_of_a_flight_shows_patches_and_unseen_ground(capsys):
     summary = STOPS.recorded()["summary"]
     assert report(summary, Path("out"), as_json=False) == 0
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
@@ -213,7 +213,7 @@ def test_facts_of_a_fleet_in_any_order_give_one_certificate(drawn, data):
 
 
 # --- in flight ---------------------------------------------------------------------------------
-def test_a_flight_from_two_heights_certifies_each_patch():
+def test_flight_from_two_heights_certifies_each_patch():
     seed = 4
     scenario = scattered(random_scenario(seed, strategy="swath"), seed, high=True)
     flight = fleet(scenario.mission, scenario.roi)

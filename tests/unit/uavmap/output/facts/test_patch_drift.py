@@ -98,7 +98,7 @@ speeds = st.floats(-0.08, 0.08)
 
 @settings(max_examples=8, deadline=None)
 @given(speeds, speeds, st.integers(0, 1000))
-def test_the_drift_of_a_patch_is_found_within_its_error(v_east_m_s, v_north_m_s, seed):
+def test_drift_of_a_patch_is_found_within_its_error(v_east_m_s, v_north_m_s, seed):
     blob = Blob(3.0, -4.0, 60.0, v_east_m_s, v_north_m_s)
     (found,) = measured([blob], frames_of([blob], [0.0, 240.0], seed=seed))
     assert found is not None
@@ -110,7 +110,7 @@ def test_the_drift_of_a_patch_is_found_within_its_error(v_east_m_s, v_north_m_s,
         assert not found.differs
 
 
-def test_two_patches_each_have_their_own_and_oil_that_spreads_does_not_drift():
+def test_drift_of_two_patches_is_separate_and_spreading_is_no_drift():
     blobs = [Blob(0.0, 0.0, 70.0, 0.06, 0.02), Blob(260.0, 40.0, 50.0, -0.05, 0.03)]
     for drift, blob in zip(measured(blobs, frames_of(blobs, [0.0, 260.0])), blobs, strict=True):
         assert drift is not None
@@ -132,18 +132,18 @@ def test_two_patches_each_have_their_own_and_oil_that_spreads_does_not_drift():
     ],
     ids=["nothing seen", "seen once", "seen for too short", "moved too far"],
 )
-def test_what_cannot_be_told_is_not_told(frames):
+def test_drift_that_cannot_be_measured_is_not_reported(frames):
     assert measured([Blob(0.0, 0.0, 60.0)], frames()) == [None]
 
 
-def test_the_order_of_frames_makes_no_difference():
+def test_drift_does_not_depend_on_the_order_of_frames():
     blob = Blob(0.0, 0.0, 60.0, 0.03)
     frames = frames_of([blob], [0.0, 200.0])
     mixed = random.Random(3).sample(frames, len(frames))
     assert measured([blob], frames) == measured([blob], mixed)
 
 
-def test_it_is_told_with_a_true_bearing():
+def test_drift_is_reported_with_a_true_bearing():
     drift = Drift(GRID.drift_east_m_s, GRID.drift_north_m_s, 0.004, 0.0)
     assert drift.figures(GRID) == {
         "speed_m_s": 0.3, "toward_deg": 70.0, "error_m_s": 0.004, "off_m_s": 0.0, "differs": False,
@@ -151,7 +151,7 @@ def test_it_is_told_with_a_true_bearing():
 
 
 # --- in flight ---------------------------------------------------------------------------------
-def test_a_film_that_drifts_otherwise_than_the_mission_says_is_told(tmp_path, monkeypatch, capsys):
+def test_drift_unlike_that_of_the_mission_is_reported(tmp_path, monkeypatch, capsys):
     truly = simulation.setup_of
 
     def drifting(*args, **kwargs):

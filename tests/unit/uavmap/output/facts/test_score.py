@@ -26,7 +26,7 @@ WHOLE = {Cell(column, row) for column in range(5) for row in range(2)}
     ],
     ids=["without faults", "cells left out are missed", "cells too many cost IoU"],
 )
-def test_a_map_against_the_truth(cells, missed, iou):
+def test_map_is_scored_against_the_truth(cells, missed, iou):
     result = score(cells, TRUTH, GRID, [])
     assert result.iou_cells == pytest.approx(iou)
     assert result.cells_missed == missed
@@ -55,20 +55,20 @@ def test_verdicts_at_the_rim_are_free(target, positive, wrong):
     assert result.false_negatives == 3 * (wrong == "negative")
 
 
-def test_a_hole_is_not_region():
+def test_hole_is_not_region():
     ring = Polygon(box(-2, -2, 18, 18).exterior, [box(6, 6, 10, 10).exterior])
     assert shares_of([Cell(2, 2)], ring, GRID)[Cell(2, 2)] == 0.0
     assert score([Cell(2, 2)], ring, GRID, [(Cell(2, 1), Cell(2, 2), True)]).false_positives == 1
 
 
-def test_no_map_is_right_where_there_is_no_region_only():
+def test_empty_map_is_right_only_without_a_region():
     result = score([], Polygon(), GRID, [])
     assert result.iou_cells == 1.0
     assert result.cells_missed == 0
     assert score([], TRUTH, GRID, []).iou_cells == 0.0
 
 
-def test_a_turned_runway_has_the_published_bests():
+def test_turned_runway_has_the_published_bests():
     """Of perfect cell maps: any overlap 0.77, a tenth 0.84 (143 cells), half 0.89 (120)."""
     rng = np.random.default_rng(7)
     found = {0.0: [], 0.1: [], 0.5: []}

@@ -16,7 +16,7 @@ from uavmap.output.film import film as films
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 1000), st.integers(1, 5), st.floats(0.0, 1.0))
-def test_a_film_shows_the_tree_as_it_was(seed, robots, part):
+def test_film_shows_the_tree_as_it_was(seed, robots, part):
     roi = small_roi(20, seed)
     run = explored(roi, robots)
     t = part * run.makespan
@@ -29,7 +29,7 @@ def test_a_film_shows_the_tree_as_it_was(seed, robots, part):
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 1000), st.integers(1, 5))
-def test_robots_that_only_meet_know_what_any_of_them_saw(seed, robots):
+def test_robots_that_only_meet_show_the_cells_of_all(seed, robots):
     roi = small_roi(20, seed)
     run = explored(roi, robots, Comms.MEETING)
     film = film_of_run(run, roi, "")
@@ -66,7 +66,7 @@ def test_robots_move_along_their_legs_and_wait_between():
 
 @pytest.mark.parametrize("unit", list(films.Unit))
 @pytest.mark.parametrize("end_t", [0.0, 0.5, 7.0, 300.0, 1e6])
-def test_no_film_is_longer_than_twenty_seconds(unit, end_t):
+def test_film_is_never_longer_than_twenty_seconds(unit, end_t):
     film = films.Film("", unit, end_t, frozenset(), (), {}, films.Place(0.0, 0.0))
     times = film.times()
     assert (times[0], times[-1]) == (0.0, end_t)
@@ -74,7 +74,7 @@ def test_no_film_is_longer_than_twenty_seconds(unit, end_t):
     assert times == sorted(times)
 
 
-def test_a_trail_goes_round_the_corners():
+def test_trail_goes_round_the_corners():
     corner, end = films.Place(1.0, 0.0), films.Place(1.0, 1.0)
     track = (films.Fix(0.0, films.Place(0.0, 0.0)), films.Fix(1.0, corner), films.Fix(2.0, end))
     film = films.Film("", films.Unit.STEPS, 2.0, frozenset(), (), {0: track}, films.Place(0.0, 0.0))
@@ -91,7 +91,7 @@ def seen(t_s, positive):
     return FrameSeen(1, t_s, Cell(2, 0), votes)
 
 
-def test_what_was_judged_and_where_the_vehicle_was_as_seen_from_the_roi():
+def test_film_shows_cells_and_vehicle_relative_to_the_roi():
     setting = setting_of(mission(BOX, FENCE, drift_m_s=0.4, toward_deg=90.0))
     events = [
         Connected(1, 0.0, GridPoint(0.0, 0.0), GridPoint(0.0, 0.0), 0.0, False, True, 25.0),
@@ -114,7 +114,7 @@ def test_what_was_judged_and_where_the_vehicle_was_as_seen_from_the_roi():
     assert Cell(2, 0) in state.belief.roi
 
 
-def test_of_photographs_there_are_cells_and_no_tracks():
+def test_film_of_photographs_has_cells_and_no_tracks():
     setting = setting_of(mission(BOX, FENCE))
     events = [seen(0.1 * i, True) for i in range(5)]
     film, _ = films.film_of_flight(setting, events, "photographs", recorded=True)

@@ -28,7 +28,7 @@ def corner_of(cell):
     return Place(cell.east - 0.4, cell.north + 0.4)
 
 
-def test_what_is_drawn_piecemeal_is_what_is_drawn_at_once():
+def test_frames_drawn_singly_are_those_drawn_together():
     film = small_film(robots=3)
     times = film.times()
     together = list(Stage(film).frames(times))
@@ -47,7 +47,7 @@ def test_cells_have_the_colours_of_their_states_in_every_frame():
             assert at(stage, frame, corner_of(cell)) == (STATES[state] if state else HIDDEN)
 
 
-def test_a_gif_loops_and_shows_the_robots_where_they_are(tmp_path):
+def test_gif_loops_and_shows_the_robots_where_they_are(tmp_path):
     film, path = small_film(robots=2), tmp_path / "film.gif"
     write_film(film, path, print)
     stage, times = Stage(film), film.times()
@@ -68,7 +68,7 @@ def test_a_gif_loops_and_shows_the_robots_where_they_are(tmp_path):
     assert at(stage, frames[-1], corner_of(max(film.roi))) == STATES["explored"]
 
 
-def test_an_mp4_holds_every_frame_and_then_the_last(tmp_path):
+def test_mp4_holds_every_frame_and_then_the_last(tmp_path):
     film, path = small_film(cells=9), tmp_path / "film.MP4"
     write_film(film, path, print)
     stage, video = Stage(film), cv2.VideoCapture(str(path))
@@ -88,7 +88,7 @@ def test_an_mp4_holds_every_frame_and_then_the_last(tmp_path):
             assert np.abs(found - track_colour(robot)).max() < 40  # the codec loses a little
 
 
-def test_on_the_ground_a_disc_is_hollow():
+def test_disc_of_a_vehicle_on_the_ground_is_hollow():
     track = (Fix(0.0, Place(1.0, 0.0), False), Fix(1.0, Place(1.0, 0.0), True))
     changes = (Change(0.0, Cell(0, 0), "non-roi"), Change(0.0, Cell(2, 2), "explored"))
     film = Film("", Unit.SECONDS, 2.0, frozenset(), changes, {1: track}, Place(0.0, 0.0))
@@ -99,7 +99,7 @@ def test_on_the_ground_a_disc_is_hollow():
     assert at(stage, air, corner_of(Cell(0, 0))) == STATES["non-roi"]
 
 
-def test_the_start_drifts_away_from_the_cells():
+def test_start_drifts_away_from_the_cells():
     start, drift = Place(0.0, 0.0), Place(2.0, 0.0)
     film = Film("", Unit.SECONDS, 3.0, frozenset({Cell(0, 0)}), (), {}, start, drift)
     stage = Stage(film)
@@ -110,7 +110,7 @@ def test_the_start_drifts_away_from_the_cells():
     assert at(stage, last, ring) != PAPER
 
 
-def test_a_roi_of_one_cell_and_one_that_is_very_long(tmp_path):
+def test_roi_of_one_cell_and_a_very_long_one_are_drawn(tmp_path):
     write_film(small_film(cells=1), tmp_path / "one.gif", print)
     line = frozenset(Cell(east, 0) for east in range(1500))
     film = Film("", Unit.STEPS, 0.0, line, (), {}, Place(0.0, 0.0))
@@ -137,7 +137,7 @@ def test_bad_names_are_refused_in_a_line(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["folder.gif"]
 
 
-def test_a_disk_that_does_not_take_it_is_said(tmp_path, monkeypatch):
+def test_film_that_cannot_be_written_is_an_output_error(tmp_path, monkeypatch):
     monkeypatch.setattr(writers.os, "access", lambda path, mode: False)
     with pytest.raises(OutputError, match="may not be written to"):
         write_film(small_film(cells=4), tmp_path / "film.gif", print)
@@ -151,14 +151,14 @@ def test_a_disk_that_does_not_take_it_is_said(tmp_path, monkeypatch):
         write_film(small_film(cells=4), tmp_path / "film.gif", print)
 
 
-def test_a_missing_codec_is_said(tmp_path, monkeypatch):
+def test_missing_codec_is_an_output_error(tmp_path, monkeypatch):
     monkeypatch.setattr(writers.cv2, "VideoWriter", MagicMock())
     writers.cv2.VideoWriter.return_value.isOpened.return_value = False
     with pytest.raises(OutputError, match=r"mp4v is missing.*\.gif"):
         write_film(small_film(cells=4), tmp_path / "film.mp4", print)
 
 
-def test_whoever_waits_long_hears_of_it(tmp_path, monkeypatch):
+def test_film_that_takes_long_reports_its_progress(tmp_path, monkeypatch):
     ticks = iter(range(10_000))
     monkeypatch.setattr(writers.time, "monotonic", lambda: float(next(ticks)))
     said = []

@@ -45,7 +45,7 @@ def flight():
     return events, film
 
 
-def test_write_recording_flight_with_frames_logs_each_on_the_timeline(stream, tmp_path):
+def test_recording_of_a_flight_logs_each_frame_on_the_timeline(stream, tmp_path):
     events, film = flight()
     png = io.BytesIO()
     Image.new("RGB", (32, 24)).save(png, "PNG")
@@ -70,7 +70,7 @@ def test_write_recording_flight_with_frames_logs_each_on_the_timeline(stream, tm
     assert cells == sorted(cells)
 
 
-def test_write_recording_folder_is_missing_raises_output_error(stream, tmp_path):
+def test_recording_without_a_folder_is_an_output_error(stream, tmp_path):
     events, film = flight()
     stream.save.side_effect = RuntimeError("no such folder")
     with pytest.raises(OutputError, match="no such folder"):

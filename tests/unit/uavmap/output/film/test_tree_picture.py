@@ -29,7 +29,7 @@ def trees(draw):
 
 @settings(max_examples=40, deadline=None)
 @given(trees())
-def test_backbone_and_ribs_make_up_the_tree(tree):
+def test_tree_consists_of_backbone_and_ribs(tree):
     spine = tree_picture.backbone(tree)
     assert spine[0] == tree.root
     assert not tree.children(spine[-1])
@@ -47,7 +47,7 @@ def test_backbone_and_ribs_make_up_the_tree(tree):
 
 @settings(max_examples=25, deadline=None)
 @given(trees())
-def test_by_depth_no_edges_cross_and_no_vertices_meet(tree):
+def test_tree_drawn_by_depth_has_no_crossing_edges(tree):
     spots = tree_picture.spread(tree)
     assert spots.keys() == tree.vertices.keys()
     assert len(set(spots.values())) == len(tree)
@@ -69,7 +69,7 @@ def half_explored():
     return tree_until(run, roi, 0.5 * run.makespan)
 
 
-def test_a_png_shows_states_and_backbone_where_they_are(tmp_path):
+def test_png_shows_states_and_backbone_where_they_are(tmp_path):
     tree, path = half_explored(), tmp_path / "tree.png"
     tree_picture.draw_tree(tree, path, title="half way")
     west = min(c.east for c in tree.vertices)
@@ -92,7 +92,7 @@ def test_a_png_shows_states_and_backbone_where_they_are(tmp_path):
             assert picture.getpixel(middle) == tree_picture.BACKBONE
 
 
-def test_an_svg_holds_every_vertex_twice_and_says_what_it_shows(tmp_path):
+def test_svg_has_every_vertex_twice_and_a_title(tmp_path):
     tree, path = half_explored(), tmp_path / "tree.SVG"
     tree_picture.draw_tree(tree, path, title="half <way> & on")
     drawing = ElementTree.fromstring(path.read_text("utf-8"))
@@ -112,7 +112,7 @@ def test_an_svg_holds_every_vertex_twice_and_says_what_it_shows(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["tree.png", "tree.svg"])
-def test_the_same_tree_gives_the_same_bytes(tmp_path, name):
+def test_same_tree_gives_the_same_bytes(tmp_path, name):
     draws = []
     for title in ("one", "one", "other"):
         tree_picture.draw_tree(half_explored(), tmp_path / name, title=title)
@@ -120,7 +120,7 @@ def test_the_same_tree_gives_the_same_bytes(tmp_path, name):
     assert draws[0] == draws[1] != draws[2]
 
 
-def test_a_tree_of_one_vertex_is_drawn(tmp_path):
+def test_tree_of_one_vertex_is_drawn(tmp_path):
     tree_picture.draw_tree(Tree.rooted(START), tmp_path / "one.png", title="one")
     with Image.open(io.BytesIO((tmp_path / "one.png").read_bytes())) as picture:
         assert picture.width > 100
@@ -128,7 +128,7 @@ def test_a_tree_of_one_vertex_is_drawn(tmp_path):
     assert any("1 vertex " in getattr(shape, "text", "") for shape in shapes)
 
 
-def test_a_tree_too_large_to_draw_and_bad_names_are_refused(tmp_path):
+def test_tree_too_large_to_draw_and_bad_names_are_refused(tmp_path):
     vertices = {
         Cell(i, 0): Vertex(Cell(i - 1, 0) if i else None, i, looked=True) for i in range(2000)
     }

@@ -92,7 +92,7 @@ def read(file, layer):
     return meta, fids, list(shapely.from_wkb(binary)), values
 
 
-def test_the_geopackage_is_one_by_the_standard(folder, tmp_path):
+def test_geopackage_follows_the_standard(folder, tmp_path):
     file = exported(folder, "gpkg", tmp_path / "map.gpkg")
     with contextlib.closing(sqlite3.connect(file)) as database:
         ask = database.execute
@@ -111,7 +111,7 @@ def test_the_geopackage_is_one_by_the_standard(folder, tmp_path):
             assert when.startswith(UTC)  # no clock of this computer
 
 
-def test_the_styles_are_in_the_colours_of_the_picture(folder, tmp_path):
+def test_styles_are_in_the_colours_of_the_picture(folder, tmp_path):
     file = exported(folder, "gpkg", tmp_path / "map.gpkg")
     with contextlib.closing(sqlite3.connect(file)) as database:
         rows = database.execute(
@@ -147,7 +147,7 @@ def test_the_styles_are_in_the_colours_of_the_picture(folder, tmp_path):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_the_same_flight_gives_the_same_bytes(kind, folder, flown):
+def test_same_flight_gives_the_same_bytes(kind, folder, flown):
     assert files_of(flown, kind) == files_of(flown_of(folder), kind)
     assert all(len(field.name) <= 10 for layer in layers(flown) for field in layer.fields)
 
@@ -188,7 +188,7 @@ def test_kml_is_valid_against_the_schema_of_the_ogc(folder, tmp_path, schema):
     assert fastkml.KML.parse(file).features
 
 
-def test_the_map_of_a_flight_is_valid_kml_too(schema):
+def test_map_of_a_flight_is_valid_kml(schema):
     schema.assertValid(lxml.etree.fromstring(written(kml.write, make_map()).encode()))
 
 
@@ -288,7 +288,7 @@ def test_holes_the_south_and_the_date_line_keep_the_rules(tmp_path, schema):
 
 
 @pytest.mark.parametrize("kind", [kind for kind in FORMATS if kind != "wpml"])
-def test_a_map_of_nothing_has_files_too(kind, tmp_path):
+def test_map_of_nothing_has_all_files(kind, tmp_path):
     files = files_of(flown_at(empty_map(), tmp_path), kind)
     assert all(files.values())
     if kind == "gpkg":
@@ -350,7 +350,7 @@ def test_csv_has_a_row_a_cell_with_degrees(folder, tmp_path):
 
 
 # --- what is refused ------------------------------------------------------------------------------
-def test_what_does_not_fit_together_is_told_in_a_line(folder, tmp_path, refused):
+def test_export_of_options_that_do_not_fit_is_refused_in_a_line(folder, tmp_path, refused):
     there = tmp_path / "there.kml"
     there.write_text("mine")
     for options, said in (

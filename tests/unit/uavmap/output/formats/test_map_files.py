@@ -45,7 +45,7 @@ def places(element):
 
 
 # --- GeoJSON -------------------------------------------------------------------------------------
-def test_every_geometry_is_valid_with_longitudes_first_and_seven_decimals():
+def test_geometries_are_valid_with_longitudes_first_and_seven_decimals():
     found = read(make_map())
     assert found["type"] == "FeatureCollection"
     assert len(found["features"]) == len(make_map().cells) + 2
@@ -58,7 +58,7 @@ def test_every_geometry_is_valid_with_longitudes_first_and_seven_decimals():
             assert lon == round(lon, 7)
 
 
-def test_the_outline_is_the_union_with_its_hole():
+def test_outline_is_the_union_with_its_hole():
     (outline,) = of_kind(read(make_map()), "outline")
     region = shape(outline["geometry"])
     assert isinstance(region, MultiPolygon)
@@ -69,7 +69,7 @@ def test_the_outline_is_the_union_with_its_hole():
     assert area_m2 == pytest.approx(cells * 16.0, rel=1e-3)
 
 
-def test_a_cell_has_its_votes_and_lies_where_the_grid_says():
+def test_cell_has_its_votes_and_its_place_on_the_grid():
     data = make_map()
     cells = {f["id"]: f for f in of_kind(read(data), "cell")}
     assert cells["cell 5 5"]["properties"] == {
@@ -80,7 +80,7 @@ def test_a_cell_has_its_votes_and_lies_where_the_grid_says():
     assert (centre.x, centre.y) == pytest.approx((place.lon_deg, place.lat_deg), abs=1e-7)
 
 
-def test_a_drifting_map_is_drawn_where_the_region_is():
+def test_drifting_map_is_drawn_where_the_region_is():
     still, drifting = (read(make_map(drift_m_s=v))["features"][0] for v in (0.0, 0.4))
     a, b = (shape(f["geometry"]).centroid for f in (still, drifting))
     bearing_deg, _, distance_m = GEOD.inv(a.x, a.y, b.x, b.y)
@@ -96,7 +96,7 @@ def test_tracks_have_heights_and_times():
     assert (track["properties"]["start_s"], track["properties"]["end_s"]) == (0.0, 100.0)
 
 
-def test_written_whole_and_dated_where_the_date_is_known(tmp_path):
+def test_map_file_is_written_whole_and_dated_if_the_date_is_known(tmp_path):
     path = tmp_path / "map.geojson"
     path.write_text("old")
     geojson.write(make_map(), path)
@@ -108,7 +108,7 @@ def test_written_whole_and_dated_where_the_date_is_known(tmp_path):
 
 
 # --- KML -----------------------------------------------------------------------------------------
-def test_a_folder_for_every_state_that_occurs():
+def test_kml_has_a_folder_for_each_state_that_occurs():
     root = read_kml(make_map())
     assert root.findtext("k:Document/k:name", namespaces=NS) == "test <map> & more"
     states = folder(root, "Cells").findall("k:Folder", NS)
@@ -116,7 +116,7 @@ def test_a_folder_for_every_state_that_occurs():
     assert counts == {"explored": 22, "under exploration": 1, "unexplored": 1, "non-roi": 5}
 
 
-def test_every_style_is_defined_with_colours_backwards():
+def test_kml_styles_are_defined_with_reversed_colours():
     root = read_kml(make_map())
     used = {e.text for e in root.iter(f"{{{kml.NAMESPACE}}}styleUrl")}
     assert used <= {"#" + e.attrib["id"] for e in root.iter(f"{{{kml.NAMESPACE}}}Style")}
@@ -126,7 +126,7 @@ def test_every_style_is_defined_with_colours_backwards():
     assert colour == f"ff{blue:02x}{green:02x}{red:02x}"
 
 
-def test_the_outline_has_a_hole_and_closed_rings_and_tracks_fly_above_ground():
+def test_kml_outline_has_a_hole_and_tracks_are_above_ground():
     root = read_kml(make_map())
     outline, tracks = folder(root, "Outline"), folder(root, "Tracks")
     assert len(outline.findall(".//k:Polygon", NS)) == 2
@@ -140,7 +140,7 @@ def test_the_outline_has_a_hole_and_closed_rings_and_tracks_fly_above_ground():
 
 
 # --- both ----------------------------------------------------------------------------------------
-def test_a_map_of_nothing():
+def test_map_of_nothing_has_an_empty_outline():
     found = read(empty_map())
     (outline,) = found["features"]
     assert outline["geometry"] is None
@@ -151,7 +151,7 @@ def test_a_map_of_nothing():
     assert not root.findall(".//k:Placemark", NS)
 
 
-def test_ground_that_nobody_judged_is_in_every_map_and_in_none_without_any():
+def test_unsearched_ground_is_in_each_map_that_has_some():
     full = make_map()
     start, end = (full.grid.position(GridPoint(east_m, 4.0)) for east_m in (0.0, 20.0))
     gap = replace(full, unsearched=((start, end),))

@@ -26,11 +26,11 @@ FENCE = [
 RALLY = [Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(48.0001, 11.0001), height_m=30.0)]
 
 
-def test_the_schema_is_one():
+def test_schema_of_a_plan_is_valid():
     Draft202012Validator.check_schema(SCHEMA)
 
 
-def test_the_fence_that_was_on_an_autopilot_is_as_documented(tmp_path):
+def test_fence_read_from_an_autopilot_is_as_documented(tmp_path):
     path = tmp_path / "fence-before-1.plan"
     path.write_text(plan_text(Firmware.ARDUPILOT, LatLon(48.0, 11.0), FENCE, RALLY), "utf-8")
     assert faults_of(json.loads(path.read_text("utf-8"))) == []
@@ -53,7 +53,7 @@ BREAKS = {
 }
 
 
-def test_schema_finds_what_is_not_as_documented(tmp_path):
+def test_schema_finds_each_undocumented_change(tmp_path):
     file, _ = mission_file(tmp_path)
     plan = exported(tmp_path, file)
     for name, spoil in BREAKS.items():
@@ -78,6 +78,6 @@ PLANS = [name for name in area_files.KINDS if name.startswith("qgc_") and name n
 
 
 @pytest.mark.parametrize("kind", PLANS)
-def test_the_plans_that_are_read_in_tests_are_as_documented_too(kind, tmp_path):
+def test_plans_read_in_tests_are_as_documented(kind, tmp_path):
     path = area_files.KINDS[kind](tmp_path)
     assert faults_of(json.loads(path.read_text("utf-8"))) == []

@@ -48,7 +48,7 @@ def lay_mosaic(folder):
 
 
 # --- KMZ ----------------------------------------------------------------------------------------
-def test_kmz_without_a_mosaic_has_the_map_alone_and_says_so(folder, tmp_path, capsys):
+def test_kmz_without_a_mosaic_has_the_map_alone_and_a_notice(folder, tmp_path, capsys):
     file = tmp_path / "map.kmz"
     assert main(["export", str(folder), "--to", "kmz", "--out", str(file)]) == 0
     with zipfile.ZipFile(file) as archive:
@@ -137,7 +137,7 @@ def test_stac_item_lies_in_the_folder_of_its_assets(folder, tmp_path, refused):
     assert json.loads(name.read_text("utf-8"))["id"] == folder.name
 
 
-def test_stac_item_of_a_camera_whose_zone_is_unknown_says_so(tmp_path):
+def test_stac_item_of_a_camera_without_a_time_zone_states_it(tmp_path):
     flown = flown_at(make_map(), tmp_path)
     by_camera = Calendar(0.0, clock="camera")
     (data,) = files_of(replace(flown, calendar=by_camera), "stac").values()

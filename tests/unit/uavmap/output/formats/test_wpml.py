@@ -168,7 +168,7 @@ def test_wpml_of_results_flies_over_the_whole_region_and_its_margin(folder, tmp_
 
 
 @pytest.mark.parametrize("member", [2, None])
-def test_follow_up_begins_at_the_home_of_the_vehicle_whose_results_these_are(tmp_path, member):
+def test_follow_up_begins_at_the_home_of_its_own_vehicle(tmp_path, member):
     _, setting = mission_file(tmp_path, vehicles=3, layer_m=7.0)
     data = make_map(start=setting.mission.home)
     flown = flown_at(replace(data, grid=setting.grid), tmp_path)
@@ -207,7 +207,7 @@ BREAKS = {
 
 
 @pytest.mark.parametrize("fault", BREAKS)
-def test_checker_finds_what_is_not_as_documented(tmp_path, fault):
+def test_checker_finds_each_undocumented_change(tmp_path, fault):
     file, _ = mission_file(tmp_path)
     exported(tmp_path, file)
     old, new = BREAKS[fault]

@@ -37,7 +37,7 @@ def report_of(folder):
     return page
 
 
-def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path):
+def test_report_of_a_flight_answers_a_customers_questions(tmp_path):
     folder = folder_of(tmp_path)
     text = report_of(folder).text
     for said in (
@@ -70,7 +70,7 @@ def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path):
         assert said in text, said
 
 
-def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_path):
+def test_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_path):
     folder = folder_of(tmp_path)
     log = flown_of(folder).log
     (first, second), ((vehicle, swapped_s),) = log.sorties(), log.swaps
@@ -86,7 +86,7 @@ def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_
     assert re.findall(r'data-head="Lift-off">([^<]+)<', page)[0] == "2020-01-01 00:00:08"
 
 
-def test_the_page_loads_nothing_and_runs_nothing(tmp_path):
+def test_page_loads_nothing_and_runs_nothing(tmp_path):
     folder = folder_of(tmp_path)
     keep_frames(folder)
     page = report_of(folder)
@@ -103,7 +103,7 @@ def test_the_page_loads_nothing_and_runs_nothing(tmp_path):
     assert page.tags.count("img") == 8
 
 
-def test_words_from_outside_are_words(tmp_path):
+def test_text_from_outside_is_shown_as_text(tmp_path):
     plan = replace(named("R&D 'x'"), version=EVIL)
     folder = folder_of(tmp_path, with_troubles(), plan)
     keep_frames(folder)
@@ -120,7 +120,7 @@ def test_words_from_outside_are_words(tmp_path):
     assert "Frames lost 3" in page.text
 
 
-def test_frames_that_are_gone_or_none_are_left_out(tmp_path):
+def test_missing_or_invalid_frames_are_left_out(tmp_path):
     folder = folder_of(tmp_path)
     keep_frames(folder)
     outside = tmp_path / "secret.jpg"
@@ -131,7 +131,7 @@ def test_frames_that_are_gone_or_none_are_left_out(tmp_path):
     assert "img" not in report_of(folder).tags
 
 
-def test_an_interrupted_flight_has_a_report_that_says_so(tmp_path, capsys):
+def test_report_of_an_interrupted_flight_states_it(tmp_path, capsys):
     middle = next(i for i, event in enumerate(EVENTS) if event.t_s > 50.0)
     folder = folder_of(tmp_path, EVENTS[:middle])
     text = report_of(folder).text
@@ -144,7 +144,7 @@ def test_an_interrupted_flight_has_a_report_that_says_so(tmp_path, capsys):
     assert "completed,no" in (folder / "csv" / "about.csv").read_text("utf-8")
 
 
-def test_a_journal_without_an_event_has_a_report(tmp_path):
+def test_journal_without_an_event_has_a_report(tmp_path):
     folder = folder_of(tmp_path, [])
     assert "Not complete: no region found in 0 judged frames" in report_of(folder).text
 
@@ -163,7 +163,7 @@ def test_journal_that_cannot_be_locked_or_written_is_exported(tmp_path):
 
 
 @pytest.mark.parametrize("command", [["report"], ["export", "--to", "gpkg"]])
-def test_a_folder_that_is_none_is_told_in_a_line(command, tmp_path, refused):
+def test_folder_without_results_is_refused_in_a_line(command, tmp_path, refused):
     damaged = folder_of(tmp_path)
     journal = damaged / "journal.jsonl"
     data = bytearray(journal.read_bytes())
@@ -173,7 +173,7 @@ def test_a_folder_that_is_none_is_told_in_a_line(command, tmp_path, refused):
         assert str(folder) in refused(command[0], folder, *command[1:])
 
 
-def test_a_report_elsewhere_overwrites_nothing(tmp_path, capsys, refused):
+def test_report_to_another_folder_overwrites_nothing(tmp_path, capsys, refused):
     folder, out = folder_of(tmp_path), tmp_path / "field.html"
     assert main(["report", str(folder), "--out", str(out)]) == 0
     assert not (folder / REPORT).exists()
@@ -184,7 +184,7 @@ def test_a_report_elsewhere_overwrites_nothing(tmp_path, capsys, refused):
     assert out.read_bytes() == before
 
 
-def test_the_report_made_anew_is_that_of_the_flight(tmp_path):
+def test_report_made_again_is_that_of_the_flight(tmp_path):
     truth = {"min_separation_m": None, "fence_breaches": 0}
     folder = folder_of(tmp_path, truth=truth)
     setting = STOPS.setting()
@@ -205,7 +205,7 @@ def test_the_report_made_anew_is_that_of_the_flight(tmp_path):
     assert kept["area_low_m2"] <= roi.area <= kept["area_high_m2"]
 
 
-def test_a_full_disk_costs_the_page_and_never_the_map(tmp_path, monkeypatch):
+def test_full_disk_costs_the_page_and_never_the_map(tmp_path, monkeypatch):
     folder = folder_of(tmp_path)
     told = []
     flown, _ = flown_flight(folder, PLAN, figures(STOPS.setting(), EVENTS))
@@ -228,7 +228,7 @@ def test_a_full_disk_costs_the_page_and_never_the_map(tmp_path, monkeypatch):
     }  # fmt: skip
 
 
-def test_a_geopackage_that_is_open_elsewhere_is_left_alone(tmp_path):
+def test_geopackage_open_in_another_program_is_left_alone(tmp_path):
     folder = folder_of(tmp_path)
     (folder / "map.gpkg").write_bytes(b"edited")
     (folder / "map.gpkg-wal").write_bytes(b"log")
@@ -254,7 +254,7 @@ def test_real_aircraft_have_real_dates_and_no_truth(tmp_path):
     assert flown.data.truth is None
 
 
-def test_dates_that_no_calendar_has_are_not_known(tmp_path):
+def test_impossible_dates_are_unknown(tmp_path):
     plan = replace(PLAN, epoch_utc_s=1e300)
     flown = flown_of(folder_of(tmp_path, plan=plan))
     assert flown.values["begun_utc"] is None

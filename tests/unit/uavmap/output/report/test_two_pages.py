@@ -73,7 +73,7 @@ def in_order(text: str, parts: Sequence[str]) -> None:
     assert places == sorted(places)
 
 
-def test_pdf_of_a_flight_has_two_pages_with_what_is_unknown_first(tmp_path: Path) -> None:
+def test_pdf_of_a_flight_has_two_pages_with_unknowns_first(tmp_path: Path) -> None:
     first, second = texts(encoded(flown_of(folder_of(tmp_path))))
     in_order(
         first,
@@ -167,7 +167,7 @@ def test_pdf_draws_the_region_where_the_map_is(tmp_path: Path) -> None:
     assert 0.2 * picture.shape[1] < columns.mean() < 0.8 * picture.shape[1]
 
 
-def test_report_writes_both_and_out_names_one(
+def test_report_writes_page_and_pdf_or_the_one_that_out_names(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, out = folder_of(tmp_path), tmp_path / "field.PDF"
@@ -184,7 +184,7 @@ def test_report_writes_both_and_out_names_one(
     assert out.read_bytes() == (folder / REPORT_PDF).read_bytes()
 
 
-def test_without_reportlab_the_page_is_written_and_a_line_names_the_extra(
+def test_report_without_reportlab_writes_the_page_and_names_the_extra(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, refused
 ) -> None:
     folder, out = folder_of(tmp_path), tmp_path / "field.pdf"
@@ -199,7 +199,7 @@ def test_without_reportlab_the_page_is_written_and_a_line_names_the_extra(
     assert not {REPORT_PDF, "field.pdf"} & {path.name for path in folder.rglob("*")}
 
 
-def test_a_judged_picture_is_in_the_pdf(tmp_path: Path) -> None:
+def test_judged_picture_is_in_the_pdf(tmp_path: Path) -> None:
     from PIL import Image  # noqa: PLC0415
 
     folder = folder_of(tmp_path)

@@ -65,7 +65,7 @@ def test_words_of_a_complete_flight(tmp_path: Path) -> None:
     )
 
 
-def test_words_of_a_flight_whose_whole_box_is_seen(tmp_path: Path) -> None:
+def test_words_of_a_flight_that_saw_the_whole_box(tmp_path: Path) -> None:
     found = flown(tmp_path)
     box = {"cells": 12, "decided": 12, "few_frames": 0, "no_frames": 0, "beyond_fence": 0}
     in_all = {**found.values["patches_in_all"], "box": {**box, "whole": True}}
@@ -132,7 +132,7 @@ def test_words_of_a_region_that_is_open(tmp_path: Path) -> None:
     )
 
 
-def test_unsure_ground_comes_before_everything_else(tmp_path: Path) -> None:
+def test_unsure_ground_comes_first(tmp_path: Path) -> None:
     def unsure(event: FrameSeen) -> tuple[Cell, ...]:
         return tuple(vote.cell for vote in event.votes if not vote.positive)
 

@@ -91,7 +91,7 @@ def truth() -> BaseGeometry:
     return shapely.transform(TRUTH, lambda points: points @ matrix)
 
 
-def test_the_boundary_is_that_of_the_region(results: Path) -> None:
+def test_boundary_is_that_of_the_region(results: Path) -> None:
     told = features(results)
     region, true = on_the_grid(told["boundary"]["geometry"]), truth()
     assert region.intersection(true).area / region.union(true).area > 0.98
@@ -117,7 +117,7 @@ def test_rings_run_as_rfc_7946_wants_them(results: Path) -> None:
     assert outer[0] == outer[-1]
 
 
-def test_cells_that_too_few_pictures_show_or_none(results: Path) -> None:
+def test_undecided_cells_are_marked_in_the_boundary(results: Path) -> None:
     told = features(results)
     cells = [
         f["properties"]
@@ -135,7 +135,7 @@ def test_cells_that_too_few_pictures_show_or_none(results: Path) -> None:
     assert told["unseen"]["properties"]["cells"] == len(unseen)
 
 
-def test_the_rasters_lie_where_the_boundary_lies(results: Path) -> None:
+def test_rasters_lie_where_the_boundary_lies(results: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
     features_module = pytest.importorskip("rasterio.features")
     region = on_the_grid(features(results)["boundary"]["geometry"])
@@ -160,13 +160,13 @@ def test_the_rasters_lie_where_the_boundary_lies(results: Path) -> None:
     assert ((likely >= 0.5) & there).sum() / ((likely >= 0.5) | there).sum() > 0.99
 
 
-def test_the_map_shows_the_ground(results: Path, field: Path, tmp_path: Path) -> None:
+def test_map_shows_the_ground(results: Path, field: Path, tmp_path: Path) -> None:
     image = np.asarray(Image.open(results / "map.png").convert("RGB")).astype(int)
     bare = np.abs(image - image.mean(axis=2, keepdims=True)).max(axis=2) < 3
     assert len(np.unique(image[bare])) > 60  # the noise of the photographs
 
 
-def test_a_replay_leaves_a_report_and_a_geopackage_with_its_boundary(
+def test_replay_leaves_a_report_and_a_geopackage_with_its_boundary(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     package, page = results / "map.gpkg", results / "report.html"
@@ -193,7 +193,7 @@ def test_a_replay_leaves_a_report_and_a_geopackage_with_its_boundary(
     assert "&lt;script&gt;" in page.read_text("utf-8")
 
 
-def test_without_rasterio(
+def test_replay_without_rasterio_writes_no_raster(
     field: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "rasterio", None)
@@ -208,7 +208,7 @@ def test_without_rasterio(
     assert not (tmp_path / "none").exists()
 
 
-def test_ctrl_c_in_the_mosaic_leaves_all_else(
+def test_ctrl_c_in_the_mosaic_keeps_all_other_results(
     field: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("rasterio")
@@ -238,7 +238,7 @@ def small_files() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("small_files")
-def test_a_full_disk_leaves_all_else(
+def test_full_disk_keeps_all_other_results(
     field: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("rasterio")
@@ -268,7 +268,7 @@ def no_memory(*_: object) -> None:
     raise MemoryError
 
 
-def test_where_memory_runs_out_a_line_says_what_helps(
+def test_replay_out_of_memory_names_a_remedy(
     photos: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -281,7 +281,7 @@ def test_where_memory_runs_out_a_line_says_what_helps(
     assert "--workers 1, fewer pictures at a time, or larger cells" in line
 
 
-def test_where_it_runs_out_for_the_mosaic_all_else_is_there(
+def test_mosaic_out_of_memory_keeps_all_other_results(
     photos: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -297,7 +297,7 @@ def test_where_it_runs_out_for_the_mosaic_all_else_is_there(
     assert rasters.ORTHO not in there
 
 
-def test_two_sites_take_the_room_of_what_they_show(
+def test_rasters_of_two_sites_take_the_room_of_both(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rasterio = pytest.importorskip("rasterio")
@@ -325,7 +325,7 @@ def test_two_sites_take_the_room_of_what_they_show(
     assert not (tmp_path / "again" / rasters.PROBABILITY).exists()
 
 
-def test_a_name_or_a_height_that_nobody_expects_is_told_in_its_line(
+def test_unexpected_name_or_height_is_reported_in_its_line(
     photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "photos"

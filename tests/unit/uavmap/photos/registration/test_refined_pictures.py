@@ -99,7 +99,7 @@ def replayed(folder: Path, mission: Path, *options: str) -> tuple[dict[str, Any]
     return told, (out / "map.geojson").read_text("utf-8")
 
 
-def test_photographs_with_wrong_tags(
+def test_photographs_with_wrong_tags_are_refined(
     tmp_path: Path, mission: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shots = photographs(tmp_path / "photos")
@@ -135,7 +135,7 @@ def test_photographs_with_wrong_tags(
     assert map_tagged != map_refined
 
 
-def test_photographs_with_positions_only(
+def test_photographs_with_positions_only_are_refined(
     tmp_path: Path, mission: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """No heading, no height: as tagged not one of them can be used."""
@@ -157,7 +157,7 @@ def test_photographs_with_positions_only(
 @pytest.mark.parametrize(
     "angles", [(0.0, -math.pi / 2, 2.0), (0.3, -1.4, -2.5), (-3.0, -1.5, 0.1), (0.0, 0.2, 3.0)]
 )
-def test_attitudes_there_and_back(angles: tuple[float, float, float]) -> None:
+def test_attitude_is_converted_there_and_back(angles: tuple[float, float, float]) -> None:
     turn = Quaternion.from_euler(*angles)
     assert np.allclose(rotation(Quaternion.from_euler(*euler(turn))), rotation(turn), atol=1e-9)
     forward, right, down = rotation(turn).T
@@ -165,7 +165,7 @@ def test_attitudes_there_and_back(angles: tuple[float, float, float]) -> None:
     assert np.allclose(rotation(attitude(axes)), rotation(turn), atol=1e-9)
 
 
-def test_features_come_back_as_they_were() -> None:
+def test_features_are_read_back_unchanged() -> None:
     rng = np.random.default_rng(3)
     given = [
         Features(rng.normal(size=(n, 2)), rng.integers(0, 256, (n, 128), np.uint8), 320 + n, 240)
@@ -215,7 +215,7 @@ JSON = json.dumps(
 
 
 @pytest.mark.parametrize("text", [YAML, XML, JSON, YAML.replace("%YAML:1.0\n", "")])
-def test_a_calibration_is_read(text: str, tmp_path: Path) -> None:
+def test_calibration_of_a_camera_is_read(text: str, tmp_path: Path) -> None:
     path = tmp_path / "camera.any"
     path.write_text(text)
     lens = read_calibration(path)
@@ -235,7 +235,7 @@ def test_a_calibration_is_read(text: str, tmp_path: Path) -> None:
         (JSON.replace("-0.2, 0.05, ", ""), "coefficients"),
     ],
 )
-def test_a_calibration_that_is_none_is_named(text: str, blamed: str, tmp_path: Path) -> None:
+def test_invalid_calibration_is_named(text: str, blamed: str, tmp_path: Path) -> None:
     path = tmp_path / "camera.any"
     path.write_text(text)
     with pytest.raises(ImageError, match=rf"camera\.any: .*{blamed}|{blamed}"):

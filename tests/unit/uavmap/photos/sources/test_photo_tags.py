@@ -38,7 +38,7 @@ def placed(path: Path) -> list[Placed]:
 REAL = Path(__file__).resolve().parents[5] / "../shared/data/brighton_beach"
 
 
-def test_tags_of_a_photo(tmp_path: Path) -> None:
+def test_tags_of_a_photo_give_its_pose(tmp_path: Path) -> None:
     (photo,) = placed(write_photo(tmp_path / "a.JPG"))
     assert photo.pose.position.lat_deg == pytest.approx(46 + 50 / 60 + 33.3855 / 3600)
     assert photo.pose.position.lon_deg == pytest.approx(-(91 + 59 / 60 + 40.4156 / 3600))
@@ -54,7 +54,7 @@ def test_tags_of_a_photo(tmp_path: Path) -> None:
     assert -down == pytest.approx([up, up, 0], abs=1e-9)
 
 
-def test_southern_and_eastern_letters(tmp_path: Path) -> None:
+def test_tags_with_southern_and_eastern_letters_are_read(tmp_path: Path) -> None:
     gps = {1: "S", 2: (33.0, 30.0, 0.0), 3: "E", 4: (151.0, 15.0, 0.0)}
     (photo,) = placed(write_photo(tmp_path / "a.jpg", gps=gps))
     assert (photo.pose.position.lat_deg, photo.pose.position.lon_deg) == (-33.5, 151.25)
@@ -79,7 +79,9 @@ def test_southern_and_eastern_letters(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_other_sets_of_angles(tmp_path: Path, xmp: bytes, yaw_deg: float) -> None:
+def test_tags_with_other_sets_of_angles_are_read(
+    tmp_path: Path, xmp: bytes, yaw_deg: float
+) -> None:
     (photo,) = placed(write_photo(tmp_path / "a.jpg", xmp=xmp))
     expected = Quaternion.from_euler(0.0, -math.pi / 2, math.radians(yaw_deg))
     assert photo.pose.attitude == pytest.approx(expected)
@@ -115,7 +117,7 @@ def test_photos_are_in_the_order_of_exposure_then_of_name(tmp_path: Path) -> Non
         ({"orientation": 3}, "Orientation is 3"),
     ],
 )
-def test_what_is_missing_is_named_with_the_file(
+def test_missing_tag_is_named_with_the_file(
     tmp_path: Path, photo: dict[str, object], blamed: str
 ) -> None:
     write_photo(tmp_path / "bad.jpg", **photo)  # type: ignore[arg-type]
@@ -125,7 +127,7 @@ def test_what_is_missing_is_named_with_the_file(
 
 
 @pytest.mark.parametrize("taken", [None, "yesterday"])
-def test_without_a_date_a_photo_comes_last(tmp_path: Path, taken: str | None) -> None:
+def test_photo_without_a_date_comes_last(tmp_path: Path, taken: str | None) -> None:
     write_photo(tmp_path / "a.jpg", taken=taken)
     write_photo(tmp_path / "b.jpg")
     assert [p.picture.name for p in placed(tmp_path)] == ["b.jpg", "a.jpg"]
@@ -133,7 +135,7 @@ def test_without_a_date_a_photo_comes_last(tmp_path: Path, taken: str | None) ->
     assert [("yesterday" in note) for note in notes] == [True] * (taken is not None)
 
 
-def test_a_mirrored_photo_is_refused(tmp_path: Path) -> None:
+def test_mirrored_photo_is_refused(tmp_path: Path) -> None:
     write_photo(tmp_path / "a.jpg", orientation=5)
     (refused,) = open_source(tmp_path).pictures()
     assert isinstance(refused, Refused)
@@ -151,7 +153,7 @@ def test_decoded_picture_is_blue_green_red() -> None:
     assert image[0, 0].tolist() == [240, 120, 10]
 
 
-def test_a_thermal_picture_is_spread_over_its_levels() -> None:
+def test_thermal_picture_is_spread_over_its_levels() -> None:
     thermal = np.linspace(7000, 7400, 4000).astype(np.uint16).reshape(40, 100)
     levels = eight_bits(thermal)
     assert levels.shape == (40, 100, 3)
@@ -188,7 +190,7 @@ FOCAL, PLANE_X, PLANE_UNIT, FILM = 0x920A, 0xA20E, 0xA210, 0xA405
         ({FILM: 24}, 'd:DewarpData="2022-01-01;1,2" d:CalibratedFocalLength="x"', (400, 300), 71.6),
     ],
 )
-def test_the_angle_of_view_of_a_photograph(
+def test_angle_of_view_is_read_from_the_tags(
     exif: dict[int, object], xmp: str, size: tuple[int, int], hfov_deg: float
 ) -> None:
     assert lens_width_deg(exif, xmp, size) == pytest.approx(hfov_deg, abs=0.1)
@@ -199,7 +201,7 @@ needs_real = pytest.mark.skipif(not REAL.is_dir(), reason=f"no photographs in {R
 
 
 @needs_real
-def test_real_tags() -> None:
+def test_tags_of_real_photographs_are_read() -> None:
     photos = placed(REAL)
     assert [p.picture.name for p in photos] == [f"DJI_00{k}.JPG" for k in range(18, 36)]
     assert photos[-1].taken_s == 124.0

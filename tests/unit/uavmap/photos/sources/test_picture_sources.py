@@ -89,7 +89,7 @@ KINDS: dict[str, tuple[Callable[[Path], Path], int]] = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_source_keeps_its_promises(kind: str, tmp_path: Path) -> None:
+def test_source_keeps_the_contract(kind: str, tmp_path: Path) -> None:
     make, count = KINDS[kind]
     source = open_source(make(tmp_path))
     found = [picture for picture in source.pictures() if isinstance(picture, Picture)]
@@ -112,7 +112,7 @@ def test_a_source_keeps_its_promises(kind: str, tmp_path: Path) -> None:
     assert isinstance(source.left_out(), tuple)
 
 
-def test_a_video_is_read_with_its_captions(tmp_path: Path) -> None:
+def test_video_is_read_with_its_captions(tmp_path: Path) -> None:
     path = video(tmp_path)
     pictures = gather(open_source(path)).pictures
     assert [picture.name for picture in pictures] == [f"DJI_0001.MP4#{n}" for n in (0, 10, 20, 30)]
@@ -134,7 +134,7 @@ def test_a_video_is_read_with_its_captions(tmp_path: Path) -> None:
         open_source(path)
 
 
-def test_a_video_is_read_with_a_telemetry_log(tmp_path: Path) -> None:
+def test_video_is_read_with_a_telemetry_log(tmp_path: Path) -> None:
     path = video(tmp_path)
     (tmp_path / "DJI_0001.SRT").unlink()
     codec, start_s, log = mav.MAVLink(None, srcSystem=1, srcComponent=1), 1_700_000_000.0, b"\x07"
@@ -161,7 +161,7 @@ def test_a_video_is_read_with_a_telemetry_log(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not LOG.is_file(), reason=f"no {LOG}")
-def test_the_log_of_an_autopilot_has_moments() -> None:
+def test_log_of_an_autopilot_has_moments() -> None:
     moments = read_tlog(LOG)
     assert len(moments) > 10
     assert max(moment.height_m or 0.0 for moment in moments) > 2.0
@@ -180,7 +180,7 @@ OLD = "1\n00:00:01,000 --> 00:00:02,000\n"
         ("[latitude: -20.25] [longitude: 149.02] [rel_alt: 1.300 abs_alt: 132.860]", 1.3),
     ],
 )
-def test_captions_of_several_models(text: str, height_m: float | None) -> None:
+def test_captions_of_several_models_are_read(text: str, height_m: float | None) -> None:
     (moment,) = parse_srt(OLD + text)
     assert moment.position == LatLon(-20.25, 149.02)
     assert moment.height_m == height_m
@@ -199,7 +199,7 @@ def test_kept_frames_bring_their_poses(tmp_path: Path) -> None:
     assert source.left_out() == ("line 3 of poses.csv is damaged",)
 
 
-def test_a_flight_keeps_its_frames_for_a_replay(tmp_path: Path) -> None:
+def test_flight_keeps_its_frames_for_a_replay(tmp_path: Path) -> None:
     """The same detector, pictures and poses, and so the same cells as in flight."""
     mission = str(Path(__file__).resolve().parents[4] / "data" / "speck.toml")
     flown, again = tmp_path / "flown", tmp_path / "again"
@@ -227,7 +227,7 @@ def frame_at(t_s: float) -> KeptFrame:
 
 
 @pytest.mark.parametrize("aside", [False, True])
-def test_each_picture_is_kept_once_and_a_refusal_is_told_once(aside: bool, tmp_path: Path) -> None:
+def test_picture_is_kept_once_and_a_refusal_reported_once(aside: bool, tmp_path: Path) -> None:
     said: list[str] = []
 
     def keep() -> None:
@@ -246,7 +246,7 @@ def test_each_picture_is_kept_once_and_a_refusal_is_told_once(aside: bool, tmp_p
     assert said[0].startswith(f"pictures are kept no longer: {tmp_path / 'frames'}")
 
 
-def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disk_that_hangs_delays_no_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     free = threading.Event()
     write_bytes = Path.write_bytes
@@ -291,7 +291,7 @@ def test_geo_txt_places_pictures_without_tags(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "header", ["WGS84 UTM 32N", "EPSG:32632", "+proj=utm +zone=32 +datum=WGS84"]
 )
-def test_geo_txt_in_metres(header: str, tmp_path: Path) -> None:
+def test_geo_txt_in_metres_is_read(header: str, tmp_path: Path) -> None:
     (tmp_path / "geo.txt").write_text(f"{header}\na.jpg 500000 5150000 0 0 0 0\n")
     entry = read_geo_file(tmp_path / "geo.txt").entries["a.jpg"]
     assert entry.position.lon_deg == pytest.approx(9.0)
@@ -299,7 +299,7 @@ def test_geo_txt_in_metres(header: str, tmp_path: Path) -> None:
     assert entry.angles_deg is None  # 0 0 0 is "not known"
 
 
-def test_geo_txt_with_photogrammetric_angles(tmp_path: Path) -> None:
+def test_geo_txt_with_photogrammetric_angles_is_read(tmp_path: Path) -> None:
     text = "EPSG:4326\n# image x y z omega phi kappa\na.jpg 7 46 0 0 0 -90\nb.jpg 7 46 0 20 0 0\n"
     (tmp_path / "geo.txt").write_text(text)
     entries = read_geo_file(tmp_path / "geo.txt").entries
@@ -308,14 +308,14 @@ def test_geo_txt_with_photogrammetric_angles(tmp_path: Path) -> None:
     assert entries["b.jpg"].angles_deg == pytest.approx((0.0, -70.0, 0.0))
 
 
-def test_a_geo_txt_without_a_coordinate_system_is_named(tmp_path: Path) -> None:
+def test_geo_txt_without_a_coordinate_system_is_named(tmp_path: Path) -> None:
     (tmp_path / "geo.txt").write_text("a.jpg 7 46\n")
     with pytest.raises(ImageError, match=r"geo\.txt: line 1 .*expected the coordinate system"):
         open_source(tmp_path)
 
 
 # --- look ----------------------------------------------------------------------------------------
-def test_look_says_what_the_detector_sees(
+def test_look_shows_the_result_of_the_detector(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mission = tmp_path / "m.toml"

@@ -176,7 +176,7 @@ def alone(good: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_picture_is_named_and_the_others_make_their_map(
+def test_bad_picture_is_named_and_the_others_make_their_map(
     case: str, good: Path, alone: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     make, reason = BAD[case]
@@ -193,7 +193,7 @@ def test_a_bad_picture_is_named_and_the_others_make_their_map(
 
 
 @pytest.mark.parametrize("case", GOOD)
-def test_a_picture_of_an_unusual_kind_is_mapped(case: str, good: Path, tmp_path: Path) -> None:
+def test_picture_of_an_unusual_kind_is_mapped(case: str, good: Path, tmp_path: Path) -> None:
     photos = folder_of(good, tmp_path)
     GOOD[case](photos / "more.jpg")
     code, rows, _ = mapped(photos, good, tmp_path / "out")
@@ -201,7 +201,7 @@ def test_a_picture_of_an_unusual_kind_is_mapped(case: str, good: Path, tmp_path:
     assert [row["used"] for row in rows.values()] == ["yes"] * 4, rows
 
 
-def test_what_is_no_picture_is_told_a_kind_a_line(
+def test_files_that_are_no_pictures_are_reported_by_kind(
     good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     photos = folder_of(good, tmp_path)
@@ -223,7 +223,7 @@ def test_what_is_no_picture_is_told_a_kind_a_line(
     }
 
 
-def test_a_name_in_two_folders_is_two_pictures(good: Path, tmp_path: Path) -> None:
+def test_name_in_two_folders_is_two_pictures(good: Path, tmp_path: Path) -> None:
     photos = folder_of(good, tmp_path)
     (photos / "deep" / "er").mkdir(parents=True)
     shot(photos / "deep" / "er" / "0.jpg", 30)
@@ -232,7 +232,7 @@ def test_a_name_in_two_folders_is_two_pictures(good: Path, tmp_path: Path) -> No
     assert summary["photographs_judged"] == 4
 
 
-def test_where_most_are_bad_the_map_is_not_complete(good: Path, tmp_path: Path) -> None:
+def test_map_of_mostly_bad_pictures_is_not_complete(good: Path, tmp_path: Path) -> None:
     """Poses are refined: what cannot be decoded ends that no more than the map."""
     photos = folder_of(good, tmp_path)
     cases = ("empty", "torn head", "truncated", "turned", "a pixel", "a bomb")
@@ -248,7 +248,7 @@ def test_where_most_are_bad_the_map_is_not_complete(good: Path, tmp_path: Path) 
     assert summary["cells_roi"]
 
 
-def test_where_all_are_bad_a_line_says_why(
+def test_replay_of_bad_pictures_alone_is_refused_with_the_reason(
     tmp_path: Path, good: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shot(tmp_path / "a.jpg", gps={})
@@ -260,7 +260,7 @@ def test_where_all_are_bad_a_line_says_why(
         assert not out.exists()
 
 
-def test_without_a_mission_one_is_derived_and_can_be_given_again(
+def test_replay_without_a_mission_derives_one_that_can_be_given_again(
     good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     photos = folder_of(good, tmp_path)
@@ -274,7 +274,7 @@ def test_without_a_mission_one_is_derived_and_can_be_given_again(
     assert (out / "map.geojson").read_bytes() == (again / "map.geojson").read_bytes()
 
 
-def test_what_was_taken_far_from_the_start_is_judged_as_well(good: Path, tmp_path: Path) -> None:
+def test_pictures_far_from_the_start_are_judged(good: Path, tmp_path: Path) -> None:
     """A kilometre away, from 40 m: the start of the grid is nothing to the pictures."""
     photos = tmp_path / "photos"
     photos.mkdir()
@@ -286,7 +286,7 @@ def test_what_was_taken_far_from_the_start_is_judged_as_well(good: Path, tmp_pat
     assert summary["photographs_judged"] == 3
 
 
-def test_the_angle_of_view_says_where_it_comes_from(good: Path, tmp_path: Path) -> None:
+def test_angle_of_view_states_its_source(good: Path, tmp_path: Path) -> None:
     text = derived(gather(Folder(good)))
     assert "from EXIF FocalLengthIn35mmFilm of 3 of 3 pictures" in text
     lens = Lens.pinhole(1.2, WIDTH, HEIGHT)
@@ -295,7 +295,7 @@ def test_the_angle_of_view_says_where_it_comes_from(good: Path, tmp_path: Path) 
     assert "a guess" in derived(gather(Folder(tmp_path)))
 
 
-def test_any_number_of_workers_gives_the_same_bytes(good: Path, tmp_path: Path) -> None:
+def test_number_of_workers_does_not_change_the_files(good: Path, tmp_path: Path) -> None:
     photos = folder_of(good, tmp_path)
     (photos / "bad.jpg").write_bytes(b"")
     made = []
@@ -309,7 +309,7 @@ def test_any_number_of_workers_gives_the_same_bytes(good: Path, tmp_path: Path) 
     assert made[0] == made[1]
 
 
-def test_an_output_that_cannot_be_is_said_before_pictures_are_read(
+def test_impossible_output_is_refused_before_pictures_are_read(
     good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("")
@@ -319,7 +319,7 @@ def test_an_output_that_cannot_be_is_said_before_pictures_are_read(
 
 
 @pytest.mark.parametrize(("refine", "remedy"), [("off", "TMPDIR"), ("on", "--refine off")])
-def test_a_full_disk_is_said_in_a_line(
+def test_full_disk_is_reported_in_a_line(
     refine: str,
     remedy: str,
     good: Path,
@@ -340,7 +340,7 @@ def test_a_full_disk_is_said_in_a_line(
     assert not out.exists()
 
 
-def test_what_stands_in_the_way_of_a_result_is_said_in_a_line(
+def test_folder_in_place_of_a_result_is_reported_in_a_line(
     good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "out" / "map.png").mkdir(parents=True)
@@ -350,7 +350,7 @@ def test_what_stands_in_the_way_of_a_result_is_said_in_a_line(
     assert "the results cannot be written (map.png: Is a directory); mend that" in err
 
 
-def test_a_name_that_is_no_text_ends_nothing(
+def test_name_that_is_no_text_ends_nothing(
     good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     photos = tmp_path / "photos"
@@ -371,7 +371,7 @@ def test_a_name_that_is_no_text_ends_nothing(
     assert "\\udcff" in capsys.readouterr().out
 
 
-def test_two_of_three_votes_are_asked_where_pictures_overlap(tmp_path: Path) -> None:
+def test_derived_mission_needs_two_of_three_votes_where_pictures_overlap(tmp_path: Path) -> None:
     """Of two votes both would have to say yes, however many pictures show the place."""
     shot(tmp_path / "0.jpg", 0, PLACES[0])
     found = []
@@ -382,7 +382,7 @@ def test_two_of_three_votes_are_asked_where_pictures_overlap(tmp_path: Path) -> 
     assert found == [(3, 2), (1, 1)]
 
 
-def test_no_damage_is_more_than_a_refusal(tmp_path: Path) -> None:
+def test_damaged_picture_is_refused_or_used(tmp_path: Path) -> None:
     data = shot(tmp_path / "a.jpg", 1).read_bytes()
     before = peak_mb()
     outcomes = {survives(bad, tmp_path / "bad.jpg") for bad in mutations(data, 60)}

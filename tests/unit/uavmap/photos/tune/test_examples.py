@@ -56,7 +56,7 @@ def palette(array: np.ndarray) -> Image.Image:
         ("1.png", Image.fromarray(MASK).resize((32, 18), Image.Resampling.NEAREST)),
     ],
 )
-def test_a_mask_is_read_in_whatever_way_it_was_saved(
+def test_mask_in_any_format_is_read(
     name: str, picture: Image.Image, images: Path, where: Path
 ) -> None:
     picture.save(where / name)
@@ -80,7 +80,7 @@ def half_grey(mask: np.ndarray, grey: int) -> np.ndarray:
         (CLEAR, 40 / 90, 1.0),  # what is transparent
     ],
 )
-def test_what_is_neither_white_nor_black_is_undecided(
+def test_grey_part_of_a_mask_is_undecided(
     picture: np.ndarray, known: float, region: float, images: Path, where: Path
 ) -> None:
     Image.fromarray(picture).save(where / "1.png")
@@ -108,7 +108,7 @@ def red(mask: np.ndarray) -> np.ndarray:
         ("1.png", Image.fromarray(CLEAR * 0), "nothing is painted as region"),
     ],
 )
-def test_a_mask_that_means_nothing_is_refused(
+def test_mask_that_means_nothing_is_refused(
     name: str, picture: Image.Image, why: str, images: Path, where: Path
 ) -> None:
     picture.save(where / name)
@@ -202,7 +202,7 @@ def png(size: tuple[int, int]) -> bytes:
     return out.getvalue()
 
 
-def test_what_is_painted_is_an_example(easel: Easel, address: str, tmp_path: Path) -> None:
+def test_painted_mask_is_an_example(easel: Easel, address: str, tmp_path: Path) -> None:
     status, page = asked("GET", address)
     assert status == 200
     assert b"http://" not in page
@@ -223,7 +223,7 @@ def test_what_is_painted_is_an_example(easel: Easel, address: str, tmp_path: Pat
     assert easel.done.wait(20)
 
 
-def test_nobody_else_is_answered(easel: Easel, address: str) -> None:
+def test_request_of_another_host_or_path_is_refused(easel: Easel, address: str) -> None:
     root = address.rsplit("/", 2)[0]
     for path in ("/", "/x/", "/x/pictures", "/x/mask/0"):
         assert asked("GET", root + path)[0] == 404
@@ -236,19 +236,19 @@ def test_nobody_else_is_answered(easel: Easel, address: str) -> None:
 
 
 @pytest.mark.parametrize("path", ["mask/2", "mask/-1", "mask/..%2f..%2fx", "mask/x", "mask", "x/0"])
-def test_only_masks_of_the_pictures_are_kept(easel: Easel, address: str, path: str) -> None:
+def test_mask_of_an_unknown_picture_is_refused(easel: Easel, address: str, path: str) -> None:
     assert asked("PUT", address + path, png((64, 48)))[0] == 404
     assert list(easel.masks.iterdir()) == []
 
 
-def test_what_is_no_picture_is_refused(easel: Easel, address: str) -> None:
+def test_mask_that_is_no_picture_is_refused(easel: Easel, address: str) -> None:
     assert asked("PUT", f"{address}mask/0", b"no picture")[0] == 422
     huge = {"Content-Length": str(MOST_BYTES + 1)}
     assert asked("PUT", f"{address}mask/0", b"", huge)[0] == 413
     assert list(easel.masks.iterdir()) == []
 
 
-def test_a_picture_that_is_gone_is_said(
+def test_missing_picture_is_reported(
     easel: Easel, address: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     easel.pictures[0].unlink()
@@ -259,7 +259,7 @@ def test_a_picture_that_is_gone_is_said(
     assert capfd.readouterr().err == ""
 
 
-def test_a_browser_that_goes_away_is_no_traceback(
+def test_browser_that_goes_away_causes_no_traceback(
     address: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     parts = urlsplit(address)
@@ -305,7 +305,7 @@ def indexed(numbers: np.ndarray) -> Image.Image:
         Image.fromarray(np.dstack([NUMBERS * (NUMBERS < 255), 255 - NUMBERS // 255 * 255])),
     ],
 )
-def test_mask_beside_classes_holds_numbers_in_whatever_way_it_was_saved(
+def test_mask_beside_classes_has_numbers_in_any_format(
     picture: Image.Image, images: Path, where: Path
 ) -> None:
     (where / "classes.toml").write_text(TWO)

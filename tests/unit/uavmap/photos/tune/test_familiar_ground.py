@@ -36,7 +36,7 @@ def painted(number: int) -> tuple[Described, ...]:
     )  # fmt: skip
 
 
-def test_each_kind_of_surround_is_familiar_and_what_lies_between_two_is_not() -> None:
+def test_kinds_of_surround_are_familiar_and_ground_between_them_is_not() -> None:
     ground = familiar_ground([painted(number) for number in range(5)], SCALE, seed=0)
     rows = [FEATURES.index(name) for name in NAMES]
     kinds = middles()[:KINDS, rows].T.astype(np.float32)

@@ -39,7 +39,7 @@ async def drop(*tasks: asyncio.Task[None]) -> None:
 
 
 @by(on_loop)
-async def test_simulated_crews_need_no_word(said):
+async def test_simulated_crew_is_not_asked(said):
     crew = Crew(automatic=True, stream=io.StringIO())
     await crew.swap(1)
     assert not crew.absent
@@ -72,7 +72,7 @@ async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(terminal, s
 
 
 @by(on_loop)
-async def test_the_word_is_enter(terminal, said):
+async def test_crew_answers_with_enter(terminal, said):
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)
     assert not crew.absent
@@ -89,7 +89,7 @@ async def test_the_word_is_enter(terminal, said):
 
 
 @by(on_loop)
-async def test_enter_pressed_before_the_question_is_no_word(terminal):
+async def test_enter_pressed_before_the_question_is_no_answer(terminal):
     operator, stream = terminal
     os.write(operator, b"\n\n\n")
     await asyncio.sleep(SOON_S)
@@ -101,7 +101,7 @@ async def test_enter_pressed_before_the_question_is_no_word(terminal):
 
 @pytest.mark.parametrize("how", ["end of file", "hang-up"])
 @by(on_loop)
-async def test_a_terminal_that_is_gone_gives_no_word(terminal, how):
+async def test_terminal_that_is_gone_gives_no_answer(terminal, how):
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)
     task = asyncio.create_task(crew.swap(1))
@@ -116,7 +116,7 @@ async def test_a_terminal_that_is_gone_gives_no_word(terminal, how):
 
 
 @by(on_loop)
-async def test_one_question_at_a_time(terminal, said):
+async def test_questions_are_asked_one_at_a_time(terminal, said):
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)
     first = asyncio.create_task(crew.swap(1))
@@ -133,7 +133,7 @@ async def test_one_question_at_a_time(terminal, said):
 
 @pytest.mark.parametrize("stream", [io.StringIO("\n\n"), None], ids=["a pipe", "none"])
 @by(on_loop)
-async def test_without_a_terminal_nobody_can_give_it(stream, monkeypatch, said):
+async def test_crew_without_a_terminal_is_absent(stream, monkeypatch, said):
     if stream is None:
         monkeypatch.setattr("sys.stdin", None)
     crew = Crew(automatic=False, stream=stream)
@@ -169,7 +169,7 @@ def connected(place: GridPoint, *, airborne: bool) -> Connected:
         ([connected(FIELD, airborne=False)], None),
     ],
 )  # fmt: skip
-def test_last_flight_of_a_vehicle_tells_whether_to_ask_about_it(events, doubt):
+def test_last_flight_of_a_vehicle_decides_whether_to_ask_about_it(events, doubt):
     flights = last_flights(events)
     assert doubt == (flights[1].doubt(FIELD) if 1 in flights else None)
 

@@ -84,7 +84,7 @@ def test_mosaic_lower_picture_shows_in_any_order(tmp_path):
         assert at(tmp_path / folder, 30.0, 20.0) == near(200)
 
 
-def test_mosaic_of_a_resumed_flight_goes_on_and_of_a_repeated_one_begins_anew(tmp_path):
+def test_mosaic_of_a_resumed_flight_continues_and_of_a_repeated_one_restarts(tmp_path):
     flown(tmp_path, (frame(10.0, 20.0), 100))
     flown(tmp_path, (frame(-30.0, 60.0), 200))
     assert (at(tmp_path, 10.0, 20.0), at(tmp_path, -30.0, 60.0)) == (near(100), near(200))
@@ -121,7 +121,7 @@ def test_mosaic_leaves_the_last_room_to_the_journal(tmp_path, caplog, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mosaic_that_cannot_be_written_is_said_once(tmp_path, caplog):
+def test_mosaic_that_cannot_be_written_is_reported_once(tmp_path, caplog):
     (tmp_path / MOSAIC).mkdir()
     with caplog.at_level("INFO", LOG):
         flown(tmp_path, *((frame(10.0 * k, 20.0), 100) for k in range(4)))

@@ -68,7 +68,7 @@ def test_judged_picture_without_region_is_the_first_one(tmp_path):
         assert np.asarray(found).mean() == pytest.approx(180, abs=2)
 
 
-def test_judged_picture_of_before_stays_after_a_resume(tmp_path):
+def test_judged_picture_stays_after_a_resume(tmp_path):
     for found in (True, False):  # one without region makes room for one with it
         (tmp_path / FILE).write_bytes(b"of before")
         keeper = JudgedPicture(tmp_path, SETTING, found=found)

@@ -49,22 +49,22 @@ def pressed_in(keys: str, service: Mock) -> list[Any]:
         ("?x9", []),
     ],
 )
-def test_keys(pressed, asked, said):
+def test_key_gives_its_order_and_a_line(pressed, asked, said):
     assert pressed_in(pressed, steered()) == asked
     assert said
 
 
-def test_a_single_vehicle_needs_no_number():
+def test_key_for_a_single_vehicle_needs_no_number():
     asked = pressed_in("rkqq", steered(vehicles=1))
     assert asked == [call.recall(), call.skip_cell(1), call.land_here(1)]
 
 
-def test_a_number_of_two_digits_ends_with_the_second_or_enter():
+def test_number_of_two_digits_ends_with_the_second_or_enter():
     asked = pressed_in("r12r1\nr7", steered(vehicles=12))
     assert asked == [call.recall_vehicle(n) for n in (12, 1, 7)]
 
 
-def test_a_key_that_waits_is_forgotten():
+def test_key_that_waits_for_a_number_is_forgotten():
     service, now_s = steered(), [0.0]
     keys = Keys(service, lambda: now_s[0])
     keys.press("q")
@@ -90,7 +90,7 @@ async def _until(condition: Any) -> None:
 
 
 @by(in_real_time)
-async def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(terminal, said):
+async def test_key_is_read_when_pressed_and_the_terminal_restored(terminal, said):
     operator, stream = terminal
     before = termios.tcgetattr(stream.fileno())
     service, enter = steered(), EnterKey()
@@ -114,7 +114,7 @@ async def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(termina
 
 @pytest.mark.parametrize("end", [RuntimeError, KeyboardInterrupt, asyncio.CancelledError])
 @by(in_real_time)
-async def test_the_terminal_is_put_back_however_it_ends(terminal, end):
+async def test_terminal_is_restored_after_any_end(terminal, end):
     _, stream = terminal
     before = termios.tcgetattr(stream.fileno())
     with pytest.raises(end), keyboard(Keys(steered()), EnterKey(), stream):
@@ -123,7 +123,7 @@ async def test_the_terminal_is_put_back_however_it_ends(terminal, end):
 
 
 @by(in_real_time)
-async def test_a_terminal_that_is_gone_is_nobodys_word(terminal):
+async def test_terminal_that_is_gone_gives_no_order(terminal):
     (operator, stream), enter = terminal, EnterKey()
     crew = Crew(automatic=False, enter=enter, stream=stream)
     with keyboard(Keys(steered()), enter, stream):
@@ -136,7 +136,7 @@ async def test_a_terminal_that_is_gone_is_nobodys_word(terminal):
         await asyncio.wait([swapped])
 
 
-def test_a_pipe_is_not_read(said):
+def test_pipe_is_not_read(said):
     read, write = os.pipe()
     os.write(write, b"q")
     with os.fdopen(read) as stream:

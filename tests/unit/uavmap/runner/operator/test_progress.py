@@ -8,7 +8,7 @@ from tests.support.scenarios import scenario
 
 
 @pytest.mark.parametrize(("intensity", "shown"), [(254, 1), (150, 0)])
-def test_detector_that_takes_all_ground_for_region_is_reported_once(intensity, shown):
+def test_detector_that_finds_region_everywhere_is_reported_once(intensity, shown):
     def change(text: str) -> str:
         return text.replace("[detector]\n", f"[detector]\nintensity = {intensity}\n")
 

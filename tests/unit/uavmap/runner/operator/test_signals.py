@@ -15,7 +15,7 @@ from uavmap.runner.service import Service
 
 
 @pytest.mark.parametrize("interrupt", [signal.SIG_IGN, signal.default_int_handler])
-def test_a_job_in_the_background_that_is_told_to_end_tidies_up(interrupt):
+def test_background_job_that_gets_sigterm_cleans_up(interrupt):
     before = signal.signal(signal.SIGINT, interrupt)
     tidied = []
 
@@ -37,7 +37,7 @@ def test_a_job_in_the_background_that_is_told_to_end_tidies_up(interrupt):
 
 
 @pytest.mark.parametrize(("over", "presses"), [(True, 2), (False, 1)])
-def test_a_first_press_after_the_last_landing_does_not_cut_the_end_short(over, presses):
+def test_first_press_after_the_last_landing_does_not_cut_the_end_short(over, presses):
     counted = 0
     service = Mock(spec=Service, flying=False, ended=True, state=Mock(over=over))
 
@@ -54,7 +54,7 @@ def test_a_first_press_after_the_last_landing_does_not_cut_the_end_short(over, p
     assert counted == presses
 
 
-def test_a_task_that_is_cancelled_for_another_reason_is_no_interrupt():
+def test_task_cancelled_for_another_reason_is_no_interrupt():
     async def cancelled() -> None:
         raise asyncio.CancelledError
 

@@ -30,7 +30,7 @@ def course(recording: Recording, every: int = 10) -> list[tuple[State, Left]]:
     return told
 
 
-def test_all_of_it_is_said_only_at_home_and_the_search_never_goes_back():
+def test_share_is_whole_only_at_home_and_never_decreases_in_the_search():
     told = course(STOPS)
     *before, (last, end) = told
     assert last.over
@@ -48,7 +48,7 @@ def test_all_of_it_is_said_only_at_home_and_the_search_never_goes_back():
     assert all("of the known region" in left.text for left in exploring)
 
 
-def test_nothing_is_said_where_nobody_knows():
+def test_time_left_is_empty_if_unknown():
     setting = STOPS.setting()
     state = setting.initial_state()
     assert time_left(replace(state, recalled=True)) == Left()
@@ -59,7 +59,7 @@ def test_nothing_is_said_where_nobody_knows():
 
 
 @pytest.mark.parametrize("live", [False, True])
-def test_a_terminal_and_a_pipe_show_it(live, monkeypatch):
+def test_time_left_is_shown_on_a_terminal_and_a_pipe(live, monkeypatch):
     class Stream(io.StringIO):
         def isatty(self) -> bool:
             return live

@@ -51,7 +51,7 @@ def test_slow_computer_is_a_finding_with_figures_and_a_remedy(speed, vehicles, l
     assert not any(finding.binding for finding in found)
 
 
-def test_without_a_mission_only_the_loop_is_looked_at():
+def test_check_of_the_computer_without_a_mission_measures_the_loop_only():
     (found,) = computer_findings(ComputerSpeed(0.01), None, 1)
     assert found.line().startswith("ok    event loop: 10 ms late at worst; at most 150 ms: set-")
 
@@ -73,7 +73,7 @@ def slowed(call: Callable[..., Any], by_s: float, when: Callable[..., bool]) -> 
     return slow
 
 
-def test_time_of_a_frame_holds_all_that_is_done_with_it(monkeypatch):
+def test_time_of_a_frame_includes_all_its_work(monkeypatch):
     made = setting()
     assert frame_s(made) < 0.1
     slow = slowed(computer_check.decoded, 0.1, lambda *given: True)
@@ -81,7 +81,7 @@ def test_time_of_a_frame_holds_all_that_is_done_with_it(monkeypatch):
     assert 0.1 <= frame_s(made) < 0.3
 
 
-def test_pictures_for_it_are_evidence_to_the_mission(monkeypatch):
+def test_pictures_for_the_measurement_are_evidence_to_the_mission(monkeypatch):
     one = computer_check._picture((160, 120), 1)
     monkeypatch.setattr(computer_check, "_picture", lambda size_px, seed: one)
     with pytest.raises(ImageError):
@@ -98,7 +98,7 @@ def test_slowest_plan_is_that_of_an_exploration(monkeypatch):
     assert slow >= 0.3
 
 
-def test_strategy_that_stops_has_no_plans_to_wait_for():
+def test_strategy_that_stops_has_no_plans_to_measure():
     assert longest_plan_s(setting("rdfs")) is None
 
 

@@ -42,7 +42,7 @@ def texts(found: list[Finding], level: Level = Level.BAD) -> list[str]:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_the_fence_is_set_around_the_mission_and_put_back(field, /, autopilot, tmp_path):
+async def test_fence_is_set_around_the_mission_and_restored(field, /, autopilot, tmp_path):
     transfer = MissionTransfer(field.links[0].session)
     await transfer.upload(Kind.FENCE, OLD)
     await transfer.upload(Kind.RALLY, OLD_RALLY)
@@ -80,7 +80,7 @@ def plan_m(found: list[Finding]) -> float:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, lambda autopilot: mission_of(autopilot, 3))
-async def test_in_a_team_each_returns_in_its_own_layer(field, /, autopilot, tmp_path):
+async def test_vehicles_of_a_team_return_in_their_own_layers(field, /, autopilot, tmp_path):
     name, scale = HEIGHT[autopilot]
     found_m = field.parameter(0, name) / scale
     setups = [field.setup(number, tmp_path) for number in (1, 2, 3)]
@@ -95,7 +95,7 @@ async def test_in_a_team_each_returns_in_its_own_layer(field, /, autopilot, tmp_
 
 
 @by(on_field, lambda: parse_mission(field_text(), "field"))
-async def test_a_member_is_told_whose_air_its_autopilot_does_not_know(field, /, tmp_path):
+async def test_member_is_warned_of_air_that_its_autopilot_does_not_know(field, /, tmp_path):
     field.setting = setting_of(field.setting.mission, 2)
     (line,) = texts(await field.setup(2, tmp_path).apply(), Level.WARN)
     assert "fence: the air over the pads of vehicles 1, 3 is narrower than 32 m" in line
@@ -103,7 +103,7 @@ async def test_a_member_is_told_whose_air_its_autopilot_does_not_know(field, /, 
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_computer_that_died_does_not_take_ours_for_the_pilots(field, /, tmp_path):
+async def test_settings_of_a_killed_flight_are_not_taken_for_the_pilots(field, /, tmp_path):
     field.put(0, "FENCE_ALT_MAX", 77.0)
     assert could_fly(await field.setup(1, tmp_path).apply())
     assert field.parameter(0, "FENCE_ALT_MAX") == 25.0
@@ -115,7 +115,7 @@ async def test_a_computer_that_died_does_not_take_ours_for_the_pilots(field, /, 
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_guid_timeout_of_a_killed_flight_is_put_back_by_resume(field, /, tmp_path):
+async def test_guid_timeout_of_a_killed_flight_is_restored_by_resume(field, /, tmp_path):
     """A real ArduCopter kept 1 s for good after a kill, also when the flight was resumed."""
     assert could_fly(await field.setup(1, tmp_path).apply())
     session = field.links[0].session
@@ -128,7 +128,7 @@ async def test_guid_timeout_of_a_killed_flight_is_put_back_by_resume(field, /, t
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_guid_timeout_is_put_back_where_the_fence_is_kept(field, /, tmp_path):
+async def test_guid_timeout_is_restored_where_the_fence_is_kept(field, /, tmp_path):
     await MissionTransfer(field.links[0].session).upload(Kind.FENCE, OLD)
     setup = field.setup(1, tmp_path)
     await setup.save_timeout()
@@ -180,7 +180,7 @@ def test_another_aircraft_keeps_its_own_settings(tmp_path):
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(field, /, tmp_path):
+async def test_settings_are_not_restored_on_an_armed_vehicle(field, /, tmp_path):
     setup = field.setup(1, tmp_path)
     assert could_fly(await setup.apply())
     session = field.links[0].session
@@ -217,7 +217,7 @@ async def test_restore_waits_for_the_landing_to_be_reported(field, /, tmp_path):
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_an_autopilot_that_keeps_its_own_ceiling_is_told_of(field, /, tmp_path):
+async def test_autopilot_that_keeps_its_own_ceiling_is_reported(field, /, tmp_path):
     parameters = field.vehicles[0]._ap.parameters
     row = parameters.by_name["FENCE_ALT_MAX"]
     parameters.by_name["FENCE_ALT_MAX"] = type(row)(row.name, row.default, row.type, True)
@@ -229,7 +229,7 @@ async def test_an_autopilot_that_keeps_its_own_ceiling_is_told_of(field, /, tmp_
 
 # --- kept ------------------------------------------------------------------------------------
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_kept_circle_that_is_too_small_keeps_the_mission_on_the_ground(field, /, tmp_path):
+async def test_kept_circle_that_is_too_small_keeps_the_mission_on_the_ground(field, /, tmp_path):
     setup = field.setup(1, tmp_path)
     assert could_fly(await setup.keep_fence())  # it is off
     field.put(0, "FENCE_ENABLE", 1)
@@ -246,7 +246,7 @@ async def test_a_kept_circle_that_is_too_small_keeps_the_mission_on_the_ground(f
 
 
 @by(on_field, lambda: mission_of("px4"))
-async def test_a_kept_polygon_with_a_hole_in_the_way(field, /, tmp_path):
+async def test_kept_polygon_with_a_hole_in_the_box_is_refused(field, /, tmp_path):
     def corners(command: int, ring: list[tuple[float, float]], field: Field) -> list[Item]:
         grid = field.setting.grid
         return [Item(command, grid.position(GridPoint(*xy)), len(ring)) for xy in ring]
@@ -265,7 +265,7 @@ async def test_a_kept_polygon_with_a_hole_in_the_way(field, /, tmp_path):
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_the_fence_is_farther_out_the_faster_the_mission_flies(field, /, tmp_path):
+async def test_fence_is_farther_out_the_faster_the_mission_flies(field, /, tmp_path):
     setup = field.setup(1, tmp_path)
     before, _ = await setup.look()
     plan = setup.fence_of(before).plan()
@@ -280,7 +280,7 @@ UP_M = 12.0
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(fly, mission_of)
-async def test_a_storm_ends_as_near_as_without_a_fence(flight, /, autopilot, tmp_path):
+async def test_storm_ends_the_flight_as_near_as_without_a_fence(flight, /, autopilot, tmp_path):
     """With targets refused outside of its fence an ArduCopter came down 175 m outside."""
     outside_m: list[float] = []
     setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path)
@@ -300,7 +300,7 @@ async def test_a_storm_ends_as_near_as_without_a_fence(flight, /, autopilot, tmp
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(fly, mission_of)
-async def test_a_flight_along_the_margin_touches_no_fence(flight, /, autopilot, tmp_path):
+async def test_flight_along_the_margin_touches_no_fence(flight, /, autopilot, tmp_path):
     setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path)
     await asyncio.sleep(8.0)
     assert could_fly(await setup.apply())

@@ -90,7 +90,7 @@ def test_geometries_are_in_longitude_and_latitude_and_in_metres(folder):
     assert "2 cells" in repr(results)
 
 
-def test_the_cells_are_a_table_with_geometries(folder):
+def test_cells_are_a_table_with_geometries(folder):
     cells = uavmap.open_results(folder).cells
 
     assert " ".join(cells.columns) == "column row state positive votes belief geometry"
@@ -99,7 +99,7 @@ def test_the_cells_are_a_table_with_geometries(folder):
     assert cells["belief"].isna().tolist() == [True, False]
 
 
-def test_a_plot_shows_cells_outline_boundary_and_track(folder):
+def test_plot_shows_cells_outline_boundary_and_track(folder):
     mpl.use("agg")
     from matplotlib import pyplot as plt  # noqa: PLC0415 - after its backend
 
@@ -116,14 +116,14 @@ def test_a_plot_shows_cells_outline_boundary_and_track(folder):
 
 
 @pytest.mark.parametrize(("missing", "name"), [("geopandas", "cells"), ("matplotlib", "plot")])
-def test_a_missing_extra_is_named(folder, missing, name, monkeypatch):
+def test_missing_extra_is_named(folder, missing, name, monkeypatch):
     monkeypatch.setitem(sys.modules, missing, None)
     results = uavmap.open_results(folder)
     with pytest.raises(uavmap.UavmapError, match=f"pip install .{missing}>="):
         results.plot() if name == "plot" else results.cells
 
 
-def test_a_map_without_a_region_has_an_empty_one(tmp_path):
+def test_map_without_a_region_has_an_empty_one(tmp_path):
     cell = feature("cell", "Polygon", [square(0, 0, 4)], state="non-roi")
     results = uavmap.open_results(
         write(tmp_path / "none", cell, feature("outline", None, area_m2=0.0))
@@ -135,13 +135,13 @@ def test_a_map_without_a_region_has_an_empty_one(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"features": [1]}', '{"features": [{}]}', "\xff"])
-def test_a_damaged_map_is_named(folder, text):
+def test_damaged_map_is_named(folder, text):
     (folder / "map.geojson").write_text(text, "latin-1")
     with pytest.raises(uavmap.ResultsError, match=r"map\.geojson: is damaged"):
         uavmap.open_results(folder)
 
 
-def test_a_folder_without_results_is_named(tmp_path):
+def test_folder_without_results_is_named(tmp_path):
     with pytest.raises(uavmap.ResultsError, match=r"holds no map\.geojson"):
         uavmap.open_results(tmp_path)
     with pytest.raises(uavmap.ResultsError, match="no such folder"):
@@ -151,7 +151,7 @@ def test_a_folder_without_results_is_named(tmp_path):
 
 
 # --- what is raised ------------------------------------------------------------------------------
-def test_the_gravest_error_of_a_group_is_raised_and_the_others_are_its_notes():
+def test_gravest_error_of_a_group_is_raised_with_the_others_as_notes():
     down, silent = (uavmap.AircraftError("vehicle 1 is down"), uavmap.LinkError("2 is silent"))
     assert single(ExceptionGroup("", [ExceptionGroup("", [silent]), down])) is down
     assert down.__notes__ == ["2 is silent"]
@@ -183,7 +183,7 @@ def test_strategies_are_compared_without_flight():
         ({"strategy": []}, "strategy is empty"),
     ],
 )
-def test_what_cannot_be_simulated_is_said(options, said):
+def test_impossible_simulation_is_an_error(options, said):
     with pytest.raises(uavmap.UavmapError, match=said):
         uavmap.simulate("eden:30:1", **options)
     with pytest.raises(uavmap.RoiError, match="roi is empty"):
@@ -191,7 +191,7 @@ def test_what_cannot_be_simulated_is_said(options, said):
 
 
 # --- what is said before a flight ----------------------------------------------------------------
-def test_what_the_file_leaves_out_is_said_by_the_plan():
+def test_defaults_for_missing_tables_are_listed_in_the_plan():
     text = named_text("runway").text
     begin, end = text.index("[battery]"), text.index("[wind]")
     without = mission_of_text(text[:begin] + text[end:], "without.toml")
@@ -201,7 +201,7 @@ def test_what_the_file_leaves_out_is_said_by_the_plan():
     assert f"  {taken_lines(without)[0]}" in plan_lines(setting_of(without))
 
 
-def test_a_simulated_flight_without_a_region_says_so(tmp_path, capsys):
+def test_simulated_flight_without_a_region_has_a_line(tmp_path, capsys):
     text = (ROOT / "tests" / "data" / "speck.toml").read_text("utf-8")
     bare = tmp_path / "bare.toml"
     bare.write_text(text[: text.index("[[sim.roi]]")], "utf-8")
@@ -211,7 +211,7 @@ def test_a_simulated_flight_without_a_region_says_so(tmp_path, capsys):
     assert "no region found" in flight.finding
 
 
-def test_a_stream_that_is_no_terminal_gets_lines_whatever_the_environment_says(monkeypatch):
+def test_stream_that_is_no_terminal_gets_lines_despite_force_color(monkeypatch):
     """A notebook's kernel sets FORCE_COLOR, and cannot move a cursor."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     text = io.StringIO()

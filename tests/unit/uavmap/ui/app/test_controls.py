@@ -21,13 +21,13 @@ def two() -> tuple[Controls, Clock]:
     return controls, clock
 
 
-def test_the_first_browser_holds_the_controls_and_the_second_watches() -> None:
+def test_first_browser_holds_the_controls_and_the_second_watches() -> None:
     controls, _ = two()
     assert controls.held_by("a")
     assert not controls.held_by("b")
 
 
-def test_the_holder_hands_over_or_keeps() -> None:
+def test_holder_hands_over_or_keeps() -> None:
     controls, _ = two()
     controls.ask("b")
     assert controls.asks("b")
@@ -43,7 +43,7 @@ def test_the_holder_hands_over_or_keeps() -> None:
     assert not controls.held_by("a")
 
 
-def test_controls_pass_on_where_the_holder_says_nothing() -> None:
+def test_controls_pass_on_if_the_holder_does_not_answer() -> None:
     controls, clock = two()
     controls.ask("b")
     for _ in range(3):
@@ -53,7 +53,7 @@ def test_controls_pass_on_where_the_holder_says_nothing() -> None:
     assert controls.held_by("b")
 
 
-def test_a_closed_browser_holds_nothing() -> None:
+def test_closed_browser_holds_nothing() -> None:
     controls, clock = two()
     controls.left("a")
     controls.seen("b")
@@ -66,7 +66,7 @@ def test_a_closed_browser_holds_nothing() -> None:
     assert not controls.held_by("b")
 
 
-def test_a_browser_that_asked_and_left_gets_nothing() -> None:
+def test_browser_that_asked_and_left_gets_nothing() -> None:
     controls, clock = two()
     controls.ask("b")
     controls.left("b")

@@ -14,7 +14,7 @@ from uavmap.ui.app.visitor import App
 from uavmap.ui.app.workspace import Workspace
 
 
-def test_flight_and_simulator_go_on_when_the_page_ends(tmp_path: Path) -> None:
+def test_flight_and_simulator_continue_when_the_page_ends(tmp_path: Path) -> None:
     shutil.copy(rig.mission("speck"), tmp_path / "speck.toml")
     app = App(Workspace(tmp_path), None)
     ports = ["--port", str(free_ports(1)), "--http-port", str(free_ports(1, socket.SOCK_STREAM))]
@@ -39,7 +39,7 @@ def test_flight_and_simulator_go_on_when_the_page_ends(tmp_path: Path) -> None:
             each.process.wait()
 
 
-def test_the_page_of_a_command_is_not_the_map_for_a_gis(tmp_path: Path) -> None:
+def test_page_of_a_command_is_not_the_map_for_a_gis(tmp_path: Path) -> None:
     jobs = Jobs(tmp_path)
     job = jobs.begin(["watch", "nothing"])
     job.process.wait()

@@ -42,12 +42,12 @@ def test_missions_pictures_detectors_and_results_are_listed(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["../x", "/etc/passwd", "a/../../x"])
-def test_a_file_elsewhere_is_refused(tmp_path: Path, name: str) -> None:
+def test_file_elsewhere_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(UavmapError, match="choose a file of this folder"):
         Workspace(tmp_path).path_of(name)
 
 
-def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+def test_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
     inside = tmp_path / "inside"
     inside.mkdir()
     (inside / "out").symlink_to(tmp_path)
@@ -55,7 +55,7 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
         Workspace(inside).path_of("out/secret")
 
 
-def test_files_that_a_browser_sends(tmp_path: Path) -> None:
+def test_files_from_a_browser_stay_in_the_folder(tmp_path: Path) -> None:
     workspace = Workspace(tmp_path)
     assert workspace.place_for("photos", "DJI (1).JPG") == tmp_path / "photos" / "DJI (1).JPG"
     for folder, name in (("", "-rf.kml"), ("", ".hidden"), ("", "a/b.kml"), ("..", "x.kml"),
@@ -67,7 +67,7 @@ def test_files_that_a_browser_sends(tmp_path: Path) -> None:
         workspace.place_for("", "field.kml")
 
 
-def test_names_of_new_missions(tmp_path: Path) -> None:
+def test_names_of_new_missions_are_checked(tmp_path: Path) -> None:
     workspace = Workspace(tmp_path)
     assert workspace.new_name("Fläche 1", ".toml") == "Fläche 1.toml"
     assert workspace.new_name("field.toml", ".toml") == "field.toml"
@@ -79,7 +79,7 @@ def test_names_of_new_missions(tmp_path: Path) -> None:
         workspace.new_name("field", ".toml")
 
 
-def test_a_command_runs_in_the_folder_and_its_lines_are_kept(tmp_path: Path) -> None:
+def test_command_runs_in_the_folder_and_its_lines_are_kept(tmp_path: Path) -> None:
     (tmp_path / "bad mission.toml").write_text("grid.cell_m = 0")
     jobs = Jobs(tmp_path)
     job = jobs.begin(["check", "bad mission.toml"])
@@ -92,7 +92,7 @@ def test_a_command_runs_in_the_folder_and_its_lines_are_kept(tmp_path: Path) -> 
     assert jobs.running == []
 
 
-def test_there_is_a_most_of_commands_at_a_time(tmp_path: Path) -> None:
+def test_commands_beyond_the_maximum_are_refused(tmp_path: Path) -> None:
     jobs = Jobs(tmp_path)
     begun = [jobs.begin(["--version"]) for _ in range(MOST_RUNNING)]
     for job in begun:
@@ -107,7 +107,7 @@ def test_there_is_a_most_of_commands_at_a_time(tmp_path: Path) -> None:
         jobs.begin(["--version"])
 
 
-def test_tiles_of_a_file(tmp_path: Path) -> None:
+def test_tiles_of_a_file_are_served(tmp_path: Path) -> None:
     path = tmp_path / "area.mbtiles"
     png = cv2.imencode(".png", np.zeros((8, 8, 3), np.uint8))[1].tobytes()
     with sqlite3.connect(path) as database:

@@ -18,13 +18,13 @@ RUNWAY = named_text("runway")
 PLAN = plan_of(RUNWAY.source, RUNWAY.text)
 
 
-def test_a_mission_that_judged_nothing_is_refused(tmp_path, refused):
+def test_mission_that_judged_nothing_is_refused(tmp_path, refused):
     folder = begun(tmp_path / "out", PLAN, [STARTED])
     assert "no picture was judged" in refused("animate", folder)
     assert [path.name for path in folder.iterdir()] == [JOURNAL]
 
 
-def test_a_search_in_vain_has_a_film_and_no_tree(tmp_path, capsys, refused):
+def test_search_without_a_region_has_a_film_and_no_tree(tmp_path, capsys, refused):
     folder = begun(tmp_path / "out", PLAN, [STARTED, NOTHING_SEEN])
     assert main(["animate", str(folder)]) == 0
     assert "there is no tree to draw" in capsys.readouterr().err
@@ -41,7 +41,7 @@ def test_photographs_have_a_film(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("index", ["-1", "first", "1.5"])
-def test_an_index_is_a_place_in_a_list(index, capsys):
+def test_index_that_is_no_place_in_a_list_is_refused(index, capsys):
     with pytest.raises(SystemExit):
         main(["simulate", "--roi", "eden:4:1", f"--index={index}"])
     assert "--index" in capsys.readouterr().err

@@ -39,7 +39,7 @@ MISSION_FAULTS = {
 
 @pytest.mark.parametrize("command", ["check", "fly", "replay"])
 @pytest.mark.parametrize("fault", MISSION_FAULTS)
-def test_faults_of_a_mission_file(tmp_path, refused, command, fault):
+def test_faulty_mission_file_is_refused_in_a_line(tmp_path, refused, command, fault):
     pattern, replacement, words = MISSION_FAULTS[fault]
     path = changed(tmp_path, pattern, replacement)
     out = tmp_path / "out"
@@ -54,7 +54,7 @@ def test_faults_of_a_mission_file(tmp_path, refused, command, fault):
     assert not out.exists()
 
 
-def test_every_fault_of_a_file_has_its_line(tmp_path, refused):
+def test_faults_of_a_file_have_a_line_each(tmp_path, refused):
     path = tmp_path / "field.toml"
     path.write_text(RUNWAY.replace("cell_m = 4.0", "cell_m = 0").replace("[battery]", "[batery]"))
     lines = refused.lines("check", path)
@@ -65,7 +65,7 @@ def test_every_fault_of_a_file_has_its_line(tmp_path, refused):
         assert any(given.startswith(f"uavmap: {path}:{number}: ") for given in lines), line
 
 
-def test_a_mission_that_is_not_there(tmp_path, refused):
+def test_missing_mission_is_named(tmp_path, refused):
     line = refused("check", tmp_path / "nowhere.toml")
     assert "No such file" in line
     assert "runway" in line
@@ -74,14 +74,14 @@ def test_a_mission_that_is_not_there(tmp_path, refused):
     assert "UTF-8" in refused("check", tmp_path / "binary.toml")
 
 
-def test_a_drawing_is_no_mission_and_says_what_makes_one(tmp_path, refused):
+def test_drawing_is_no_mission_and_the_line_names_uavmap_new(tmp_path, refused):
     drawing = tmp_path / "Fläche 1.kml"
     drawing.write_text("<kml/>")
     for command in (["fly", drawing, "--sim"], ["check", drawing]):
         assert f"uavmap new '{drawing}'" in refused(*command)
 
 
-def test_an_unknown_strategy_on_the_command_line(tmp_path, refused):
+def test_unknown_strategy_on_the_command_line_is_refused(tmp_path, refused):
     line = refused("fly", "runway", "--sim", "--strategy", "dfs", "--out", tmp_path / "out")
     assert "dfs" in line
     assert "rdfs" in line
@@ -96,7 +96,7 @@ def test_an_unknown_strategy_on_the_command_line(tmp_path, refused):
         ("serial:///dev/no-such-port:57600", "cannot be opened"),
     ],
 )
-def test_urls(tmp_path, refused, url, words):
+def test_invalid_url_is_refused_with_a_remedy(tmp_path, refused, url, words):
     line = refused("fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert words in line
     assert url in line
@@ -104,20 +104,20 @@ def test_urls(tmp_path, refused, url, words):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_connection_that_is_refused(tmp_path, refused):
+def test_connection_refused_is_named(tmp_path, refused):
     url = f"tcpout://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     line = refused("fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert url in line
     assert "cannot be opened" in line
 
 
-def test_no_vehicle_at_all(tmp_path, refused):
+def test_flight_without_a_vehicle_is_refused(tmp_path, refused):
     line = refused("fly", "runway", "--out", tmp_path / "out")
     assert "--connect URL" in line
     assert "--sim" in line
 
 
-def test_photographs(tmp_path, capsys, refused):
+def test_replay_of_missing_or_untagged_photographs_is_refused(tmp_path, capsys, refused):
     images, out = tmp_path / "images", tmp_path / "out"
     replay = ["replay", images, "--mission", "road", "--detector", "paved", "--out", out]
     assert "no such file or folder" in refused(*replay)
@@ -140,7 +140,7 @@ def test_photographs(tmp_path, capsys, refused):
     assert "photographs" in refused("resume", out)
 
 
-def test_out_that_cannot_be(tmp_path, refused):
+def test_impossible_output_folder_is_refused(tmp_path, refused):
     file = tmp_path / "notes.txt"
     file.write_text("notes")
     assert "is a file" in refused("fly", "runway", "--sim", "--out", file)
@@ -149,7 +149,7 @@ def test_out_that_cannot_be(tmp_path, refused):
     assert file.read_text() == "notes"
 
 
-def test_out_that_holds_a_mission(tmp_path, refused):
+def test_output_folder_with_a_mission_is_refused(tmp_path, refused):
     out = tmp_path / "out"
     out.mkdir()
     with Journal.create(out / JOURNAL, {"plan": {}}):
@@ -161,7 +161,7 @@ def test_out_that_holds_a_mission(tmp_path, refused):
     assert not (out / TLOG).exists()
 
 
-def test_resume_of_what_is_no_journal(tmp_path, refused):
+def test_resume_without_a_journal_is_refused(tmp_path, refused):
     assert "no journal here" in refused("resume", tmp_path)
     journal = tmp_path / JOURNAL
     with Journal.create(journal, {"plan": {"seed": 1}}):
@@ -191,7 +191,7 @@ def test_resume_of_what_is_no_journal(tmp_path, refused):
         ["nothing"],
     ],
 )
-def test_arguments(tmp_path, capsys, arguments, monkeypatch):
+def test_impossible_arguments_exit_with_2(tmp_path, capsys, arguments, monkeypatch):
     monkeypatch.chdir(tmp_path)
     try:
         code = main(arguments)

@@ -28,7 +28,7 @@ HEAVY = {"cv2", "numpy", "pydantic", "pymavlink", "rich", "shapely"}
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["--version"], ["flyy"]])
-def test_nothing_heavy_is_imported_before_a_command_is_chosen(arguments):
+def test_command_line_imports_nothing_heavy_before_a_command(arguments):
     code = (
         "import sys; from uavmap.ui.cli import main\n"
         f"try: main({arguments})\nexcept SystemExit: pass\n"
@@ -38,7 +38,7 @@ def test_nothing_heavy_is_imported_before_a_command_is_chosen(arguments):
     assert [name for name in HEAVY if f"'{name}'" in imported] == []
 
 
-def test_alone_it_shows_what_one_can_do(capsys):
+def test_command_line_without_a_command_lists_the_commands(capsys):
     assert main([]) == 2
     shown = capsys.readouterr().out
     assert all(name in shown for name in COMMANDS)
@@ -47,7 +47,7 @@ def test_alone_it_shows_what_one_can_do(capsys):
 @pytest.mark.parametrize(
     ("wrong", "meant"), [("replya", "did you mean replay?"), ("q", "uavmap --help lists them")]
 )
-def test_a_misspelt_command_is_guessed(wrong, meant, capsys):
+def test_misspelt_command_is_guessed(wrong, meant, capsys):
     with pytest.raises(SystemExit) as ended:
         main([wrong])
     assert ended.value.code == 2
@@ -61,13 +61,13 @@ def test_a_misspelt_command_is_guessed(wrong, meant, capsys):
         (OSError(errno.ENOSPC, "No space left on device"), 2, "cannot be written: No space left"),
     ],
 )
-def test_an_output_that_is_gone_is_no_defect(error, code, said, monkeypatch, capsys):
+def test_output_that_is_gone_is_no_defect(error, code, said, monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdout", Gone(error))
     assert main(["check", "runway"]) == code
     assert said in capsys.readouterr().err
 
 
-def test_another_pipe_that_breaks_does_not_end_a_command_without_a_word(monkeypatch):
+def test_broken_pipe_elsewhere_is_not_hidden(monkeypatch):
     def broken(options):
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
@@ -76,7 +76,7 @@ def test_another_pipe_that_breaks_does_not_end_a_command_without_a_word(monkeypa
         main(["check", "runway"])
 
 
-def test_a_pipe_that_nobody_reads_is_seen(monkeypatch):
+def test_pipe_without_a_reader_is_noticed(monkeypatch):
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as stream:
         monkeypatch.setattr(sys, "stdout", stream)
@@ -85,7 +85,7 @@ def test_a_pipe_that_nobody_reads_is_seen(monkeypatch):
         assert not _is_read()
 
 
-def test_each_command_has_its_options_alone_and_among_all():
+def test_command_has_the_same_options_alone_and_among_all():
     def helped(made, name):
         commands = next(iter(made._subparsers._group_actions))
         return str(commands.choices[name].format_help())
@@ -96,7 +96,7 @@ def test_each_command_has_its_options_alone_and_among_all():
         assert "--help" in helped(together, name)
 
 
-def test_a_shell_completes_commands_missions_strategies_and_files(capsys, tmp_path):
+def test_shell_completes_commands_missions_strategies_and_files(capsys, tmp_path):
     assert main(["completion", "bash"]) == 0
     script = tmp_path / "uavmap.bash"
     script.write_text(capsys.readouterr().out, encoding="utf-8")
@@ -121,12 +121,12 @@ def test_a_shell_completes_commands_missions_strategies_and_files(capsys, tmp_pa
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_are_told_the_missions_too(shell, capsys):
+def test_other_shells_complete_missions(shell, capsys):
     assert main(["completion", shell]) == 0
     assert "runway runway-field slick spill" in capsys.readouterr().out
 
 
-def test_the_exit_code_is_that_of_the_command(monkeypatch):
+def test_exit_code_is_that_of_the_command(monkeypatch):
     monkeypatch.setattr(cli, "main", lambda: 3)
     assert door.main() == 3
 
@@ -154,7 +154,7 @@ sys.exit({function}())
     assert "KeyboardInterrupt" not in done.stderr
 
 
-def test_ctrl_c_while_it_loads_is_a_line(monkeypatch, capsys):
+def test_ctrl_c_while_the_command_loads_is_a_line(monkeypatch, capsys):
     def interrupted():
         raise KeyboardInterrupt
 
@@ -164,7 +164,7 @@ def test_ctrl_c_while_it_loads_is_a_line(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(("fates", "code"), [([], 2), (["vehicle 1: left to its autopilot"], 4)])
-def test_a_computer_without_memory_is_a_line(fates, code, monkeypatch, capsys):
+def test_computer_without_memory_is_a_line(fates, code, monkeypatch, capsys):
     def too_much(options):
         try:
             return len(np.zeros(1 << 58))
@@ -182,7 +182,7 @@ def test_a_computer_without_memory_is_a_line(fates, code, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("columns", [30, 40, 60, 75, 80, 120])
-def test_strategies_are_told_in_whole_words(columns, monkeypatch, capsys):
+def test_strategies_are_listed_in_whole_words(columns, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(columns))
     assert cli.main(["strategies"]) == 0
     told = capsys.readouterr().out
@@ -193,14 +193,14 @@ def test_strategies_are_told_in_whole_words(columns, monkeypatch, capsys):
         assert set(explorer.when.split()) <= words
 
 
-def test_a_module_of_that_name_where_somebody_works_is_not_ours(tmp_path):
+def test_module_of_the_same_name_in_the_working_folder_is_not_imported(tmp_path):
     (tmp_path / "vision.py").write_text("raise SystemExit('this is not ours')")
     (tmp_path / "missions").mkdir()
     done = ended(command("check", "runway"), cwd=tmp_path, env=environment(), check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_real_flight_imports_nothing_of_the_simulator():
+def test_real_flight_imports_nothing_of_the_simulator():
     code = (
         "import sys, uavmap.ui.cli, uavmap.runner.flight\n"
         "print([name for name in sys.modules if name.split('.')[0] == 'sitl'])"
@@ -208,7 +208,7 @@ def test_a_real_flight_imports_nothing_of_the_simulator():
     assert ended([sys.executable, "-c", code], env=environment()).stdout.strip() == "[]"
 
 
-def test_the_identity_by_which_the_simulator_is_known_is_its_own():
+def test_simulator_has_its_own_identity():
     from sitl.mavlink.telemetry import IDENTITY  # noqa: PLC0415 - not above the other test
 
     assert IDENTITY == SIMULATOR_IDENTITY

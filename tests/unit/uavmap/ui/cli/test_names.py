@@ -39,7 +39,7 @@ def named(name):
 
 
 @pytest.mark.parametrize("name", BAD, ids=lambda name: repr(name)[:20])
-def test_a_name_that_is_no_file_name(tmp_path, name, refused, monkeypatch):
+def test_name_that_is_no_file_name_is_refused(tmp_path, name, refused, monkeypatch):
     below = tmp_path / "a" / "b" / "c"
     below.mkdir(parents=True)
     monkeypatch.chdir(below)
@@ -53,12 +53,12 @@ def test_a_name_that_is_no_file_name(tmp_path, name, refused, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["runway", "field 7", "Übung-2", "[x]", "a.b", "x" * 100])
-def test_a_name_that_is_one(name):
+def test_name_that_is_a_file_name_is_kept(name):
     assert parse_fields(named(name), "field.toml").name == name
 
 
 @given(st.text(max_size=300))
-def test_whatever_the_name_the_folder_is_one_below_results(name):
+def test_folder_of_any_name_is_below_results(name):
     made = folder_name(name)
     assert made not in ("", ".", "..")
     assert not set(made) & set('/\\\0:*?"<>|.')
@@ -93,7 +93,7 @@ LONG = "x" * 5000
     ],
     ids=lambda arguments: " ".join(arguments)[:30],
 )
-def test_an_argument_of_5000_letters(tmp_path, arguments, refused, monkeypatch):
+def test_argument_of_5000_letters_is_refused(tmp_path, arguments, refused, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert "too long" in refused(*arguments)
     assert list(tmp_path.iterdir()) == []
@@ -103,17 +103,17 @@ def test_an_argument_of_5000_letters(tmp_path, arguments, refused, monkeypatch):
 @pytest.mark.parametrize(
     "command", [["check"], ["fly", "--sim"], ["simulate", "--roi"], ["replay", "--mission"]]
 )
-def test_what_has_no_end_is_not_read(refused, device, command):
+def test_device_without_an_end_is_not_read(refused, device, command):
     line = refused(*command, device, *(["."] if command[0] == "replay" else []))
     assert f"{device}: cannot be read (not an ordinary file)" in line
 
 
-def test_a_pipe_is_not_waited_for(tmp_path, refused):
+def test_pipe_is_not_waited_for(tmp_path, refused):
     os.mkfifo(tmp_path / "pipe.toml")
     assert "not an ordinary file" in refused("check", tmp_path / "pipe.toml")
 
 
-def test_a_file_that_is_too_large(tmp_path, refused):
+def test_file_that_is_too_large_is_refused(tmp_path, refused):
     path = tmp_path / "large.toml"
     path.write_text(RUNWAY + "#" * 4_000_000)
     assert "larger than 4 MB" in refused("check", path)

@@ -38,7 +38,7 @@ def test_fields_of_options_are_those_of_the_table():
 
 
 @pytest.mark.parametrize("command", ["fly", "onboard", "resume", "watch", "replay", "look", "tune"])
-def test_each_command_has_its_options_of_the_table(command):
+def test_command_has_its_options_of_the_table(command):
     commands = parser(command)._subparsers._group_actions[0].choices
     known = commands[command]._option_string_actions
     for option in options_of(command):

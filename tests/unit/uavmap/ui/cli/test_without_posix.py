@@ -20,11 +20,11 @@ def ran(*words, cwd):
 
 
 @pytest.mark.parametrize("command", ["", "app", "new", "tune", "export"])
-def test_help_of_any_command(tmp_path, command):
+def test_help_of_any_command_is_shown(tmp_path, command):
     assert "usage: uavmap" in ran(*command.split(), "--help", cwd=tmp_path)
 
 
-def test_a_mission_is_made_and_checked(tmp_path):
+def test_mission_is_made_and_checked(tmp_path):
     (tmp_path / "field.geojson").write_text(FIELD)
     ran("new", "field.geojson", "--drone", "sim", "--detector", "threshold", cwd=tmp_path)
     assert "nothing wrong" in ran("check", "field.toml", cwd=tmp_path)

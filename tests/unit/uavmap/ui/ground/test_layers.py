@@ -134,7 +134,7 @@ def pmtiles(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("make", [geotiff, cog, mosaic, mbtiles, pmtiles])
-def test_every_place_has_its_colour_and_gaps_stay_gaps(make: Any, tmp_path: Path) -> None:
+def test_tile_has_the_colour_of_each_place_and_its_gaps(make: Any, tmp_path: Path) -> None:
     with closing(opened(make(tmp_path))) as layer:
         zoom = layer.zooms[-1]
         lossy = 14 if make is mosaic else 5
@@ -183,7 +183,7 @@ def test_files_that_show_no_ground_are_refused_in_a_line(tmp_path: Path) -> None
         assert "\n" not in str(refusal.value)
 
 
-def test_a_file_of_another_format_under_the_name_of_a_geotiff_is_refused(tmp_path: Path) -> None:
+def test_file_of_another_format_under_the_name_of_a_geotiff_is_refused(tmp_path: Path) -> None:
     elsewhere = geotiff(tmp_path, "elsewhere.tif")
     (tmp_path / "field.tif").write_text(
         '<VRTDataset rasterXSize="4" rasterYSize="4"><SRS>EPSG:32632</SRS>'

@@ -37,7 +37,7 @@ def test_deltas_add_up_to_the_snapshot(turns):
     assert quick.since(0) == slow.since(0) == late.since(0) == board.since(0)
 
 
-def test_what_is_bounded_adds_up_too():
+def test_deltas_of_bounded_lists_add_up_to_the_snapshot():
     board, slow = Board(), Board()
     for i in range(module.MOST_LINES + 7):
         board.add_line(float(i), "said", str(i))
@@ -51,7 +51,7 @@ def test_what_is_bounded_adds_up_too():
     assert len(board.since(0)["tracks"]["1"]) == 2 * module.MOST_POINTS
 
 
-def test_nothing_new_is_no_version():
+def test_board_without_news_has_no_new_version():
     board = Board()
     board.set_cell((0, 0), 1)
     assert board.commit()
@@ -62,7 +62,7 @@ def test_nothing_new_is_no_version():
     }  # fmt: skip
 
 
-def test_a_delta_after_a_gap_is_refused():
+def test_delta_after_a_gap_is_refused():
     board = Board()
     for code in range(3):
         board.set_cell((0, 0), code)
@@ -73,7 +73,7 @@ def test_a_delta_after_a_gap_is_refused():
 
 @given(st.lists(st.lists(changes, max_size=4), min_size=1, max_size=60), st.integers(0, 80))
 @settings(max_examples=12)
-def test_a_timeline_has_every_time(turns, at):
+def test_timeline_has_the_board_of_every_time(turns, at):
     board, timeline, then = Board(), Timeline(), []
     for t, several in enumerate(turns):
         for change in several:

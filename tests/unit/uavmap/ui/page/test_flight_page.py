@@ -44,13 +44,13 @@ def steered():
         ({}, [], "no order"),
     ],
 )
-def test_the_orders(order, asked, answer):
+def test_order_of_the_page_calls_the_service(order, asked, answer):
     service = steered()
     assert answer in carry_out(service, order)
     assert service.mock_calls == asked
 
 
-def test_nobody_is_ordered_before_or_after_the_flight_nor_twice():
+def test_order_before_or_after_the_flight_or_twice_is_refused():
     service = steered()
     service.pause.return_value = False
     assert "already" in carry_out(service, {"do": "pause"})
@@ -59,13 +59,13 @@ def test_nobody_is_ordered_before_or_after_the_flight_nor_twice():
     assert service.mock_calls == [call.pause()]
 
 
-def test_lines_that_are_no_words_are_left_out():
+def test_lines_that_are_no_messages_are_left_out():
     lines = Lines()
     assert lines.of(b'[1]\nx\n\xff\n{"a":1}\n' + b"y" * 10_000) == [{"a": 1}]
     assert lines.of(b'\n{"b":2}\n') == [{"b": 2}]
 
 
-def test_a_message_has_its_lengths():
+def test_message_has_its_lengths():
     assert packed({}, b"abc") == b"\0\0\0\2\0\0\0\3{}abc"
 
 
@@ -91,7 +91,7 @@ def ticking():
     return lambda: 0.07 * next(times)
 
 
-def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path, said):
+def test_flight_is_the_same_beside_a_page_that_works_or_breaks(tmp_path, said):
     source, broken = named_text(MISSION), Feed(20)
     plan = plan_of(source.source, source.text, "rdfs", 1, 3, (), None, SIM_EPOCH_UTC_S)
     feed = Feed()
@@ -174,14 +174,14 @@ def _parts(part):
 
 
 @pytest.mark.parametrize("breaks_at", [0, 1, 2, 90])
-def test_whenever_it_fails_it_is_told_once(breaks_at, said):
+def test_page_that_fails_at_any_time_is_reported_once(breaks_at, said):
     page = told_of(Feed(breaks_at))
     page.show("something else")
     page.close("the flight is over")
     assert said == [BROKEN]
 
 
-def test_a_page_that_never_reads_is_told_nothing_more():
+def test_page_that_never_reads_gets_no_more():
     class Full(Feed):
         idle = property(lambda self: False)
 
@@ -190,7 +190,7 @@ def test_a_page_that_never_reads_is_told_nothing_more():
     assert feed.kinds == ["scene", "delta"]  # the last one, at the end
 
 
-def test_a_simulated_flight_takes_no_orders():
+def test_simulated_flight_takes_no_orders():
     feed = Feed()
     told_of(feed)
     assert feed.deltas[0]["fields"]["hands_off"] == SIMULATED

@@ -51,7 +51,7 @@ def opened_in(module, feed, monkeypatch):
     return asked
 
 
-def test_a_journal_is_followed_while_it_is_written(tmp_path):
+def test_journal_is_followed_while_it_is_written(tmp_path):
     feed = Feed()
     third = len(EVENTS) // 3
     with begun(tmp_path) as journal:
@@ -78,7 +78,7 @@ def test_a_journal_is_followed_while_it_is_written(tmp_path):
     assert len([t for t in times if t is not None]) > 30
 
 
-def test_a_read_only_folder_can_be_watched(tmp_path):
+def test_read_only_folder_can_be_watched(tmp_path):
     with begun(tmp_path) as journal:
         journal.append_all(EVENTS[:9])
     (tmp_path / JOURNAL).chmod(0o400)
@@ -89,7 +89,7 @@ def test_a_read_only_folder_can_be_watched(tmp_path):
         tmp_path.chmod(0o700)
 
 
-def test_an_exchanged_journal_is_said(tmp_path):
+def test_exchanged_journal_is_reported(tmp_path):
     with begun(tmp_path) as journal:
         journal.append_all(EVENTS[:9])
     reader = JournalReader(tmp_path / JOURNAL)
@@ -100,7 +100,7 @@ def test_an_exchanged_journal_is_said(tmp_path):
         reader.new_events()
 
 
-def test_the_command_watches_until_control_c(tmp_path, monkeypatch):
+def test_command_watches_until_control_c(tmp_path, monkeypatch):
     with begun(tmp_path) as journal:
         journal.append_all(EVENTS)
     before = (tmp_path / JOURNAL).read_bytes()
@@ -176,7 +176,7 @@ def interrupted(folder):
     return journals.begun(folder, PLAN, EVENTS[: seen[20]])
 
 
-def test_the_page_of_a_resumed_flight_has_all_of_it(tmp_path, monkeypatch):
+def test_page_of_a_resumed_flight_has_all_of_it(tmp_path, monkeypatch):
     feed = Ready()
     asked = opened_in(flight_options, feed, monkeypatch)
     folder = interrupted(tmp_path / "cut")
@@ -198,6 +198,6 @@ def test_the_page_of_a_resumed_flight_has_all_of_it(tmp_path, monkeypatch):
     assert (kinds[0], kinds.count("scene"), kinds[-1]) == ("scene", 1, "ended")
 
 
-def test_what_cannot_be_gone_on_with_has_no_page(tmp_path, refused):
+def test_flight_that_cannot_be_resumed_has_no_page(tmp_path, refused):
     assert "journal.jsonl" in refused("resume", tmp_path, "--page", "0")
     assert "go with --page" in refused("resume", tmp_path, "--tiles", "x.mbtiles")

@@ -36,14 +36,14 @@ def answered(kind, path="/", query=b"", *headers):
     return passed, sent
 
 
-def test_the_token_becomes_a_cookie_that_scripts_cannot_read():
+def test_token_becomes_a_cookie_that_scripts_cannot_read():
     passed, sent = answered("http", "/", b"token=right")
     headers = dict(sent[0]["headers"])
     assert (passed, sent[0]["status"], headers[b"location"]) == ([], 303, b"/")
     assert headers[b"set-cookie"] == b"uavmap-8470=right; Path=/; HttpOnly; SameSite=Lax"
 
 
-def test_the_cookie_lets_in_and_nothing_comes_from_elsewhere():
+def test_cookie_opens_the_page_and_no_content_comes_from_elsewhere():
     passed, sent = answered("http", "/", b"", GOOD)
     assert passed == ["http"]
     assert b"default-src 'self'" in dict(sent[0]["headers"])[b"content-security-policy"]
@@ -53,14 +53,14 @@ def test_the_cookie_lets_in_and_nothing_comes_from_elsewhere():
     "cookie", [b"uavmap-8470=wrong", b"uavmap-8471=right", b"right", b"uavmap-8470=\xff", b"=;,\0"]
 )
 @pytest.mark.parametrize("kind", ["http", "websocket"])
-def test_a_wrong_cookie_is_refused(kind, cookie):
+def test_wrong_cookie_is_refused(kind, cookie):
     passed, sent = answered(kind, "/_nicegui_ws/socket.io/", b"token=right", (b"cookie", cookie))
     assert not passed
     assert sent[0].get("status", sent[0].get("code")) in (403, 1008)
 
 
 @pytest.mark.parametrize("kind", ["http", "websocket"])
-def test_a_page_of_another_origin_is_refused_whatever_the_browser_sends(kind):
+def test_page_of_another_origin_is_refused_with_any_headers(kind):
     for origin in (b"http://127.0.0.1:3000", b"https://example.org", b"null"):
         assert not answered(kind, "/x", b"", GOOD, (b"origin", origin))[0]
     assert answered(kind, "/x", b"", GOOD, (b"origin", b"http://127.0.0.1:8470"))[0] == [kind]

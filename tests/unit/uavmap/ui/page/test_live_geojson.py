@@ -65,7 +65,7 @@ def test_geojson_without_a_region_has_no_geometry_of_it():
 
 
 @pytest.mark.parametrize("asked", ["", "bytes=-5", "bytes=1-2,3-4", "lines=1-2", "bytes=\u0661-2"])
-def test_part_other_requests_get_everything(asked):
+def test_part_of_an_unusual_request_is_everything(asked):
     assert part_of(b"0123", asked)[0] == 200
 
 

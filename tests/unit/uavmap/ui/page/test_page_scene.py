@@ -52,7 +52,7 @@ def written(path, around, kind="png", zoom=ZOOM):
     return path
 
 
-def test_every_point_of_the_ground_is_where_the_tiles_have_it(setting, tmp_path):
+def test_points_of_the_ground_are_where_the_tiles_have_them(setting, tmp_path):
     found = of_tiles(written(tmp_path / "a.mbtiles", setting.mission.home), setting)
     image = cv2.imdecode(np.frombuffer(found.jpeg, np.uint8), cv2.IMREAD_COLOR)
     rows, columns = image.shape[:2]
@@ -74,7 +74,7 @@ def test_every_point_of_the_ground_is_where_the_tiles_have_it(setting, tmp_path)
     assert seen > 40
 
 
-def test_files_that_do_not_help_are_refused_in_a_line(setting, tmp_path):
+def test_unusable_tiles_are_refused_in_a_line(setting, tmp_path):
     home = setting.mission.home
     for name, said, make in (
         ("vector", "vector tiles", lambda p: written(p, home, "pbf")),
@@ -90,11 +90,11 @@ def test_files_that_do_not_help_are_refused_in_a_line(setting, tmp_path):
         assert "\n" not in str(refusal.value)
 
 
-def test_a_coarser_zoom_is_taken_where_there_is_no_finer(setting, tmp_path):
+def test_coarser_zoom_is_used_where_there_is_no_finer(setting, tmp_path):
     assert of_tiles(written(tmp_path / "b.mbtiles", setting.mission.home, zoom=12), setting).jpeg
 
 
-def test_without_a_mosaic_there_is_none(setting, tmp_path):
+def test_scene_without_a_mosaic_has_none(setting, tmp_path):
     assert of_mosaic(tmp_path / "ortho.tif", setting) is None
     (tmp_path / "ortho.tif").write_bytes(b"no GeoTIFF")
     assert of_mosaic(tmp_path / "ortho.tif", setting) is None

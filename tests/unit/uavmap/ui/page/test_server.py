@@ -81,7 +81,7 @@ def shows(page, flight):
     return page.board.version == flight.board.version
 
 
-def test_a_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight):
+def test_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight):
     for code in range(20):
         flight.board.set_cell((code, -code), code % 3)
     flight.tell()
@@ -98,7 +98,7 @@ def test_a_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight):
         assert one.snapshots == 1
 
 
-def test_a_tab_that_confirms_nothing_is_told_nothing_more(flight):
+def test_tab_that_confirms_nothing_gets_no_more(flight):
     with tab(flight, confirms=False) as slow, tab(flight) as quick:
         slow.wait(lambda: slow.scene)
         for t_s in range(5):
@@ -127,7 +127,7 @@ def test_buttons_ask_first_and_the_flight_answers(flight):
         flight.set(paused=False)
 
 
-def test_without_hands_there_are_no_buttons(flight):
+def test_tab_after_the_flight_has_no_buttons(flight):
     with tab(flight) as page:
         page.wait(lambda: "Pause" in page.buttons().values())
         flight.set(hands_off="nobody flies")
@@ -136,7 +136,7 @@ def test_without_hands_there_are_no_buttons(flight):
     flight.set(hands_off="")
 
 
-def test_the_slider_shows_what_was(flight):
+def test_slider_shows_an_earlier_board(flight):
     flight.set(t_s=100.0, roi=1)
     flight.set(t_s=200.0, roi=2)
     with tab(flight) as page:
@@ -150,7 +150,7 @@ def test_the_slider_shows_what_was(flight):
         page.wait(lambda: page.board.field("roi") == 2)
 
 
-def test_nobody_gets_in_without_the_token(flight):
+def test_page_without_the_token_is_refused(flight):
     base, _, token = flight.url.partition("?token=")
     with httpx.Client() as client:
         queries = ("?token=", "?token=wrong", f"?token={token}&token=wrong")
@@ -183,7 +183,7 @@ def test_pictures_come_small_and_from_their_folder_only(flight):
             assert client.get(f"{base}picture/{name}").status_code == 404
 
 
-def test_everything_is_served_from_here(flight):
+def test_page_loads_nothing_from_other_hosts(flight):
     with tab(flight) as page:
         assert "a <field>" not in page.html
         without_names = page.html.replace("http://www.w3.org", "")
@@ -191,7 +191,7 @@ def test_everything_is_served_from_here(flight):
         assert "https://" not in without_names
 
 
-def test_every_module_that_a_script_of_the_page_imports_is_served(flight):
+def test_modules_imported_by_scripts_of_the_page_are_served(flight):
     with httpx.Client(follow_redirects=True) as client:
         html = client.get(flight.url).text
         for name in ("flight_map", "flight_board"):
@@ -201,7 +201,7 @@ def test_every_module_that_a_script_of_the_page_imports_is_served(flight):
             assert script == source
 
 
-def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch):
+def test_port_in_use_and_foreign_host_are_refused(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(OutputError, match=rf"--port: .* port {port} .*in use.*--port 0"):
@@ -214,7 +214,7 @@ def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch):
 
 
 @by(in_real_time)
-async def test_everybody_is_told_the_end():
+async def test_hub_shows_the_end_to_all_browsers():
     hub = Hub({"title": "x"})
     hub.enter("a browser")
     waiting = asyncio.create_task(hub.nobody.wait())
@@ -226,7 +226,7 @@ async def test_everybody_is_told_the_end():
     assert hub.ended == "over"
 
 
-def test_a_page_that_is_killed_is_told_once_and_orders_nothing(flight):
+def test_page_that_is_killed_is_reported_once_and_orders_nothing(flight):
     """The last one: this page is gone then."""
     feed = flight.feed
     os.kill(feed._child.process.pid, signal.SIGKILL)

@@ -35,7 +35,7 @@ class Flown:
 
 
 @pytest.mark.parametrize("recording", [STOPS, PASSES])
-def test_alarms_of_a_flight_without_trouble_are_none(recording):
+def test_flight_without_trouble_has_no_alarms(recording):
     flown = Flown(recording)
     for event in flown.events:
         flown.happen(event)

@@ -33,7 +33,7 @@ MEMBERS = mission_text(
 )  # fmt: skip
 
 
-def test_the_board_of_a_flight_is_its_map(monkeypatch):
+def test_board_of_a_flight_is_its_map(monkeypatch):
     monkeypatch.setattr(watching, "MOST_CELLS", 7)
     setting = STOPS.setting()
     events = [from_json(line) for line in STOPS.lines()]
@@ -98,7 +98,7 @@ def test_board_of_a_member_has_the_cells_of_another_by_class():
     assert shown == {there: "wet & <dry>", beside: "not region"}
 
 
-def test_board_of_a_station_has_the_cells_that_a_member_leaves_unsure_until_it_is_sure():
+def test_board_of_a_station_has_the_unsure_cells_of_a_member():
     setting = setting_of(mission_of_text(MEMBERS, "test"), 0)
     state, watcher = setting.initial_state(), Watcher(setting.initial_state(), now_s=lambda: 0.0)
     there, names = Cell(2, 4), [name for name, _ in scene_of(setting)["states"]]
@@ -112,7 +112,7 @@ def test_board_of_a_station_has_the_cells_that_a_member_leaves_unsure_until_it_i
         assert shown[there].startswith(name)
 
 
-def test_the_figures_of_a_flight_without_stopping_agree_at_any_time():
+def test_figures_of_a_flight_without_stopping_agree_at_any_time():
     setting = PASSES.setting()
     state, said = setting.initial_state(), set[str]()
     watcher = Watcher(state, now_s=lambda: 0.0)
@@ -126,7 +126,7 @@ def test_the_figures_of_a_flight_without_stopping_agree_at_any_time():
     assert len(said) > 3
 
 
-def test_the_scene_is_for_json():
+def test_scene_is_for_json():
     setting = STOPS.setting()
     scene = json.loads(json.dumps(scene_of(setting)))
     assert scene["states"][0][0] == "explored"
@@ -141,7 +141,7 @@ MOST_M = 4.0
 @pytest.mark.parametrize(
     ("recording", "kinds"), [(STOPS, {"FlyTo", "Sweep"}), (PASSES, {"FlyPath"})]
 )
-def test_it_is_flown(recording, kinds):
+def test_path_ahead_is_the_path_flown(recording, kinds):
     setting, lines = recording.setting(), recording.lines()[:160]
     state, ahead = setting.initial_state(), Ahead(setting)
     told = {}
@@ -171,7 +171,7 @@ def test_it_is_flown(recording, kinds):
     assert news < len(lines) / 2  # it is told again for a new order only
 
 
-def test_over_a_region_that_drifts_it_is_where_the_path_will_be():
+def test_path_ahead_over_a_drifting_region_is_where_it_will_be():
     setting, lines = SPILL.setting(), SPILL.lines()
     state, ahead = setting.initial_state(), Ahead(setting)
     for line in lines:
@@ -189,7 +189,7 @@ def test_over_a_region_that_drifts_it_is_where_the_path_will_be():
     assert shown.distance(Point(straight)) > 10.0  # it does drift
 
 
-def test_who_is_not_ours_has_no_path():
+def test_vehicle_not_under_our_control_has_no_path():
     setting = STOPS.setting()
     vehicle = setting.initial_state().vehicles[1]
     ahead = Ahead(setting)

@@ -23,7 +23,7 @@ def places(mark):
     return [link.attrib["point"] for link in detail(mark).iter("link")]
 
 
-def test_aircraft_flying_has_type_course_speed_and_what_is_known_of_its_height():
+def test_aircraft_flying_has_type_course_speed_and_any_known_height():
     flight, marks = BoardFlight(), Marks(simulated=False, utc_s=lambda: 100.0)
     flight.board.set_vehicle(2, record(at_s=10.0, e=0.0, n=0.0))
     list(marks.aircraft(flight.live()))
@@ -40,7 +40,7 @@ def test_aircraft_flying_has_type_course_speed_and_what_is_known_of_its_height()
     assert detail(mark).find("status").attrib["battery"] == "80"
 
 
-def test_aircraft_that_stands_keeps_its_course_and_one_that_was_silent_has_none():
+def test_aircraft_that_stands_keeps_its_course_and_a_silent_one_has_none():
     flight, marks = BoardFlight(), Marks(simulated=False)
     for at_s, north_m in ((10.0, 0.0), (11.0, 4.0), (12.0, 4.1)):
         flight.board.set_vehicle(1, record(at_s=at_s, n=north_m))
@@ -83,7 +83,7 @@ def test_aircraft_at_the_end_is_landed_or_last_known(landed, words, fix):
     assert mark.stale_s == (60 if landed else 15)
 
 
-def test_simulated_flight_says_so_everywhere():
+def test_simulated_flight_is_marked_everywhere():
     flight = BoardFlight()
     flight.board.set_vehicle(1, record())
     flight.cells("explored", (0, 0))
@@ -116,7 +116,7 @@ def test_region_with_a_hole_is_two_closed_rings_without_fill():
     assert region.findtext("remarks") == "128 m²; 128 m² in all; exploring"
 
 
-def test_the_largest_piece_is_the_first_and_the_smallest_are_left_out():
+def test_largest_piece_is_the_first_and_the_smallest_are_left_out():
     flight = BoardFlight()
     flight.cells("explored", *((5 * k, 0) for k in range(50)), (100, 1))
     found = by_name(Marks(simulated=False).shapes(flight.live()))

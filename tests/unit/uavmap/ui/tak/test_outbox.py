@@ -8,7 +8,7 @@ from uavmap.ui.tak.outbox import REPEAT_S, Outbox
 MARK = Mark("a", "u-d-f", 48.0, 11.0, "m-f", 60, b"<detail/>")
 
 
-def test_a_mark_that_changes_waits_for_its_turn_and_the_newest_is_sent():
+def test_mark_that_changes_waits_for_its_turn_and_the_newest_is_sent():
     outbox = Outbox()
     outbox.put("shapes", [MARK], 5.0)
     outbox.sent(MARK, 10.0)
@@ -19,7 +19,7 @@ def test_a_mark_that_changes_waits_for_its_turn_and_the_newest_is_sent():
     assert outbox.next(15.0).lat_deg == 3.0
 
 
-def test_what_is_overtaken_while_it_is_written_is_sent_again():
+def test_mark_that_changes_while_it_is_written_is_sent_again():
     outbox = Outbox()
     outbox.put("shapes", [MARK], 0.0)
     writing = outbox.next(0.0)
@@ -29,7 +29,7 @@ def test_what_is_overtaken_while_it_is_written_is_sent_again():
     assert outbox.next(1.0).lat_deg == 1.0
 
 
-def test_the_same_is_repeated_seldom_and_an_aircraft_never():
+def test_unchanged_shape_is_repeated_seldom_and_an_aircraft_never():
     outbox, aircraft = Outbox(), replace(MARK, uid="b", repeats=False)
     outbox.put("shapes", [MARK], 5.0)
     outbox.put("aircraft", [aircraft], 1.0)
@@ -42,7 +42,7 @@ def test_the_same_is_repeated_seldom_and_an_aircraft_never():
     assert outbox.next(REPEAT_S) is None
 
 
-def test_a_new_connection_gets_everything_at_once_deletions_among_it():
+def test_new_connection_gets_all_marks_and_deletions_at_once():
     outbox, gone = Outbox(), replace(MARK, uid="gone")
     outbox.put("shapes", [MARK, gone], 5.0)
     for mark in (MARK, gone):
@@ -58,7 +58,7 @@ def test_a_new_connection_gets_everything_at_once_deletions_among_it():
     assert sent == ["a", "gone-delete"]
 
 
-def test_all_get_their_turn_on_a_slow_link():
+def test_marks_take_turns_on_a_slow_link():
     outbox, sent = Outbox(), []
     for k in range(12):
         marks = [replace(MARK, uid=name, lat_deg=float(k)) for name in "abc"]
@@ -69,7 +69,7 @@ def test_all_get_their_turn_on_a_slow_link():
     assert sent == list("abc") * 4
 
 
-def test_what_comes_back_after_a_deletion_is_sent_as_new():
+def test_mark_that_returns_after_a_deletion_is_sent_as_new():
     outbox = Outbox()
     for marks in ([MARK], [], [MARK]):
         outbox.put("shapes", marks, 0.0)

@@ -157,7 +157,7 @@ def test_link_at_its_rates_sends_an_aircraft_once_and_shapes_once():
         assert sum(event.name == "region-1" for event in listener.events) == 1
 
 
-def test_link_without_a_server_says_so_once_and_is_tried_again():
+def test_link_without_a_server_is_reported_once_and_tried_again():
     with socket.socket() as held:  # no other test can listen there meanwhile
         held.bind(("127.0.0.1", 0))
         port = held.getsockname()[1]
@@ -220,7 +220,7 @@ def test_link_tls_with_certificates_of_both_sides(certificates, monkeypatch):
         assert flight.report() == f"TAK: linked: {listener.url}"
 
 
-def test_link_tls_server_that_nobody_vouches_for_gets_nothing(certificates, monkeypatch):
+def test_link_tls_server_without_a_trusted_certificate_gets_nothing(certificates, monkeypatch):
     given(monkeypatch, certificates)
     monkeypatch.delenv("PYTAK_TLS_CLIENT_CAFILE")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
@@ -252,7 +252,7 @@ def test_link_without_pytak_names_the_command_that_installs_it(monkeypatch):
         stack.enter_context(linked("tcp://127.0.0.1:1", simulated=False))
 
 
-def test_link_that_is_killed_is_logged_once_and_the_flight_goes_on():
+def test_link_that_is_killed_is_logged_once_and_the_flight_continues():
     said = Said()
     with Listener() as listener, shown_on(said), flying(listener.url) as flight:
         flight.update(0)

@@ -58,7 +58,7 @@ def new(*arguments):
 
 
 # --- what is written --------------------------------------------------------------------------
-def test_a_kml_becomes_a_mission_that_check_takes(field, capsys):
+def test_kml_becomes_a_mission_that_check_takes(field, capsys):
     new(field, "--drone", "x500", "--detector", "threshold", "--out", "field.toml")
     out, err = capsys.readouterr()
     assert "Untitled Polygon, 105 m x 114 m" in out
@@ -94,7 +94,7 @@ def test_every_key_of_a_mission_has_a_comment_and_every_comment_a_key():
     assert set(SECTIONS) == tables - {"vehicles"}
 
 
-def test_every_default_is_shown(field):
+def test_defaults_are_written_into_the_mission(field):
     new(field, "--drone", "sim", "--out", "field.toml")
     text = Path("field.toml").read_text("utf-8")
     shown = tomllib.loads(text)
@@ -109,7 +109,7 @@ def test_every_default_is_shown(field):
     assert "amsl_m" not in shown["start"]  # its default is the height of no place
 
 
-def test_figures_by_hand_override_the_table(field):
+def test_options_override_the_table_of_drones(field):
     new(
         field, "--drone", "solo", "--camera", "rpi-hq-6mm", "--battery", 90, "--pixels", "1280x720",
         "--wind", 7, "--vehicles", 2, "--cell", 5, "--height", 40, "--name", "two", "--strategy",
@@ -125,7 +125,7 @@ def test_figures_by_hand_override_the_table(field):
     assert not Path("a.png").exists()
 
 
-def test_a_rectangle_by_its_middle_south_of_the_equator():
+def test_rectangle_by_its_middle_is_laid_out_south_of_the_equator():
     new("--at", "-33.8,151.2", "--size", "200x150", "--drone", "sim", "--home", "-33.8,151.2")
     mission = load("area.toml")
     assert mission.start.position == (-33.8, 151.2)
@@ -133,7 +133,7 @@ def test_a_rectangle_by_its_middle_south_of_the_equator():
     assert (max(lats) - min(lats)) * 110_900 == pytest.approx(150, abs=6)
 
 
-def test_all_areas_of_a_file_and_one_by_name(tmp_path):
+def test_areas_of_a_file_are_taken_together_or_by_name(tmp_path):
     east = [(x + 0.003, y) for x, y in FIELD]
     saved(tmp_path, "two.geojson", collection(feature(name="A"), feature(east, name="B")))
     new("two.geojson", "--together", "--drone", "sim", "--out", "both.toml")
@@ -142,7 +142,7 @@ def test_all_areas_of_a_file_and_one_by_name(tmp_path):
     assert min(lon for _, lon in both) < min(lon for _, lon in only)
 
 
-def test_the_table_of_drones(capsys):
+def test_table_of_drones_is_listed(capsys):
     new("--drone", "list")
     out = capsys.readouterr().out
     assert "x500" in out
@@ -150,7 +150,7 @@ def test_the_table_of_drones(capsys):
 
 
 # --- asking -----------------------------------------------------------------------------------
-def test_what_is_missing_is_asked_at_a_terminal(monkeypatch, capsys):
+def test_missing_options_are_asked_at_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdin", Terminal("52.4565, 13.30375\n120x80\nsim\npaved\n"))
     new()
     err = capsys.readouterr().err
@@ -165,7 +165,7 @@ def test_what_is_missing_is_asked_at_a_terminal(monkeypatch, capsys):
     assert detector_of(mission) == threshold.PavedDetector()
 
 
-def test_new_answer_is_no_detector_says_which_there_are(field, tmp_path, monkeypatch, capsys):
+def test_new_answer_is_no_detector_lists_the_detectors(field, tmp_path, monkeypatch, capsys):
     for answer, expected in (("grass", "grass cannot be read"), ("4", "samples is missing")):
         monkeypatch.setattr(sys, "stdin", Terminal(f"{answer}\n"))
         assert main(["new", field, "--drone", "sim"]) == 2
@@ -173,7 +173,7 @@ def test_new_answer_is_no_detector_says_which_there_are(field, tmp_path, monkeyp
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_which_area_is_asked_at_a_terminal(tmp_path, monkeypatch, capsys):
+def test_choice_of_an_area_is_asked_at_a_terminal(tmp_path, monkeypatch, capsys):
     saved(tmp_path, "two.geojson", collection(feature(name="A"), feature(name="B")))
     monkeypatch.setattr(sys, "stdin", Terminal("two.geojson\n2\nlater\n"))
     new("--drone", "sim")
@@ -182,7 +182,7 @@ def test_which_area_is_asked_at_a_terminal(tmp_path, monkeypatch, capsys):
     assert "somewhere in 'B' (two.geojson)" in Path("two.toml").read_text("utf-8")
 
 
-def test_nobody_answers(monkeypatch, capsys):
+def test_terminal_without_an_answer_is_an_error(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdin", Terminal(""))
     assert main(["new"]) == 2
     assert "no answer" in capsys.readouterr().err
@@ -231,12 +231,12 @@ def test_new_detector_by_name_has_its_parameters_in_the_mission(field, name, mad
     assert set(detector_parameters(name)) <= set(keys)
 
 
-def test_a_detector_by_name_judges_in_place_of_the_missions(field):
+def test_detector_by_name_judges_in_place_of_the_missions(field):
     new(field, "--drone", "sim", "--out", "a.toml")
     assert detector_of(load("a.toml", "paved")) == threshold.PavedDetector()
 
 
-def test_every_detector_is_explained_to_those_who_choose():
+def test_each_detector_has_an_explanation():
     assert set(FINDS) == set(detector_names())
 
 
@@ -269,26 +269,28 @@ def test_every_detector_is_explained_to_those_who_choose():
         (["field.kml", "--drone", "sim", "--like", "a.jpg"], "a.jpg: there is no such photo"),
     ],
 )
-def test_it_is_told_in_a_line_and_nothing_is_written(arguments, expected, tmp_path, refused):
+def test_wrong_arguments_are_refused_in_a_line_and_write_nothing(
+    arguments, expected, tmp_path, refused
+):
     saved(tmp_path, "field.kml", kml(placemark("Field", kml_polygon())))
     assert expected in refused("new", *arguments)
     assert [path.name for path in tmp_path.iterdir()] == ["field.kml"]
 
 
-def test_a_mission_that_could_not_be_flown_is_not_written(field, tmp_path, refused):
+def test_mission_that_could_not_be_flown_is_not_written(field, tmp_path, refused):
     lines = refused.lines("new", field, "--drone", "sim", "--battery", 3, "--out", "a.toml")
     assert "nothing is written" in lines[0]
     assert "battery.capacity_wh = 3" in lines[1]
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_nothing_is_overwritten(field, tmp_path, refused):
+def test_existing_mission_is_not_overwritten(field, tmp_path, refused):
     saved(tmp_path, "a.png", b"mine")
     assert "is there already" in refused("new", field, "--drone", "sim", "--out", "a.toml")
     assert not Path("a.toml").exists()
 
 
-def test_a_mistyped_mission(tmp_path, refused):
+def test_mistyped_mission_gets_a_suggestion(tmp_path, refused):
     assert "did you mean 'runway'?" in refused("check", "runwya")
     saved(tmp_path, "meadow.toml", "")
     assert "did you mean 'meadow.toml'?" in refused("check", "medow.toml")
@@ -296,7 +298,7 @@ def test_a_mistyped_mission(tmp_path, refused):
 
 
 # --- the plan ---------------------------------------------------------------------------------
-def test_the_plan_as_a_page_of_its_own(capsys):
+def test_plan_is_written_as_a_page_of_its_own(capsys):
     assert main(["check", "spill", "--map", "spill.html"]) == 0
     assert "the plan is in spill.html" in capsys.readouterr().out
     page = Page(Path("spill.html").read_text("utf-8"))
@@ -317,14 +319,14 @@ def test_the_plan_as_a_page_of_its_own(capsys):
     assert page.tags.count("circle") >= 3 + 1  # three homes, and one in the legend
 
 
-def test_names_in_a_page_are_no_tags(tmp_path):
+def test_names_in_a_page_are_escaped(tmp_path):
     text = named_text("runway").text.replace('name = "runway"', 'name = "a & b\'s"')
     saved(tmp_path, "a.toml", text)
     assert main(["check", "a.toml", "--map", "a.html"]) == 0
     assert "Plan of a &amp; b&#39;s" in Path("a.html").read_text("utf-8")
 
 
-def test_the_plan_as_a_picture():
+def test_plan_is_written_as_a_picture():
     assert main(["check", "runway", "--map", "plan.PNG"]) == 0
     with Image.open("plan.PNG") as picture:
         pixels = np.asarray(picture.convert("RGB")).astype(int)
@@ -335,12 +337,12 @@ def test_the_plan_as_a_picture():
     assert np.ptp(rows) > 600
 
 
-def test_figures_and_a_map_at_once(capsys):
+def test_figures_and_a_map_are_given_at_once(capsys):
     assert main(["check", "runway", "--json", "--map", "a.html"]) == 0
     assert json.loads(capsys.readouterr().out)["mission"] == "runway"
 
 
-def test_a_map_of_another_kind_is_refused(tmp_path, refused):
+def test_map_of_another_kind_is_refused(tmp_path, refused):
     assert "write a .html or a .png" in refused("check", "runway", "--map", "a.pdf")
     assert "cannot be written" in refused("check", "runway", "--map", "no/a.html")
 
@@ -352,7 +354,7 @@ def with_fence(text, fence):
     return changed
 
 
-def test_a_home_far_from_the_box_is_asked_about(field, tmp_path, capsys):
+def test_home_far_from_the_box_is_asked_about(field, tmp_path, capsys):
     new(field, "--drone", "astro", "--detector", "threshold", "--out", "a.toml")
     wide = "[[52.44, 13.29], [52.44, 13.32], [52.49, 13.32], [52.49, 13.29]]"
     text = with_fence(Path("a.toml").read_text("utf-8"), wide)
@@ -364,7 +366,7 @@ def test_a_home_far_from_the_box_is_asked_about(field, tmp_path, capsys):
     )
 
 
-def test_a_fence_on_another_continent_is_refused(field, tmp_path, capsys, refused):
+def test_fence_on_another_continent_is_refused(field, tmp_path, capsys, refused):
     new(field, "--drone", "sim", "--out", "a.toml")
     there = "[[12.44, 13.29], [12.44, 13.32], [12.49, 13.32], [12.49, 13.29]]"
     saved(tmp_path, "b.toml", with_fence(Path("a.toml").read_text("utf-8"), there))

@@ -33,7 +33,7 @@ def field(tmp_path):
         (["--vehicle", "1", "--connect", URL, "--camera", "x", "--camera", "y"], "--camera is"),
     ],
 )
-def test_a_line_names_what_is_wrong(arguments, words, field, monkeypatch, refused):
+def test_wrong_arguments_are_named_in_a_line(arguments, words, field, monkeypatch, refused):
     monkeypatch.delenv("UAVMAP_FLEET_KEY_FILE", raising=False)
     keyed = ["--fleet-key", str(field.with_name("fleet.key"))] if "--peer" in arguments else []
     out = field.with_name("out")
@@ -41,7 +41,7 @@ def test_a_line_names_what_is_wrong(arguments, words, field, monkeypatch, refuse
     assert not out.exists()
 
 
-def test_the_help_names_what_a_fleet_can_fly(capsys):
+def test_help_names_the_strategies_of_a_fleet(capsys):
     with pytest.raises(SystemExit):
         main(["onboard", "--help"])
     told = " ".join(capsys.readouterr().out.split())
@@ -49,7 +49,7 @@ def test_the_help_names_what_a_fleet_can_fly(capsys):
     assert "--sim" not in told
 
 
-def test_a_flight_of_no_fleet_has_no_network(tmp_path, refused):
+def test_flight_without_a_fleet_has_no_network(tmp_path, refused):
     from tests.unit.uavmap.output.test_merging import ALONE, plan, written  # noqa: PLC0415
 
     folder = written(tmp_path / "flight", plan(ALONE, None), [])
@@ -57,7 +57,7 @@ def test_a_flight_of_no_fleet_has_no_network(tmp_path, refused):
     assert "go with a flight that `uavmap onboard` began" in line
 
 
-def test_on_the_ground_a_fleet_is_joined_where_it_is_heard(tmp_path, refused):
+def test_fleet_on_the_ground_is_joined_by_its_endpoints(tmp_path, refused):
     listen, out = ("--listen", "tcp/127.0.0.1:7447"), ("--out", tmp_path / "a")
     assert "--listen, --peer or --router" in refused("fly", "burn", "--fleet", *out)
     assert "go with --fleet" in refused("fly", "burn", "--sim", *listen, *out)

@@ -62,7 +62,7 @@ def near(one, other):
 
 
 # --- a mission ----------------------------------------------------------------------------------
-def test_a_plan_has_what_qgroundcontrol_documents(tmp_path):
+def test_plan_has_the_keys_that_qgroundcontrol_documents(tmp_path):
     file, setting = mission_file(tmp_path)
     plan = exported(tmp_path, file)
     home = homes(setting.mission)[0]
@@ -88,7 +88,7 @@ def test_a_plan_has_what_qgroundcontrol_documents(tmp_path):
             assert (item["frame"], item["AltitudeMode"], item["Altitude"]) == (3, 1, 12.0)
 
 
-def test_the_lanes_are_flown_in_their_order_and_no_leg_leaves_the_fence(tmp_path):
+def test_lanes_are_flown_in_their_order_and_no_leg_leaves_the_fence(tmp_path):
     file, setting = mission_file(tmp_path)
     items = exported(tmp_path, file)["mission"]["items"]
     commands = [item["command"] for item in items]
@@ -130,7 +130,7 @@ def test_each_vehicle_has_a_file_a_height_and_a_rally_point_of_its_own(tmp_path)
     assert alone == json.loads((tmp_path / "team-2.plan").read_text("utf-8"))
 
 
-def test_heights_above_the_sea_and_a_px4(tmp_path):
+def test_plan_of_a_px4_has_heights_above_the_sea(tmp_path):
     file, _ = mission_file(tmp_path)
     plan = exported(tmp_path, file, "--above-sea", "--firmware", "px4")
     assert plan["mission"]["firmwareType"] == 12
@@ -170,14 +170,14 @@ def test_mission_planner_reads_the_waypoints(tmp_path):
         (["--plan", "missing/x.plan"], "cannot be written"),
     ],
 )
-def test_what_cannot_be_exported_is_said_in_a_line(tmp_path, monkeypatch, refused, arguments, said):
+def test_impossible_export_is_refused_in_a_line(tmp_path, monkeypatch, refused, arguments, said):
     file, _ = mission_file(tmp_path)
     monkeypatch.chdir(tmp_path)
     assert said in refused("export", file, *arguments)
     assert [path.name for path in tmp_path.iterdir()] == ["field.toml"]
 
 
-def test_nothing_is_overwritten_and_no_file_is_written_alone(tmp_path, refused):
+def test_existing_plan_is_not_overwritten_and_no_other_written(tmp_path, refused):
     file, _ = mission_file(tmp_path, vehicles=2)
     (tmp_path / "team-2.plan").write_text("mine")
     line = refused("export", file, "--plan", tmp_path / "team.plan")
@@ -199,7 +199,7 @@ def test_export_plan_of_a_results_folder_is_refused_in_a_line(tmp_path, refused)
     assert not (tmp_path / "x.plan").exists()
 
 
-def test_a_ring_over_the_antimeridian_is_clockwise_too():
+def test_ring_over_the_antimeridian_is_clockwise():
     west, east = 179.999, -179.999
     ring = [LatLon(0.0, west), LatLon(0.0, east), LatLon(0.001, east), LatLon(0.001, west)]
     assert clockwise(ring) == ring[::-1]
@@ -258,7 +258,7 @@ def download(vehicle, kind):
     return items
 
 
-def test_a_px4_takes_mission_fence_and_rally_points_and_tells_the_same(tmp_path, sitl_fleet):
+def test_px4_accepts_mission_fence_and_rally_points_and_reports_them(tmp_path, sitl_fleet):
     """An ArduPilot gets them from MAVSDK, in `tests/e2e`."""
     file, setting = mission_file(tmp_path)
     plan = exported(tmp_path, file, "--firmware", "px4")
@@ -277,7 +277,7 @@ def test_a_px4_takes_mission_fence_and_rally_points_and_tells_the_same(tmp_path,
         assert (round(place.lat_deg * 1e7), round(place.lon_deg * 1e7)) in corners
 
 
-def test_the_exported_search_is_flown_from_take_off_to_the_ground(tmp_path, sitl_fleet):
+def test_exported_search_is_flown_from_take_off_to_the_ground(tmp_path, sitl_fleet):
     file, setting = mission_file(tmp_path)
     plan = exported(tmp_path, file)
     (vehicle,) = sitl_fleet(1, home=(*setting.mission.start.position, 488.5, 0.0), seed=3)

@@ -64,7 +64,7 @@ def tiles(maps: Maps, out: Path, *more: str) -> int:
     return main(["tiles", "runway", "--out", str(out), *source, "--zoom", "16-17", *more])
 
 
-def test_the_tiles_of_a_mission_are_kept_and_shown(maps, tmp_path, capsys):
+def test_tiles_of_a_mission_are_kept_and_shown(maps, tmp_path, capsys):
     out = tmp_path / "field.mbtiles"
     assert tiles(maps, out) == 0
     count = len(maps.asked)
@@ -84,7 +84,7 @@ def test_the_tiles_of_a_mission_are_kept_and_shown(maps, tmp_path, capsys):
     assert "0 tiles fetched" in capsys.readouterr().err
 
 
-def test_gdal_opens_it(maps, tmp_path):
+def test_file_of_tiles_is_opened_by_gdal(maps, tmp_path):
     rasterio = pytest.importorskip("rasterio")
     out = tmp_path / "field.mbtiles"
     assert tiles(maps, out) == 0
@@ -94,7 +94,7 @@ def test_gdal_opens_it(maps, tmp_path):
         assert int(file.read(1).max()) == 120
 
 
-def test_a_source_that_fails_half_way_is_asked_for_the_rest_alone(maps, tmp_path, capsys):
+def test_source_that_failed_is_asked_for_the_missing_tiles_only(maps, tmp_path, capsys):
     out = tmp_path / "field.mbtiles"
     maps.broken_after = 2
     assert tiles(maps, out) == 2
@@ -107,7 +107,7 @@ def test_a_source_that_fails_half_way_is_asked_for_the_rest_alone(maps, tmp_path
     assert len(maps.asked) - asked == total - 2
 
 
-def test_what_is_no_picture_is_refused(maps, tmp_path, capsys):
+def test_answer_that_is_no_picture_is_refused(maps, tmp_path, capsys):
     maps.odd = True
     assert tiles(maps, tmp_path / "field.mbtiles") == 2
     assert "is no picture of a tile" in capsys.readouterr().err
@@ -121,13 +121,13 @@ def test_what_is_no_picture_is_refused(maps, tmp_path, capsys):
         (["--zoom", "14-22"], "at most 5000 are fetched; --zoom 14-"),
     ],
 )
-def test_faulty_options(maps, tmp_path, capsys, words, message):
+def test_faulty_options_are_refused_before_any_request(maps, tmp_path, capsys, words, message):
     assert tiles(maps, tmp_path / "x.mbtiles", *words) == 2
     assert message in capsys.readouterr().err
     assert not maps.asked
 
 
-def test_a_file_of_another_source_is_left_alone(maps, tmp_path, capsys):
+def test_file_of_another_source_is_left_alone(maps, tmp_path, capsys):
     out = tmp_path / "field.mbtiles"
     assert tiles(maps, out) == 0
     before = out.read_bytes()
@@ -136,7 +136,7 @@ def test_a_file_of_another_source_is_left_alone(maps, tmp_path, capsys):
     assert out.read_bytes() == before
 
 
-def test_tiles_over_the_edge_of_the_world():
+def test_tiles_over_the_edge_of_the_world_are_listed():
     fiji = Bounds.around([LatLon(-17.0, 179.9995), LatLon(-17.0, 180.0)])
     found = fiji.tiles(10)
     assert {tile.x for tile in found} == {1023, 0}

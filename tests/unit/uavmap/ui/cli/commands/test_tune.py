@@ -88,7 +88,7 @@ def tuned(tmp_path_factory):
     return folder
 
 
-def test_a_detector_is_learned_from_polygons_and_maps_the_region(tuned, tmp_path):
+def test_detector_is_learned_from_polygons_and_maps_the_region(tuned, tmp_path):
     report = json.loads((tuned / "eyes" / REPORT).read_text())
     assert report["cells"]["iou"] > 0.9
     assert report["pixels"]["precision"] > 0.9
@@ -102,7 +102,7 @@ def test_a_detector_is_learned_from_polygons_and_maps_the_region(tuned, tmp_path
     assert 0.7 < found_share(out, GRID.cell_m) < 1.3
 
 
-def test_masks_teach_as_polygons_do_and_the_same_seed_gives_the_same_bytes(tuned, tmp_path):
+def test_masks_teach_like_polygons_and_the_same_seed_gives_the_same_bytes(tuned, tmp_path):
     masks = tmp_path / "masks"
     masks.mkdir()
     for example in load_examples(tuned / "images", tuned / "region.geojson", WIDE):
@@ -113,7 +113,7 @@ def test_masks_teach_as_polygons_do_and_the_same_seed_gives_the_same_bytes(tuned
         assert (tmp_path / "again" / name).read_bytes() == (tuned / "eyes" / name).read_bytes()
 
 
-def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(tuned, tmp_path):
+def test_mission_that_is_flown_holds_the_checksum_of_its_model(tuned, tmp_path):
     folder = tmp_path / "eyes"
     folder.mkdir()
     for name in (MODEL, DETECTOR):
@@ -140,7 +140,7 @@ def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(tuned, tmp_pa
         (lambda data: data.replace(b'"light"', b'"leight"', 1), "unknown feature 'leight'"),
     ],
 )
-def test_a_damaged_or_foreign_model_is_refused_in_a_line(tuned, tmp_path, refused, damage, why):
+def test_damaged_or_foreign_model_is_refused_in_a_line(tuned, tmp_path, refused, damage, why):
     assert callable(damage)
     folder = tmp_path / "eyes"
     folder.mkdir()
@@ -152,7 +152,7 @@ def test_a_damaged_or_foreign_model_is_refused_in_a_line(tuned, tmp_path, refuse
     assert str(folder / MODEL) in line
 
 
-def test_what_is_wrong_with_examples_is_said(tuned, tmp_path):
+def test_faulty_examples_are_refused_with_a_reason(tuned, tmp_path):
     images = tuned / "images"
     where = tmp_path / "masks"
     with pytest.raises(ImageError, match="no folder of masks"):
@@ -165,7 +165,7 @@ def test_what_is_wrong_with_examples_is_said(tuned, tmp_path):
         load_examples(images, where, WIDE)
 
 
-def test_one_painted_picture_is_too_few(tuned, tmp_path, refused):
+def test_single_painted_picture_is_refused(tuned, tmp_path, refused):
     mask = np.zeros((90, 160), np.uint8)
     mask[:40] = 255
     where = tmp_path / "masks"
@@ -186,7 +186,7 @@ def test_polygons_teach_in_the_pictures_that_can_be_read(tuned, tmp_path):
     assert line.startswith(f"left out: {images / '1.jpg'}")
 
 
-def test_variants_show_the_same_ground_otherwise():
+def test_variants_show_the_same_ground_in_other_light():
     picture = np.asarray(paint(10.0, 10.0, 0.0))
     region = picture[:, :, 0] < 140
     example = Example("x", picture, region.astype(np.uint8))
@@ -211,7 +211,7 @@ def test_trees_answer_as_the_learner_does_and_survive_their_file():
     assert ((found > 0.5) == labels).mean() > 0.95
 
 
-def test_without_the_learner_the_extra_is_named(tuned, tmp_path, monkeypatch, refused):
+def test_tune_without_the_learner_names_the_extra(tuned, tmp_path, monkeypatch, refused):
     monkeypatch.setitem(sys.modules, "sklearn", None)
     arguments = ("tune", tuned / "images", "--examples", tuned / "region.geojson")
     line = refused(*arguments, "--out", tmp_path / "eyes")
@@ -219,7 +219,7 @@ def test_without_the_learner_the_extra_is_named(tuned, tmp_path, monkeypatch, re
 
 
 @pytest.mark.skipif(not brighton.there(), reason="the photographs of Brighton Beach are not here")
-def test_three_real_photographs_teach_the_road_in_others():
+def test_road_is_learned_from_three_real_photographs():
     names = brighton.names()
     painted = brighton.examples([names[i] for i in (2, 7, 12)])
     wishes = Wishes(kinds=("logistic",), sets=("color and texture",))
@@ -230,7 +230,7 @@ def test_three_real_photographs_teach_the_road_in_others():
     assert cells.iou > 0.62
 
 
-def test_what_was_learned_maps_without_a_mission_file(tuned, tmp_path, capsys):
+def test_learned_detector_maps_without_a_mission_file(tuned, tmp_path, capsys):
     out, eyes = tmp_path / "map", str(tuned / "eyes")
     photos = str(tuned / "images")
     assert main(["replay", photos, "--detector", eyes, "--out", str(out)]) in (0, 3)
@@ -260,7 +260,7 @@ def test_what_was_learned_maps_without_a_mission_file(tuned, tmp_path, capsys):
     ],
 )
 @pytest.mark.parametrize("command", ["replay", "look"])
-def test_a_detector_is_looked_at_before_any_picture(tmp_path, refused, text, why, command):
+def test_detector_is_checked_before_any_picture(tmp_path, refused, text, why, command):
     if text is not None:
         (tmp_path / DETECTOR).write_text(f"[detector]\n{text}\n")
     line = refused(command, tmp_path / "no pictures", "--detector", tmp_path)
@@ -279,7 +279,7 @@ def described_as(name, *, region, surround):
 @pytest.mark.parametrize(
     "kinds", ["bssssb", "brrrrb", "rrss", "bbbbbbb", "sssssssrr", "rrrrrrrss", "r-s-rs--"]
 )
-def test_whoever_learns_has_seen_both_kinds(kinds):
+def test_folds_of_training_contain_both_kinds(kinds):
     """Few of many pictures show the region, and stand where a plain count judges them together."""
     more = {"b": (True, True), "r": (True, False), "s": (False, True), "-": (False, False)}
     pictures = [

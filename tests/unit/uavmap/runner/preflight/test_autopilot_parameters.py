@@ -54,7 +54,7 @@ def not_ok(findings: list[Finding]) -> list[str]:
 
 
 @pytest.mark.parametrize(("kind", "good"), [(ARDUPILOT, GOOD_ARDUPILOT), (PX4, GOOD_PX4)])
-def test_an_autopilot_that_is_set_well_has_nothing_against_it(kind, good):
+def test_autopilot_that_is_set_well_has_no_findings(kind, good):
     assert set(good) == set(names_of(kind))
     assert not_ok(found(kind, good)) == []
     rows = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
@@ -84,7 +84,7 @@ def test_an_autopilot_that_is_set_well_has_nothing_against_it(kind, good):
         (PX4, "RTL_RETURN_ALT", 60),
     ],
 )
-def test_what_is_set_otherwise_is_told_with_a_reason(kind, name, value):
+def test_unsuitable_parameter_is_a_finding_with_a_reason(kind, name, value):
     good = GOOD_PX4 if kind is PX4 else GOOD_ARDUPILOT
     findings = found(kind, good | {name: value})
     assert not_ok(findings) == [name]
@@ -93,14 +93,14 @@ def test_what_is_set_otherwise_is_told_with_a_reason(kind, name, value):
     assert finding.remedy
 
 
-def test_what_the_autopilot_does_not_tell_is_told():
+def test_parameter_that_the_autopilot_does_not_report_is_a_finding():
     values = {name: value for name, value in GOOD_ARDUPILOT.items() if name != "BATT_LOW_MAH"}
     findings = found(ARDUPILOT, values)
     assert not_ok(findings) == ["BATT_LOW_MAH"]  # a voltage that does needs no second limit
     assert [f.level for f in found(ARDUPILOT, {})] == [Level.BAD]
 
 
-def test_a_team_returns_in_its_layers_whatever_is_set():
+def test_return_height_of_a_team_is_no_finding():
     assert not_ok(found(ARDUPILOT, GOOD_ARDUPILOT | {"RTL_ALT": 5000}, vehicles=2)) == []
 
 
@@ -132,7 +132,7 @@ def test_missing_frames_are_counted_by_their_numbers(numbers, missing):
 
 
 @pytest.mark.skipif(not RECORDED.exists(), reason="a recorded flight of a real ArduCopter")
-def test_a_real_arducopter_has_every_parameter_that_is_looked_at():
+def test_real_arducopter_has_every_parameter_that_is_checked():
     log = mavutil.mavlink_connection(str(RECORDED))
     told: dict[str, Parameter] = {}
     while (message := log.recv_match(type="PARAM_VALUE")) is not None:
@@ -146,7 +146,7 @@ def test_a_real_arducopter_has_every_parameter_that_is_looked_at():
 
 
 @pytest.mark.parametrize("kind", [ARDUPILOT, PX4])
-def test_who_goes_on_without_satellites_needs_flow(kind):
+def test_mission_that_continues_without_satellites_needs_flow(kind):
     mission = mission_of("ardupilot", 1)
     on = setting_of(mission.model_copy(update={"navigation": NavigationSection(gnss_loss="map")}))
     more = set(names_of(kind, on)) - set(names_of(kind))
@@ -168,7 +168,7 @@ def test_who_goes_on_without_satellites_needs_flow(kind):
         (PX4, GOOD_PX4, "MPC_Z_V_AUTO_DN", 3),
     ],
 )
-def test_an_autopilot_climbs_as_fast_as_the_mission_says(kind, good, name, value):
+def test_autopilot_with_slower_climb_than_the_mission_is_a_finding(kind, good, name, value):
     mission = mission_of("ardupilot", 1)
     flight = mission.flight.model_copy(update={"climb_m_s": 5.0, "descent_m_s": 3.0})
     setting = setting_of(mission.model_copy(update={"flight": flight}))

@@ -22,7 +22,7 @@ UP_M = 12.0
 
 
 @by(fly)
-async def test_the_reasons_of_the_checks_before_arming_are_told_as_they_come(flight, /):
+async def test_reasons_of_the_arming_checks_are_shown_as_they_come(flight, /):
     message = mav.MAVLink_param_set_message(1, 1, b"BATT_ARM_VOLT", 99.0, 9)
     flight.vehicle.receive(message.pack(mav.MAVLink(None, 255, 190)))
     await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
@@ -32,7 +32,7 @@ async def test_the_reasons_of_the_checks_before_arming_are_told_as_they_come(fli
 
 
 @by(on_virtual_time)
-async def test_a_position_that_does_not_come_is_waited_for_aloud():
+async def test_wait_for_a_position_is_shown():
     flight = Flight(small_mission())
     flight.to_driver = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
     async with asyncio.TaskGroup() as tasks:
@@ -45,7 +45,7 @@ async def test_a_position_that_does_not_come_is_waited_for_aloud():
 
 
 @by(fly)
-async def test_what_the_checks_before_arming_wait_for_is_told(flight, /):
+async def test_wait_for_the_arming_checks_is_shown(flight, /):
     flight.vehicle.fail.gps(for_s=40.0)
     await asyncio.sleep(10.0)
     assert not flight.session.view.ready_to_arm
@@ -56,7 +56,7 @@ async def test_what_the_checks_before_arming_wait_for_is_told(flight, /):
 
 
 @by(fly)
-async def test_a_word_without_a_new_battery_is_answered(flight, /, monkeypatch):
+async def test_enter_without_a_new_battery_is_answered(flight, /, monkeypatch):
     monkeypatch.setattr(VehicleView, "is_simulator", False)
     flight.session.view.battery_percent = 41
     flight.to_driver = lambda m: m.get_type() not in ("BATTERY_STATUS", "SYS_STATUS")
@@ -77,7 +77,7 @@ def long_mission() -> Mission:
 
 
 @by(fly, long_mission)
-async def test_a_speed_that_somebody_changed_on_the_way_is_put_back_and_told(flight, /):
+async def test_speed_changed_by_another_is_restored_and_reported(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     view = flight.session.view
     flight.driver.give(FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M))
@@ -90,7 +90,7 @@ async def test_a_speed_that_somebody_changed_on_the_way_is_put_back_and_told(fli
 
 
 @by(fly, long_mission)
-async def test_the_speed_that_was_ordered_is_not_spoken_of(flight, /):
+async def test_ordered_speed_is_not_reported(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     there = FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M)
     await flight.after(there, Arrived)
@@ -98,7 +98,7 @@ async def test_the_speed_that_was_ordered_is_not_spoken_of(flight, /):
 
 
 @by(fly)
-async def test_a_clock_that_runs_fast_is_said(flight, /):
+async def test_clock_that_runs_fast_is_reported(flight, /):
     flight.driver._clock_rate = ClockRate(10.0, 0.2)
     await asyncio.sleep(30.0)
     assert not [line for line in flight.told if "speedup" in line]

@@ -29,7 +29,7 @@ def test_cells_are_seen_before_they_are_decided():
     assert "3 of 3 cells seen, 3 decided" in caption(film, reel, film.end_t)
 
 
-def test_the_track_is_the_path_and_the_footprint_is_drawn_around_the_vehicle():
+def test_track_is_the_path_and_the_footprint_is_around_the_vehicle():
     run = surveyed(ROI, Team(2, Camera(15.0, 15.0)), record=True)
     large, small = (film_of_nonstop(run, ROI, 4.0, (m, m), "three") for m in (15.0, 7.0))
     assert set(large.tracks) == {0, 1}

@@ -26,7 +26,7 @@ def statustext(words, severity=WARNING, number=0, chunk=0):
 
 
 # --- putting together --------------------------------------------------------------------------
-def test_a_text_of_many_chunks():
+def test_text_of_many_chunks_is_joined():
     words = b"PreArm: " + b"x" * 60 + b"y" * 60
     texts, said = Texts(), []
     for k in range(0, len(words), 50):
@@ -34,7 +34,7 @@ def test_a_text_of_many_chunks():
     assert [text.words.encode() for text in said] == [words]
 
 
-def test_chunks_of_two_texts_and_two_components_between_each_other():
+def test_interleaved_chunks_of_texts_and_components_are_joined():
     texts, said = Texts(), []
     for component, number, chunk, words in (
         (1, 3, 0, b"a" * 50), (1, 4, 0, b"b" * 50), (100, 3, 0, b"c" * 50),
@@ -44,7 +44,7 @@ def test_chunks_of_two_texts_and_two_components_between_each_other():
     assert [text.words for text in said] == ["c" * 50 + "!", "a" * 50 + "?", "b" * 50]
 
 
-def test_a_chunk_that_is_lost_leaves_a_gap():
+def test_chunk_that_is_lost_leaves_a_gap():
     texts = Texts()
     texts.take(1, statustext(b"a" * 50, number=5, chunk=0), 0.0)
     assert texts.take(1, statustext(b"end", number=5, chunk=2), 0.1) == []
@@ -55,7 +55,7 @@ def test_a_chunk_that_is_lost_leaves_a_gap():
     assert [text.words for text in texts.late(20.0)] == ["a" * 50 + "[...]"]
 
 
-def test_what_is_half_told_is_bounded():
+def test_unfinished_texts_are_bounded():
     texts, said = Texts(), 0
     for number in range(1, 1000):
         said += len(texts.take(1, statustext(b"z" * 50, number=number, chunk=0), 0.0))
@@ -72,7 +72,7 @@ def said_by(flight, *messages):
 
 
 @by(fly)
-async def test_words_are_told_with_severity_and_kept(flight, /):
+async def test_texts_are_shown_with_severity_and_recorded(flight, /):
     said_by(flight, statustext(b"Compass not calibrated", WARNING), statustext(b"x", DEBUG))
     await asyncio.sleep(1.0)
     assert "[vehicle 1, warning] Compass not calibrated" in flight.told
@@ -81,7 +81,7 @@ async def test_words_are_told_with_severity_and_kept(flight, /):
 
 
 @by(fly)
-async def test_a_repeated_text_is_counted(flight, /):
+async def test_repeated_text_is_counted(flight, /):
     for _ in range(140):
         said_by(flight, statustext(b"PreArm: no"))
         await asyncio.sleep(1.0)
@@ -90,7 +90,7 @@ async def test_a_repeated_text_is_counted(flight, /):
 
 
 @by(fly)
-async def test_a_flood_fills_neither_screen_nor_disk(flight, /):
+async def test_flood_of_texts_fills_neither_screen_nor_disk(flight, /):
     for k in range(2000):
         said_by(flight, statustext(f"flood {k}".encode(), k % 8))
     await asyncio.sleep(10.0)
@@ -126,14 +126,14 @@ async def test_a_flood_fills_neither_screen_nor_disk(flight, /):
         ([], None),
     ],
 )
-def test_failsafes_by_name(words, named):
+def test_text_gives_the_name_of_the_failsafe(words, named):
     found = failsafe_of(words)
     assert (found or "").startswith(named or "")
     assert (found is None) == (named is None)
 
 
 @pytest.mark.parametrize("mode", ["LOITER", "STABILIZE", "POSHOLD", "POSITION", "AUTO"])
-def test_a_pilots_mode_is_no_failsafe(mode):
+def test_pilots_mode_is_no_failsafe(mode):
     assert not may_be_a_failsafe(mode)
 
 
@@ -144,7 +144,7 @@ def overridden(flight):
 
 
 @by(fly)
-async def test_a_failsafe_is_named_in_the_event(flight, /):
+async def test_failsafe_is_named_in_the_event(flight, /):
     said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
     said_by(flight, heartbeat(6, armed=True))
     await asyncio.sleep(0.2)
@@ -152,7 +152,7 @@ async def test_a_failsafe_is_named_in_the_event(flight, /):
 
 
 @by(fly)
-async def test_the_cause_may_come_after_the_mode(flight, /):
+async def test_cause_of_a_failsafe_may_come_after_the_mode(flight, /):
     said_by(flight, heartbeat(6, armed=True))
     await asyncio.sleep(0.3)
     said_by(flight, statustext(b"Fence Breached", CRITICAL))
@@ -172,7 +172,7 @@ async def test_pilot_and_old_texts_are_no_cause(flight, /, mode, after_s):
 
 
 @by(fly)
-async def test_a_state_that_is_critical_says_that_much(flight, /):
+async def test_critical_state_is_an_override_without_a_cause(flight, /):
     beat = heartbeat(9, armed=True)
     beat.system_status = mav.MAV_STATE_CRITICAL
     said_by(flight, beat)
@@ -190,7 +190,7 @@ async def test_a_state_that_is_critical_says_that_much(flight, /):
     ],
 )
 @by(on_virtual_time)
-async def test_px4_takes_us_for_a_ground_station(autopilot, onboard, type_):
+async def test_px4_counts_the_service_as_a_ground_station(autopilot, onboard, type_):
     peer = Peer()
     peer.session.onboard = onboard
     mode = 4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 4 << 16 | 3 << 24
@@ -288,7 +288,7 @@ async def test_current_mode_shows_mode_and_failsafe_between_heartbeats():
 
 
 @by(on_virtual_time)
-async def test_current_mode_leaves_to_the_heartbeat_what_it_cannot_show():
+async def test_current_mode_without_a_failsafe_leaves_it_to_the_heartbeat():
     """A PX4 that waits in HOLD for a failsafe (COM_FAIL_ACT_T), and was asked to hold, is in the
     mode asked for.
     """

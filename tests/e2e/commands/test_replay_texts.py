@@ -146,9 +146,7 @@ _OF_FLIGHTS = re.compile(
 )
 
 
-def test_replay_without_a_mission_speaks_of_pictures_and_says_why_this_detector(
-    photos, tmp_path, capsys
-):
+def test_replay_without_a_mission_explains_pictures_and_detector(photos, tmp_path, capsys):
     out = tmp_path / "out"
     summary = replayed(photos, out, "--verbose")
     told = capsys.readouterr()

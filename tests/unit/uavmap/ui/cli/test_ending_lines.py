@@ -54,7 +54,7 @@ def told(made, event):
 
 
 # --- a pilot keeps it on the ground ----------------------------------------------------------
-def test_who_is_kept_on_the_ground_does_not_end_the_flight_of_the_others():
+def test_vehicle_kept_on_the_ground_does_not_end_the_flight_of_the_others():
     made = service(2)
     line = told(made, Overridden(1, 3.0, "LOITER"))
     assert "vehicle 1 is in LOITER on the ground, not under our control" in line
@@ -71,7 +71,7 @@ def test_who_is_kept_on_the_ground_does_not_end_the_flight_of_the_others():
     [(True, "it takes off at once", TakeOff), (False, "it waits for its crew", AwaitBattery)],
     ids=["before its first flight", "after a flight"],
 )
-def test_given_back_it_does_as_the_line_said(cleared, said, order):
+def test_vehicle_given_back_does_as_the_line_announced(cleared, said, order):
     made = service(2)
     made.state = made.state.with_vehicle(replace(made.state.vehicles[1], cleared=cleared))
     assert said in told(made, Overridden(1, 3.0, "LOITER"))
@@ -80,14 +80,14 @@ def test_given_back_it_does_as_the_line_said(cleared, said, order):
     assert isinstance(made.order(1), order)
 
 
-def test_where_nobody_else_flies_the_flight_ends_and_says_why():
+def test_flight_without_another_vehicle_ends_with_the_reason():
     made = service(1)
     line = told(made, Overridden(1, 3.0, "LOITER"))
     assert made.state.over
     assert "no other vehicle flies: the flight ends" in line
 
 
-def test_so_it_does_after_a_pilots_landing():
+def test_flight_after_a_pilots_landing_ends_with_the_reason():
     made = airborne(service(1))
     assert "hands off until" in told(made, Overridden(1, 3.0, "LOITER"))
     assert not made.state.over
@@ -100,7 +100,7 @@ def test_so_it_does_after_a_pilots_landing():
 
 
 @pytest.mark.parametrize("landed", [True, False])
-def test_nobody_waits_for_a_battery_and_for_a_pilot_who_keeps_the_other(landed):
+def test_flight_does_not_wait_for_a_battery_while_a_pilot_keeps_the_other(landed):
     """In the air, however, it is waited for."""
     made = service(2)
     kept = replace(made.state.vehicles[2], phase=Phase.YIELDED, landed=landed, order=StandDown())
@@ -133,7 +133,7 @@ def test_change_of_mode_is_shown_once_with_the_cause_that_follows(after, line):
     assert line in out.getvalue()
 
 
-def test_mode_that_we_command_selected_by_others_is_not_under_our_control():
+def test_commanded_mode_selected_by_others_is_not_under_our_control():
     made = airborne(service(2))
     line = told(made, Overridden(1, 3.0, "GUIDED"))
     assert "vehicle 1 is in GUIDED, not under our control: its pilot or its autopilot" in line
@@ -191,7 +191,7 @@ def mapped(phase, landed_away_m):
 @pytest.mark.parametrize(
     ("phase", "away_m", "completed"), [(Phase.YIELDED, 45.0, True), (Phase.DOWN, 0.0, False)]
 )
-def test_an_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
+def test_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
     phase, away_m, completed, capsys
 ):
     made = mapped(phase, away_m)
@@ -212,7 +212,7 @@ def test_an_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
 
 
 @pytest.mark.parametrize("command", ["fly", "resume"])
-def test_the_help_tells_the_exit_codes(command, capsys):
+def test_help_lists_the_exit_codes(command, capsys):
     with pytest.raises(SystemExit):
         parser().parse_args([command, "--help"])
     text = capsys.readouterr().out
@@ -227,7 +227,7 @@ FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed fi
 
 @pytest.mark.parametrize("terminal", [False, True])
 @pytest.mark.parametrize("failure", FAILURES, ids=repr)
-def test_progress_goes_on_in_silence(failure, terminal):
+def test_progress_without_an_output_continues_in_silence(failure, terminal):
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state, stream = setting.initial_state(), Gone(failure, terminal=terminal)
     terminal_ = Terminal(stream)
@@ -244,7 +244,7 @@ def test_progress_goes_on_in_silence(failure, terminal):
 
 @pytest.mark.parametrize("as_json", [False, True])
 @pytest.mark.parametrize("failure", FAILURES[:2], ids=repr)
-def test_the_exit_code_is_that_of_the_flight(failure, as_json, monkeypatch):
+def test_exit_code_is_that_of_the_flight(failure, as_json, monkeypatch):
     monkeypatch.setattr("sys.stdout", Gone(failure))
     monkeypatch.setattr("sys.stderr", Gone(failure))
     folder = Path("results/field-1")
