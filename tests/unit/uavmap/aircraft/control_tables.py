@@ -1,7 +1,6 @@
-"""The transition tables of docs/reference/control.md, made by running the state machine itself.
+"""Make the transition tables of docs/reference/control.md by running the state machine.
 
-python -m tests.unit.uavmap.aircraft.control_tables      # writes them into the page
-"""
+python -m tests.unit.uavmap.aircraft.control_tables  # writes them into the page"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +28,7 @@ NOW_S = PUT_BACK_S + 0.1
 
 FLYING = Control(air=AirState.AIRBORNE, mode=GUIDED, armed=True, heard_s=LIFT_S, took_off_s=0.0)
 ASKED = replace(FLYING, request=Request(RTL, 0.0, before=GUIDED))
-"""It flies in GUIDED, and RTL was asked for."""
+"""Control of a vehicle that flies in GUIDED after a request for RTL."""
 SEEN = replace(FLYING, mode=RTL, request=Request(RTL, 0.0, confirmed=True))
 STREAM = replace(
     FLYING,
@@ -66,7 +65,7 @@ def holder_after(case, holder):
 
 
 def stood(armed, landed_state, height_m):
-    """A report of the ground, long after NAV_TAKEOFF."""
+    """Report the vehicle on the ground, long after NAV_TAKEOFF."""
     ground = Ground(armed, landed_state, height_m)
     return lambda start: start.stood(ground, ARDUPILOT, LIFT_S + 1.0)
 
@@ -92,7 +91,7 @@ STEPS = (
 
 
 def air_after(step, air):
-    """The state of flight after a step, of a vehicle that took off at 0 s."""
+    """Return the state of flight after a step, for a vehicle that took off at 0 s."""
     return step(replace(FLYING, air=air)).air
 
 

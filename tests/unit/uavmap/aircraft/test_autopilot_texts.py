@@ -1,4 +1,4 @@
-"""Words of a vehicle: put together, made harmless, told within limits; failsafes by name."""
+"""Texts of a vehicle: joined, made printable, shown within limits; failsafes by name."""
 
 import asyncio
 import struct
@@ -66,7 +66,7 @@ def test_unfinished_texts_are_bounded():
 # --- told and kept -----------------------------------------------------------------------------
 def said_by(flight, *messages):
     codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)
-    codec.seq = flight.session.losses._last[1, 1]  # as the latest, and not overtaken
+    codec.seq = flight.session.losses._last[1, 1]  # the latest picture, which no other replaces
     for message in messages:
         flight.session.feed(message.pack(codec))
 
@@ -254,8 +254,10 @@ ENTER = "commander_failsafe_enter"
 )  # fmt: skip
 @by(on_virtual_time)
 async def test_event_of_failsafe_names_its_cause_on_every_link(name, arguments, words, cause):
-    """A real PX4's text is "Failsafe activated" for all; "battery failsafe: Preflight Fail: Battery
-    unhealthy" was guessed, and wrong: the cause is an argument of its EVENT.
+    """A real PX4 sent only "Failsafe activated".
+
+    An earlier version guessed the cause "battery failsafe: Preflight Fail: Battery unhealthy". The
+    cause is an argument of the EVENT.
     """
     peer = Peer()
     peer.session.feed(peer.frame(px4()))
@@ -270,8 +272,9 @@ async def test_event_of_failsafe_names_its_cause_on_every_link(name, arguments, 
 
 @by(on_virtual_time)
 async def test_current_mode_shows_mode_and_failsafe_between_heartbeats():
-    """A real PX4 was in RTL by a failsafe for 1.0 s, then in OFFBOARD again by itself: heartbeats
-    at 1 Hz showed neither.
+    """Heartbeats at 1 Hz may miss a failsafe.
+
+    A real PX4 was in RTL by a failsafe for 1.0 s, then returned to OFFBOARD by itself.
     """
     peer = Peer()
     view = peer.session.view
@@ -289,8 +292,9 @@ async def test_current_mode_shows_mode_and_failsafe_between_heartbeats():
 
 @by(on_virtual_time)
 async def test_current_mode_without_a_failsafe_leaves_it_to_the_heartbeat():
-    """A PX4 that waits in HOLD for a failsafe (COM_FAIL_ACT_T), and was asked to hold, is in the
-    mode asked for.
+    """A PX4 waits in HOLD for a failsafe (COM_FAIL_ACT_T) after a request for HOLD.
+
+    It is then in the mode requested.
     """
     peer = Peer()
     view = peer.session.view

@@ -1,4 +1,4 @@
-"""Control and flight as values: the page's tables, and what holds for every sequence of reports."""
+"""Control and flight as values: the tables of the page, and rules for any sequence of reports."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ FLYING = Control(air=AirState.AIRBORNE, mode=GUIDED, armed=True)
 
 
 def test_safety_page_holds_the_tables_of_the_module():
-    """`python -m tests.unit.uavmap.aircraft.control_tables` writes them."""
+    """`python -m tests.unit.uavmap.aircraft.control_tables` writes these tables."""
     page = PAGE.read_text(encoding="utf-8")
     assert page.partition(BEGIN)[2].partition(END)[0].strip() == tables()
 
@@ -35,7 +35,7 @@ def test_control_mode_not_requested_is_never_under_our_control(kind, steps):
     control, now_s = in_air(kind), 0.0
     asked, asked_s, seen = kind.follows, 0.0, True
     ever = {kind.follows}
-    """Since it was given back."""
+    """Modes since the vehicle was given back."""
     for asks, index, passed_s in steps:
         mode, now_s = modes[index % len(modes)], now_s + passed_s
         before = control
@@ -47,7 +47,7 @@ def test_control_mode_not_requested_is_never_under_our_control(kind, steps):
         control = control.heard(kind, Beat(mode, True, False, now_s))
         if not control.is_ours:
             continue
-        if not before.is_ours:  # given back
+        if not before.is_ours:  # the vehicle was given back
             asked, ever = kind.follows, {kind.follows}
         elif before.mode in kind.by_itself and mode == kind.follows:
             asked, seen = mode, True
@@ -98,12 +98,14 @@ def lands(mode, holder):
 @pytest.mark.parametrize("mode", [PX4.rtl, PX4.land])
 @pytest.mark.parametrize("holder", [Holder.OURS, Holder.PILOT, Holder.FAILSAFE])
 def test_px4_that_disarms_into_hold_is_judged_by_its_heartbeat(mode, holder):
-    """CURRENT_MODE reports Hold up to a second before a heartbeat reports the motors off: it was
-    taken for a pilot's, and where a pilot or a failsafe had landed it, for given back.
+    """CURRENT_MODE reports Hold up to a second before a heartbeat reports the motors off.
+
+    An earlier version counted it as the pilot's mode. After a landing by a pilot or a failsafe it
+    counted the vehicle as given back.
     """
     told = lands(mode, holder).heard(PX4, Beat(HOLD, True, False, 9.1, STANDS))
     assert told.holder is holder
-    assert not told.knows_mode(9.1)  # and no mode is commanded until then
+    assert not told.knows_mode(9.1)  # and no mode is commanded before that
     assert told.heard(PX4, Beat(HOLD, False, False, 9.9)).holder is holder
 
 

@@ -1,4 +1,4 @@
-"""Paths that are flown without stopping, by the driver against simulated vehicles, as bytes."""
+"""The driver flies paths without stopping, against simulated vehicles, as bytes."""
 
 import asyncio
 import itertools
@@ -59,7 +59,7 @@ async def on_the_way(flight, seconds=5.5):
 
 
 def turned_off(plan, begin_s):
-    """From where a plan is then, on for some metres, and back over the region beside it."""
+    """Return a path from the planned position on for some metres, and back beside the region."""
     here = plan.at(begin_s)
     speed_m_s = math.hypot(here.v_east_m_s, here.v_north_m_s)
     east, north = here.v_east_m_s / speed_m_s, here.v_north_m_s / speed_m_s
@@ -121,7 +121,7 @@ async def test_path_replaced_midway_is_continued(flight, /, autopilot):
 
 
 def test_simulated_copter_follows_a_path_like_a_real_one():
-    """At 6 m/s: 0.18 m in the mean, 0.54 in 95 % of the time, and as long as planned."""
+    """At 6 m/s a real one deviates 0.18 m on average, and 0.54 m in 95 % of the time."""
     flown = followed("ardupilot", 6.0)
     assert not flown.failed
     assert mean(flown.errors_m) < 0.35
@@ -141,7 +141,7 @@ async def test_path_link_loses_setpoints_stays_near(flight, /, autopilot):
         errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
     await flight.sees(ev.Arrived, within_s=12.0)
     assert not flight.seen(ev.OrderFailed)
-    # a real PX4 was 4 m behind in the first seconds of a path
+    # a real PX4 lagged by 4 m in the first seconds of a path
     assert max(errors) < (3.0 if autopilot == "px4" else 1.5)
 
 
@@ -156,8 +156,10 @@ async def test_timeout_is_short_while_paths_are_flown(flight, /):
 @both
 @by(fly_up, lambda autopilot: small_mission(autopilot=autopilot))
 async def test_path_telemetry_read_late_is_not_off(flight, /, autopilot):
-    """A busy computer read a real vehicle's telemetry 3.4 s late for 12 s, and took it for now:
-    "12 m off its path by now" ended the mission of a vehicle that was 2.6 m off.
+    """A busy computer read the telemetry of a real vehicle 3.4 s late for 12 s.
+
+    It used the old positions as current: the mission ended with "12 m off its path by now",
+    although the vehicle was 2.6 m off.
     """
     corners = [(0, 0), (30, 0), (30, 25), (0, 25), (0, 5), (25, 5), (25, 20)]
     points = [GridPoint(east, north) for east, north in corners]
@@ -219,7 +221,7 @@ async def test_link_lost_on_a_path_stops_the_vehicle_until_it_is_back(flight, /)
     index = len(flight.sent)
     await asyncio.sleep(3.0)
     assert not any(m.get_type() == SETPOINT for _, m in flight.sent[index:])
-    assert where(flight).distance_to(lost_at) < 16.0  # nothing came to it any more
+    assert where(flight).distance_to(lost_at) < 16.0  # no message reached it
     assert speed_of(flight) < 0.3
     flight.to_driver = flight.to_vehicle = lambda message: True
     await flight.sees(ev.Connected, 2, within_s=5.0)
@@ -233,7 +235,7 @@ async def test_link_lost_on_a_path_stops_the_vehicle_until_it_is_back(flight, /)
     [
         ("ardupilot", Mode.LOITER),
         ("ardupilot", Mode.RTL),
-        ("px4", Px4Mode.HOLD),  # while it is in OFFBOARD that is somebody else's word
+        ("px4", Px4Mode.HOLD),  # while it is in OFFBOARD, another sender commanded it
         ("px4", Px4Mode.RTL),
     ],
 )
@@ -293,7 +295,7 @@ async def test_path_any_order_may_follow_midway(flight, /, autopilot):
 @both
 @by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
 async def test_leg_after_path_has_speed_of_mission(flight, /, autopilot):
-    """A change of the kind of target puts an ArduCopter's own speed back, 10 m/s."""
+    """A new kind of target resets an ArduCopter to its own speed, 10 m/s."""
     fastest = []
     await on_the_way(flight)
     await flight.sees(ev.Arrived, within_s=20.0)
@@ -310,7 +312,7 @@ async def test_leg_after_path_has_speed_of_mission(flight, /, autopilot):
     [("ardupilot", -0.5), ("px4", -0.5), ("px4", 0.3), ("ardupilot", 0.8), ("px4", 1.5)],
 )
 def test_path_given_at_the_end_loses_no_picture(autopilot, after_end_s):
-    """Whether the camera takes pictures still, is being stopped, or is done."""
+    """The camera still takes pictures, is being stopped, or is done."""
 
     async def body(flight):
         plan = await on_the_way(flight, 0.0)
@@ -345,7 +347,7 @@ async def test_path_with_another_interval_changes_pace_of_pictures(flight, /):
 
 @by(fly)
 async def test_path_called_off_is_not_resumed(flight, /):
-    """Two orders in one breath: the path after them begins anew."""
+    """Two orders at the same instant: the path after them begins anew."""
     await on_the_way(flight)
     flight.driver.give(Hold())
     plan = rounded_path([GridPoint(25, 0), GridPoint(25, 20)], flight.now_s() + 5.0, speed_m_s=6.0)

@@ -1,6 +1,6 @@
-"""The pilot and the autopilot's failsafes have the last word, whoever of ours acts: on the wire.
+"""A pilot and a failsafe have priority over every part of the service, on the wire.
 
-Each of these was taken back from its pilot by an earlier version.
+An earlier version took the vehicle back from its pilot in each of these cases.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ from uavmap.aircraft.control import AirState, Holder
 from uavmap.aircraft.vehicle import ON_GROUND_S
 
 HOUSE = square(-20, 28, 60, 6)
-"""No-fly area between the far side and home."""
+"""A no-fly area between the far side and home."""
 
 
 def behind_a_house():
@@ -46,7 +46,7 @@ async def fly_out(flight, height_m=UP_M):
 
 
 async def keeps(flight, mode, seconds=6.0):
-    """The pilot takes it and keeps it: nothing is sent from then on."""
+    """Assert that the pilot's mode stays and that the service sends nothing from then on."""
     flight.pilot_mode(mode)
     await flight.hears_nothing(seconds)
     if flight.session.view.armed:
@@ -106,7 +106,7 @@ async def test_pilot_takes_it_in_a_quick_descent_keeps_it(flight, /, mode):
 
 
 class ByMap:
-    """Satellites are lost, and the vehicle's pictures tell where it is."""
+    """Navigation by the map: satellites are lost, and pictures give the position."""
 
     by_map = True
 
@@ -119,7 +119,7 @@ class ByMap:
 
 @by(fly)
 async def test_failsafe_lands_it_on_return_by_map_is_left_alone(flight, /):
-    """An ArduCopter shows no difference between its EKF failsafe's LAND and a pilot's."""
+    """An ArduCopter reports LAND of its EKF failsafe exactly like LAND of a pilot."""
     await fly_out(flight, 20.0)
     flight.driver._monitor.navigation = ByMap()
     flight.driver.guardian.take_over("rtl", "its own map tells where it is to 3 m only")
@@ -160,7 +160,7 @@ async def on_path(flight, seconds=6.0):
 @pytest.mark.parametrize("after_s", [0.25, 0.3, 0.5, 0.9])
 @by(fly, lambda after_s: on_px4())
 async def test_px4_pilot_position_before_order_keeps_it(flight, /, after_s):
-    """A PX4 sends a heartbeat a second: Hold was asked for by one from before the pilot."""
+    """A PX4 sends a heartbeat a second: one from before the pilot caused a command of Hold."""
     await on_path(flight)
     flight.vehicle._ap.fail_to(Px4Mode.POSITION)
     await asyncio.sleep(after_s)
@@ -173,7 +173,7 @@ async def test_px4_pilot_position_before_order_keeps_it(flight, /, after_s):
 @pytest.mark.parametrize("lost_ack", [None, 0, 1])
 @by(fly_up, lambda lost_ack: on_px4())
 async def test_px4_pilot_hold_after_offboard_keeps_it(flight, /, lost_ack):
-    """Seen: OFFBOARD asked for at 58.81 s, the pilot's Hold at 59.0, ours again at 61.53."""
+    """Seen: OFFBOARD requested at 58.81 s, the pilot's Hold at 59.0 s, ours again at 61.53 s."""
     at_s = []
     real = flight.vehicle._ap._change
 
@@ -188,7 +188,7 @@ async def test_px4_pilot_hold_after_offboard_keeps_it(flight, /, lost_ack):
     acks = []
 
     def lossy(message):
-        """The service does not see OFFBOARD, and may lose one of the two acknowledgements."""
+        """Lose the reports of OFFBOARD, and perhaps one of the two acknowledgements."""
         if message.get_type() in ("HEARTBEAT", "CURRENT_MODE"):
             return int(message.custom_mode) != Px4Mode.OFFBOARD
         if getattr(message, "command", None) == mav.MAV_CMD_DO_SET_MODE:
@@ -207,7 +207,7 @@ async def test_px4_pilot_hold_after_offboard_keeps_it(flight, /, lost_ack):
 
 @by(fly, on_px4)
 async def test_px4_back_in_offboard_after_failsafe_is_not_under_our_control(flight, /):
-    """Seen: RTL by a failsafe for 1.0 s, then OFFBOARD by itself; the flight went on."""
+    """Seen: RTL by a failsafe for 1.0 s, then OFFBOARD by itself; the flight continued."""
     await on_path(flight)
     autopilot = flight.vehicle._ap
     autopilot.failsafes.engaged = True
@@ -226,7 +226,7 @@ async def test_px4_back_in_offboard_after_failsafe_is_not_under_our_control(flig
 
 @by(fly, on_px4)
 async def test_px4_in_failsafe_when_link_is_back_is_not_put_into_hold(flight, /):
-    """Seen: a new position came before a new heartbeat, and the mode of before was believed."""
+    """Seen: a new position came before a new heartbeat, and the earlier mode was believed."""
     await on_path(flight)
     flight.to_driver = lambda message: False
     await flight.sees(ev.LinkLost)
@@ -246,7 +246,7 @@ async def test_px4_in_failsafe_when_link_is_back_is_not_put_into_hold(flight, /)
 # --- in the air from the first NAV_TAKEOFF on ----------------------------------------------------
 @by(fly)
 async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight, /):
-    """An arming that browns a radio out: it was given up as "on the ground", 12 m up."""
+    """Arming browns a radio out: an earlier version gave the vehicle up 12 m above the ground."""
     cut = []
 
     def to_vehicle(message):
@@ -273,7 +273,7 @@ async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight, /):
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_vehicle_without_a_landed_state_is_guarded_and_brought_home(autopilot):
-    """EXTENDED_SYS_STATE does not come: no rule of the guardian looked at it, nobody was there."""
+    """Without EXTENDED_SYS_STATE no rule of an earlier guardian watched the vehicle."""
 
     async def body(flight):
         flight.to_driver = lambda message: message.get_type() != "EXTENDED_SYS_STATE"
@@ -293,7 +293,7 @@ def test_vehicle_without_a_landed_state_is_guarded_and_brought_home(autopilot):
 
 @by(fly)
 async def test_take_off_is_held_until_it_is_known_to_be_on_the_ground(flight, /):
-    """Armed, low, and without a landed state: it may stand, or hover."""
+    """A vehicle that is armed, low, and without a landed state may stand or hover."""
     monitor = flight.driver._monitor
     flight.to_driver = lambda message: message.get_type() not in (
         "EXTENDED_SYS_STATE", "HEARTBEAT",
@@ -325,7 +325,7 @@ async def test_crash_leaves_motors_running_they_are_stopped_by_force(flight, /):
     flight.vehicle.fail.motor(share=0.0)
     await flight.sees(ev.Crashed)
     await asyncio.wait_for(flight.driver.guardian.bring_home("the mission failed"), 30.0)
-    assert len(stops) == 2  # asked until disarmed
+    assert len(stops) == 2  # the request is repeated until it is disarmed
     assert not flight.session.view.armed
     assert "vehicle 1: its motors still run; they are stopped by force" in flight.said
     assert flight.said[-1] == "vehicle 1: its motors have stopped"
@@ -348,7 +348,7 @@ async def test_crash_under_pilot_with_motors_running_is_reported_only(flight, /)
 
 
 def only_forced_disarms(flight):
-    """Its landing detector does not fire where it lies; the second forced disarming is obeyed."""
+    """Its landing detector does not detect this landing; it obeys the second forced disarming."""
     autopilot, stops = flight.vehicle._ap, []
     real = autopilot.disarm
 

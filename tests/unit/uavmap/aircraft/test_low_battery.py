@@ -1,4 +1,4 @@
-"""A battery that the autopilot calls low is not flown on."""
+"""A vehicle whose autopilot reports a low battery does not continue its mission."""
 
 from pathlib import Path
 
@@ -24,8 +24,9 @@ def put(vehicle, name, value):
 
 @by(fly)
 async def test_low_battery_in_flight_counts_as_empty_and_is_reported(flight, /):
-    """A real ArduCopter 4.6.2 with 64 % and 9.9 V was given back in GUIDED 0.4 m over its pad: it
-    climbed and went on searching.
+    """A real ArduCopter 4.6.2 with 64 % and 9.9 V was given back in GUIDED 0.4 m over its pad.
+
+    It climbed and continued the search.
     """
     await flying(flight)
     assert flight.seen(Tracked)[-1].remaining_wh > 20.0

@@ -1,4 +1,4 @@
-"""What a vehicle goes by: what its filter and its receiver say, and what follows from it."""
+"""Navigation of a vehicle: reports of its filter and its receiver, and their consequences."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_flag_that_flickers_restarts_the_wait():
 @pytest.mark.parametrize(
     ("loss", "said", "airborne"),
     [
-        # a filter that holds a constant position is its autopilot's matter
+        # constant position mode of a filter is left to its autopilot
         ("map", {"ekf_flags": EKF_RELATIVE | EKF_CONSTANT}, True),
         ("rtl", {"ekf_flags": LOST}, False),
         ("rtl", {"gps_fix": 1}, True),  # the filter may have another receiver

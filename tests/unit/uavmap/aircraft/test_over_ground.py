@@ -1,4 +1,4 @@
-"""The border between heights above the ground and heights above home, by bytes, in both ways."""
+"""Conversion between heights above the ground and heights above home, as bytes, both ways."""
 
 import asyncio
 
@@ -28,7 +28,7 @@ def sloped(autopilot, percent, **how):
 
 
 def wire_heights_m(flight):
-    """The heights above home of all targets and setpoints that were sent."""
+    """Return the heights above home of all targets and setpoints that were sent."""
     found = []
     for _, message in flight.sent:
         kind = message.get_type()

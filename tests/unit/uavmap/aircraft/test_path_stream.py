@@ -1,4 +1,4 @@
-"""What a path is on the wire: setpoints as bytes, their times, leads and modes, and its end."""
+"""Paths on the wire: setpoints as bytes, with their times, leads and modes, and their end."""
 
 import asyncio
 import contextlib
@@ -65,7 +65,7 @@ class Wire:
 
     @contextlib.asynccontextmanager
     async def beating(self):
-        """Heartbeats in its mode, five times a second."""
+        """Send heartbeats in the vehicle's mode, five times a second."""
 
         async def beat():
             while True:
@@ -78,7 +78,7 @@ class Wire:
         task.cancel()
 
     def answers_twice(self, *, refused):
-        """A PX4's receiver says yes to any mode, then its commander what it does."""
+        """Have the PX4's receiver accept any mode, and its commander answer with the result."""
         self.peer.say(ack(SET_MODE, mav.MAV_RESULT_ACCEPTED))
         self.peer.say(ack(SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED * refused), after_s=0.02)
 
@@ -129,7 +129,7 @@ async def test_stream_sends_places_and_velocities_ahead_ten_times_a_second():
         assert (m.vx, m.vy) == pytest.approx((north, east), abs=0.3)
     speeds = [math.hypot(m.vx, m.vy) for _, m in sent]
     assert max(speeds) == pytest.approx(6.0, abs=1e-3)
-    # no jump that an autopilot could not follow: the jerk of the velocity is bounded
+    # no step that an autopilot could not follow: the jerk of the velocity is bounded
     steps = [(b - a) / INTERVAL_S for a, b in itertools.pairwise(speeds)]
     assert max(abs(b - a) for a, b in itertools.pairwise(steps)) / INTERVAL_S < 9.0
 
@@ -165,7 +165,7 @@ async def test_path_that_replaces_another_leaves_no_gap_and_no_jump():
 
 
 def test_stream_depends_on_time_alone():
-    """Telemetry that stops, or lies, changes nothing."""
+    """Missing or wrong telemetry changes no setpoint."""
 
     def sent(*, lies):
         frames = []
@@ -236,8 +236,10 @@ async def test_px4_that_does_not_change_its_mode_ends_the_order():
 
 @by(flown)
 async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots():
-    """Seen over a link that lost 40 %: the second acknowledgement and each report of OFFBOARD were
-    lost, and after 5.1 s the pilot's Hold was taken back.
+    """Seen over a link that lost 40 %: the second acknowledgement was lost.
+
+    Each report of OFFBOARD was lost as well. After 5.1 s an earlier version overrode the pilot's
+    Hold.
     """
     wire = Wire(px4=True)
     wire.peer.answer = lambda message: (
@@ -252,7 +254,7 @@ async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots():
 
 @by(flown)
 async def test_mode_command_is_not_repeated_on_an_older_report():
-    """Another command kept it waiting, and copies followed each second."""
+    """In an earlier version another command delayed it, and copies followed each second."""
     wire, told_s = Wire(px4=True), []
     other = asyncio.create_task(wire.peer.session.command(mav.MAV_CMD_DO_CHANGE_SPEED))
 
@@ -425,7 +427,7 @@ async def test_impossible_place_is_not_sent():
 @pytest.mark.parametrize("px4", [False, True])
 @by(flown)
 async def test_driver_without_a_stream_sends_places_ahead(px4):
-    """A vehicle stops at the last of them by itself: there is no velocity that runs on."""
+    """A vehicle stops at the last of these places by itself: no velocity continues."""
     wire = Wire(px4=px4, by_places=True)
     wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))
     telling = asyncio.create_task(wire.stream.run())

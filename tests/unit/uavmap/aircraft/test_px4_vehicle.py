@@ -1,4 +1,4 @@
-"""The driver against a simulated PX4: the same orders, and who has the last word there."""
+"""The driver flies a simulated PX4 with the same orders, and the pilot keeps priority."""
 
 import asyncio
 
@@ -74,7 +74,7 @@ async def test_ordered_speed_is_flown(flight, /):
 
 @by(fly, on_px4)
 async def test_home_that_moves_on_arming_is_accepted(flight, /):
-    """Its height, too: by the barometer it has climbed since home was set."""
+    """Its height moves as well: by the barometer it has climbed since home was set."""
     before_m = flight.session.view.home_amsl_m
     flight.vehicle._ap.error.up += 4.0
     await flight.after(TakeOff(UP_M), ev.Airborne)
@@ -117,7 +117,7 @@ def found_in_offboard(body, made):
 
 @by(found_in_offboard, on_px4)
 async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight, /):
-    """A real PX4 stood disarmed in OFFBOARD and was "not ready to arm" as often as resumed."""
+    """A real PX4 stood disarmed in OFFBOARD: every resume failed with "not ready to arm"."""
     await asyncio.sleep(3.0)
     assert not flight.session.view.prearm_ok
     await flight.after(TakeOff(UP_M), ev.Airborne, within_s=60.0)
@@ -227,7 +227,7 @@ async def test_link_lost_and_back_reports_the_control(flight, /, meanwhile):
 
 @by(fly, on_px4)
 async def test_heartbeat_of_a_camera_reports_no_mode(flight, /):
-    """It came between two of the autopilot, and the mode of before counted as reported just now."""
+    """It came between two heartbeats of the autopilot; the earlier mode counted as new."""
     await flying(flight)
     flight.to_driver = silence
     await asyncio.sleep(1.0)
@@ -257,7 +257,7 @@ async def test_mode_in_flight_is_changed_by_landing_only(flight, /):
 
 @by(fly_up, on_px4)
 async def test_stand_down_after_landing_away_is_no_crash(flight, /):
-    """A spare pad: it is commanded to stand by while its motors run, and holds by itself."""
+    """A spare pad: the order to stand by comes while its motors run; it holds by itself."""
     await flight.after(to(-11.0, -11.0), ev.Arrived)
     report = flight.driver._reporter.report
 
@@ -276,7 +276,7 @@ async def test_stand_down_after_landing_away_is_no_crash(flight, /):
 @pytest.mark.parametrize("after_s", [1.75, 4.5, 5.0, 6.0])
 @by(fly, on_px4)
 async def test_take_off_called_off_on_slow_link_stays_under_our_control(flight, /, after_s):
-    """Of its arming, its climb and its landing it is heard when other things were asked for."""
+    """Its arming, climb and landing are reported after the service has commanded something else."""
     flight.vehicle.fail.link(delay_s=0.6)
     flight.driver.give(TakeOff(UP_M))
     await asyncio.sleep(after_s)
@@ -302,7 +302,7 @@ async def test_vehicle_taken_before_take_off_and_disarmed_has_landed(flight, /):
 
 @by(fly, on_px4)
 async def test_pilots_landing_in_a_guardians_descent_is_noticed(flight, /):
-    """In the descent of its guardian it flies to targets: landing is the pilot's word there."""
+    """In its guardian's descent a vehicle flies to targets: LAND is a command of the pilot."""
     await flying(flight)
     flight.driver.guardian.take_over("land", "a test", hurry=True)
     await asyncio.sleep(1.0)

@@ -1,4 +1,4 @@
-"""Reports of vehicles beside events: how often they come, and what they say of a link."""
+"""Reports of vehicles beside events: their rate, and their figures of a link."""
 
 import asyncio
 
@@ -11,7 +11,7 @@ from uavmap.mavlink.session import Session
 
 
 def frames(*numbers):
-    """GPS_RAW_INT and SYS_STATUS of a vehicle, numbered as its link has them."""
+    """Return GPS_RAW_INT and SYS_STATUS of a vehicle, numbered by its link."""
     sender = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     heartbeat = mav.MAVLink_heartbeat_message(
         mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 209, 4, 4, 3

@@ -1,4 +1,4 @@
-"""Traffic as events of the mission: behind places of vehicles, of what was heard anew."""
+"""Traffic as events of the mission: after positions of vehicles, with new reports only."""
 
 import asyncio
 
@@ -23,7 +23,7 @@ def here(number, t_s):
 
 
 def reporting(*rounds):
-    """The events after rounds of (messages by vehicle, event that is followed)."""
+    """Return the events after rounds of (messages by vehicle, event that is followed)."""
     drawn = mission(square(4, 4, 16, 16), square(-40, -40, 90, 90), vehicles=2)
     setting, found = setting_of(drawn), []
 

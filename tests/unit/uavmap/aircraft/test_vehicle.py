@@ -1,4 +1,4 @@
-"""The driver against a simulated vehicle: orders, and who has the last word."""
+"""The driver flies a simulated vehicle: its orders, and the priority of the pilot."""
 
 import asyncio
 import itertools
@@ -36,7 +36,7 @@ GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL
 # --- the straight path -----------------------------------------------------------------------
 @by(fly)
 async def test_home_that_moves_on_arming_is_accepted(flight, /):
-    """ArduPilot sets home anew when it arms; heights are then above the new one."""
+    """ArduPilot sets home again when it arms; heights are then above the new home."""
     before = flight.session.view.home
     flight.vehicle._ap.error.east += 3.0
     await flight.after(TakeOff(UP_M), ev.Airborne)
@@ -127,7 +127,7 @@ async def test_pilot_takes_over_at_once_in_every_phase(flight, /, phase, mode):
     flight.pilot_mode(mode)
     index, t_s = len(flight.sent), flight.now_s()
     await flight.sees(ev.Overridden, within_s=0.1)
-    await asyncio.sleep(8.0)  # what is repeated is so each second
+    await asyncio.sleep(8.0)  # a repeated command is repeated each second
     assert flight.commands_after(index) == []
     (overridden,) = flight.seen(ev.Overridden)
     assert overridden.mode == Mode(mode).name
@@ -143,7 +143,7 @@ async def test_pilot_takes_over_at_once_in_every_phase(flight, /, phase, mode):
 
 @by(fly_up, lambda: small_mission(drift_m_s=0.1, interval_s=1.0))
 async def test_drifting_look_yields_to_a_pilot(flight, /):
-    """Here two tasks send commands: one follows the cell, one takes the pictures."""
+    """Two tasks send commands here: one follows the cell, one takes the pictures."""
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(ev.FrameSeen, 2)
     flight.pilot_mode(LOITER)
@@ -153,7 +153,7 @@ async def test_drifting_look_yields_to_a_pilot(flight, /):
 @pytest.mark.parametrize("phase", [taking_off, flying, looking], ids=lambda f: f.__name__)
 @by(fly)
 async def test_pilot_takes_over_while_an_ack_is_awaited(flight, /, phase):
-    """The commands are lost on the way: they would be repeated each second."""
+    """The commands are lost on the way: the driver would repeat them each second."""
     await phase(flight)
     flight.to_vehicle = lambda message: not message.get_type().startswith("COMMAND_")
     await asyncio.sleep(1.5)
@@ -170,7 +170,7 @@ async def test_mode_that_changes_quickly_is_reported_each_time(flight, /):
     await asyncio.sleep(0.2)
     kinds = [type(e) for e in flight.events if isinstance(e, ev.Overridden | ev.Released)]
     assert kinds == [ev.Overridden, ev.Released] * 3
-    await flight.hears_nothing(5.0)  # nobody has ordered anything since
+    await flight.hears_nothing(5.0)  # no order was given since
 
 
 @by(fly_up)
@@ -179,7 +179,7 @@ async def test_pilot_starting_from_the_ground_is_left_alone(flight, /):
     await flight.after(Land(), ev.Landed)
     flight.pilot_mode(LOITER)
     await asyncio.sleep(2.0)
-    await flight.sees(ev.Overridden, within_s=1.5)  # nothing takes off under a pilot's hand
+    await flight.sees(ev.Overridden, within_s=1.5)  # no vehicle takes off while a pilot has it
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     assert flight.vehicle.truth.armed
     assert not flight.seen(ev.Released)
@@ -188,7 +188,7 @@ async def test_pilot_starting_from_the_ground_is_left_alone(flight, /):
 @by(fly_up)
 async def test_orders_of_a_ground_station_are_not_answered(flight, /):
     flight.driver.give(to(40.0, 0.0))
-    for _ in range(20):  # denied by the vehicle, acknowledged to its sender
+    for _ in range(20):  # the vehicle denies them, and acknowledges to their sender
         flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
         flight.pilot(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30)
         await asyncio.sleep(0.2)
@@ -288,7 +288,7 @@ async def test_streams_forgotten_by_the_vehicle_are_requested_again(flight, /):
 @pytest.mark.parametrize("caught_up", [False, True])
 @by(fly, lambda caught_up: small_mission())
 async def test_link_with_backlog_stays_lost(flight, /, caught_up):
-    """A radio that buffers: a vehicle of a minute ago was taken for one that answers."""
+    """A radio that buffers: an earlier version believed reports that were a minute old."""
     await flying(flight)
     deliver, held = flight._deliver, list[bytes]()
     flight._deliver = lambda data, later=False: held.append(data)
@@ -298,7 +298,7 @@ async def test_link_with_backlog_stays_lost(flight, /, caught_up):
     await asyncio.sleep(5.0)
     sent, tracked = len(flight.sent), len(flight.seen(ev.Tracked))
     kept = len(held)
-    for _ in range(1500):  # it hands over as much as comes in
+    for _ in range(1500):  # it delivers as much as it receives
         await asyncio.sleep(0.05)
         while len(held) > kept:
             deliver(held.pop(0))
@@ -319,7 +319,7 @@ async def test_link_with_backlog_stays_lost(flight, /, caught_up):
 
 @by(fly)
 async def test_clock_stood_still_vehicle_that_answers_is_connected(flight, /):
-    """A simulator that was stopped sends what a radio sends that has kept it."""
+    """A simulator that was stopped sends the backlog of a radio that has kept it."""
     await flying(flight)
     step = flight.vehicle.step
     flight.vehicle.step = lambda passed_s: b""
@@ -347,7 +347,7 @@ async def test_lost_announcement_is_requested_again(flight, /):
     heard = []
 
     def lossy(message):
-        """The second and the last announcement are lost once."""
+        """Lose the second and the last announcement once."""
         if message.get_type() != "CAMERA_IMAGE_CAPTURED":
             return True
         heard.append(message.image_index)
@@ -407,7 +407,7 @@ async def test_driver_sends_a_heartbeat_once_a_second(flight, /):
 
 
 def test_report_that_fails_ends_the_driver():
-    """The journal's disk is full: to fly on without a journal would be worse."""
+    """The journal's disk is full: to continue without a journal would be worse."""
 
     class FullError(Exception):
         pass
@@ -431,9 +431,9 @@ def test_report_that_fails_ends_the_driver():
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
 async def test_streams_with_a_refused_one_are_complete(field, /, autopilot):
-    """An older PX4 has no CURRENT_MODE: its link returns without all streams asked for anew."""
+    """An older PX4 has no CURRENT_MODE: all other streams return without a new request."""
     session = field.links[0].session
-    rates = {**session.view.kind.streams, 12_900: 5.0}  # an identifier that nobody sends
+    rates = {**session.view.kind.streams, 12_900: 5.0}  # an identifier that no vehicle sends
     streams = Streams("sim", session, rates)
     await streams.ask(lambda: True)
     await asyncio.sleep(6.0)

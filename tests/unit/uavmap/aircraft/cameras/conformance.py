@@ -1,7 +1,7 @@
-"""What every source of pictures has to do, whatever it is: one bench, on virtual time.
+"""One contract and one bench, on virtual time, for every source of pictures.
 
-A bench is a source with the hardware behind it in the test's hands. Its hardware takes pictures on
-the test's word, each at a known time.
+A bench is a source and the hardware behind it, which the test controls. The hardware takes pictures
+on the test's command, each at a known time.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Bench:
     heard: list[Announcement] = field(default_factory=list)
 
     async def shoot(self, count, interval_s=1.0, first=0):
-        """Pictures at an interval; when each was exposed."""
+        """Take pictures at an interval; return the time of each exposure."""
         times = []
         for number in range(first, first + count):
             times.append(asyncio.get_running_loop().time())
@@ -85,7 +85,7 @@ class FolderHardware:
         self.later(f"DSC{number:04}.JPG", jpeg(number))
 
     async def spoil(self, number):
-        """Deleted as soon as it was seen."""
+        """Delete a picture as soon as it appears."""
         name = f"DSC{number:04}.JPG"
         self.later(name, jpeg(number))
         loop = asyncio.get_running_loop()
@@ -136,7 +136,7 @@ class StreamHardware:
             raise LinkError("the test's camera cannot be opened")
         self.opened += 1
         self._wants = wants
-        if self.opened == 1:  # the first frame is looked at
+        if self.opened == 1:  # the source reads the first frame to learn its size
             self._put(0, np.zeros((SIZE_PX[1], SIZE_PX[0], 3), np.uint8))
 
     async def next(self):
@@ -180,13 +180,13 @@ async def stream_bench(tmp_path):
 # --- over MAVLink ----------------------------------------------------------------------------
 EPOCH_S = 1_790_000_000.0
 AHEAD_S = 100.0
-"""The vehicle was switched on so long before the loop began."""
+"""Time between the start of the vehicle and that of the loop, s."""
 
 
 class Ordered:
     """A camera that takes pictures only as ordered, at the other end of a session.
 
-    `component` is who answers the commands: a camera component, or the autopilot.
+    `component` answers the commands: a camera component, or the autopilot.
     """
 
     def __init__(self, component):
@@ -221,7 +221,7 @@ class Ordered:
         )
 
     def due(self):
-        """Whether a picture is taken now; it is noted if so."""
+        """Return whether the camera takes a picture now, and record it."""
         now_s = asyncio.get_running_loop().time()
         if not self.left or not self.there or now_s - self.last_s < 0.9 * self.interval_s:
             return False
@@ -236,7 +236,7 @@ class Ordered:
         self.there = True
 
     async def telemetry(self):
-        """Heartbeat, place and attitude, ten times a second, without delay."""
+        """Send heartbeat, position and attitude ten times a second, without delay."""
         loop, peer = asyncio.get_running_loop(), self.peer
         while True:
             boot_ms = round((loop.time() + AHEAD_S) * 1000)
@@ -288,7 +288,7 @@ class TriggerHardware(Ordered):
             await self.card.expose(number)
 
     async def spoil(self, number):
-        """Triggered, but the camera was not ready."""
+        """Trigger the camera while it is not ready."""
         self._trigger()
 
     def _trigger(self):

@@ -93,7 +93,7 @@ class RtspServer:
 
 
 def _parts(jpeg):
-    """What RFC 2435 sends of a baseline JPEG: its short head, quantization tables, scan."""
+    """Return the parts of a baseline JPEG that RFC 2435 sends: short head, tables and scan."""
     at, tables, kind, size = 2, b"", 1, (0, 0)
     while True:
         marker, (length,) = jpeg[at + 1], struct.unpack_from(">H", jpeg, at + 2)

@@ -1,4 +1,4 @@
-"""Devices and streams that really are opened: video over HTTP, RTSP, a program, a V4L2 device."""
+"""Captures from real devices and streams: HTTP video, RTSP, a program and a V4L2 device."""
 
 import asyncio
 import contextlib
@@ -133,7 +133,7 @@ def test_gstreamer_pipeline_gives_pictures():
 
 
 def test_frames_queued_in_a_stall_are_dropped():
-    """25 frames a second; for two seconds the network stands, then all of them come at once."""
+    """The network stalls for two seconds; then the pictures of 25 a second arrive at once."""
     watch = Freshness()
     taken_s = [n * 0.04 for n in range(250)]
     there_s = [7.0 + n * 0.002 if 5.0 <= t < 7.2 else t for n, t in enumerate(taken_s, -125)]
@@ -166,7 +166,7 @@ async def test_program_that_writes_jpegs_is_run_again_when_it_ends():
     source = StreamSource("a program", reader, 0.0, SIZE_PX, told.append)
     await source.begin()
     running = asyncio.create_task(source.run())
-    await pictures(source, 8, 0.3)  # longer than one run of it takes
+    await pictures(source, 8, 0.3)  # longer than one run of the program
     assert "a program: no more pictures come; it is opened again" in told
     running.cancel()
     with contextlib.suppress(asyncio.CancelledError):
@@ -175,7 +175,7 @@ async def test_program_that_writes_jpegs_is_run_again_when_it_ends():
 
 @by(in_real_time)
 async def test_stream_that_hangs_ends_nothing():
-    """Its frames stop; what waits for it ends at once when it is closed."""
+    """Its frames stop; the reader that waits for them ends as soon as it is closed."""
     command = [sys.executable, "-c", WRITER + "time.sleep(600)", jpeg(90).hex(), "40"]
     reader = ThreadReader(partial(PipeCapture, command, "a program"))
     source = StreamSource("a program", reader, 0.0, SIZE_PX, lambda text: None)

@@ -1,4 +1,4 @@
-"""Every source of pictures keeps to the same rules."""
+"""Every source of pictures fulfils the same contract."""
 
 import asyncio
 import itertools
@@ -126,7 +126,7 @@ async def test_camera_that_vanishes_and_returns_continues(bench):
 
 
 def test_picture_without_feedback_gets_no_neighbours_place(tmp_path):
-    """At 5 pictures a second the neighbour's exposure is 0.2 s, and 1.2 m at 6 m/s, away."""
+    """At 5 pictures a second the next exposure is 0.2 s away, and 1.2 m at 6 m/s."""
 
     async def main():
         async with triggered_bench(tmp_path) as bench:
@@ -139,7 +139,7 @@ def test_picture_without_feedback_gets_no_neighbours_place(tmp_path):
 
             hardware.peer.say = lossy
             later, loop = hardware.card.later, asyncio.get_running_loop()
-            # a card that takes 0.05 s longer than `camera.latency_s` says
+            # the card takes 0.05 s longer than `camera.latency_s` states
             hardware.card.later = lambda *how: loop.call_later(0.05, later, *how)
             await bench.source.start(0.2, 0)
             times = await bench.shoot(15, 0.2)

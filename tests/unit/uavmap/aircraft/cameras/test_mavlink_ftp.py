@@ -19,7 +19,7 @@ ACK = 128
 
 
 class Server:
-    """The files of a camera component; `loses` says of each packet whether it is lost."""
+    """The files of a camera component; `loses` decides for each packet whether it is lost."""
 
     def __init__(self, peer, loses):
         self.files = {b"/DCIM/1.jpg": PICTURE, b"/empty.jpg": b""}

@@ -1,4 +1,4 @@
-"""The pose of an exposure where the camera tells none: telemetry, interpolated."""
+"""Poses of exposures that the camera does not report are interpolated from telemetry."""
 
 import asyncio
 import math
@@ -60,7 +60,7 @@ def told_at(t_s, peer, *, attitude_off_s=0.0):
 
 
 def flown(body, *, attitude_off_s=0.0):
-    """Run a test beside a vehicle that circles and tells of it ten times a second."""
+    """Run a test beside a vehicle that flies circles and reports ten times a second."""
     peers = []
 
     async def main():
@@ -113,7 +113,7 @@ async def test_pose_reported_by_the_camera_has_precedence(peer, poses, /):
     assert await poses.pose_of(Announcement("a", taken_s, nothing, told=told)) == Pose(
         place, height_m, turned
     )
-    assert poses.streams == {}  # nothing was asked for
+    assert poses.streams == {}  # no stream was requested
     half = ToldPose(place, height_m, None)
     pose = await poses.pose_of(Announcement("a", taken_s, nothing, told=half))
     assert (pose.position, pose.height_m) == (place, height_m)
@@ -156,7 +156,7 @@ def test_mount_agrees_with_the_simulator(roll, pitch, yaw, yaw_deg, fixed):
 
 
 def test_mount_not_level_turns_the_view():
-    """Pitched up by 10 degrees the camera looks forward, rolled to the right it looks left."""
+    """Pitched up by 10 degrees the camera points forward; rolled to the right it points left."""
     level = Quaternion.from_euler(0.0, 0.0, 0.0)
     for mount, axis in (
         (Mount(pitch_deg=10.0), (math.sin(math.radians(10.0)), 0.0)),
@@ -170,7 +170,7 @@ def test_mount_not_level_turns_the_view():
 # --- the time of a file ----------------------------------------------------------------------
 @by(on_virtual_time)
 async def test_camera_that_writes_irregularly_keeps_its_own_times(tmp_path):
-    """EXIF time with parts of a second: the delay of each file does not matter."""
+    """EXIF times have parts of a second: the delay of each file does not matter."""
     camera_ahead_s = 1_790_000_000.25
     async with folder_bench(tmp_path) as bench:
         loop = asyncio.get_running_loop()

@@ -1,4 +1,4 @@
-"""Whole flights in the simulator whose pictures come another way than from its own camera."""
+"""Whole flights in the simulator with pictures from other sources than its own camera."""
 
 import asyncio
 import contextlib
@@ -33,7 +33,7 @@ _APP1 = 0xE1
 
 
 def bare(jpeg):
-    """The same picture without its tags: nothing tells when or where it was taken."""
+    """Return the same picture without the tags for its time and place."""
     out, at = bytearray(jpeg[:2]), 2
     while jpeg[at + 1] != 0xDA:
         (length,) = struct.unpack(">H", jpeg[at + 2 : at + 4])
@@ -59,7 +59,7 @@ class Card:
         (self._folder / f"DSC{index:05}.JPG").write_bytes(bare(data))
 
     async def shoot(self):
-        """As a camera with an interval timer: all the time, whatever the mission wants."""
+        """Take pictures all the time, like a camera with an interval timer."""
         codec = mav.MAVLink(None, 255, 190)
         start = mav.MAVLink_command_long_message(
             1, 100, mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 0, INTERVAL_S, 0, 0, 0, 0, 0
@@ -111,7 +111,7 @@ def mission(latency_s=LATENCY_S, **how):
 
 @contextlib.asynccontextmanager
 async def folder(simulation, session, card, said):
-    """A folder that fills up; nothing but the autopilot tells where a picture was taken."""
+    """Fill a folder with pictures; only the autopilot reports where they were taken."""
     source = FolderSource(card, LATENCY_S, said.append, inline)
     await source.begin()
     writer = Card(simulation, session, card)
@@ -121,7 +121,7 @@ async def folder(simulation, session, card, said):
 
 @contextlib.asynccontextmanager
 async def triggered(simulation, session, card, said):
-    """The autopilot triggers and tells; the pictures come into a folder."""
+    """Have the autopilot trigger and report; the pictures arrive in a folder."""
     source = TriggeredSource(session, Mount(), card, LATENCY_S, said.append, inline)
     await source.begin()
     Card(simulation, session, card)
@@ -131,7 +131,7 @@ async def triggered(simulation, session, card, said):
 
 @pytest.mark.parametrize("rig", [folder, triggered], ids=lambda rig: rig.__name__)
 def test_flight_without_stopping_maps_the_region(rig, tmp_path):
-    """From a moving camera that tilts: poses of another moment would shift the map."""
+    """The moving camera tilts: poses of another moment would shift the map."""
     summary, events, said = flown(rig, mission(strategy="swath"), tmp_path / "flight")
     assert summary["completed"], said
     assert summary["cells_missed"] == 0

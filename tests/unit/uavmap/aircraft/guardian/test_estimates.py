@@ -1,4 +1,4 @@
-"""Wind by tilt, leaps of positions and speeds, and how hard a vehicle met the ground."""
+"""Estimates of wind by tilt, of leaps in positions and speeds, and of impacts on the ground."""
 
 import asyncio
 import math
@@ -30,10 +30,10 @@ LEGS = [(0.0, 0.0), (6.0, 0.0), (0.0, 0.0), (-6.0, 0.0), (0.0, 4.0), (0.0, -6.0)
 
 
 def flown(wind, factor, legs, leg_s=20.0, gust_m_s=0.0):
-    """What is measured along legs (velocity north, east) by an airframe.
+    """Return the estimates along legs (velocity north, east) of an airframe.
 
-    After a minute there is a gust to the north in the first 6 s of every minute. The attitude
-    controller answers the drag a second late: a gust pushes at first.
+    A gust to the north fills the first 6 s of every minute but the first. The attitude controller
+    answers the drag a second late: at first the gust only pushes.
     """
     estimate = WindEstimate()
     north, east, t_s = 0.0, 0.0, 0.0
@@ -74,14 +74,14 @@ def test_quadcopter_estimates_its_wind(wind):
 
 @pytest.mark.parametrize("factor", [0.6, 2.0, 4.0])
 def test_estimate_of_another_airframe_is_learned_from_its_legs(factor):
-    """Without learning, four times the drag would pass for a wind of 7 m/s in still air."""
+    """Without learning, four times the drag would count as a wind of 7 m/s in still air."""
     assert max(flown((0.0, 0.0), factor, LEGS)[1:]) < 3.0
     assert flown((0.0, 6.0), factor, LEGS * 2)[-1] == pytest.approx(6.0, abs=2.0)
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_gusts_leave_the_airframe_estimate_and_are_no_gale(factor):
-    """Six seconds of 10 m/s in a minute, on legs of five seconds: they pass for no 12 m/s."""
+    """Gusts of 10 m/s for 6 s a minute, on legs of 5 s: no estimate may reach 12 m/s."""
     legs = [(6.0 * math.cos(1.1 * k), 6.0 * math.sin(1.1 * k)) for k in range(48)]
     found = flown((3.6, 0.0), factor, legs, leg_s=5.0, gust_m_s=6.4)
     assert 4.0 < max(found) < 9.0  # 8.4 is the mean of 8 s with a gust in them
@@ -169,7 +169,7 @@ def test_leap_of_the_position_is_noticed(metres, bearing, gap_s):
     assert leaps.leapt.startswith("its position has jumped by ")
     leaps.leapt = ""
     leaps.take(102.0 + gap_s, there, (0.0, 5.0))
-    assert leaps.leapt == ""  # once is enough
+    assert leaps.leapt == ""  # one leap is reported once
 
 
 def test_position_after_a_gap_or_a_restart_is_no_leap():
@@ -217,17 +217,17 @@ def told(speeds, *, every_s=0.1, impact=None):
 
 
 def fall(height_m, every_s):
-    """The speeds of a fall from rest, and the rest after it."""
+    """Return the speeds of a fall from rest, and of the rest after it."""
     lasts_s = (2 * height_m / G_M_S2) ** 0.5
     count = int(lasts_s / every_s)
     return [*(G_M_S2 * n * every_s for n in range(count + 1)), 0.0, 0.0]
 
 
 def test_motors_that_stop_in_the_last_metre_are_an_impact():
-    """As told of a fall of 0.8 m: only its last message is faster than a hard landing."""
+    """Reports of a fall of 0.8 m: only its last message is faster than a hard landing."""
     end = [0.78, 1.25, 1.79, 2.33, 2.87]
     assert told([*[0.48] * 20, *end, 0.0, 0.0]).speed_m_s > HARD_M_S
-    # the same last message, from nowhere
+    # the same last message without the messages before it
     assert told([*[0.48] * 24, 2.87, 0.0, 0.0]).speed_m_s == 0.48
 
 
@@ -258,7 +258,7 @@ def test_stop_in_the_air_is_forgotten_before_the_landing():
 
 
 def test_braking_as_an_autopilot_brakes_is_no_impact():
-    """From 4 m/s with 2.5 m/s2: the end of that is slow."""
+    """Braking from 4 m/s with 2.5 m/s2 ends slowly."""
     assert told([4.0 - 0.25 * n for n in range(17)]).speed_m_s < HARD_M_S
 
 

@@ -1,4 +1,4 @@
-"""The guardian on the wire: a simulated aircraft that its mission forgot, or cannot steer."""
+"""The guardian on the wire flies a vehicle whose mission has ended or cannot steer it."""
 
 import asyncio
 
@@ -27,7 +27,7 @@ async def out(flight, east_m=25.0, north_m=20.0):
 
 
 HOUSE = square(10, 6, 6, 16)
-"""A hole in the fence between the way out and home."""
+"""A hole in the fence between the outward path and home."""
 
 
 async def behind_the_house(flight):
@@ -217,7 +217,7 @@ async def test_guardian_link_back_after_mission_failed_lands_it(flight, /):
     await out(flight)
     flight.to_driver = flight.to_vehicle = lambda message: False
     await flight.sees(ev.LinkLost, within_s=20.0)
-    flight.driving.cancel()  # with it whoever takes up links that come back
+    flight.driving.cancel()  # with it ends the task that reconnects links
     loop.call_later(10.0, setattr, flight, "to_driver", lambda message: True)
     loop.call_later(10.0, setattr, flight, "to_vehicle", lambda message: True)
     begin_s = loop.time()
@@ -247,7 +247,7 @@ async def test_guardian_fall_on_return_path_is_reported(flight, /):
 
 
 FORCED = 21196.0
-"""Of MAV_CMD_COMPONENT_ARM_DISARM: stop the motors in the air, too."""
+"""Parameter of MAV_CMD_COMPONENT_ARM_DISARM that stops the motors even in the air."""
 
 
 @pytest.mark.parametrize(
@@ -255,7 +255,7 @@ FORCED = 21196.0
 )
 @by(fly_up, small_mission)
 async def test_motors_stop_over_pad_is_a_crash(flight, /, autopilot, height_m):
-    """It stands on its pad, disarmed, on the ground by its own word: as after a landing."""
+    """The vehicle reports that it is disarmed on the ground over its pad, as after a landing."""
     flight.driver.give(Land())
     await flight.until(lambda: flight.session.view.height_m < height_m)
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
@@ -282,7 +282,7 @@ async def test_motors_stop_just_above_ground_is_landing(flight, /, autopilot):
 
 @by(fly)
 async def test_crashed_aircraft_that_believes_to_fly_stays_down(flight, /):
-    """Armed, in the air by its own word, and without height: the service is not fooled."""
+    """It is armed and reports that it flies, but has no height: the service notices the crash."""
     await out(flight)
     flight.to_driver = lambda m: m.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
     flight.vehicle.fail.motor(share=0.0)
@@ -298,7 +298,7 @@ async def test_crashed_aircraft_that_believes_to_fly_stays_down(flight, /):
 @both
 @by(fly, small_mission)
 async def test_storm_lands_vehicle_near_the_fence(flight, /, autopilot):
-    """At most 150 m outside of it; a plain landing from here would take it 250 m."""
+    """At most 150 m outside of the fence; a plain landing would end 250 m outside."""
     await out(flight)
     flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
     await flight.until(lambda: flight.vehicle.truth.landed, within_s=90.0)
@@ -309,7 +309,7 @@ async def test_storm_lands_vehicle_near_the_fence(flight, /, autopilot):
 
 @by(fly_up)
 async def test_leg_without_progress_is_reported_to_the_mission(flight, /):
-    # accepted, and not carried out: the autopilot is told to stay by somebody else
+    # accepted, and not carried out: another sender commands the autopilot to stay
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 192
     flight.driver.give(FlyTo((GridPoint(40.0, 20.0),), None, stop=False, height_m=UP_M))
     failed = await flight.sees(ev.OrderFailed, within_s=60.0)
@@ -336,7 +336,7 @@ async def test_take_off_without_acknowledgement_is_recognised(flight, /):
 
 @by(fly_up)
 async def test_impossible_position_stops_no_clock(flight, /):
-    """What cannot be sent is tried again in a while, and not without end at one instant."""
+    """A message that cannot be sent is tried again later, not without end at one instant."""
     nowhere = GridPoint(float("inf"), 0.0)
     flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))
     await asyncio.sleep(5.0)

@@ -1,4 +1,4 @@
-"""However a mission ends, its aircraft are looked after first."""
+"""Every end of a mission first brings its aircraft home."""
 
 import asyncio
 
@@ -74,7 +74,7 @@ class Defective(Kept):
 
 @by(on_virtual_time)
 async def test_watched_over_one_guardian_fails_others_come_home():
-    """Its aircraft is left to its autopilot, and all that failed is raised with the fates."""
+    """Its aircraft is left to its autopilot; all errors are raised, with its fate."""
     kept = [Defective(fate="left to its autopilot in RTL"), Kept()]
     with pytest.raises(ExceptionGroup) as failed:
         await watched(kept, failing(1.0, RuntimeError("a defect of a strategy")), leave=True)

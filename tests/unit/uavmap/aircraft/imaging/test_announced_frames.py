@@ -1,4 +1,4 @@
-"""What a camera announces: a pose that makes no sense costs the picture, and nothing more."""
+"""A picture that a camera announces with an unusable pose is lost, without other effects."""
 
 import asyncio
 import io
@@ -81,7 +81,7 @@ class Verdicts:
 
 
 def judged(*messages, fetch=served, peers=lambda peer: None):
-    """What the driver makes of announcements that are heard at 5.1 s, ordered at 5 s."""
+    """Return the driver's events for announcements that arrive at 5.1 s, ordered at 5 s."""
 
     async def main():
         peer = Peer()
@@ -133,7 +133,7 @@ NO_ATTITUDE = "it reports no attitude, and the vehicle's own at that time is unk
 @pytest.mark.parametrize(
     ("how", "reason"),
     [
-        # told by neither the camera nor the autopilot
+        # reported by neither the camera nor the autopilot
         ({"q": [0.0] * 4, "lat": 0, "lon": 0}, NO_ATTITUDE),
         ({"q": [0.0] * 4}, NO_ATTITUDE),
         ({"q": [NAN] * 4}, NO_ATTITUDE),
@@ -188,7 +188,7 @@ def test_arbitrary_pose_is_judged_or_lost():
 
 
 def test_frame_is_stamped_within_the_capture():
-    """A camera that was switched on a minute before the autopilot, and one with a broken clock."""
+    """One camera started a minute before the autopilot, another has a broken clock."""
     (event,) = judged(announced(time_boot_ms=65_000))
     assert event.t_s == pytest.approx(5.1)
     (event,) = judged(announced(time_boot_ms=0))
@@ -214,7 +214,7 @@ def forget(peer):
     ("how", "reason"),
     [
         ({"fetch": small}, f"picture is 64 x 64 px, the camera {WIDTH_PX} x {HEIGHT_PX} px"),
-        ({"fetch": gone}, "^http://127.0.0.1/0.jpg: gone$"),  # what comes from outside is made safe
+        ({"fetch": gone}, "^http://127.0.0.1/0.jpg: gone$"),  # text from outside is made printable
         ({"peers": forget}, "the vehicle has not reported where it is"),
     ],
 )

@@ -54,7 +54,7 @@ def test_vantage_is_the_cell_below_unless_one_is_given():
 
 
 def test_frame_from_anywhere_judges_every_cell_shown_whole():
-    """From 12 m the picture shows 20.1 m x 15.1 m; half a metre of its rim is left out."""
+    """From 12 m the picture shows 20.1 m x 15.1 m; the outer half metre is left out."""
     here = classifier()
     east_m = 9.3
     seen = frame(east_m=east_m)
@@ -66,7 +66,7 @@ def test_frame_from_anywhere_judges_every_cell_shown_whole():
     expected = whole_cells(footprint, place, -here.grid.convergence_rad, 4.0, margin_m)
     assert [vote.cell for vote in votes] == list(expected)
     assert len(votes) > 5
-    with pytest.raises(ImageError, match="repeats"):  # a picture twice is no evidence, here either
+    with pytest.raises(ImageError, match="repeats"):  # no evidence here either
         here.votes_anywhere(seen)
 
 
@@ -102,7 +102,7 @@ def test_refused_picture_is_remembered():
     judge.votes(frame(seed=1), None)
     with pytest.raises(ImageError):
         judge.votes(flat(0), None)
-    assert judge.votes(frame(seed=1), None)[1]  # it does not repeat the last one
+    assert judge.votes(frame(seed=1), None)[1]  # the new picture differs from the last one
 
 
 def test_simulated_camera_without_noise_may_repeat():

@@ -1,4 +1,4 @@
-"""Pictures over HTTP: whatever the camera's server does, it is a picture or a `LinkError`."""
+"""Any answer of the camera's HTTP server gives a picture or a `LinkError`."""
 
 import asyncio
 import contextlib
@@ -35,7 +35,7 @@ class Server:
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def _serve(self):
-        with contextlib.suppress(OSError):  # closed, or the other end hangs up first
+        with contextlib.suppress(OSError):  # the socket is closed, or the other end hangs up first
             while True:
                 client, _ = self._listening.accept()
                 with client, contextlib.suppress(OSError):
@@ -151,7 +151,7 @@ def test_invalid_address_is_a_link_error(url):
     ],
 )  # fmt: skip
 def test_host_not_named_gets_no_request(host):
-    """A camera at 192.0.2.7 that wants us to ask this machine's own services."""
+    """A camera at 192.0.2.7 points the service at services of its own computer."""
     with server(OK + b"\r\nsecret") as there:
         with pytest.raises(
             LinkError, match=r"neither the vehicle's host nor named in camera\.hosts"
@@ -188,7 +188,7 @@ def test_host_without_a_server_is_a_link_error():
 @pytest.mark.parametrize("head", [b"", OK, OK + b"\r\n", OK + b"Content-Length: 9000\r\n\r\n"])
 @pytest.mark.parametrize("speedup", [1.0, 20.0])
 def test_slow_trickle_of_bytes_is_cut_off(head, speedup):
-    """One limit over the whole download, in real seconds whatever the clock."""
+    """One limit holds for the whole download, in real seconds on any clock."""
     done = threading.Event()
 
     def talk(client):
@@ -233,7 +233,7 @@ def test_flood_of_bytes_is_cut_off(monkeypatch):
 
     def talk(client):
         client.sendall(OK + b"\r\n")
-        while True:  # until the other end hangs up
+        while True:  # wait until the other end hangs up
             client.sendall(bytes(65_536))
 
     with Server(talk) as there, pytest.raises(LinkError, match="at most 100000 bytes"):

@@ -1,4 +1,4 @@
-"""Pictures of a path that come faster than they are judged: the newest count, and that is told."""
+"""If pictures of a path come faster than they are judged, the newest count; a line reports it."""
 
 import asyncio
 from types import SimpleNamespace
@@ -27,7 +27,7 @@ class SlowCamera:
 
 
 def taken(anywhere):
-    """Ten pictures a second for ten seconds, judged for thirty."""
+    """Take ten pictures a second for ten seconds; judging them takes thirty."""
     camera = SlowCamera()
     events = []
 
@@ -55,7 +55,7 @@ def test_newest_waiting_picture_is_judged_next():
     camera, events = taken(anywhere=True)
     assert camera.indices == sorted(camera.indices)
     assert camera.indices[-1] == 99
-    # each is judged soon after it was taken: the backlog never grows
+    # each is judged soon after its exposure: the queue never grows
     steps = [b - a for a, b in zip(camera.indices, camera.indices[1:], strict=False)]
     assert max(steps) <= 10 + MOST_WAITING
     assert [event.reason for event in events] == [

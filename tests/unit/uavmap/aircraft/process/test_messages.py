@@ -1,4 +1,4 @@
-"""What passes between mission and aircraft comes out as it went in."""
+"""Messages between mission and aircraft are decoded as they were encoded."""
 
 import contextlib
 
@@ -102,7 +102,7 @@ def test_invalid_bytes_are_refused(data):
     ],
 )
 def test_message_too_long_is_refused_by_its_head(known, text, picture, fits):
-    """Up to 512 MiB were kept, of whoever had connected."""
+    """An earlier version kept up to 512 MiB from any connection."""
     head = text.to_bytes(4, "big") + picture.to_bytes(4, "big")
     expected = contextlib.nullcontext() if fits else pytest.raises(LinkError, match="understand")
     with expected:
