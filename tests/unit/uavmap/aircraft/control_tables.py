@@ -1,6 +1,7 @@
 """Make the transition tables of docs/reference/control.md by running the state machine.
 
-python -m tests.unit.uavmap.aircraft.control_tables  # writes them into the page"""
+python -m tests.unit.uavmap.aircraft.control_tables  # writes them into the page
+"""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Pictures that are meant to do harm: looked at before they are decoded."""
+"""Harmful pictures are checked before they are decoded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uavmap.base.image_files import decoded
 
 
 def png(width: int, height: int, body: bytes = b"") -> bytes:
-    """A PNG file that says to have a size; `body` is what its pixels are compressed to."""
+    """Return a PNG file that states a size; `body` holds its compressed pixels."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         crc = zlib.crc32(kind + data)
@@ -28,7 +28,7 @@ def png(width: int, height: int, body: bytes = b"") -> bytes:
 
 
 def bomb(width: int, height: int) -> bytes:
-    """One that can be decoded: black, a thousandth of its size."""
+    """Return a black picture, compressed to a thousandth of its size, that can be decoded."""
     squeeze = zlib.compressobj(9)
     row = bytes(1 + 3 * width)
     body = b"".join(squeeze.compress(row) for _ in range(height)) + squeeze.flush()
@@ -47,7 +47,7 @@ def test_picture_of_too_many_pixels_is_not_decoded(side, monkeypatch):
 
 def test_decompression_bomb_takes_no_memory():
     data = bomb(13_300, 200)
-    data = data[:16] + struct.pack(">II", 13_300, 13_300) + data[24:]  # says to be square
+    data = data[:16] + struct.pack(">II", 13_300, 13_300) + data[24:]  # states that it is square
     crc = zlib.crc32(data[12:29])
     data = data[:29] + struct.pack(">I", crc) + data[33:]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -1,4 +1,4 @@
-"""What is shown on a terminal: text from outside stays text."""
+"""Text from outside stays text on a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What members say, as bytes: nothing is lost, nothing else is taken, and it is short."""
+"""Messages of members as bytes: complete, safe against damage, and short."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def test_picture_of_too_many_cells_is_refused():
     for value in (0, 2 * 100_000, 100_000, 0, 0):
         out.count(value)
     said = Writer()
-    for value in (0, 0, 0, 0, 0, 1, 0):  # time, nobody, nothing known, promised; of 1 from 0
+    for value in (0, 0, 0, 0, 0, 1, 0):  # time, no vehicle, nothing known, reserved; of 1 from 0
         said.count(value)
     said.raw(b"\x00" + out.data)
     with pytest.raises(BytesError, match="so many cells"):

@@ -1,4 +1,4 @@
-"""Members that talk: an operator's word, clocks, pads; facts once, and again where lost."""
+"""Members exchange an operator's commands, clocks, pads and facts; lost facts are sent again."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ KEY = bytes(range(32))
 
 @dataclass
 class Station:
-    """A member without a service: what it would be told is kept."""
+    """A member without a service: it keeps each report that a service would get."""
 
     number: int
     air: Air
     place: GridPoint
     late_s: float = 0.0
-    """By how much its clock is behind."""
+    """Delay of its clock, s."""
     start: int = 1
-    """How often its program has started."""
+    """Number of starts of its program."""
     events: list[Event] = field(default_factory=list)
     member: Member = field(init=False)
 
@@ -49,11 +49,11 @@ class Station:
         self.member.observe(Continued(0.0), setting.initial_state())
 
     def now_s(self) -> float:
-        """Its mission time."""
+        """Return its mission time."""
         return asyncio.get_running_loop().time() - self.late_s
 
     def told(self, *kinds: type) -> list[type]:
-        """What it was told to do, of some kinds."""
+        """Return the reports of some kinds that it got."""
         return [type(event) for event in self.events if isinstance(event, kinds)]
 
 
@@ -61,7 +61,7 @@ def together(
     stations: Callable[[], list[Station]],
     act: Callable[[list[Station]], Coroutine[Any, Any, None]],
 ) -> list[Station]:
-    """Let stations talk while something is done."""
+    """Let stations communicate during an action."""
 
     async def all_of_it() -> list[Station]:
         made = stations()
@@ -76,7 +76,7 @@ def together(
 
 
 def in_a_row(spacing_m: float, range_m: float, count: int = 3) -> list[Station]:
-    """The ground station, 0, at one end of a row."""
+    """Place the members in a row, with the ground station, 0, at one end."""
     air = Air(LinkModel(range_m=range_m, loss=0.2), seed=4)
     return [Station(k, air, GridPoint(spacing_m * k, 0.0)) for k in range(count + 1)]
 
@@ -100,7 +100,7 @@ def test_newest_command_holds_and_each_is_reported_once():
         ground.order(Word(9, 2, "recall"))
         await asyncio.sleep(30.0)
         ground.order(Word(8, 0, "continue"))
-        ground.order(Word(6, 0, "recall"))  # an older one, which was on its way for long
+        ground.order(Word(6, 0, "recall"))  # an older one, which was under way for long
         await asyncio.sleep(30.0)
 
     stations = together(lambda: in_a_row(10.0, 100.0), words)
@@ -123,10 +123,10 @@ def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet
     async def all_agree(stations: list[Station]) -> None:
         early = stations[2:4]
         early[0].late_s, early[1].late_s = -3600.0, 40.0
-        stations[1].place = GridPoint(1e6, 0.0)  # nobody hears it yet
+        stations[1].place = GridPoint(1e6, 0.0)  # no member receives it yet
         await asyncio.gather(*(agree(station) for station in early))
         assert abs(early[0].now_s() - early[1].now_s()) < 0.1
-        assert early[0].now_s() > 3600.0  # the lower number's
+        assert early[0].now_s() > 3600.0  # the clock of the lower number
         await asyncio.sleep(30.0)
         stations[1].place = GridPoint(1.0, 0.0)
         await agree(stations[1])  # of a lower number, but too late to lead
@@ -140,7 +140,7 @@ def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet
 
 def test_communication_that_fails_is_reported_once_and_continues(said):
     async def listen(stations: list[Station]) -> None:
-        stations[1].late_s = float("nan")  # a clock that says nothing
+        stations[1].late_s = float("nan")  # a clock without a value
         await asyncio.sleep(20.0)
         stations[1].late_s = 0.0
         await asyncio.sleep(20.0)
@@ -154,7 +154,7 @@ def test_communication_that_fails_is_reported_once_and_continues(said):
 
 
 def test_ground_station_with_an_earlier_clock_is_obeyed(monkeypatch):
-    """A station 5 minutes ahead has all hold; another with the right time calls them home."""
+    """A station 5 minutes ahead commands a hold; another with the right time recalls all."""
 
     async def two_stations(stations: list[Station]) -> None:
         await asyncio.sleep(20.0)
@@ -209,7 +209,7 @@ ROOM = 900
 FACTS = 200
 SLOWEST_S = 30.0
 ALL_BELIEVED_S = 20.0
-"""By then each has proven to all that it is alive."""
+"""Time by which each member has proven to all that it is active, s."""
 
 
 def fact(k: int) -> Fact:
@@ -233,7 +233,7 @@ def test_fact_under_way_is_not_sent_again_and_a_lost_one_is():
     telling = Telling(1, {2: peer})
     known.take(1, 0, facts(0, 6))
     assert told(telling.batches(known, 10.0, ROOM)) == [(1, k) for k in range(6)]
-    peer.have, peer.have_s = {}, 10.5  # said before it could have come
+    peer.have, peer.have_s = {}, 10.5  # sent before the fact could have arrived
     assert not telling.batches(known, 12.0, ROOM)
     peer.have, peer.have_s = {1: Holding(1, ((3, 4), (5, 6)))}, 13.0
     known.take(1, 6, facts(6, 8))
@@ -276,7 +276,7 @@ def test_restarted_member_sends_only_facts_that_another_lacks():
 
 @dataclass(slots=True)
 class Talk:
-    """Members that each find a fact a second, and when each has heard of which."""
+    """Members that each find a fact a second, with the times at which each received each fact."""
 
     members: list[Member]
     late_s: list[float] = field(default_factory=list)
@@ -330,7 +330,7 @@ def test_news_is_sent_soon_and_once_and_lost_facts_again(loss):
     assert all(found.known[one, other] == FACTS for one in (1, 2, 3) for other in (1, 2, 3))
     late_s = sorted(found.late_s)
     if loss == 0.0:
-        assert said <= 3 * FACTS * 1.05  # each once, but for what nobody believed yet
+        assert said <= 3 * FACTS * 1.05  # each once, except for facts that no member trusted yet
         assert late_s[-1] <= 6.0
     else:
         assert said <= 3 * FACTS * 1.8

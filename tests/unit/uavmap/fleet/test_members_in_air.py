@@ -1,5 +1,7 @@
-"""Members of a fleet over a bad radio, on virtual time and without flights: air that is asked for
-is nobody else's, and facts reach everybody."""
+"""Members of a fleet over a bad radio, on virtual time and without flights.
+
+Reserved air has one member, and facts reach all members.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ ROUND_S = 0.5
 STEP_M = 2.0
 SEEDS = 5
 CLIMB_S = 12.0
-"""A change of layer takes at most so long."""
+"""Maximum duration of a change of layer, s."""
 
 
 @lru_cache
@@ -43,7 +45,7 @@ def made(member: int) -> Setting:
 
 @dataclass(slots=True)
 class Mind:
-    """A member, and a vehicle in the air that wanders about, and changes its layer now and then."""
+    """A member with a vehicle in the air that moves at random and sometimes changes its layer."""
 
     number: int
     air: Air
@@ -57,7 +59,7 @@ class Mind:
     until_s: float = 0.0
     changes: int = 0
     serves: bool = True
-    """Whether its service takes in what is reported, or has not begun yet."""
+    """True once its service accepts reports."""
 
     def __post_init__(self) -> None:
         self.setting = made(self.number)
@@ -72,7 +74,7 @@ class Mind:
         self.begin(1)
 
     def begin(self, start: int) -> None:
-        """The program starts, for this time; it knows what its journal holds."""
+        """Start the program at this time, with the facts of its journal."""
         if self.task is not None:
             self.task.cancel()
             self.member.end()
@@ -96,7 +98,7 @@ class Mind:
         self.member.observe(event, self.state)
 
     def turn(self) -> None:
-        """What it does in one round."""
+        """Do one round of its work."""
         now_s, mine = self.now_s(), self.vehicle
         self.state = replace(self.state, t_s=now_s)
         if self.holds is not None:
@@ -123,7 +125,7 @@ class Mind:
         self.member.observe(Asked(99, now_s, mine.position, 0.0, 0.0, now_s), self.state)
 
     def wandered(self, mine: VehicleState) -> VehicleState:
-        """A step to where the rules allow it."""
+        """Return a step to a place that the rules allow."""
         there = GridPoint(
             min(max(mine.position.east_m + self.chance.uniform(-STEP_M, STEP_M), 0.0), 44.0),
             min(max(mine.position.north_m + self.chance.uniform(-STEP_M, STEP_M), 30.0), 50.0),
@@ -140,14 +142,14 @@ class Mind:
 
 
 def too_near(one: Column, other: Column) -> bool:
-    """Whether two come nearer than they may, and half a metre that places are rounded by."""
+    """Return whether two vehicles are nearer than allowed, with half a metre for rounded places."""
     team = made(0).mission.team
     air, there = (Volume((c.place,), c.low_m, c.high_m) for c in (one, other))
     return air.meets(there, team.separation_m + SEPARATION_BUFFER_M - 0.5, team.layer_m)
 
 
 async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
-    """Some minutes of three members; what went wrong, and how many changes of layer there were."""
+    """Run three members for some minutes; return the faults and the number of changes of layer."""
     chance = random.Random(seed)
     groups = chance.choice([(frozenset({1}), frozenset({2, 3})), (), (frozenset({1, 2}),)])
     begin_s = chance.uniform(20.0, 100.0)

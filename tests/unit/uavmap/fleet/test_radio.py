@@ -1,4 +1,4 @@
-"""Radios on loopback: Zenoh, a multicast group; endpoints, and the words of --comms, as written."""
+"""Radios on loopback: Zenoh and multicast; endpoints and texts of --comms as written."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LOOK_S = 0.02
 
 
 class Ear:
-    """Keeps what it hears."""
+    """A receiver that keeps all messages."""
 
     def __init__(self, radio: ZenohRadio | MulticastRadio | Radios) -> None:
         self.heard: set[bytes] = set()
@@ -38,7 +38,7 @@ class Ear:
 
 
 async def until(condition: Callable[[], bool], meanwhile: Callable[[], None]) -> None:
-    """Do something again and again until a condition holds: any datagram may be lost."""
+    """Repeat an action until a condition holds: any datagram may be lost."""
     due_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < due_s
@@ -49,7 +49,7 @@ async def until(condition: Callable[[], bool], meanwhile: Callable[[], None]) ->
 async def exchanged(
     one: ZenohRadio, at_one: Ear, other: ZenohRadio, at_other: Ear, word: bytes
 ) -> None:
-    """Two say something to each other until both have heard it."""
+    """Have two radios send to each other until both have received."""
 
     def speak() -> None:
         one.send(b"to other")
@@ -81,8 +81,8 @@ async def test_radio_that_was_gone_and_returns_is_received_again(kind, said):
             async with over_zenoh(peers=endpoint) as other:
                 await exchanged(one, at_one, other, Ear(other), word)
         assert one.opened == 1
-        assert b"to other" not in at_one.heard  # nobody hears itself
-        one.send(bytes(2000))  # more than any beat: left out
+        assert b"to other" not in at_one.heard  # no radio receives its own messages
+        one.send(bytes(2000))  # larger than any message: left out
     assert said == []
 
 
@@ -147,7 +147,7 @@ async def test_two_radios_exchange_messages_by_a_router():
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
     async with over_zenoh(routers=endpoint) as one:
-        with zenoh.open(config):  # it comes up after the first has called
+        with zenoh.open(config):  # it starts after the first has called
             async with over_zenoh(routers=endpoint) as other:
                 await exchanged(one, Ear(one), other, Ear(other), b"word")
 

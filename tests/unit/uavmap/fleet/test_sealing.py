@@ -1,4 +1,4 @@
-"""Nothing is taken that no holder of the key has said now, and nothing twice; a member's key."""
+"""Only fresh messages of holders of the key are accepted, and each once; the key of a member."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
 
 
 def met(one: Seal, other: Seal) -> None:
-    """Two members have proven to each other that they are alive."""
+    """Have two members prove to each other that they are active."""
     for _ in range(2):
         for speaker, listener in ((one, other), (other, one)):
             listener.opened(speaker.sealed(b"here"))
@@ -166,7 +166,7 @@ def test_key_depends_on_the_meaning_of_facts_alone():
     assert fleet_key(secret, slick) != fleet_key(
         secret, slick.model_copy(update={"detector": unclassed})
     )
-    fleet_key(secret, load("bay"))  # whose search is as high as it may: no warning
+    fleet_key(secret, load("bay"))  # whose search is at the highest allowed height: no warning
 
 
 def test_start_number_rises_with_each_start(tmp_path):

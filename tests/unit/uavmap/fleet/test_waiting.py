@@ -1,4 +1,4 @@
-"""After its landing a member waits for the others, and an operator may end that."""
+"""After its landing a member waits for the others; an operator may end the wait."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uavmap.fleet.member import Member
 
 
 class Waits:
-    """A member whose others never come down."""
+    """A member whose fellow members never land."""
 
     level = all_done = False
 
@@ -20,7 +20,7 @@ class Waits:
         await asyncio.Event().wait()
 
     def end(self) -> None:
-        """Nothing is to be ended."""
+        """Do nothing: no task needs an end."""
 
 
 async def flight(landed: asyncio.Event, *, may_leave: bool) -> str:

@@ -1,5 +1,7 @@
-"""The journal: what is confirmed stays, after kills and on full disks; what is no journal is left
-as it is."""
+"""Confirmed events stay in the journal after kills and on full disks.
+
+A file that is no journal is left unchanged.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +34,13 @@ def program(text: str, *arguments: object) -> list[str]:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """A journal of 80 events, closed."""
+    """Write a journal of 80 events and close it."""
     return write(tmp_path_factory.mktemp("journal") / "journal.jsonl", some_events(40))
 
 
 @pytest.fixture
 def path(tmp_path, written):
-    """A copy of it."""
+    """Return a copy of the journal."""
     return Path(shutil.copy(written, tmp_path / "journal.jsonl"))
 
 
@@ -207,8 +209,8 @@ def test_killed_process_loses_nothing_that_it_acknowledged(tmp_path):
         assert acknowledged < len(found) <= acknowledged + 2
 
 
-# A child is ended, as by a kill, before the n-th line of the code that makes a journal; n grows
-# until a child comes through.
+# A child process ends, as by a kill, before the n-th line of the code that makes a journal. n grows
+# until a child completes.
 KILLED_AT_EACH_LINE = """
     import os, sys
     from pathlib import Path

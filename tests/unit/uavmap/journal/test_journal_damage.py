@@ -1,5 +1,8 @@
-"""Truncated, flipped and edited journals: none gives another event, none is changed by reading,
-and a recovery goes on from the good beginning."""
+"""Truncated, flipped and edited journals.
+
+No damage gives another event, reading changes no journal, and a recovery continues from the
+undamaged beginning.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ LONG = FrameSeen(1, 70.0, Cell(0, 0), tuple(Vote(Cell(n, 7), True, 0.5) for n in
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A journal, closed."""
+    """Write a journal and close it."""
     return write(tmp_path_factory.mktemp("whole") / "journal.jsonl", [*EVENTS, LONG])
 
 
@@ -44,7 +47,7 @@ def lines_of(path: Path) -> list[bytes]:
 
 
 def judge(path: Path, events: list[Event]) -> str:
-    """What becomes of a damaged journal; fails when it is anything but honest."""
+    """Check the outcome of a damaged journal; fail if it hides the damage."""
     before = contents(path.parent)
     try:
         with Journal.open(path) as journal:

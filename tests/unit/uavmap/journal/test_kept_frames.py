@@ -1,4 +1,4 @@
-"""Pictures that a flight keeps, where the disk takes no more of them."""
+"""Pictures that a flight keeps, on a disk that is full."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_list_of_poses_that_is_damaged_stops_no_resume(tmp_path):
 
 
 def test_last_room_on_the_disk_is_left_to_the_journal(tmp_path, monkeypatch):
-    left = iter(range(ROOM_MIB * 2**20 + 100_000, 0, -20_000))  # each of them takes some
+    left = iter(range(ROOM_MIB * 2**20 + 100_000, 0, -20_000))  # each of them takes some room
     monkeypatch.setattr(shutil, "disk_usage", lambda path: Usage(next(left)))
     said: list[str] = []
     keeper = FrameKeeper(tmp_path, said.append)

@@ -1,5 +1,4 @@
-"""Mission time of a mission that is taken up again: whatever the clocks do, it neither runs
-backwards nor jumps by days without a word."""
+"""Mission time of a resumed mission: it never runs backwards, and reports every long jump."""
 
 from __future__ import annotations
 
@@ -34,7 +33,7 @@ LAST_EVENT_S = 512.0
 
 
 def later(seconds: float, **other: object) -> Clocks:
-    """The clocks so much later than the mark."""
+    """Return the clocks at a time after the mark."""
     now = Clocks(
         THEN.wall_utc_s + seconds, THEN.boot_id, THEN.since_boot_s + seconds, 7000.0 + seconds
     )
@@ -42,7 +41,7 @@ def later(seconds: float, **other: object) -> Clocks:
 
 
 def wall(seconds: float, **other: object) -> Clocks:
-    """100 s later, with a wall clock that was set by some seconds."""
+    """Return clocks of 100 s later, with a wall clock that was set by some seconds."""
     return later(100.0, wall_utc_s=THEN.wall_utc_s + 100.0 + seconds, **other)
 
 
@@ -55,8 +54,7 @@ FAST = {"speedup": 10.0}
 EARLY = Clocks(EPOCH_S + 600.0, "boot-1", 1.0)
 COMPUTER, VEHICLE, WALL, LAST = Basis
 Case = tuple[Clocks, dict[str, Any], float, Basis, float | None, str]
-"""Clocks, more arguments; the time and its basis, that of a yes to the question, words of the
-note."""
+"""Clocks and further arguments; the expected time and basis, also after a yes, and the note."""
 CASES: dict[str, Case] = {
     "same boot": (later(100.0), {}, 600.0, COMPUTER, None, ""),
     "same boot, a night": (later(36e3), {}, 36_500.0, COMPUTER, None, "9 h 59 min have passed"),
@@ -65,7 +63,7 @@ CASES: dict[str, Case] = {
     "same boot, clock back": (wall(-THREE_S), {}, 600.0, COMPUTER, None, "set back by"),
     "same boot, 1970": (wall(-THEN.wall_utc_s), {}, 600.0, COMPUTER, None, "set back by"),
     "new boot": (later(100.0, **ANEW), {}, 600.0, VEHICLE, None, ""),
-    # the vehicle might have been started anew itself, and be up for longer than it was then
+    # the vehicle may have restarted itself, and be up for longer than it was then
     "new boot, clock ahead": (
         wall(THREE_S, **ANEW), {}, 600.0, VEHICLE, 600.0 + THREE_S, "set forward by",
     ),
@@ -86,7 +84,7 @@ CASES: dict[str, Case] = {
         later(-THREE_S, **OTHER_BOOT), DRIFT, LAST_EVENT_S, LAST, None,
         "displaced by 0.4 m for each second",
     ),
-    # a Raspberry Pi without a battery for its clock thinks that it is 1970, or days ago
+    # a Raspberry Pi without a battery for its clock reports 1970, or a time of days ago
     **{
         f"silent, wall clock {wall_s:g}": (
             later(0.0, **OTHER_BOOT, wall_utc_s=wall_s), {}, LAST_EVENT_S, LAST, None,

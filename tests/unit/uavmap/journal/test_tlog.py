@@ -19,7 +19,7 @@ EPOCH_S = 1_577_836_800.0
 
 
 def read(path: Path) -> list[tuple[float, str, int, int]]:
-    """(time, type, system, sequence number) of every message, as pymavlink reads the file."""
+    """Return (time, type, system, sequence number) of every message that pymavlink reads."""
     log = mavutil.mavlink_connection(str(path), notimestamps=False)
     found = []
     while (message := log.recv_match()) is not None:
@@ -88,7 +88,7 @@ def test_frames_recorded_before_a_kill_are_whole(tmp_path):
 
 
 class FullDisk:
-    """A file system with so much room."""
+    """A file system with limited room."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, room: int) -> None:
         self.room = room

@@ -1,4 +1,4 @@
-"""ROIs from files: what is read, and what a broken file is told."""
+"""ROIs from files: what is read, and the error of a broken file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from missions.units import Cell, LatLon
 from uavmap.lab.roi_files import load_rois
 
 LON, LAT = -91.994, 46.842
-M_EAST, M_NORTH = 1 / 76_240.0, 1 / 111_180.0  # degrees a metre there
+M_EAST, M_NORTH = 1 / 76_240.0, 1 / 111_180.0  # degrees per metre there
 
 
 def written(folder: Path, value: object, name: str = "rois.json") -> str:
@@ -157,7 +157,7 @@ def test_polygons_with_a_start_are_one_roi(tmp_path):
     outside = LatLon(LAT - 100 * M_NORTH, LON)
     with pytest.raises(RoiError, match="is not in the region") as refusal:
         load_rois(path, start=outside)
-    near = str(refusal.value).rpartition("--start ")[2]  # what it names instead is one
+    near = str(refusal.value).rpartition("--start ")[2]  # the entry that it names instead is valid
     lat_deg, lon_deg = map(float, near.split(","))
     assert len(load_rois(path, start=LatLon(lat_deg, lon_deg))[0].cells) > 80
     with pytest.raises(RoiError, match="84"):

@@ -1,4 +1,4 @@
-"""A GeoTIFF becomes the lattice of a mission; what cannot be ground is refused with its place."""
+"""A GeoTIFF becomes the lattice of a mission; impossible ground is refused with its place."""
 
 import math
 import sys
@@ -22,7 +22,7 @@ rasterio = pytest.importorskip("rasterio")
 
 GRID = Grid.at(START, 4.0)
 BASE_M = 512.0
-"""Of the sea's level: what counts is the difference to the start."""
+"""Height of the start above the sea, m: only differences from it count."""
 
 
 def ground_m(east_m, north_m):
@@ -30,7 +30,7 @@ def ground_m(east_m, north_m):
 
 
 def geotiff(path, *, epsg=32632, heights=None, nodata=None, pixel=3.0, south_m=-120.0):
-    """A model around the start in any system; heights of `ground_m`, at the middles of pixels."""
+    """Write a model around the start in any system; pixels have the heights of `ground_m`."""
     system = rasterio.crs.CRS.from_epsg(epsg) if epsg else None
     to_utm = Transformer.from_crs(epsg or 32632, GRID.zone.epsg, always_xy=True)
     here = Transformer.from_crs(4326, epsg or 32632, always_xy=True)
@@ -54,7 +54,7 @@ def geotiff(path, *, epsg=32632, heights=None, nodata=None, pixel=3.0, south_m=-
 
 
 def written(path, band, crs, count=1, **how):
-    """A model of this band, anywhere unless a transform is given."""
+    """Write a model of this band, at any place unless a transform is given."""
     how = {"crs": crs, "transform": rasterio.Affine(3.0, 0.0, 0.0, 0.0, -3.0, 0.0), **how}
     height, width = band.shape
     with rasterio.open(
@@ -82,7 +82,7 @@ def refused(folder):
 def test_any_coordinate_system_gives_the_same_ground(tmp_path, epsg):
     geotiff(tmp_path / "dem.tif", epsg=epsg)
     mission = load(str(mission_file(tmp_path)))
-    (tmp_path / "dem.tif").unlink()  # what a journal keeps needs no file
+    (tmp_path / "dem.tif").unlink()  # a mission in a journal needs no file
     ground = mission.ground
     assert ground.step_m == pytest.approx(3.0, abs=0.11)
     for east_m, north_m in ((0.0, 0.0), (33.0, -17.0), (-38.0, 65.0), (55.0, 60.0)):

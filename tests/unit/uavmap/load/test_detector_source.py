@@ -1,6 +1,6 @@
 """Detectors as missions name them: tables of parameters, models from files, plug-ins.
 
-A model is kept with what it judged; what uavmap writes beside photographs is no photograph.
+A model is kept with its judgements. Files that uavmap writes beside photographs are no photographs.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def test_folder_without_a_detector_is_refused(tmp_path, capsys, text, message):
 
 # --- plug-ins --------------------------------------------------------------------------------
 class Everything:
-    """A plug-in's detector."""
+    """A detector of a plug-in."""
 
     name: ClassVar[str] = "everything"
     calibrated: ClassVar[bool] = False
@@ -197,7 +197,7 @@ def test_plug_in_that_does_not_work_is_named(name, message):
 
 # --- segmentation models ---------------------------------------------------------------------
 MEAN = (Path(__file__).parents[3] / "data" / "mean.onnx").read_bytes()
-"""Of tiles of 32 pixels: answers with the mean of the three channels."""
+"""A model for tiles of 32 pixels that returns the mean of the three channels."""
 
 
 def onnx(folder: Path, toml: str, model: bytes = MEAN) -> DetectorSection:
@@ -245,7 +245,7 @@ TWO = "oil = {number = 2}\nweed = {number = 1}\n"
 def test_classes_come_from_the_file_beside_the_model_and_the_region_from_the_mission(
     beside, tmp_path
 ):
-    """As a mission names the model, and as `--detector` names its folder."""
+    """The mission names the model; `--detector` names its folder."""
     name, model = ("onnx", "net.onnx") if beside == "net.toml" else ("learned", "model.json")
     (tmp_path / model).write_bytes(b"any")
     table, oil, weed = f'name = "{name}"\nmodel = "{model}"', {"number": 2}, {"number": 1}
@@ -291,7 +291,7 @@ MODEL = Model(features=("light",), parts=(DARK,), threshold=0.5, **all_familiar(
 
 
 def eyes(folder: Path) -> Path:
-    """A detector's folder as `uavmap tune` leaves it: dark is region."""
+    """Write a detector's folder as `uavmap tune` leaves it: dark is region."""
     folder.mkdir()
     (folder / "model.json").write_bytes(model_bytes(MODEL))
     (folder / "detector.toml").write_text(
@@ -310,7 +310,7 @@ def test_replay_stays_readable_without_its_detector(good, tmp_path):
     shutil.move(one, moved)
     assert main([*line, "--mission", str(moved / "mission.toml"), "--out", str(two)]) == 0
     assert (two / "map.geojson").read_bytes() == (moved / "map.geojson").read_bytes()
-    assert str((moved / KEPT).resolve()) in detector_text(moved / KEPT)  # for --detector, too
+    assert str((moved / KEPT).resolve()) in detector_text(moved / KEPT)  # also for --detector
     with Journal.open(moved / JOURNAL) as journal:
         section = FlightPlan.read(journal).mission.detector
     assert Path(section.model or "") == (moved / KEPT / "model.json").resolve()
@@ -328,7 +328,7 @@ def test_flight_continues_without_the_original_file_of_its_model(tmp_path):
     with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
         read = FlightPlan.read(journal).mission
     assert read.detector.model == str((folder / KEPT / "model.json").resolve())
-    # a copy that somebody has changed is none
+    # a copy that was changed is refused
     (folder / KEPT / "model.json").write_text("{}")
     assert FlightPlan.read(JournalReader(folder / JOURNAL)).mission.detector == section
 
@@ -352,7 +352,7 @@ def test_masks_overlays_and_results_below_the_photographs_are_left_out(good, tmp
     assert not found.refused
     assert "2 folders that uavmap has written" in found.left_out
     assert "4 drawn on pictures of the folder: masks, overlays" in found.left_out
-    # a picture without tags that is named after no other is named as before
+    # a picture without tags keeps its name if no other has it
     Image.new("RGB", (100, 80)).save(photos / "other.png")
     assert "other.png" in [p.name for p in gather(Folder(photos)).pictures]
 
@@ -369,7 +369,7 @@ def test_interrupted_tuning_leaves_no_file(error, tmp_path, monkeypatch):
     monkeypatch.setattr(tuning, "learned", lambda *_: tuning.Learned(MODEL, None, [], [], {}))
     monkeypatch.setattr(tuning, "_report", lambda *_: {"pixels": {}, "cells": {}})
     monkeypatch.setattr(tuning, "_detector_toml", lambda *_: "")
-    monkeypatch.setattr(tuning, "_draw", fails)  # the last that is written
+    monkeypatch.setattr(tuning, "_draw", fails)  # the last file that is written
     before = sorted(tmp_path.iterdir())
     line = ["tune", str(tmp_path), "--examples", str(tmp_path / "painted")]
     assert main([*line, "--out", str(tmp_path / "eyes")]) in (2, 130)

@@ -1,4 +1,4 @@
-"""A mission is parsed once, its faults have lines, and a journal gives it back as it was.
+"""A mission is parsed once, its faults have lines, and a journal returns it unchanged.
 
 `search.prior` as the path of a GeoJSON file becomes places of the mission.
 """
@@ -128,7 +128,7 @@ def test_prior_ground_and_detector_come_back_from_a_journal(tmp_path):
 
 
 def again(plan: FlightPlan, folder: Path) -> FlightPlan:
-    """The plan as a journal gives it back."""
+    """Return the plan that a journal holds."""
     with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
         return FlightPlan.read(journal)
 

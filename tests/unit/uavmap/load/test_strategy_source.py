@@ -1,4 +1,4 @@
-"""Whoever flies, resumes or simulates is told where the strategy runs uncompiled."""
+"""Commands that fly, resume or simulate warn if the strategy runs uncompiled."""
 
 from __future__ import annotations
 

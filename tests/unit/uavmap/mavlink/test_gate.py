@@ -1,4 +1,4 @@
-"""What a vehicle cannot mean is refused, counted, told: real MAVLink frames with its own ids."""
+"""Impossible messages are refused, counted and reported: real MAVLink frames with valid ids."""
 
 import itertools
 import math
@@ -79,7 +79,7 @@ class Vehicle:
 @pytest.mark.parametrize(
     "message",
     [
-        position(214.7, t_s=2.0),  # one of these made a journal unreadable for ever
+        position(214.7, t_s=2.0),  # one of these once made a journal unreadable
         position(90.5, t_s=2.0),
         position(-90.1, t_s=2.0),
         position(LAT, 180.1, t_s=2.0),
@@ -172,8 +172,10 @@ def test_pictures_are_announced_by_the_first_camera_only():
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_home_height_of_px4_in_air_is_known_in_any_order(order):
-    """A real PX4 sends state and estimator before its position. Its home was taken to lie at sea
-    level then, and it was landed where it was: "55.8 Wh are left, and landing takes 132.2".
+    """A real PX4 sends state and estimator before its position.
+
+    An earlier version assumed its home at sea level and landed it on the spot: "55.8 Wh are left,
+    and landing takes 132.2".
     """
     vehicle = Vehicle(heartbeat(4 << 16 | 3 << 24, armed=True, autopilot=mav.MAV_AUTOPILOT_PX4))
     messages = (
@@ -189,8 +191,9 @@ def test_home_height_of_px4_in_air_is_known_in_any_order(order):
 
 
 def test_home_height_of_px4_that_stands_is_the_height_at_which_it_stands():
-    """On the ground between two flights a PX4 1.17 moved its home by 1.4 m from one message to the
-    next, its own height by 0.1 m; then it flew 1.5 m lower than it was asked to.
+    """On the ground between two flights a PX4 1.17 moved its home by 1.4 m.
+
+    Its own height changed by 0.1 m; then it flew 1.5 m lower than ordered.
     """
     vehicle = Vehicle(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4))
     vehicle.hear(mav.MAVLink_extended_sys_state_message(0, mav.MAV_LANDED_STATE_ON_GROUND), 1.0)
@@ -198,7 +201,7 @@ def test_home_height_of_px4_that_stands_is_the_height_at_which_it_stands():
         vehicle.hear(position(t_s=second, up_m=above_home_m, amsl_m=536.1), float(second))
         assert vehicle.view.home_amsl_m == pytest.approx(536.1)
         assert vehicle.view.height_m == pytest.approx(0.0)
-    # on a slope below its home it does not stand at home's height
+    # on a slope below its home it does not stand at the height of its home
     vehicle.hear(position(t_s=4.0, up_m=-9.0, amsl_m=527.1), 4.0)
     assert vehicle.view.home_amsl_m == pytest.approx(536.1)
 
@@ -232,7 +235,7 @@ def test_message_without_a_charge_does_not_renew_an_old_one():
 
 
 def test_two_messages_that_round_differently_are_one_battery():
-    """A real PX4 said 78 % in BATTERY_STATUS and 79 % in SYS_STATUS for seconds at each percent."""
+    """A real PX4 sent 78 % in BATTERY_STATUS and 79 % in SYS_STATUS for seconds at each percent."""
     vehicle, told = Vehicle(), []
     for n in range(100):
         left = 90.0 - 0.08 * n
@@ -357,7 +360,7 @@ def test_clock_that_leaps_ahead_once_is_not_followed():
 
 @pytest.mark.parametrize("rate", [0.3, 1.0, 10.0])
 def test_clock_of_another_speed_is_followed(rate):
-    """A simulator may run slower or faster than it was said to."""
+    """A simulator may run slower or faster than its stated speed."""
     clock = BootClock()
     for n in range(1, 2000):
         assert clock.take(rate * 0.1 * n, 0.1 * n) is None
@@ -370,7 +373,7 @@ def test_backlog_of_seconds_is_no_change_of_the_clock():
     vehicle = Vehicle()
     for n in range(600):
         assert vehicle.hear(position(t_s=100.0 + 0.1 * n), 0.02 + 0.1 * n)
-    for n in range(120):  # 12 s, read ever later
+    for n in range(120):  # 12 s, read with a growing delay
         late_s = min(0.05 * n, 3.4)
         assert vehicle.hear(position(t_s=160.0 + 0.1 * n), 60.02 + 0.1 * n + late_s)
         assert vehicle.view.age_s(60.02 + 0.1 * n + late_s) == pytest.approx(late_s, abs=0.1)
@@ -387,7 +390,7 @@ def test_age_is_right_where_a_simulator_runs_a_little_slower(rate):
 
 
 def test_clock_that_stood_still_is_followed_within_two_minutes():
-    """A simulator that was stopped for 3 s: what it sends from then on is no backlog for ever."""
+    """A simulator that was stopped for 3 s: its later frames are no backlog for ever."""
     vehicle = Vehicle()
     for n in range(2400):
         stopped_s = 3.0 if n >= 600 else 0.0
@@ -452,7 +455,7 @@ def test_position_without_a_fix_is_counted_and_not_reported():
     vehicle = Vehicle()
     vehicle.hear(position(0.0, 0.0, t_s=1.0), 1.0)
     assert vehicle.said == []
-    assert vehicle.view.boot_offset_s == pytest.approx(0.0)  # its clock is right all the same
+    assert vehicle.view.boot_offset_s == pytest.approx(0.0)  # its clock is right nevertheless
 
 
 def test_texts_are_made_printable_and_old_ones_left_out():
@@ -517,7 +520,7 @@ _KINDS = (
 
 
 def poisoned(hostile, rng):
-    """A message that the session reads, with fields of any values, or with a few bad ones."""
+    """Return a message that the session reads, with any values, or with a few bad ones."""
     kind = mav.mavlink_map[getattr(mav, f"MAVLINK_MSG_ID_{rng.choice(_KINDS)}")]
     message = hostile._fill(kind, wrong_target=False)
     if kind.msgname == "GLOBAL_POSITION_INT" and rng.random() < 0.7:
@@ -578,7 +581,7 @@ def finite(view):
 
 
 def test_stream_that_is_never_read_to_its_end_takes_no_memory():
-    """The parser lets go of what it has read only when nothing is left over."""
+    """The parser releases its buffer only if no bytes are left over."""
 
     def endless(peer):
         frame = peer.frame(text("x" * 40))
@@ -610,7 +613,7 @@ def test_parser_that_raises_costs_its_bytes_only(monkeypatch):
 
 @pytest.mark.skipif(not TLOG.is_file(), reason="the recorded flight is not beside this repository")
 def test_recording_of_a_real_flight_passes_whole():
-    """A recorded ArduCopter: nothing of what it says is refused but positions before the fix."""
+    """In the recording of an ArduCopter only positions before the fix are refused."""
     data = TLOG.read_bytes()
     session = []
     refusals = []

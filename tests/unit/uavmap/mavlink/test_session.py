@@ -217,7 +217,7 @@ async def test_commands_at_the_same_time_get_their_own_acks(peer, /):
 
 @by(conversation)
 async def test_landing_does_not_wait_for_a_camera_that_does_not_answer(peer, /):
-    """Each command of the camera kept the autopilot's waiting for 5 s."""
+    """Each command of the camera delayed the autopilot's commands by 5 s."""
     peer.answer = lambda message: peer.say(ack(LAND, OK)) if message.command == LAND else None
     camera = asyncio.create_task(peer.session.command(CAPTURE, component=100))
     await asyncio.sleep(0.5)
@@ -298,7 +298,7 @@ async def test_garbage_between_frames_loses_no_frame(peer, /):
     heard = []
     peer.session.listen(heard.append)
     for number in range(200):
-        # no start byte in the garbage: that may rightly swallow the frame behind it
+        # no start byte in the garbage: it may validly swallow the frame behind it
         noise = rng.integers(0, 0xFD, int(rng.integers(1, 60)), dtype=np.uint8).tobytes()
         frame = peer.frame(text(f"number {number}"))
         cut = int(rng.integers(0, len(frame)))
@@ -309,7 +309,7 @@ async def test_garbage_between_frames_loses_no_frame(peer, /):
 
 @by(conversation)
 async def test_heartbeat_overtaken_on_its_way_changes_nothing(peer, /):
-    """Over a link that reorders frames the mode of before would look like a pilot's."""
+    """Over a link that reorders frames the earlier mode would look like a pilot's."""
     before, after = peer.frame(heartbeat(4)), peer.frame(heartbeat(9))
     peer.session.feed(after)
     peer.session.feed(before)

@@ -1,4 +1,4 @@
-"""Reports of aircraft of others on a link: what is missing, wrong, too much, or our own."""
+"""Reports of other aircraft on a link: incomplete, wrong, too many, or of an own vehicle."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav

@@ -1,4 +1,4 @@
-"""Parameters, fences and rally points over the wire, in both flavours."""
+"""Parameters, fences and rally points over the wire, for both autopilots."""
 
 import asyncio
 import random
@@ -57,7 +57,7 @@ async def test_fence_that_the_vehicle_refuses_is_an_error_with_its_reason(field,
 
 
 class FarArduPilot:
-    """An ArduPilot's mission protocol behind a slow link, as `MissionItemProtocol.cpp` has it."""
+    """An ArduPilot's mission protocol behind a slow link, as in `MissionItemProtocol.cpp`."""
 
     def __init__(self, there_s):
         self.peer = Peer()
@@ -69,7 +69,7 @@ class FarArduPilot:
         self._asking = None
 
     def hear(self, message):
-        """A frame of the client sets off towards it."""
+        """Send a frame of the client towards it."""
         asyncio.get_running_loop().call_later(self._there_s, self._take, message)
 
     def _say(self, *messages):
@@ -107,7 +107,7 @@ class FarArduPilot:
             self._asking.cancel()
 
     def _ask(self):
-        """Ask for the next item now, and again after a second."""
+        """Request the next item now, and again after a second."""
         self._stop()
         self._say(mav.MAVLink_mission_request_message(245, 191, len(self.items), 1))
         self._asking = asyncio.get_running_loop().call_later(1.0, self._ask)
@@ -116,8 +116,10 @@ class FarArduPilot:
 @pytest.mark.parametrize("there_s", [0.02, 0.6, 1.5])
 @by(on_virtual_time)
 async def test_upload_over_slow_link_succeeds_without_doubled_items(there_s):
-    """A real ArduCopter 4.6.2 behind 0.6 s each way refused the second copy of each item with
-    INVALID_SEQUENCE and went on; the upload was given up: "not flown".
+    """A real ArduCopter 4.6.2 was 0.6 s away in each direction.
+
+    It refused the second copy of each item with INVALID_SEQUENCE and continued; an earlier version
+    gave the upload up: "not flown".
     """
     far = FarArduPilot(there_s)
     far.peer.session.feed(far.peer.frame(heartbeat()))
@@ -129,7 +131,7 @@ async def test_upload_over_slow_link_succeeds_without_doubled_items(there_s):
 
 @by(on_virtual_time)
 async def test_upload_refused_sequence_while_vehicle_asks_continues():
-    """Another client, or an echo, doubles an item: the vehicle refuses the copy, and goes on."""
+    """Another client, or an echo, doubles an item: the vehicle refuses the copy, and continues."""
     far = FarArduPilot(0.02)
     far.peer.session.feed(far.peer.frame(heartbeat()))
 
@@ -148,8 +150,9 @@ async def test_upload_refused_sequence_while_vehicle_asks_continues():
 @pytest.mark.parametrize(("sent_frame", "kept_frame"), [(5, 0), (6, 3), (0, 0), (3, 3)])
 @by(on_virtual_time)
 async def test_rally_point_of_integer_frame_gets_known_frame(sent_frame, kept_frame):
-    """A real PX4 sends the frames 5 and 6. Put back as they were, its return hung in the air:
-    "RTL: unsupported MAV_FRAME".
+    """A real PX4 sends the frames 5 and 6.
+
+    Restored unchanged, they stopped its return in the air: "RTL: unsupported MAV_FRAME".
     """
     peer = Peer()
     peer.session.feed(peer.frame(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4)))
@@ -199,8 +202,9 @@ async def test_parameters_are_read_and_written(field, /, autopilot, whole, real)
 
 @by(on_virtual_time)
 async def test_parameter_reported_twice_old_copy_is_no_answer():
-    """A real PX4 sent GF_ACTION 3 once more after we had set it back to 1: taken for the answer, it
-    left the mission's fence on the vehicle (2 of 6 dry runs).
+    """A real PX4 sent GF_ACTION 3 once more after the service had reset it to 1.
+
+    An earlier version took it for the answer and left the mission's fence (2 of 6 dry runs).
     """
     peer, there_s, again_s = Peer(), 0.02, 0.03
     peer.session.feed(peer.frame(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4)))
@@ -226,7 +230,7 @@ async def test_parameter_reported_twice_old_copy_is_no_answer():
 
 @by(on_virtual_time)
 async def test_parameter_that_vehicle_does_not_keep_is_not_written():
-    """Set, acknowledged and lost again: the value that is read back decides."""
+    """Set, acknowledged and lost again: the value read back decides."""
     peer = Peer()
     peer.session.feed(peer.frame(heartbeat()))
 

@@ -1,4 +1,4 @@
-"""Where a vehicle was when it took a picture, and where it is while it is told where it is."""
+"""Positions of a vehicle at the exposures of its pictures, and while it gets position estimates."""
 
 import asyncio
 import math
@@ -101,7 +101,7 @@ def told(t_s, metres, height_m=12.0):
 
 
 def fault_of(message, heard_s=10.0, last_s=10.0):
-    """What is wrong with it for a vehicle that has flown northwards since 0 s of its clock.
+    """Return the fault of an announcement of a vehicle that flies north since 0 s of its clock.
 
     Its positions come five times a second until `last_s`; the announcement is judged at `heard_s`.
     """
@@ -136,7 +136,7 @@ def test_picture_judged_late_is_held_against_place_of_then(age_s):
 
 
 def test_camera_place_that_lags_by_seconds_is_refused():
-    """What it says is where the vehicle was three seconds before: 24 m behind the picture."""
+    """It reports the vehicle's place of three seconds before: 24 m behind the picture."""
     assert fault_of(told(10.0, SPEED_M_S * 7.0)) == "the position is not where the vehicle was"
 
 
@@ -146,7 +146,7 @@ def test_height_of_a_picture_is_that_of_its_exposure():
 
 
 def test_picture_without_telemetry_may_be_farther_on():
-    """Two seconds after its last position it is known within 50 m more, as it may have turned."""
+    """Two seconds after its last position the limit is 50 m wider: it may have turned."""
     assert fault_of(told(12.0, 96.0), heard_s=12.0) is None
     assert fault_of(told(12.0, 96.0 - 60.0), heard_s=12.0) is None
     assert fault_of(told(12.0, 96.0 - 70.0), heard_s=12.0) is not None
@@ -160,7 +160,7 @@ UP_M = 12.0
 
 
 def strip():
-    """A vehicle that flies 8 m/s over a dark strip; its position is exact, its detector plain."""
+    """Fly a vehicle at 8 m/s over a dark strip; its position is exact, its detector simple."""
     made = mission(
         square(-10, 8, 60, 16), square(-60, -40, 160, 110), speed_m_s=8.0, interval_s=0.2
     )
@@ -199,24 +199,24 @@ async def test_border_of_roi_at_8_m_s_within_two_decimetres(flight, /, towards):
         for cell in cells:
             shares = [v.share for f in frames for v in f.votes if v.cell == cell]
             assert len(shares) >= 5
-            # how far east of the truth the border is seen
+            # distance of the border east of the truth
             errors_m += [sign * (share - 0.5) * CELL_M for share in shares]
     assert max(abs(error) for error in errors_m) < 0.2
-    # a pose that is late or early would shift both borders along the way
+    # a pose that is late or early would shift both borders along the track
     assert abs(statistics.fmean(errors_m) * ahead) < 0.1
 
 
 # --- a vehicle without satellites: its told place leaps, its place does not ----------------------
 LAT, LON = 47.3, 8.5
 DEG = 1e-5
-"""1.1 m to the north."""
+"""Angle of 1.1 m to the north, degrees."""
 OFF = 18.0 * DEG
 ESTIMATE = mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE
 
 
 @by(on_virtual_time)
 async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap():
-    """Until the next picture place and targets were off by what the autopilot had corrected."""
+    """Until the next picture place and targets were off by the autopilot's correction."""
     peer, taken_s = Peer(), list[float]()
     view, loop = peer.session.view, asyncio.get_running_loop()
     peer.session.feed(peer.frame(heartbeat(armed=True)))
@@ -230,7 +230,7 @@ async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap():
     places = []
 
     async def fly():
-        """6 m/s to the north, told 20 m too far north."""
+        """Fly at 6 m/s to the north, with positions 20 m too far north."""
         for n in range(60):
             true = LAT + 0.6 / 111_195.0 * n
             leapt = bool(taken_s) and loop.time() > taken_s[0]

@@ -21,7 +21,7 @@ PLAN = plan_of(
     "golden.toml", SOURCE.text, STOPS.strategy, None, STOPS.seed, (), None, SIM_EPOCH_UTC_S
 )
 EVENTS = [from_json(line) for line in STOPS.lines()]
-"""Two sorties with a fresh battery between them, in a simulator."""
+"""Events of two sorties with a fresh battery between them, in a simulator."""
 EVIL = '<script>alert("1")</script><img src=x onerror=alert(2)> & \'"'
 SWAPPED_S = 91.0
 
@@ -42,7 +42,7 @@ CLASS_NAMES = ("rest", "wet & <dry>")
 
 
 def seen_by_class(event):
-    """An event whose frame sees cells of even columns as one class, and the others as two."""
+    """Return an event whose frame sees even columns as one class, and odd columns as two."""
     if not isinstance(event, FrameSeen):
         return event
     found = []
@@ -82,7 +82,7 @@ def with_troubles(events=EVENTS):
 
 
 def keep_frames(folder, events=EVENTS):
-    """Small pictures for the judged frames of a folder, all over the start."""
+    """Keep small pictures for the judged frames of a folder, at places all over the start."""
     picture = np.full((48, 64, 3), (60, 120, 200), dtype=np.uint8)
     data = cv2.imencode(".jpg", picture)[1].tobytes()
     pose = Pose(LatLon(47.30011, 8.50013), 12.0, Quaternion.from_euler(0.0, -1.5707963, 0.0))

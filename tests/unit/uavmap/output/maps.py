@@ -1,4 +1,4 @@
-"""A small map with everything in it, for the tests of the writers."""
+"""A small map with every kind of content, for the tests of the writers."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A flight whose detector tells classes apart: every file of its results names them."""
+"""A flight whose detector distinguishes classes: every file of its results names them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One map of several journals: any order, any state, and what makes none together."""
+"""One map of several journals: any order, any state, and journals that make none together."""
 
 import json
 from dataclasses import replace
@@ -120,7 +120,7 @@ def test_map_has_the_classes_in_frames_of_others(tmp_path):
         rest, wet = flown.data.class_areas
         assert (rest.cells, wet.cells) == ((CELLS[1],), (CELLS[2],))
         assert rest.high_m2 == pytest.approx(1.3 * 16.0)
-        assert wet.low_m2 == pytest.approx(0.3 * 16.0)  # half of what was seen: it is all rim
+        assert wet.low_m2 == pytest.approx(0.3 * 16.0)  # half of the cells: all rim
 
 
 def test_unsure_cells_are_those_of_all_vehicles_on_every_map(
@@ -166,7 +166,7 @@ def test_good_beginning_of_a_damaged_journal_counts(pair, tmp_path):
     journal.write_bytes(data)
     said = []
     summary = merged_results(pair, tmp_path / "out", said.append)
-    assert summary["cells_roi"] == 2  # the first has heard of the rest
+    assert summary["cells_roi"] == 2  # the first has received the rest
     assert f"{pair[1]}: its journal is damaged; 2 events are merged, the last of" in said[0]
     assert journal.read_bytes() == data
 

@@ -1,4 +1,4 @@
-"""summary.json, and files that are there whole or not at all."""
+"""summary.json, and files that are whole or absent."""
 
 import json
 import math

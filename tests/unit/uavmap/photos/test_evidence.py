@@ -1,4 +1,4 @@
-"""Maps by evidence: what weighs, that each picture counts once, and what memory that takes."""
+"""Maps by evidence: weights, each picture once, and the memory that it takes."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_order_of_pictures_does_not_change_a_belief() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_votes_are_those_of_a_belief(seed: int) -> None:
-    """Sums are enough where pictures come in the order of their exposure."""
+    """Sums are enough if pictures come in the order of their exposure."""
     rng = np.random.default_rng(seed)
     votes, belief = Votes(3, 2), Belief(3, 2)
     for number in range(60):
@@ -149,7 +149,7 @@ def test_capture_that_was_saved_once_more_counts_once(good: Path, tmp_path: Path
 
 
 def test_names_and_order_do_not_change_the_map(good: Path, tmp_path: Path) -> None:
-    """All of one second: nothing but what is in the files can order them."""
+    """All of one second: only the content of the files can order them."""
     for name, order in (("one", (0, 1, 2)), ("two", (2, 0, 1))):
         (tmp_path / name).mkdir()
         for number, which in enumerate(order):
@@ -184,7 +184,7 @@ CELL_BYTES = 400
 
 @contextmanager
 def traced() -> Iterator[Callable[[], tuple[int, int]]]:
-    """Bytes that are held, and that were at most, since the block has begun."""
+    """Yield the bytes held at the end of the block, and at most in it."""
     tracemalloc.start()
     try:
         yield tracemalloc.get_traced_memory
@@ -200,7 +200,7 @@ def looked_at(folder: Path, spool: Spool) -> Looked:
 
 def test_pictures_leave_little_in_memory(tmp_path: Path) -> None:
     held = {}
-    for count in (6, 6, 22):  # the first time modules are loaded, too
+    for count in (6, 6, 22):  # the first run loads modules as well
         folder = tmp_path / f"{count}"
         folder.mkdir(exist_ok=True)
         write_survey(folder, count, around=6)
@@ -212,7 +212,7 @@ def test_pictures_leave_little_in_memory(tmp_path: Path) -> None:
 
 
 def full(side: int) -> Evidence:
-    """Evidence of a square of cells, from pictures of a row each."""
+    """Return evidence of a square of cells, from pictures of a row each."""
     evidence, rng = Evidence(), np.random.default_rng(1)
     for _ in range(3):
         for east in range(side):
@@ -233,7 +233,7 @@ def test_evidence_takes_some_tens_of_bytes_a_cell() -> None:
 
 def test_writers_of_cells_use_little_memory(tmp_path: Path) -> None:
     table, _ = weighed(full(SIDE), 0.5)
-    sparse = np.arange(len(table)) % 97 == 0  # a large region has a long outline: no matter here
+    sparse = np.arange(len(table)) % 97 == 0  # the long outline of a large region does not matter
     some = CellTable.judged(table.cells, sparse, table.positive, table.votes, table.belief)
     data = make_map()
     geojson.write(data, tmp_path / "warm")

@@ -1,4 +1,4 @@
-"""Photographs to a map: painted ones whose ground is known, and real ones where present."""
+"""Photographs to a map: painted ones with known ground, and real ones if present."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def paint(
     region: Callable[[np.ndarray, np.ndarray], np.ndarray] = in_roi,
     levels: tuple[float, float] = (80.0, 200.0),
 ) -> Image.Image:
-    """What a camera looking straight down sees: dark in the region, bright around it."""
+    """Render the picture of a camera that points straight down: dark region, bright ground."""
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
     right = (columns + 0.5 - WIDTH / 2) * GSD_M
     ahead = (HEIGHT / 2 - rows - 0.5) * GSD_M
@@ -80,7 +80,7 @@ def shot(
     yaw_deg: float = 0.0,
     **tags: object,
 ) -> Path:
-    """A photograph from 40 m; `tags` change what is written."""
+    """Write a photograph from 40 m; `tags` change its tags."""
     known: dict[str, object] = {
         "gps": geotag(*place),
         "taken": f"2024:05:01 10:00:{seed % 60:02}",
@@ -93,7 +93,7 @@ def shot(
 
 
 def painted(folder: Path) -> Path:
-    """Four photographs in a row, each with another heading; the last but one looks elsewhere."""
+    """Write four photographs in a row, by heading; the last but one shows other ground."""
     folder.mkdir()
     places = [(10.0, 10.0, 0.0), (16.0, 14.0, 90.0), (20.0, 8.0, 213.0), (14.0, 16.0, -45.0)]
     for number, (east_m, north_m, yaw_deg) in enumerate(places):
@@ -111,7 +111,7 @@ def field_text(
     box: Points = FIELD,
     fence: Points = FENCE,
 ) -> str:
-    """A mission file for these photographs."""
+    """Return a mission file for these photographs."""
     return f"""
         start.position = [{START.lat_deg}, {START.lon_deg}]
         search.box = {ring(GRID, box)}
@@ -133,7 +133,7 @@ def replayed(images: Path, made: Setting, journal: Journal, out: Path) -> dict[s
 
 
 def mapped(images: Path, made: Setting, out: Path) -> tuple[dict[str, Any], dict[Cell, str]]:
-    """The summary, and the states of the cells in the map."""
+    """Return the summary, and the states of the cells in the map."""
     with Journal.create(out / JOURNAL, META) as journal:
         summary = replayed(images, made, journal, out)
     features = json.loads((out / "map.geojson").read_text())["features"]
@@ -146,7 +146,7 @@ def mapped(images: Path, made: Setting, out: Path) -> tuple[dict[str, Any], dict
 
 
 def inside_m(cell: Cell) -> float:
-    """How deep inside the painted region a cell's centre lies; negative outside."""
+    """Return the depth of a cell's centre inside the painted region, m; negative outside."""
     place = GRID.position(GRID.centre_of(cell))
     azimuth, _, metres = GEOD.inv(START.lon_deg, START.lat_deg, place.lon_deg, place.lat_deg)
     east_m = metres * math.sin(math.radians(azimuth))
@@ -185,7 +185,7 @@ def test_photographs_of_the_same_second_all_count(tmp_path: Path) -> None:
 
 
 def row(folder: Path, *images: Image.Image) -> Path:
-    """Photographs of one place, a second apart."""
+    """Write photographs of one place, a second apart."""
     folder.mkdir()
     for number, image in enumerate(images):
         shot(folder / f"{number}.jpg", number, (16.0, 12.0), image=image)
@@ -223,7 +223,7 @@ def test_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
 
 
 def test_first_photographs_of_a_place_decide(tmp_path: Path) -> None:
-    """By the rule of the paper, two of three: what thirty more show by mistake changes nothing."""
+    """By the paper's rule, two of three: mistakes in thirty more pictures change nothing."""
     meadow = [paint(400.0, 12.0, 0.0, seed=n) for n in range(3)]
     wrong = [paint(16.0, 12.0, 0.0, seed=10 + n) for n in range(6)]
     images = row(tmp_path / "images", *meadow, *wrong)
@@ -242,13 +242,13 @@ NO_ROAD = [
     (50, 30), (80, 35), (20, 60), (40, 90), (0, 50), (85, 10),
     (65, -20), (35, 10), (64, 51), (82, 66), (12, 74), (60, 100),
 ]  # fmt: skip
-"""Places picked by eye, metres from the start: grass, wood, shrubs, and water."""
+"""Places picked by eye, metres from the start: grass, wood, shrubs and water."""
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"no photographs in {REAL}")
 def test_real_photographs_map_the_road(tmp_path: Path) -> None:
     made = setting_of(load("road"))
-    # as tagged: the places were picked by eye on that map
+    # poses of the tags: the places were picked by eye on that map
     _, states = mapped(REAL, made, tmp_path / "out")
 
     def state(place: tuple[int, int]) -> str:

@@ -1,4 +1,4 @@
-"""Work in threads, in order; on a Dask cluster the same bytes, and a line for what is wrong."""
+"""Work in threads, in order; on a Dask cluster the same bytes, and a line for each fault."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_map_of_a_cluster_is_that_of_this_computer(good: Path, tmp_path: Path) -
 
 
 def dies_once(mark: str) -> str:
-    """The first worker that gets this dies of it."""
+    """End the first worker that gets this job."""
     import os  # noqa: PLC0415 - it travels
 
     path = Path(mark)
@@ -129,7 +129,7 @@ def test_opencv_has_its_threads_back_after_the_last_user() -> None:
         next(one)
         next(other)
         assert list(one) == [1, 2, 3]
-        assert cv2.getNumThreads() == 1  # the other is at work still
+        assert cv2.getNumThreads() == 1  # the other is still at work
         assert list(other) == [1, 2, 3]
         assert cv2.getNumThreads() == 2
     finally:

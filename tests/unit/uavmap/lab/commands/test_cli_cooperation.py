@@ -1,4 +1,4 @@
-"""`uavmap simulate --cooperate`: files of polygons, figures, pictures, and what is refused."""
+"""`uavmap simulate --cooperate`: files of polygons, figures, pictures and refusals."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def printed(capsys: pytest.CaptureFixture[str], *arguments: object) -> Any:
 
 
 def row_file(folder: Path) -> Path:
-    """A row of four and a square of four, with a key that nobody knows."""
+    """Write a row of four cells and a square of four, with a key that is unknown."""
     rois = [
         {"start": [0, 0], "cells": [[i, 0] for i in range(4)], "seed": 9},
         {"start": [0, 0], "cells": [[0, 0], [1, 0], [0, 1], [1, 1]]},
@@ -50,7 +50,7 @@ def test_figures_agree_with_a_calculation_by_hand(tmp_path, capsys):
 
 
 def test_drift_across_a_row_costs_less_than_along_it(tmp_path, capsys):
-    """Across the drift every step costs 1 / sqrt(1 - 0.36) = 1.25; along it 1.5625 in the mean."""
+    """Across the drift every step costs 1 / sqrt(1 - 0.36) = 1.25; along it 1.5625 on average."""
     roi = row_file(tmp_path)
     across, along = (
         printed(capsys, "simulate", "--roi", roi, "--drift", f"0.6,{towards}", "--json")["rois"][0]

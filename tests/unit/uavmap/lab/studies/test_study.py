@@ -1,4 +1,4 @@
-"""uavmap study: what is written, what is found, and what is said when it cannot run."""
+"""uavmap study: its files, its results, and its messages if it cannot run."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from uavmap.ui.cli import main
 
 
 def study(name: str, folder: Path, *options: str) -> list[dict[str, str]]:
-    """The rows of a quick study's CSV."""
+    """Return the rows of a quick study's CSV."""
     assert main(["study", name, "--quick", "--out", str(folder), *options]) == 0
     assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / f"{name}.md").read_text()
@@ -163,7 +163,7 @@ def test_lawn_mower_splits_its_rectangle_in_the_better_direction():
 
 
 def test_lawn_mower_in_a_drift_takes_the_cheaper_lanes():
-    """Short lanes across the drift, and on against it."""
+    """Short lanes across the drift, and onward against it."""
     metric = Metric(speed=2.0, drift_east=1.0)
     along, against, aside = 1 / (2 - 1), 1 / (2 + 1), 1 / 3**0.5
     one, other = 9 * (along + against) + aside, 10 * aside + 9 * against

@@ -1,4 +1,4 @@
-"""Areas that are wrong, hostile or absurd: one line that names the file, and no memory taken."""
+"""Wrong, hostile or absurd areas: one line that names the file, and little memory."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def ring(*corners: tuple[object, object]) -> Maker:
 
 
 def parts(change: Callable[[bytes], bytes]) -> Maker:
-    """A Shapefile whose .shp is changed."""
+    """Return the parts of a Shapefile with a changed .shp."""
 
     def make(folder: Path) -> Path:
         made = files.shapefile()
@@ -63,13 +63,13 @@ def parts(change: Callable[[bytes], bytes]) -> Maker:
 
 
 def in_metres() -> dict[str, bytes]:
-    """A Shapefile that does not say of which system."""
+    """Return a Shapefile that does not name its coordinate system."""
     made = files.shapefile("arcgis_shapefile_in_utm")
     return {suffix: data for suffix, data in made.items() if suffix != "prj"}
 
 
 def gpkg(change: str) -> Maker:
-    """A GeoPackage that somebody has worked on with SQL."""
+    """Return a GeoPackage that was changed with SQL."""
 
     def make(folder: Path) -> Path:
         path = files.KINDS["qgis_geopackage"](folder)
@@ -238,7 +238,7 @@ def test_faulty_file_is_refused_in_a_line(fault, tmp_path):
 
 
 def assert_refused(make: Maker, expected: str, folder: Path) -> None:
-    """Reading a file is an error of one line, which names the file."""
+    """Assert that reading a file is an error of one line that names the file."""
     path = make(folder)
     with pytest.raises(AreaError) as error:
         read_area_file(str(path))

@@ -51,7 +51,7 @@ KEEP_OUT = {
 
 
 def metres(ring: Positions | tuple[tuple[float, float], ...]) -> Polygon:
-    """A ring near the field, in metres to a thousandth of its size."""
+    """Return a ring near the field in metres, to a thousandth of its size."""
     points = [(p.lon_deg, p.lat_deg) if isinstance(p, LatLon) else p for p in ring]
     scale = np.array([111_320.0 * np.cos(np.radians(52.4565)), 111_320.0])
     return shapely.transform(Polygon(points), lambda xy: (xy - np.array(FIELD[0])) * scale)

@@ -1,5 +1,7 @@
-"""What tools write and is not read, or only in part: a line that says what to do. No link is
-followed, and no entity resolved."""
+"""Content that tools write and `uavmap new` reads in part or not at all: a line names the remedy.
+
+No link is followed, and no entity resolved.
+"""
 
 from __future__ import annotations
 
@@ -140,7 +142,7 @@ def test_tracks_left_out_are_reported(tmp_path):
     drawing = read_area_file(str(saved(tmp_path, "a.gpx", gpx(tracks=tracks))))
     assert "1 tracks or routes are left out" in drawing.notices[0]
     eight = read_area_file(str(saved(tmp_path, "8.gpx", gpx(tracks={"Eight": EIGHT}))))
-    assert len(eight.areas[0].ring) == 4  # in earnest: what is laid out of it says so
+    assert len(eight.areas[0].ring) == 4  # for a real flight: the layout reports it
     line = {"type": "LineString", "coordinates": FIELD}
     made = files.collection(files.feature(), {"type": "Feature", "geometry": line})
     drawing = read_area_file(str(saved(tmp_path, "a.geojson", made)))

@@ -32,7 +32,7 @@ KINDS = {
 
 
 def results(tmp: Path) -> tuple[Path, Setting]:
-    """A results folder whose journal has found the island."""
+    """Return a results folder whose journal has found the island."""
     mission = mission_of_text(text_of(), "field.toml")
     plan = replace(PLAN, mission_source="field.toml", mission=mission)
     votes = tuple(Vote(cell, True, 0.9) for cell in sorted(ISLAND))
@@ -56,11 +56,11 @@ def test_region_is_the_box_of_the_next_mission(kind, tmp_path):
     found = made_of(tmp_path / name, *options)
     box = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.search.box)])
     region = outline(ISLAND, setting.grid)
-    # degrees in the file of a mission have seven decimals, a centimetre
+    # degrees in a mission file have seven decimals, a centimetre
     assert box.symmetric_difference(region).area < 0.01 * region.area
     if kind in ("gpkg", "kml", "gpx"):
         assert found.start.position == pytest.approx(setting.mission.start.position, abs=1e-6)
-    if kind in ("gpkg", "kml"):  # which have the fence, with its hole, too
+    if kind in ("gpkg", "kml"):  # which have the fence with its hole
         fence = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.fence.polygon)])
         drawn = shapely.Polygon(setting.fence.outer.exterior)
         assert fence.symmetric_difference(drawn).area < 0.001 * drawn.area
@@ -84,5 +84,5 @@ def test_plan_of_a_search_is_a_mission_over_the_same_ground(kind, tmp_path):
         assert len(found.fence.holes) == len(before.fence.holes) == 1
     box = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.search.box)])
     drawn = shapely.Polygon([setting.grid.fixed(p) for p in positions(before.search.box)])
-    assert drawn.buffer(0.5).covers(box)  # its lanes, less what they see beside themselves
+    assert drawn.buffer(0.5).covers(box)  # its lanes, less the width that each shows beside itself
     assert box.area > 0.6 * drawn.area

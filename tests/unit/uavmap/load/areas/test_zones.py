@@ -1,4 +1,4 @@
-"""Zones of files and a mission's fence: what becomes a hole, what does not matter, what refuses."""
+"""Zones of files and the fence of a mission: which become holes, do not matter, or are refused."""
 
 import json
 import re
@@ -25,7 +25,7 @@ FENCE = square(-40, -40, 160, 160)
 
 
 def written(folder, *features, keys="", start="", own="", **root):
-    """A mission beside a file of zones, as it is loaded."""
+    """Write a mission beside a file of zones; return it loaded."""
     if features:
         values = {"type": "FeatureCollection", "features": list(features), **root}
         (folder / "zones.json").write_text(json.dumps(values), "utf-8")
@@ -50,7 +50,7 @@ def plain(points, **properties):
 
 
 def layered(points, *, lower, reference, uom="m", name="Layer"):
-    """A feature of ED-318."""
+    """Return a feature of ED-318."""
     layer = {"lower": lower, "lowerReference": reference, "upper": 9000, "uom": uom}
     feature = plain(points, identifier="T1", type="PROHIBITED", variant="COMMON")
     feature["properties"]["name"] = [
@@ -119,7 +119,7 @@ def test_zones_that_overlap_each_other_and_a_hole_are_one_hole(tmp_path):
     [
         (119.9, "AGL", "", True),
         (120.0, "AGL", "", False),
-        (700.0, "AMSL", "", True),  # how high the start is, is not known
+        (700.0, "AMSL", "", True),  # the height of the start is unknown
         (620.0, "AMSL", "amsl_m = 500.0\n", False),
         (619.0, "AMSL", "amsl_m = 500.0\n", True),
         (700.0, "WGS84", "amsl_m = 500.0\n", True),

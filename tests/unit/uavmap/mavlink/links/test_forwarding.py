@@ -1,4 +1,4 @@
-"""Frames passed on unchanged; several vehicles on one port; a second process of ours."""
+"""Forwarded frames are unchanged; one port serves several vehicles; a second service is refused."""
 
 import asyncio
 import os
@@ -39,7 +39,7 @@ def frame(message, system=1, *, signed=False, old=False):
 
 
 def unknown(system):
-    """A frame of a dialect that is not known here."""
+    """Return a frame of a dialect that is unknown here."""
     return bytes([0xFD, 4, 0, 0, 7, system, 1, 0xFE, 0xFD, 0xAB, 1, 2, 3, 4, 0x55, 0x66])
 
 
@@ -145,7 +145,7 @@ def test_forwarded_frames_are_unchanged_in_both_directions():
             ground.sendto(up, ground_to)
             assert await received(vehicle, len(up)) == up
             assert FRAMES[4] in logged
-            link.session.heartbeat()  # what we say ourselves is the vehicle's only
+            link.session.heartbeat()  # frames of the service go to the vehicle only
             await received(vehicle)
             with pytest.raises(BlockingIOError):
                 ground.recv(100)
@@ -183,12 +183,12 @@ def test_frames_of_a_station_go_to_their_target():
     hear(FRAMES[4] + FRAMES[5] + FRAMES[0])
     assert one.sent == [FRAMES[4], FRAMES[0]]
     assert two.sent == [FRAMES[5], FRAMES[0]]
-    assert both.sent == [FRAMES[0]]  # once, though two vehicles are behind it
+    assert both.sent == [FRAMES[0]]  # once, although two vehicles are behind it
 
 
 @by(in_real_time)
 async def test_station_that_does_not_read_delays_no_link():
-    server = socket.create_server((LOOPBACK, 0))  # whose connections nobody reads
+    server = socket.create_server((LOOPBACK, 0))  # no program reads its connections
     url = parse_url(f"tcpout://{LOOPBACK}:{server.getsockname()[1]}")
     async with open_transport(url, lambda data: False) as station:
         for _ in range(200_000):
@@ -217,7 +217,7 @@ def test_full_serial_port_delays_no_link_and_is_written_later():
                         heard += os.read(operator, 65536)
                     except BlockingIOError:
                         break
-        assert set(Splitter().feed(heard)) == {FRAMES[0]}  # whole frames, and nothing else
+        assert set(Splitter().feed(heard)) == {FRAMES[0]}  # whole frames, and no other bytes
         port.close()
 
     asyncio.run(body())

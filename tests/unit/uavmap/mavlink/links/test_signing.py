@@ -1,4 +1,4 @@
-"""Signing: only who has the key is believed, also after a restart and with a clock that jumps."""
+"""Signing: only holders of the key are believed, also after a restart and if a clock jumps."""
 
 import asyncio
 import os
@@ -53,7 +53,7 @@ def beat(system=1, mode=4):
 
 # --- signatures --------------------------------------------------------------------------------
 def test_pymavlink_and_session_accept_each_others_signatures():
-    """The other implementation, as a ground station has it."""
+    """pymavlink signs as a ground station does."""
     theirs = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     theirs.signing.secret_key, theirs.signing.timestamp = KEY, NOW
     theirs.signing.sign_outgoing = True
@@ -66,7 +66,7 @@ def test_pymavlink_and_session_accept_each_others_signatures():
 
 
 def test_ten_thousand_forged_frames_are_refused():
-    """Unsigned, signed with another key, garbled, and replayed frames of our own vehicle."""
+    """Frames that are unsigned, garbled, replayed, or signed with another key."""
     rng = random.Random(1)
     vehicle, forger, ours = signing(), signing(OTHER), signing()
     heard = []
@@ -209,8 +209,9 @@ def test_key_is_in_no_repr():
 # --- a vehicle ---------------------------------------------------------------------------------
 @by(on_field, lambda: mission_of("ardupilot"))
 async def test_key_removed_vehicle_sends_and_accepts_unsigned_frames(field, /):
-    """A real ArduCopter 4.6.2 kept a key of zeros as its key where the time was not 0: it signed
-    with it, and refused the owner's.
+    """A real ArduCopter 4.6.2 kept a key of zeros as its key where the time was not 0.
+
+    It signed with it, and refused the owner's frames.
     """
     session, vehicle, ours = field.links[0].session, field.vehicles[0], signing()
     await give_key(session, ours, "udp")
@@ -228,7 +229,7 @@ async def test_key_removed_vehicle_sends_and_accepts_unsigned_frames(field, /):
 @pytest.mark.parametrize(("key", "words"), [(OTHER, WRONG_KEY), (None, UNSIGNED)])
 @by(on_virtual_time)
 async def test_wrong_key_line_names_refused_signatures(key, words):
-    """To `doctor --key OTHER` a real vehicle looked as if it were switched off."""
+    """To `doctor --key OTHER` a real vehicle seemed to be switched off."""
     session = Session(lambda frame: None, lambda frame: None)
     session.signing = signing()
     for _ in range(7):

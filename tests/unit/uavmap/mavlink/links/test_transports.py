@@ -1,4 +1,4 @@
-"""Transports against each other over loopback and a pseudo-terminal, in real time."""
+"""Transports exchange bytes over loopback and a pseudo-terminal, in real time."""
 
 import asyncio
 import contextlib
@@ -33,7 +33,7 @@ class Collected:
 
 
 class Ear(Collected):
-    """Collects what a transport hears; whatever does not begin with a "?" is the vehicle."""
+    """A receiver of a transport; bytes that do not begin with a "?" are the vehicle's."""
 
     data = b""
 
@@ -64,14 +64,14 @@ def at(transport, port):
 
 
 def on_loop(body):
-    """Run a test and find what it left behind: descriptors, tasks, unclosed sockets."""
+    """Run a test and check that it leaves no descriptors, tasks or unclosed sockets."""
 
     async def main():
         await body()
         await asyncio.sleep(0.01)
         assert len(asyncio.all_tasks()) == 1
 
-    gc.collect()  # what other tests have left behind is not counted as ours
+    gc.collect()  # leftovers of other tests are not counted
     before = len(os.listdir("/proc/self/fd")) if Path("/proc/self/fd").is_dir() else None
     asyncio.run(main())
     gc.collect()
@@ -81,8 +81,9 @@ def on_loop(body):
 
 @by(on_loop)
 async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn():
-    """A busy computer read a real vehicle's telemetry up to 3.4 s late, a datagram a turn: "12 m
-    off its path by now" ended a mission whose vehicle was 2.6 m off.
+    """A busy computer read a real vehicle's telemetry up to 3.4 s late, a datagram a turn.
+
+    "12 m off its path by now" ended a mission whose vehicle was 2.6 m off.
     """
     port, ear = free_port(socket.SOCK_DGRAM), Ear()
     async with open_transport(at("udpin", port), ear):
@@ -124,7 +125,7 @@ async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
         open_transport(url, first) as one,
         open_transport(url, second) as two,
     ):
-        two.send(b"?noise")  # somebody, but no vehicle
+        two.send(b"?noise")  # a sender that is no vehicle
         await ear.hears(b"?noise")
         assert server.peer_host is None
         one.send(b"one")
@@ -225,7 +226,7 @@ async def test_tcp_server_refuses_a_second_client_while_it_has_one():
 
 
 async def taken(port, ear):
-    """Connect until the server has seen that its client is gone."""
+    """Connect until the server has noticed that its client is gone."""
     async with asyncio.timeout(SOON_S):
         while b"the next" not in ear.data:
             with contextlib.suppress(ConnectionError, LinkError):
@@ -366,7 +367,7 @@ async def test_serial_port_that_is_plugged_in_again_continues(monkeypatch, tmp_p
         await ear.hears(b"frame")
         plug.unlink()
         os.close(master)
-        await asyncio.sleep(0.05)  # several tries in vain
+        await asyncio.sleep(0.05)  # several failed attempts
         port.send(b"anybody?")
         master, name = pseudo_terminal()
         plug.symlink_to(name)

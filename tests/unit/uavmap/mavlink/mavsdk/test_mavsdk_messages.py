@@ -1,4 +1,4 @@
-"""Messages as MAVSDK tells and takes them, the pipe's pieces, and what may leave the outbox."""
+"""Messages in MAVSDK's JSON, the pieces of the pipe, and frames that may leave the outbox."""
 
 import json
 import math
@@ -91,7 +91,7 @@ class _Ends:
         self._codec = mav.MAVLink(None, 245, 191)
 
     def wants(self, *messages):
-        """MAVSDK wants to send; how many frames went."""
+        """Have MAVSDK offer frames; return how many passed."""
         before = len(self.sent)
         for message in messages:
             self.outbox.take(message.pack(self._codec))
@@ -141,7 +141,7 @@ def test_message_passes_as_often_as_it_was_handed_over():
     ends.outbox.once(target)
     ends.outbox.not_sent(target)
     assert ends.wants(target) == 0
-    ends.outbox.not_sent(target)  # it had come out before MAVSDK died: the next one goes
+    ends.outbox.not_sent(target)  # it had left before MAVSDK died: the next one passes
     ends.outbox.once(target)
     assert ends.wants(target) == 1
 

@@ -1,4 +1,4 @@
-"""map.png: pixels at known places have the colours that they should have."""
+"""map.png: pixels at known places have the right colours."""
 
 from dataclasses import replace
 

@@ -25,7 +25,7 @@ CLASSES = Classes.model_validate(OIL)
 
 @given(st.floats(0.6, 12.0), st.floats(0.6, 12.0), st.floats(-0.5, 0.5))
 def test_true_area_of_nested_discs_lies_within_the_bounds(outer_m, inner_m, aside_m):
-    """A disc of one class in a disc of another, of which frames saw the exact shares."""
+    """A disc of one class in a disc of another; frames saw the exact shares."""
     inner_m = min(inner_m, outer_m)
     thick = shapely.Point(aside_m, 0.3).buffer(inner_m)
     sheen = shapely.Point(0.0, 0.0).buffer(outer_m).difference(thick)

@@ -1,4 +1,4 @@
-"""What the frames of a flight say of its detector, and when the flight tells nothing."""
+"""The fit of a detector by the frames of a flight, and flights without a verdict."""
 
 import io
 from dataclasses import replace
@@ -31,7 +31,7 @@ from uavmap.ui.page.watching import Watcher
 
 
 def frame(number, positive, in_all=10):
-    """A frame of its own ground, some cells of which look like region."""
+    """Return a frame of its own ground; some of its cells look like region."""
     votes = (Vote(Cell(number, k), k < positive, float(k < positive)) for k in range(in_all))
     return FrameSeen(1, float(number), None, tuple(votes))
 

@@ -64,7 +64,7 @@ SECOND = [
     track(2, 60.0, 6, 30, 18.0),  # 30 m
     ev.Landed(2, 80.0, 10.0),
 ]
-TAKEN_UP = [  # killed in flight, taken up in the air somewhere else
+TAKEN_UP = [  # killed in flight, resumed in the air at another place
     ev.Resumed(100.0),
     connected(1, 101.0, airborne=True, north_m=60.0),
     track(1, 102.0, 0, 60, 12.0),
@@ -81,7 +81,7 @@ NIGHT = [ev.Resumed(80_000.0), connected(1, 80_001.0)]  # a failsafe landed the 
         ([*SORTIE, *SWAP], 52.0, 70.0, 140.0, 2, 1),
         (sorted([*SORTIE, *SECOND], key=lambda e: e.t_s), 72.0, 90.0, 70.0, 2, 0),
         ([*SORTIE[:-1], *TAKEN_UP], 52.0, 110.0, 110.0, 1, 0),
-        ([*SORTIE[:-1], *NIGHT], 42.0, 30.0, 30.0, 1, 0),  # until it was last seen
+        ([*SORTIE[:-1], *NIGHT], 42.0, 30.0, 30.0, 1, 0),  # until its last report
     ],
     ids=["one sortie", "a swap", "two vehicles", "a way that nobody saw", "a night on the ground"],
 )
@@ -162,7 +162,7 @@ def test_exploration_lies_between_its_bounds(seed):
 
 @pytest.mark.parametrize(("strategy", "seed"), [("rdfs-paper", 2), ("greedy", 5), ("bfdn", 2)])
 def test_bound_that_does_not_hold_in_flight_is_left_out(strategy, seed):
-    """`rdfs-paper` promises nothing; `greedy` alone flies straight; no team flies in rounds."""
+    """`rdfs-paper` has no bound; `greedy` alone flies straight; no team flies in rounds."""
     values, found = flown(seed, strategy)
     assert found.lower_bound_s > 0.0
     assert (values["bound_makespan_s"], values["bound_held"]) == (None, None)
@@ -187,7 +187,7 @@ def test_flight_that_falls_back_on_stopping_has_a_lower_bound(monkeypatch):
     state, found = figures(flight.setting, flight.events)
     assert state.falls_back
     assert state.completed
-    # 100 cells, and what is beside them, at 5 m/s, less what the first frame may have shown
+    # 100 cells and their neighbours at 5 m/s, less the area that the first frame may have shown
     assert 5.0 < found.lower_bound_s < found.exploration_s
     assert found.ratio is not None
     (patch,) = summary(state, found, None)["patches"]

@@ -1,4 +1,4 @@
-"""The certificates of patches, against what was counted by hand, and in any order of the facts."""
+"""Certificates of patches, against counts by hand, and in any order of the facts."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -30,7 +30,7 @@ Told = tuple[list[dict[str, Any]], dict[str, Any]]
 
 @lru_cache
 def setting(member=None, *, strategy="swath"):
-    """A box of 7 x 4 cells with its lower left corner at (-1, 3), well inside the fence."""
+    """Return a box of 7 x 4 cells, its lower left corner at (-1, 3), well inside the fence."""
     made = mission(
         square(-6, 10, 28, 16), square(-40, -40, 100, 110), vehicles=2, strategy=strategy,
         mounting="gimbal",
@@ -185,7 +185,7 @@ def test_frames_in_any_order_and_twice_give_one_certificate(drawn, data):
     assert set(judged) == {
         cell for cell in state.belief.open_ballots if state.belief.verdict(cell) is not None
     }
-    for cell, frame in judged.items():  # it is the frame after which the verdict stood
+    for cell, frame in judged.items():  # it is the frame after which the verdict stayed
         before = [f for f in frames if f.t_s < frame.t_s]
         until = [f for f in frames if f.t_s <= frame.t_s]
         assert state_of(*before).belief.verdict(cell) is None

@@ -26,7 +26,7 @@ from uavmap.ui.cli.common import report
 CELL_M = 10.0
 GRID = Grid.at(LatLon(48.0, 11.0), CELL_M, drift_speed_m_s=0.3, drift_toward_deg=70.0)
 FINE = 6
-"""A cell is looked at in so many by so many places."""
+"""Number of observation points per cell, in each direction."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Blob:
 
 
 def frames_of(blobs, times_s, *, noise=0.02, lag=0.2, seed=1):
-    """Some frames of all cells around each time, columns to the east `lag` seconds later."""
+    """Return frames of all cells around each time, columns to the east `lag` seconds later."""
     chance = np.random.default_rng(seed)
     cells = np.unique(np.vstack([blob.cells() for blob in blobs]), axis=0)
     found = []

@@ -1,4 +1,4 @@
-"""Simulated runs that several tests look at."""
+"""Simulated runs for several tests."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The film of a run, or of a journal, tells what was known when, and where everybody was."""
+"""The film of a run or a journal shows the knowledge and the positions of each time."""
 
 import pytest
 from hypothesis import given, settings
@@ -51,7 +51,7 @@ def test_robots_move_along_their_legs_and_wait_between():
     run = explored(roi, 2)
     film = film_of_run(run, roi, "")
     spot = {robot: track[0].place for robot, track in film.tracks.items()}
-    assert len(set(spot.values())) == 2  # nobody hides another
+    assert len(set(spot.values())) == 2  # no disc hides another
     for leg in run.legs:
         for part in (0.0, 0.25, 1.0):
             place = film.fix(leg.robot, leg.start_t + part * (leg.end_t - leg.start_t)).place

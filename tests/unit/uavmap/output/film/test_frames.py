@@ -1,4 +1,4 @@
-"""Frames and files: opened again, the right things are in the right places."""
+"""Frames and files, opened again, have the right content in the right places."""
 
 from unittest.mock import MagicMock
 

@@ -1,5 +1,7 @@
-"""A flight as a Rerun recording, with a stand-in for rerun-sdk that notes what is logged. With the
-SDK itself `tests/e2e/commands/test_animate.py` writes a recording."""
+"""A flight as a Rerun recording, with a stand-in for rerun-sdk that records each call.
+
+With the SDK itself `tests/e2e/commands/test_animate.py` writes a recording.
+"""
 
 import io
 import sys
@@ -29,7 +31,7 @@ def stream(monkeypatch):
 
 
 def logged(stream):
-    """Mission time, or None, and path of all that was logged."""
+    """Mission time, or None, and path of each entry."""
     found, time_s = [], None
     for name, args, options in stream.method_calls:
         if name in ("set_time", "reset_time"):

@@ -1,4 +1,4 @@
-"""The picture of a tree: backbone and ribs, laid out without a crossing, as PNG and SVG."""
+"""The picture of a tree: backbone and ribs, drawn without a crossing, as PNG and SVG."""
 
 import io
 from itertools import combinations, pairwise

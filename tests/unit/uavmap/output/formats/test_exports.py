@@ -1,4 +1,4 @@
-"""Files that people open, read back by those who did not write them."""
+"""Files for other programs, read back by libraries of others."""
 
 import contextlib
 import csv
@@ -38,7 +38,7 @@ AREA_M2 = 96.0
 SCALE = 0.9996
 LAYERS = ["region", "cells", "tracks", "track_points", "frames", "fence", "places"]
 UTC = "2020-01-01T00:02:"
-"""The map's, but for its seconds."""
+"""Date of the map, without its seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +217,7 @@ def positions(coordinates):
 
 
 def assert_rfc_7946(text):
-    """The rules of RFC 7946 that a file can break."""
+    """Assert the rules of RFC 7946 that a file can break."""
     found = json.loads(text)
     assert found["type"] == "FeatureCollection"
     assert "crs" not in found  # section 4

@@ -103,7 +103,7 @@ def test_map_file_is_written_whole_and_dated_if_the_date_is_known(tmp_path):
     assert path.read_text() == written(geojson.write, make_map())
     assert [p.name for p in tmp_path.iterdir()] == ["map.geojson"]
     assert "utc" not in path.read_text()
-    found = read(make_map(), DATE)  # a region that drifts is somewhere else by now
+    found = read(make_map(), DATE)  # a region that drifts has moved by now
     assert found["utc"] == of_kind(found, "outline")[0]["properties"]["utc"] == DATE
 
 

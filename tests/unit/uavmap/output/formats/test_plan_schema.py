@@ -1,4 +1,4 @@
-"""Every plan that is written is one by QGroundControl's documentation, and `new` reads it back."""
+"""Every plan follows QGroundControl's documentation, and `new` reads it back."""
 
 import copy
 import json
@@ -73,7 +73,7 @@ def test_plan_of_a_mission_read_by_new_gives_its_fence(tmp_path):
 
 
 OLDER = ("qgc_of_2017", "qgc_of_3_2")
-"""Than what is documented."""
+"""Older forms than documented ones."""
 PLANS = [name for name in area_files.KINDS if name.startswith("qgc_") and name not in OLDER]
 
 

@@ -1,4 +1,4 @@
-"""KMZ, STAC and geospatial PDF: what they need, and what they say where it is not there."""
+"""KMZ, STAC and geospatial PDF: their requirements, and the messages without them."""
 
 import json
 import sys
@@ -33,7 +33,7 @@ def folder(tmp_path):
 
 
 def painted(raster):
-    """A mosaic with one red square in the green, and nothing at its west end."""
+    """Return a mosaic with one red square in the green, and no picture at its west end."""
     image = np.zeros((raster.rows, raster.columns, 4), np.uint8)
     image[:, 20:] = (60, 120, 60, 255)
     image[40:60, 100:120] = (*RED, 255)

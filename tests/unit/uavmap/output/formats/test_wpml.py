@@ -1,4 +1,4 @@
-"""Waypoint files of DJI aircraft are as its documentation has them, and keep inside the fence."""
+"""Waypoint files of DJI aircraft follow its documentation and keep inside the fence."""
 
 import io
 import zipfile
@@ -50,7 +50,7 @@ def path_of(document, grid):
 
 
 def spans_of(document):
-    """Waypoints between which pictures are taken, and their distance."""
+    """Return the waypoints between which pictures are taken, and their distance."""
     return [
         (
             int(text(group, "actionGroupStartIndex")),

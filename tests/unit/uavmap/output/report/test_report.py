@@ -1,4 +1,4 @@
-"""report.html: what it says, that nothing in it is loaded or run, and that it comes to be there."""
+"""report.html: its content, its safety against scripts and links, and its creation."""
 
 import errno
 import json
@@ -111,7 +111,7 @@ def test_text_from_outside_is_shown_as_text(tmp_path):
     poses.write_text(poses.read_text("utf-8").replace(".jpg,", '"">.jpg,'), "utf-8")
     page = report_of(folder)
     assert "script" not in page.tags
-    assert "img" not in page.tags  # none of the frames has such a name
+    assert "img" not in page.tags  # no frame has such a name
     assert EVIL.replace("  ", " ") in page.text
     assert f"3 frames lost: {EVIL}" in page.text
     assert f"Sweep failed: refused: {EVIL}" in page.text

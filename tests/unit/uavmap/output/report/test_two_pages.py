@@ -1,4 +1,4 @@
-"""report.pdf: two pages A4 with embedded letters, read back by PDFium."""
+"""report.pdf: two pages A4 with embedded fonts, read back by PDFium."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def encoded(flown: Flown) -> bytes:
 
 
 def texts(data: bytes) -> list[str]:
-    """The words of each page, after a look at what holds for every report."""
+    """Return the words of each page, after checks that hold for every report."""
     with pdfium.PdfDocument(data) as document:
         found = []
         for page in document:

@@ -1,4 +1,4 @@
-"""What a report says first: one or two sentences that are true of each kind of ending."""
+"""The beginning of a report: one or two sentences that are true of each kind of ending."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def flown(tmp: Path, events: Sequence[Event] = EVENTS, **meta: Any) -> Flown:
 
 
 def seen(event: Event, **changes: Any) -> Event:
-    """A frame with other facts; any other event as it is."""
+    """Return a frame with other facts; any other event unchanged."""
     if not isinstance(event, FrameSeen):
         return event
     return replace(event, **{name: change(event) for name, change in changes.items()})
@@ -43,7 +43,7 @@ def no_region(event: FrameSeen) -> tuple[Vote, ...]:
 def photographed(
     taken: int, *, region: bool = True, refused: int = 0
 ) -> tuple[list[Event], dict[str, Any]]:
-    """The journal of a replay: pictures of the same four cells."""
+    """Return the journal of a replay: pictures of the same four cells."""
     from missions.events import FrameLost  # noqa: PLC0415
 
     events: list[Event] = []

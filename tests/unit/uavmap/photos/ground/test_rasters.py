@@ -1,6 +1,7 @@
 """The boundary at pixel level, and the rasters: photographs of painted ground; replays at limits.
 
-A region of 30 m by 20 m with a hole, seen from 40 m; two of the photographs are as dark as half.
+A region of 30 m by 20 m with a hole, photographed from 40 m; two of the photographs are half as
+bright.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ TRUTH = shapely.Polygon(
     [(2.0, 3.0), (32.0, 3.0), (32.0, 23.0), (2.0, 23.0)],
     [[(12.0, 9.0), (20.0, 9.0), (20.0, 16.0), (12.0, 16.0)]],
 )
-"""Metres true east and north of the start."""
+"""Outline of the region, metres true east and north of the start."""
 PLACES = ((8.0, 8.0, 0.0), (16.0, 14.0, 90.0), (24.0, 8.0, 213.0), (14.0, 18.0, -45.0))
 
 
 @pytest.fixture(scope="module")
 def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with photographs and a mission file."""
+    """Make a folder with photographs and a mission file."""
     folder = tmp_path_factory.mktemp("field")
     (folder / "photos").mkdir()
     for number, (east_m, north_m, yaw_deg) in enumerate(PLACES):
@@ -85,7 +86,7 @@ def on_the_grid(geometry: dict[str, Any]) -> BaseGeometry:
 
 
 def truth() -> BaseGeometry:
-    """The region in metres along the grid, which true north is turned against."""
+    """Return the region in metres along the grid; true north is at an angle to it."""
     turn = GRID.convergence_rad
     matrix = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
     return shapely.transform(TRUTH, lambda points: points @ matrix)
@@ -230,7 +231,7 @@ def test_ctrl_c_in_the_mosaic_keeps_all_other_results(
 
 @pytest.fixture
 def small_files() -> Iterator[None]:
-    """A disk that takes nothing larger than what the other results are."""
+    """Have the disk refuse files larger than the other results."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, before[1]))
     yield

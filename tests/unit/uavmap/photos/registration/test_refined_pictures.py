@@ -38,9 +38,9 @@ def dms(degrees: float) -> tuple[float, float, float]:
 
 
 def photographs(folder: Path, *, xmp: bool = True) -> list[Shot]:
-    """Six of a meadow, with tags of a metre and some degrees off, and one of another place.
+    """Write six photographs of a meadow with inexact tags, and one of another place.
 
-    Without `xmp` they know their places and nothing else.
+    Their tags are off by metres and degrees. Without `xmp` they have positions only.
     """
     folder.mkdir()
     rng = np.random.default_rng(4)
@@ -90,7 +90,7 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def replayed(folder: Path, mission: Path, *options: str) -> tuple[dict[str, Any] | None, str]:
-    """registration.json, if there is one, and the tracks of the map."""
+    """Return registration.json, if there is one, and the tracks of the map."""
     out = folder / "-".join(["map", *options])
     line = ["replay", str(folder / "photos"), "--mission", str(mission), "--out", str(out)]
     assert main([*line, "--no-ortho", *options]) in (0, 3)
@@ -138,7 +138,7 @@ def test_photographs_with_wrong_tags_are_refined(
 def test_photographs_with_positions_only_are_refined(
     tmp_path: Path, mission: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """No heading, no height: as tagged not one of them can be used."""
+    """No heading, no height: without refinement none of them can be used."""
     photographs(tmp_path / "photos", xmp=False)
     told, _ = replayed(tmp_path, mission)
     assert told is not None

@@ -1,4 +1,4 @@
-"""Geotags and pixels of photographs: written here with Pillow, and real ones where present."""
+"""Geotags and pixels of photographs: written here with Pillow, and real ones if present."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_tags_with_other_sets_of_angles_are_read(
 def test_photos_are_in_the_order_of_exposure_then_of_name(tmp_path: Path) -> None:
     write_photo(tmp_path / "a.jpg", taken="2016:06:23 16:32:06")
     write_photo(tmp_path / "c.jpg", taken="2016:06:23 16:31:59")
-    shadow = Image.new("RGB", (160, 120), (40, 60, 30))  # else it would be a.jpg, saved anew
+    shadow = Image.new("RGB", (160, 120), (40, 60, 30))  # else it would be a.jpg, saved again
     write_photo(tmp_path / "b.jpeg", taken="2016:06:23 16:32:06", film_mm=None, image=shadow)
     write_photo(tmp_path / "d.jpg", taken="2016:06:23 16:33:00", film_mm=0)
     (tmp_path / "LICENSE").write_text("no photo")
@@ -214,7 +214,7 @@ def test_tags_of_real_photographs_are_read() -> None:
 
 @needs_real
 def test_real_photographs_upside_down_are_found() -> None:
-    """Those of the second leg are stored upside down, which their tags do not say."""
+    """Those of the second leg are stored upside down, which their tags do not state."""
     photos = [p for p in placed(REAL) if p.picture.name[-6:-4] in ("24", "25", "33", "34")]
     grid = Grid.at(photos[0].pose.position, 4.0)
     frames = []

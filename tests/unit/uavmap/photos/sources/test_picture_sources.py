@@ -1,4 +1,4 @@
-"""Every kind of source gives the same kind of record; what each is read from is written here."""
+"""Every kind of source gives the same kind of record; the tests write each source."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def test_video_is_read_with_a_telemetry_log(tmp_path: Path) -> None:
     assert places == pytest.approx([46.8, 46.8001, 46.8002, 46.8003], abs=1e-6)
     first = pictures[0]
     assert (first.height_m, first.pitch_deg) == ((40.0, 2.0), (-88.0, 1.0))
-    assert first.yaw_deg == pytest.approx((0.0, 5.0))  # the mount's own, told as absolute
+    assert first.yaw_deg == pytest.approx((0.0, 5.0))  # the mount's own angle, stated as absolute
     late = open_source(path, start_s - 3600.0).pictures()
     assert all(isinstance(found, Refused) and "no telemetry" in found.reason for found in late)
 
@@ -200,7 +200,7 @@ def test_kept_frames_bring_their_poses(tmp_path: Path) -> None:
 
 
 def test_flight_keeps_its_frames_for_a_replay(tmp_path: Path) -> None:
-    """The same detector, pictures and poses, and so the same cells as in flight."""
+    """Detector, pictures and poses are those of the flight, and so are the cells."""
     mission = str(Path(__file__).resolve().parents[4] / "data" / "speck.toml")
     flown, again = tmp_path / "flown", tmp_path / "again"
     arguments = ["--mission", mission, "--out", str(again)]
@@ -217,7 +217,7 @@ def test_flight_keeps_its_frames_for_a_replay(tmp_path: Path) -> None:
     assert areas[0] > 0.0
     assert areas[1] == pytest.approx(areas[0], rel=0.1)  # poses are refined in a replay
     report = (flown / "report.html").read_text("utf-8")
-    assert "boundary by pixels" in report  # written anew once the boundary is known
+    assert "boundary by pixels" in report  # written again once the boundary is known
     assert report.count('src="data:image/jpeg') == 8 + 1  # along the boundary, and judged.jpg
     assert main(["resume", str(again)]) == 2
 
@@ -236,7 +236,7 @@ def test_picture_is_kept_once_and_a_refusal_reported_once(aside: bool, tmp_path:
                 keeper.keep(frame_at(t_s), b"a picture")
 
     keep()
-    keep()  # the same flight, gone on with
+    keep()  # the same flight, resumed
     assert [f.t_s for f in read_kept(tmp_path) if isinstance(f, KeptFrame)] == [1.0, 2.0]
     assert said == []
     shutil.rmtree(tmp_path / "frames")
@@ -304,7 +304,7 @@ def test_geo_txt_with_photogrammetric_angles_is_read(tmp_path: Path) -> None:
     (tmp_path / "geo.txt").write_text(text)
     entries = read_geo_file(tmp_path / "geo.txt").entries
     assert entries["a.jpg"].angles_deg == pytest.approx((90.0, -90.0, 0.0))
-    # turned about the east by 20 degrees: it looks north, and so far from straight down
+    # turned about the east by 20 degrees: it points north, and so far from straight down
     assert entries["b.jpg"].angles_deg == pytest.approx((0.0, -70.0, 0.0))
 
 

@@ -54,7 +54,7 @@ def blurred(path: Path) -> None:
 
 
 def jpeg_bomb(path: Path) -> None:
-    """A small picture whose frame header claims 60,000 x 60,000 pixels."""
+    """Write a small picture whose frame header states 60,000 x 60,000 pixels."""
     shot(path, 9)
     data = bytearray(path.read_bytes())
     at = 2
@@ -65,7 +65,7 @@ def jpeg_bomb(path: Path) -> None:
 
 
 def tiff_bomb(path: Path) -> None:
-    """A directory that claims as many, and no pixels."""
+    """Write a directory that states as many, and no pixels."""
     tags = ((256, 60_000), (257, 60_000), (258, 8), (259, 1), (262, 1), (273, 8), (279, 1))
     entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
     head = b"II*\0" + struct.pack("<IH", 8, len(tags))
@@ -139,7 +139,7 @@ GOOD: dict[str, Callable[[Path], object]] = {
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The good pictures and the mission."""
+    """Make the good pictures and the mission."""
     folder = tmp_path_factory.mktemp("good")
     for seed, place in enumerate(PLACES):
         shot(folder / f"{seed}.jpg", seed, place)
@@ -150,7 +150,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def mapped(
     photos: Path, good: Path, out: Path, refine: str = "off"
 ) -> tuple[int, dict[str, dict[str, str]], dict[str, object]]:
-    """The exit code, the rows of pictures.csv by name, and the summary."""
+    """Return the exit code, the rows of pictures.csv by name, and the summary."""
     line = ["replay", str(photos), "--mission", str(good / "m.toml"), "--out", str(out)]
     code = main([*line, "--refine", refine, "--no-ortho"])
     with (out / "pictures.csv").open(encoding="utf-8", newline="") as file:
@@ -168,7 +168,7 @@ def folder_of(good: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def alone(good: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The map of the good pictures alone."""
+    """Return the map of the good pictures alone."""
     tmp_path = tmp_path_factory.mktemp("alone")
     code, _, _ = mapped(folder_of(good, tmp_path), good, tmp_path / "out")
     assert code == 0
@@ -233,7 +233,7 @@ def test_name_in_two_folders_is_two_pictures(good: Path, tmp_path: Path) -> None
 
 
 def test_map_of_mostly_bad_pictures_is_not_complete(good: Path, tmp_path: Path) -> None:
-    """Poses are refined: what cannot be decoded ends that no more than the map."""
+    """Poses are refined: pictures that cannot be decoded end neither that nor the map."""
     photos = folder_of(good, tmp_path)
     cases = ("empty", "torn head", "truncated", "turned", "a pixel", "a bomb")
     for case in cases:
@@ -275,7 +275,7 @@ def test_replay_without_a_mission_derives_one_that_can_be_given_again(
 
 
 def test_pictures_far_from_the_start_are_judged(good: Path, tmp_path: Path) -> None:
-    """A kilometre away, from 40 m: the start of the grid is nothing to the pictures."""
+    """A kilometre away, from 40 m: the start of the grid does not matter to the pictures."""
     photos = tmp_path / "photos"
     photos.mkdir()
     for seed in range(3):
@@ -372,7 +372,7 @@ def test_name_that_is_no_text_ends_nothing(
 
 
 def test_derived_mission_needs_two_of_three_votes_where_pictures_overlap(tmp_path: Path) -> None:
-    """Of two votes both would have to say yes, however many pictures show the place."""
+    """With two votes both would have to agree, however many pictures show the place."""
     shot(tmp_path / "0.jpg", 0, PLACES[0])
     found = []
     for place in (PLACES[1], (400.0, 10.0)):

@@ -1,4 +1,4 @@
-"""Masks and polygons of unusual kinds, and the page to paint on, for who has its address."""
+"""Masks and polygons of unusual kinds, and the page for painting, which needs its address."""
 
 from __future__ import annotations
 
@@ -264,7 +264,7 @@ def test_browser_that_goes_away_causes_no_traceback(
 ) -> None:
     parts = urlsplit(address)
     with socket.create_connection((parts.hostname or "", parts.port or 0)) as wire:
-        # closed with what was sent to it unread: the other side's next read is refused
+        # closed with unread input: the next read of the other side is refused
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         wire.sendall(f"PUT {parts.path}mask/0 HTTP/1.1\r\n".encode())
         wire.sendall(f"Host: {parts.netloc}\r\nContent-Length: 1000\r\n\r\n".encode())

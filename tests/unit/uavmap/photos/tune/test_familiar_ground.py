@@ -1,4 +1,4 @@
-"""Mixtures that describe what was painted: several kinds of surround, and what lies between."""
+"""Mixtures that describe painted ground: several kinds of surround, and the ground between."""
 
 from __future__ import annotations
 
