@@ -1,4 +1,4 @@
-"""Flights that several tests look at; each is flown once, in a process of its own."""
+"""Flights that several tests share; each is flown once, in a process of its own."""
 
 from __future__ import annotations
 

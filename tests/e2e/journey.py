@@ -1,4 +1,4 @@
-"""What the journal of a flight under way tells: only what is new in it is read, and folded."""
+"""The journal of a flight under way: only its new lines are read, and folded."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from uavmap.load.mission_source import load
 
 class Journey:
     def __init__(self, folder: Path, name: str, **changed: Any) -> None:
-        """`changed` are the fields of the mission that the command line has changed."""
+        """Follow a journal; `changed` are the fields of the mission that the command line has
+        changed.
+        """
         self._folder = folder
         self._setting = setting_of(load(mission(name)).model_copy(update=changed))
         self._state = self._setting.initial_state()
         self._read = 0
         self.frames = 0
-        """How many frames were judged."""
+        """Number of judged frames."""
 
     def vehicle(self) -> VehicleState:
         found = bodies(self._folder, self._read)

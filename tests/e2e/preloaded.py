@@ -1,10 +1,10 @@
-"""The command as a process that need not import itself anew.
+"""The command as a process that need not import itself again.
 
-Most of what a short run of `uavmap` costs is its imports. So the standard library's fork server has
-imported the command once (`preloading`), and each run is a fork of it, with a process id,
-arguments, a working directory, signals, standard streams and an end of its own; it goes through the
-same `main` as the command from a shell. `rig.command` is the latter, for tests that look at the
-beginning itself.
+Most of the time of a short run of `uavmap` is spent on imports. So the standard library's fork
+server imports the command once (`preloading`), and each run is a fork of it. A fork has a process
+id, arguments, a working directory, signals, standard streams and an end of its own. It runs the
+same `main` as the command from a shell. Tests of the start itself use `rig.command`, which runs
+from a shell.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _RUNS.set_forkserver_preload([__name__, "tests.e2e.preloading"])
 
 
 class Process:
-    """A run of the command, with what the tests use of `subprocess.Popen`."""
+    """A run of the command, with the methods of `subprocess.Popen` that the tests use."""
 
     def __init__(
         self,
@@ -41,7 +41,9 @@ class Process:
         room_bytes: int = resource.RLIM_INFINITY,
         stops_at: int | None = None,
     ) -> None:
-        """`room_bytes`: no file of it grows beyond this, as on a full disk. When its journal holds
+        """Start a run.
+
+        `room_bytes` limits the size of each of its files, as on a full disk. When its journal holds
         `stops_at` events, it stops until it is continued or killed.
         """
         self.args = ["uavmap", *arguments]
@@ -60,7 +62,7 @@ class Process:
 
     @property
     def returncode(self) -> int | None:
-        """The exit code, negative for a signal, or None while it runs."""
+        """Return the exit code, negative for a signal, or None while it runs."""
         return self._process.exitcode
 
     def poll(self) -> int | None:
@@ -76,14 +78,14 @@ class Process:
     def send_signal(self, number: int) -> None:
         """Send a signal, if it still runs."""
         if self.poll() is None:
-            with contextlib.suppress(ProcessLookupError):  # it has ended, and we are not told yet
+            with contextlib.suppress(ProcessLookupError):  # ended, and not yet reported
                 os.kill(self.pid, number)
 
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)
 
     def communicate(self, timeout: float | None = None) -> tuple[str, str]:
-        """Wait for the end; what was printed. Raises `subprocess.TimeoutExpired`."""
+        """Wait for the end; return the output. Raises `subprocess.TimeoutExpired`."""
         due_s = None if timeout is None else time.monotonic() + timeout
         texts = ["", ""]
 
@@ -120,7 +122,7 @@ def _run(
     out: Connection,
     err: Connection,
 ) -> None:
-    """Be the command, in the fork."""
+    """Run the command, in the fork."""
     os.setsid()  # a Ctrl-C is sent to all processes of a run, as by a terminal of its own
     resource.setrlimit(resource.RLIMIT_FSIZE, (room_bytes, room_bytes))
     for end, number in ((out, 1), (err, 2)):
@@ -147,7 +149,7 @@ def _stop_at(count: int) -> None:
     from uavmap.journal.event_log import Journal  # noqa: PLC0415 - loaded by now
 
     write = Journal._write
-    # one that comes before it is waited for is not lost, as it is on a process that stops itself
+    # a signal from before the wait is not lost, as it is on a process that stops itself
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCONT})
 
     def stopping(journal: Journal, kind: str, texts: Iterable[str]) -> None:

@@ -1,6 +1,7 @@
-"""What nearly every run of the command would import, load or compute anew: see `preloaded`.
+"""Modules, kernels and patterns that nearly every run of the command would load again.
 
-The commands, the planner's kernels, and the patterns of the ground, which depend on the seed only.
+They are the commands, the planner's kernels, and the patterns of the ground, which depend on the
+seed only. See `preloaded`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from uavmap.ui import cli
 
 _ANY_MISSION: Final = Path(__file__).resolve().parents[1] / "data" / "speck.toml"
 _SEED: Final = 1
-"""Of a simulated flight that is not told another."""
+"""Default seed of a simulated flight."""
 
 cli.parser()  # imports every command
 warm_up()

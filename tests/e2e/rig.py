@@ -1,4 +1,4 @@
-"""What the end-to-end tests share: the command as a process, journals, simulators, a relay."""
+"""Tools of the end-to-end tests: the command as a process, journals, simulators, a relay."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ SHARED = ROOT / "../shared/data"
 LOOPBACK = "127.0.0.1"
 PATIENCE_S = 300.0
 ROI_STATES = ("explored", "under exploration", "unexplored")
-"""Of a cell in a map that belongs to the region."""
+"""States of a cell in a map that belongs to the region."""
 
 
 def mission(name: str) -> str:
-    """The path of a mission of the tests; else the name, which may be a shipped one's."""
+    """Return the path of a mission of the tests; else the name, which may be a shipped one's."""
     path = MISSIONS / f"{name}.toml"
     return str(path) if path.exists() else name
 
 
 def kinder(name: str, folder: Path, **quirks: float) -> str:
-    """The name of a mission with other habits of its simulated aircraft, for `mission`."""
+    """Return the name of a mission with other traits of its simulated aircraft, for `mission`."""
     lines = [f"{key} = {str(value).lower()}" for key, value in quirks.items()]
     text = Path(mission(name)).read_text(encoding="utf-8")
     made = folder / f"{name}-kinder"
@@ -52,7 +52,7 @@ def environment() -> dict[str, str]:
 
 
 def command(*arguments: object) -> list[str]:
-    """The command line of `uavmap`, for a process that begins at the very beginning."""
+    """Return the command line of `uavmap`, for a process without preloaded modules."""
     return [sys.executable, "-m", "uavmap", *map(str, arguments)]
 
 
@@ -68,16 +68,16 @@ class Finished:
         return values
 
     def completed(self) -> dict[str, Any]:
-        """The summary of a mission that is complete; fails unless it is."""
+        """Return the summary of a mission that is complete; fail unless it is."""
         assert self.code == 0, self.err
         assert self.summary["completed"] is True, self.summary["finding"]
         return self.summary
 
 
 def uavmap(*arguments: object, cwd: Path | None = None, hash_seed: str | None = None) -> Finished:
-    """Run `uavmap` to its end. Whatever happens, nobody is shown a traceback.
+    """Run `uavmap` to its end; no traceback may be shown.
 
-    With a seed for hashes it is a process that begins at the very beginning.
+    With a seed for hashes it is a process without preloaded modules.
     """
     if hash_seed is None:
         with started(*arguments, cwd=cwd) as process:
@@ -98,7 +98,7 @@ def python(*words: object, cwd: Path | None = None, **changed: str) -> Finished:
 
 @contextlib.contextmanager
 def started(*arguments: object, **how: Any) -> Iterator[Process]:
-    """`uavmap` as a process under way; it is gone when the block ends. `how` as for `Process`."""
+    """Run `uavmap` as a process, which ends with the block. `how` as for `Process`."""
     process = Process([str(argument) for argument in arguments], environment(), **how)
     try:
         yield process
@@ -125,7 +125,7 @@ class Flight:
         return self.done.summary
 
     def complete(self, most_missed: int = 0) -> dict[str, Any]:
-        """Its summary; fails unless it is complete, safe, and has missed no more cells."""
+        """Return its summary; fail unless it is complete, safe, and has missed no more cells."""
         summary = self.done.completed()
         assert summary["cells_missed"] <= most_missed
         assert summary["fence_breaches"] == summary["reserve_violations"] == 0
@@ -154,7 +154,7 @@ def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATI
 
 # --- journals --------------------------------------------------------------------------------
 def bodies(folder: Path, after: int = 0) -> list[str]:
-    """The texts of the events that are on the disk by now, but for the first so many."""
+    """Return the texts of the events that are on the disk by now, but for the first ones."""
     path = folder / "journal.jsonl"
     return JournalReader(path).bodies()[after:] if path.exists() else []
 
@@ -174,7 +174,7 @@ def wait_for(folder: Path, kind: str) -> None:
 
 
 def since_resumed(folder: Path) -> list[dict[str, Any]]:
-    """The events since the last resume, itself the first."""
+    """Return the events since the last resume, itself the first."""
     found = events(folder)
     last = max(index for index, event in enumerate(found) if event["kind"] == "resumed")
     return found[last:]
@@ -200,7 +200,7 @@ def maps_alike(one: Path, other: Path, most: int = 2) -> bool:
 def stop_after(
     process: Process, folder: Path, count: int, number: signal.Signals
 ) -> Finished | None:
-    """Send a signal when a process has stopped at so many events; None after a SIGKILL."""
+    """Send a signal when a process has stopped at this number of events; None after a SIGKILL."""
     wait_until(lambda: written(folder) >= count or process.poll() is not None, f"{count} events")
     assert process.poll() is None, f"over before event {count}: {process.communicate()}"
     process.send_signal(number)
@@ -216,7 +216,10 @@ def stop_after(
 def simulator(
     name: str, *, speedup: float, vehicles: int = 1, autopilot: str = "ardupilot", seed: int = 1
 ) -> Iterator[list[str]]:
-    """`uavmap sitl` in a process of its own; its URLs. The mission is one of the tests, or any."""
+    """Run `uavmap sitl` in a process of its own; yield its URLs.
+
+    The mission is one of the tests, or any.
+    """
     port, http_port = free_ports(vehicles)
     arguments = ["sitl", "--mission", mission(name), "--speedup", speedup, "--vehicles", vehicles]
     arguments += ["--autopilot", autopilot, "--seed", seed]
@@ -228,7 +231,7 @@ def simulator(
 
 
 class Relay(threading.Thread):
-    """Between a simulated vehicle and its client: passes every datagram on and keeps count.
+    """A relay between a simulated vehicle and its client: it forwards and counts each datagram.
 
     The vehicle's own address, which a second client needs, is known here.
     """
@@ -242,7 +245,7 @@ class Relay(threading.Thread):
         self.client_port, _ = free_ports(1)
         self.vehicle: tuple[str, int] | None = None
         self.commands: list[str] = []
-        """What the client has sent, but for its heartbeats."""
+        """Commands of the client, but for its heartbeats."""
         self._over = threading.Event()
         for end in (self._outer, self._inner):
             end.settimeout(0.02)
@@ -298,7 +301,7 @@ def in_flight(
     frames: int = 1,
     **how: Any,
 ) -> Iterator[Process]:
-    """A flight over sockets, once so many frames are judged; `how` as for `Process`."""
+    """Start a flight over sockets; wait for a number of judged frames. `how` as for `Process`."""
     words = flying(mission(str(source)), urls, folder, speedup, *more)
     with started(*words, **how) as process:
         wait_until(

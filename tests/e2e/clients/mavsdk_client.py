@@ -1,9 +1,9 @@
-"""A client that knows nothing of uavmap: unmodified MAVSDK, on either autopilot.
+"""A client without knowledge of uavmap: unmodified MAVSDK, on either autopilot.
 
     python mavsdk_client.py URL ardupilot|px4
 
-On a PX4 no rate is asked for: what it streams by itself has to do. Prints what it saw as JSON. Run
-as a process of its own: MAVSDK keeps threads and sockets.
+On a PX4 it requests no rate: the autopilot's own streams must suffice. It prints its observations
+as JSON. Run it as a process of its own: MAVSDK keeps threads and sockets.
 """
 
 from __future__ import annotations

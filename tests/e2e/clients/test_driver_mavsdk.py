@@ -27,7 +27,7 @@ def children_of(pid: int) -> list[int]:
 
 
 def gone(pid: int) -> bool:
-    """Whether it has ended; a dead one whom nobody has waited for yet counts as gone."""
+    """Return whether it has ended; a dead process that has not been waited for counts as gone."""
     try:
         return Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()[0] == "Z"
     except OSError:
@@ -57,7 +57,7 @@ def test_control_c_brings_the_vehicle_home_and_ends_all_processes(folder):
             (child,) = children_of(rig.aircraft_process(folder))
             os.killpg(process.pid, signal.SIGINT)
             done = rig.ended(process)
-        # and the other driver goes on
+        # and the other driver continues
         again = rig.uavmap("resume", folder, "--json", "--driver", "pymavlink")
     again.completed()
     assert "MAVSDK" not in again.err

@@ -57,7 +57,7 @@ FLOWN = {
         **SEEN, "download": [22, 16, 20], "offboard_height_m": pytest.approx(10.0, abs=1.5),
     },
 }  # fmt: skip
-"""What MAVSDK has to see, by autopilot and transport."""
+"""Observations that MAVSDK must make, by autopilot and transport."""
 
 
 @pytest.mark.parametrize(("autopilot", "transport"), FLOWN)
@@ -82,7 +82,7 @@ def test_mavsdk_flies_by_all_that_it_offers(autopilot, transport):
     ],
 )
 def test_pymavlink_flies_by_its_own_tables(autopilot, tcp, hover, parameter, kind):
-    """Modes by name, a parameter by its type, a take-off, and home again."""
+    """Modes by name, a parameter by its type, a take-off, and a return."""
     with vehicle(tcp=tcp, autopilot=autopilot) as sitl:
         link = mavutil.mavlink_connection(pymavlink_address(sitl.url), dialect="ardupilotmega")
         with contextlib.closing(link):
@@ -111,7 +111,7 @@ class MavProxy:
         self._process = subprocess.Popen(
             [MAVPROXY, f"--master={pymavlink_address(url)}", f"--aircraft={folder / 'aircraft'}"],
             cwd=folder,
-            # unbuffered: what it says into a pipe would else wait until there is 8 kB of it
+            # unbuffered: its output into a pipe would else wait until there are 8 kB of it
             env={**os.environ, "HOME": str(folder), "PYTHONUNBUFFERED": "1"},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -167,7 +167,7 @@ MISSION = """QGC WPL 110
 @needs_mavproxy
 def test_mavproxy_flies_a_mission(tmp_path):
     (tmp_path / "mission.txt").write_text(MISSION)
-    # a client that a slow machine holds up sees much of the vehicle's time go by
+    # for a client that a slow machine delays, much of the vehicle's time passes
     with (
         vehicle(tcp=False, battery_wh=5000.0) as sitl,
         contextlib.closing(MavProxy(sitl.url, tmp_path)) as proxy,

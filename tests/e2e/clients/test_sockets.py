@@ -18,7 +18,7 @@ def in_mid_flight(speck):
 
 
 def test_recall_brings_vehicles_home_and_sends_none_out(speck, folder):
-    """What a computer on board may do by itself after it has been started anew."""
+    """A computer on board may do this by itself after a restart."""
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         count, words = in_mid_flight(speck), rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)
         with rig.started(*words, stops_at=count) as process:
@@ -29,7 +29,7 @@ def test_recall_brings_vehicles_home_and_sends_none_out(speck, folder):
         assert [event["kind"] for event in again[:2]] == ["resumed", "recalled"]
         assert next(e for e in again if e["kind"] == "connected")["airborne"] is True
         assert sum(event["kind"] == "landed" for event in again) == 1
-        # on the ground by now: a second time it stays there
+        # on the ground by now: after the second recall it stays there
         before = len(rig.bodies(folder))
         assert rig.uavmap("resume", folder, "--recall", "--json").code == 3
         again = rig.events(folder)[before:]
@@ -45,7 +45,7 @@ def test_simulated_flight_is_not_recalled(speck):
 
 
 def test_pilot_takes_over_and_gives_back(speck, folder):
-    """A second client changes the mode: not a command more until the vehicle is given back."""
+    """A second client changes the mode: no command follows until the vehicle is given back."""
     with (
         rig.simulator("speck", speedup=SPEEDUP) as (url,),
         rig.Relay(int(url.rpartition(":")[2])) as relay,
@@ -63,11 +63,11 @@ def test_pilot_takes_over_and_gives_back(speck, folder):
                 _set_mode(pilot, BRAKE)  # in LOITER it would sink: there is no radio control
                 rig.wait_for(folder, "overridden")
                 said, seen = len(relay.commands), len(rig.events(folder, "frame_seen"))
-                for _ in range(15):  # so many simulated seconds
+                for _ in range(15):  # simulated seconds
                     assert _beat(pilot).custom_mode == BRAKE
-                # a capture that was under way is ended: the camera's business, not the vehicle's
+                # the end of a capture concerns the camera, not the vehicle
                 assert [c for c in relay.commands[said:] if not _stops_camera(c)] == []
-                # a picture that was taken before may be judged after it
+                # a picture from before may be judged after it
                 assert len(rig.events(folder, "frame_seen")) <= seen + 1
                 assert rig.events(folder, "released") == []
                 _set_mode(pilot, GUIDED)
@@ -81,7 +81,7 @@ def test_pilot_takes_over_and_gives_back(speck, folder):
         json.dumps(rig.events(folder, "released")[0], separators=(",", ":"))
     )
     looks = [e for e in rig.events(folder)[after:] if e["kind"] == "frame_seen"]
-    assert len(looks) > 2  # it has taken up its work
+    assert len(looks) > 2  # it has resumed its work
     assert rig.maps_alike(folder, speck.folder)
 
 

@@ -1,8 +1,8 @@
-"""A client that knows nothing of uavmap: MAVSDK reads a plan and a waypoint file and uploads both.
+"""A client without knowledge of uavmap: MAVSDK reads a plan and a waypoint file and uploads both.
 
     python mavsdk_plan_client.py URL FILE.plan FILE.waypoints
 
-Prints what it saw as JSON.
+It prints its observations as JSON.
 """
 
 from __future__ import annotations

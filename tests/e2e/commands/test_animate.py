@@ -62,7 +62,7 @@ def test_requested_files_and_no_others_are_written(folder, tmp_path, tiny, capsy
 
 
 def test_names_without_a_folder_go_to_the_working_folder(folder, tmp_path, monkeypatch, capsys):
-    """By themselves where you are, as with any program; with -o elsewhere."""
+    """By default in the working folder, as with any program; with -o elsewhere."""
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     there.mkdir()

@@ -1,4 +1,4 @@
-"""`uavmap doctor` and a dry run, as a user types them, against a simulator on sockets."""
+"""`uavmap doctor` and a dry run as a user types them, against a simulator on sockets."""
 
 from __future__ import annotations
 

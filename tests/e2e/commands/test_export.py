@@ -1,4 +1,4 @@
-"""What `uavmap export` makes of a mission is read by MAVSDK, and taken by the simulator."""
+"""MAVSDK reads the mission that `uavmap export` writes, and the simulator accepts it."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Files for catalogues, phones and print, of a flown map: read by programs that others wrote."""
+"""Files of a flown map for catalogues, phones and print: read by programs of others."""
 
 import json
 import re
@@ -37,7 +37,7 @@ def exported(results, kind, out):
 
 @pytest.fixture(scope="module")
 def results(tiny, tmp_path_factory):
-    """The results of a flight, where they may be changed."""
+    """Copy the results of a flight to a place where they may be changed."""
     return shutil.copytree(tiny.folder, tmp_path_factory.mktemp("export") / "tiny-1")
 
 
@@ -98,7 +98,7 @@ def test_kmz_is_valid_and_has_the_layers_of_the_kml(results, tmp_path):
 # --- STAC ---------------------------------------------------------------------------------------
 @pytest.fixture
 def offline(monkeypatch):
-    """A validator with all schemas at hand; whatever else it asks for fails."""
+    """Return a validator with all schemas at hand; any other request fails."""
     validator = JsonSchemaSTACValidator()
     schema = (DATA / "stac-projection-2.0.0.schema.json").read_text("utf-8")
     validator.schema_cache[PROJECTION] = json.loads(schema)

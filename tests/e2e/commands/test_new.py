@@ -1,4 +1,4 @@
-"""From a KML to a flown mission, and what `uavmap` writes read as an area again, in process."""
+"""From a KML to a flown mission, and files of `uavmap` read as areas again, in process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uavmap.runner import flight
 from uavmap.ui.cli import main
 
 FIELD = ((13.303, 52.456), (13.3035, 52.456), (13.3035, 52.4563), (13.303, 52.4563))
-"""34 m x 33 m."""
+"""Corners of a field of 34 m x 33 m."""
 
 
 @pytest.fixture(autouse=True)
@@ -24,10 +24,10 @@ def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_kml_is_flown_in_the_simulator(tmp_path, capsys):
     saved(tmp_path, "meadow.kml", kml(placemark("Meadow", kml_polygon(FIELD))))
-    # small pictures and a strategy that needs no compiled kernels: this is about the mission
+    # small pictures and a strategy without compiled kernels: the mission is the subject
     small = ("--pixels", "320x240", "--strategy", "rdfs", "--wind", "2")
     assert main(["new", "meadow.kml", "--drone", "sim", *small]) == 0
-    assert main(["check", "meadow.toml"]) == 2  # nothing says yet what to look for
+    assert main(["check", "meadow.toml"]) == 2  # the mission has no detector yet
     assert 'meadow.toml: detector.name = "later"' in capsys.readouterr().err
     code = main(["fly", "meadow.toml", "--sim", "--out", "flown", "--json"])
     out, err = capsys.readouterr()
@@ -38,11 +38,11 @@ def test_kml_is_flown_in_the_simulator(tmp_path, capsys):
     assert summary["cells_roi"] > 3
     assert (summary["fence_breaches"], summary["reserve_violations"]) == (0, 0)
 
-    # nothing that goes on from it takes the simulator's detector for a choice
+    # no later command mistakes the simulator's detector for a choice
     assert main(["resume", "flown", "--connect", "udpin://127.0.0.1:14998"]) == 2
     assert 'meadow.toml: detector.name = "later"' in capsys.readouterr().err
 
-    # the mapped region, drawn by us, is an area for the next mission
+    # the mapped region, as uavmap draws it, is an area for the next mission
     for kind, name in (("geojson", "outline"), ("kml", "Region")):
         areas = read_area_file(f"flown/map.{kind}").areas
         assert name in {area.name for area in areas}

@@ -98,9 +98,10 @@ def came_home(folder: Path) -> bool:
 
 
 def test_control_c_and_cancellation_bring_the_vehicle_home(tmp_path):
-    """One after the other with the same simulated aircraft: the simulator takes a second to start.
+    """One after the other with the same simulated aircraft: the simulator starts slowly.
 
-    Ctrl-C where no loop runs, a cancelled task, and SIGTERM where one does; then it is finished.
+    Ctrl-C without a running loop, a cancelled task, and SIGTERM with a running loop; then it is
+    finished.
     """
     first, second = tmp_path / "first", tmp_path / "second"
     with simulator("speck", speedup=SPEEDUP) as urls:
@@ -129,7 +130,7 @@ def test_control_c_and_cancellation_bring_the_vehicle_home(tmp_path):
 
 
 def test_second_control_c_leaves_the_vehicle_to_its_autopilot(folder):
-    """Over `runway` and not too fast: the second press comes while it flies, or comes down."""
+    """Over `runway` and not too fast: the second press comes while it flies, or lands."""
 
     def twice() -> None:
         wait_for(folder, "frame_seen")

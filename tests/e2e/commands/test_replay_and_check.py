@@ -1,4 +1,4 @@
-"""`uavmap replay`, `uavmap check`, and what the command says of bad input."""
+"""`uavmap replay`, `uavmap check`, and the command's lines for bad input."""
 
 import json
 import os
@@ -24,7 +24,7 @@ needs_photographs = pytest.mark.skipif(
 @needs_photographs
 def test_photographs_make_a_map_of_the_road(tmp_path):
     done = uavmap("replay", PHOTOGRAPHS, "--mission", "road", "--json", "--out", tmp_path / "map")
-    assert done.code == 3  # a few cells look like nothing that was painted
+    assert done.code == 3  # a few cells look unlike all that was painted
     assert done.summary["photographs"] == 18
     assert 0 < done.summary["cells_unsure"] < 20
     assert done.summary["iou_cells"] is None
@@ -57,11 +57,11 @@ def test_check_reports_the_planned_search(tmp_path):
     assert figures["search_length_m"] > 100.0
     assert figures["search_time_s"] > 20.0
     assert figures["search_sorties"] >= 1
-    assert list(tmp_path.iterdir()) == []  # checking leaves nothing behind
+    assert list(tmp_path.iterdir()) == []  # checking leaves no file behind
 
 
 def test_check_of_a_flight_without_stopping_reports_its_figures(tmp_path):
-    """A look a cell, and a stop at either end of a lane, are none of `swath`."""
+    """`swath` has no look at each cell, and no stop at either end of a lane."""
     text = Path(mission("tiny")).read_text("utf-8")
     found = {}
     for strategy in ("swath", "rdfs"):

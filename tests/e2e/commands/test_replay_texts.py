@@ -1,4 +1,4 @@
-"""What `uavmap replay` says of pictures, and that a bad one among them changes nothing."""
+"""Lines of `uavmap replay` about pictures; a bad picture among them changes no cell."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def good(photos: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def more(photos: Path, tmp_path: Path) -> Path:
-    """A copy of the photographs, to which others are added."""
+    """Copy the photographs; tests add others."""
     return Path(shutil.copytree(photos, tmp_path / "photos"))
 
 
@@ -107,7 +107,7 @@ def aslant(image: Image.Image) -> dict[str, object]:
 
 @pytest.mark.parametrize("bad", [blurred, dark, from_high, aslant])
 def test_replay_one_bad_picture_more_changes_no_cell(bad, more, good, tmp_path):
-    """Neither through the poses of the others nor through the grid that is derived from all."""
+    """It acts neither through the poses of the others nor through the derived grid."""
     image = view(ground(), 18.0, 5.0)
     shot(more / "bad.jpg", 50, (60.0, 5.0), 25.0, **bad(image))
     summary = replayed(more, tmp_path / "with")
@@ -167,7 +167,7 @@ def test_replay_without_a_mission_explains_pictures_and_detector(photos, tmp_pat
     with Image.open(out / "judged.jpg") as judged:
         pixels = np.asarray(judged.convert("RGB")).astype(int)
     red = (pixels[..., 0] > 150) & (pixels[..., 1] < 90) & (pixels[..., 2] < 90)
-    assert np.count_nonzero(red) > 200  # the outline of the way
+    assert np.count_nonzero(red) > 200  # the outline of the track
 
 
 def test_replay_with_a_mission_shows_the_box_and_fence_that_the_user_gave(photos, tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""report.html in a real browser: on a phone and a screen, folded settings, and as it is printed."""
+"""report.html in a real browser: on a phone and a screen, folded settings, and in print."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ while (texts.nextNode()) {
 }
 return broken;
 """
-"""Words that stand on two lines."""
+"""Words that stand on two lines, in JavaScript."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Ground that no example shows: unsure on the map, and the picture of it is asked for."""
+"""Ground that no example shows: unsure on the map, and its picture is requested."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is shipped: the four packages, typed, with the shipped missions, and nothing else."""
+"""Content of the wheel: the four packages, typed, with the shipped missions, and no more."""
 
 import shutil
 import zipfile

@@ -1,8 +1,7 @@
-"""The mission process dies, or stands still, or the process of the aircraft does: no aircraft is
-left alone.
+"""If the mission process or the process of the aircraft dies or stalls, no aircraft is left alone.
 
-A real ArduCopter and a real PX4 were still armed, 12 m up, 300 s after a kill -9 of a program that
-was one process.
+After a kill -9 of a single-process program, a real ArduCopter and a real PX4 were still armed, 12 m
+up, 300 s later.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from tests.e2e.preloaded import Process
 
 SPEEDUP = 10.0
 STREAMED = 3.0
-"""As fast as a stream of setpoints is told."""
+"""Highest speed at which setpoints are streamed, times real time."""
 FRAMES = 12
 SPECK = rig.mission("speck")
 
 
 @pytest.fixture
 def patient(tmp_path: Path) -> Path:
-    """A mission whose aircraft wait for two seconds for another mission process."""
+    """Return a mission whose aircraft wait for two seconds for another mission process."""
     path = tmp_path / "patient.toml"
     text = Path(SPECK).read_text("utf-8")
     path.write_text(text + "\n[guardian]\norphan_hold_s = 2.0\n", "utf-8")
@@ -99,7 +98,7 @@ def test_next_process_takes_over_the_aircraft_in_the_air(folder):
             done = rig.ended(process)
     done.completed()
     assert not rig.events(folder, "guarded")
-    assert len(rig.events(folder, "landed")) == 1  # it was never brought down in between
+    assert len(rig.events(folder, "landed")) == 1  # it never landed in between
 
 
 def test_process_of_the_aircraft_that_dies_is_started_again(folder):
@@ -170,7 +169,7 @@ def test_setpoints_continue_while_the_mission_process_stands_still(tmp_path):
         process.send_signal(signal.SIGSTOP)
         try:
             sent = _setpoints(relay)
-            # two seconds of setpoints, ten a second, while nobody plans
+            # two seconds of setpoints, ten a second, without a plan
             rig.wait_until(lambda: _setpoints(relay) >= sent + 20, "setpoints")
         finally:
             process.send_signal(signal.SIGCONT)

@@ -20,9 +20,9 @@ from tests.support.page.browser import browser, keep_picture, need_browser
 from tests.support.page.proxy import recording_proxy
 
 DARK = 140
-"""Between the region and the ground of the simulator, gray values."""
+"""Gray level between the region and the ground of the simulator."""
 RIM_PX = 16
-"""A region nearer to the rim of a frame may be cut."""
+"""Distance from the rim of a frame below which a region may be cut, px."""
 
 
 def test_stranger_goes_from_an_empty_folder_to_pdf_and_kmz_with_clicks_alone(tmp_path):
@@ -124,7 +124,7 @@ def _paint_two(page: Page, frames: Path) -> None:
 
 
 def _ring(frame: Path) -> Any:
-    """The outline of the region in a frame, px, shape (n, 2); empty where the rim cuts it."""
+    """Return the outline of the region in a frame, px, shape (n, 2); empty if the rim cuts it."""
     image = cv2.GaussianBlur(cv2.imread(str(frame), cv2.IMREAD_GRAYSCALE), (15, 15), 0)
     rings, _ = cv2.findContours(
         (image < DARK).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE
@@ -167,7 +167,7 @@ def _paint(page: Page, frame: Path) -> None:
 
 
 def _hand_on(page: Page, flown: Path) -> None:
-    """Make the report and the KMZ of the newest map, and look at them."""
+    """Make the report and the KMZ of the newest map, and check them."""
     page.open("Results")
     page.see(".app-result", None)
     page.wait("results/meadow-1-1")
@@ -190,7 +190,7 @@ def _hand_on(page: Page, flown: Path) -> None:
 
 
 def _running(folder: Path) -> list[int]:
-    """The processes of commands of a folder."""
+    """Return the processes of commands of a folder."""
     found = []
     for entry in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""What `uavmap app` holds to, in one browser: offline, refusals, one holder, for everybody.
+"""Rules of `uavmap app`, in one browser: offline, refusals, one holder, accessibility.
 
 With UAVMAP_PICTURES=FOLDER in the environment it leaves pictures of the page there.
 """
@@ -49,14 +49,14 @@ class Day(NamedTuple):
         self.page.wait("you hold the controls")
 
     def messages(self) -> None:
-        """Note what the page sends from now on, as `window.sent`."""
+        """Record the messages that the page sends from now on, as `window.sent`."""
         self.page.driver.execute_script(
             "window.sent = []; const emit = window.socket.emit.bind(window.socket);"
             "window.socket.emit = (...what) => { window.sent.push(what); return emit(...what); }"
         )
 
     def commands(self) -> int:
-        """How many commands there were."""
+        """Return the number of commands so far."""
         return len(list((self.folder / LOGS).glob("*.log")))
 
 
@@ -117,7 +117,7 @@ def test_files_of_the_folder_run_nothing_and_files_elsewhere_are_refused(day: Da
     driver.get(f"{day.root}file/note.html")
     day.page.wait("seen")
     assert driver.title != "ran"
-    driver.get_log("browser")  # it was refused, and that is said
+    driver.get_log("browser")  # it was refused, and the page shows that
     log = day.folder / LOGS / "1.log"
     log.parent.mkdir(exist_ok=True)
     log.write_text("live page: http://127.0.0.1:1/?token=secret")
@@ -188,7 +188,7 @@ def test_second_browser_watches_until_the_controls_are_handed_over(day: Day) -> 
     driver.switch_to.window(first)
     page.press("Hand over")
     page.wait("another browser holds the controls")
-    # what the button has sent, with its number of now
+    # the message of the button, with its current number
     driver.execute_script(
         f"const [kind, click] = window.sent.find({CLICKS});"
         "const button = [...document.querySelectorAll('button')].find("

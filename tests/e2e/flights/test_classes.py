@@ -18,7 +18,7 @@ LEAST_IOU = 0.6
 
 
 def truths(folder: Path) -> list[BaseGeometry]:
-    """What is seen of each simulated film, the thinnest first: the next one lies on it."""
+    """Return the visible area of each simulated film, the thinnest first: the next covers it."""
     setting = flown_of(folder).setting
     films = [
         Polygon([setting.grid.fixed(place) for place in positions(region.polygon)])
@@ -62,7 +62,7 @@ def test_slick_flown_areas_and_litres_of_each_appearance_hold_the_true_ones(
 
 
 def test_slick_flown_by_a_fleet_has_in_each_map_the_classes_of_all(tmp_path: Path) -> None:
-    """Of two services each maps a part, and hears of the other's."""
+    """Each of two services maps a part, and receives the other's part."""
     out = tmp_path / "fleet"
     done = uavmap(
         "fly", "slick", "--sim", "--vehicles", 2, "--comms", "free", "--json", "--out", out

@@ -1,4 +1,4 @@
-"""However a flight over sockets ends, the aircraft is looked after, and the mission goes on."""
+"""At any end of a flight over sockets, the aircraft is brought home and the mission continues."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.e2e import rig
 
 SPEEDUP = 20.0
 ROOM_BYTES = 8192
-"""For a file: a journal with some 20 events of a flight that has over 100."""
+"""Room for a file, bytes: a journal with some 20 events of a flight that has over 100."""
 
 
 def goes_on(folder: Path, urls: list[str]) -> None:
@@ -33,13 +33,13 @@ def test_full_disk_brings_the_vehicle_home_before_the_process_ends(folder):
         assert done.out == ""
         failed, *left, last = lines(done)
         assert failed.endswith("return (RTL)")
-        # where the machine is slow its guardian may have to insist
+        # on a slow machine its guardian may have to repeat its command
         assert all("it is commanded to" in line for line in left), done.err
         assert "journal.jsonl cannot be written" in last
         assert f"to go on: uavmap resume {folder}" in done.err
         goes_on(folder, urls)
     (first, *_) = rig.events(folder, "connected")[1:]
-    assert first["airborne"] is False  # it stood at home when it was taken up again
+    assert first["airborne"] is False  # it stood at home when it was resumed
 
 
 def test_second_interrupt_names_the_place_of_each_aircraft(folder):
@@ -62,7 +62,7 @@ def test_second_interrupt_names_the_place_of_each_aircraft(folder):
 
 @pytest.mark.parametrize("number", [None, signal.SIGHUP])
 def test_terminal_that_is_gone_ends_no_flight_badly(number, folder):
-    """Without a signal the flight goes on to its end; with one it comes home."""
+    """Without a signal the flight continues to its end; with one it returns."""
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with rig.in_flight(urls, folder, SPEEDUP) as process:
             process.stdout.close()

@@ -1,4 +1,4 @@
-"""A service on each aircraft: members that talk over a simulated radio, and one map of all."""
+"""A service on each aircraft: members that communicate by a simulated radio, and one map of all."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_three_members_with_radio_map_a_region_together(tmp_path):
 
 
 def test_two_members_without_radio_map_the_whole_region_each(tmp_path):
-    """Each keeps to its own air, so they lose time and nothing else."""
+    """Each keeps to its own air: they lose time, and no cells."""
     out = tmp_path / "out"
     flown(made(tmp_path, 2), "range:0", out)
     regions = [region(folder) for folder in (*members(out, 2), out)]
@@ -116,8 +116,11 @@ def test_pads_too_near_to_each_other_are_refused(tmp_path):
 
 
 class Beset(SimulatedFleet):
-    """A fleet whose member 1 dies after 21 s, as a process does: no goodbye, its queue is lost, and
-    nothing more goes to its vehicle; it starts again with its journal 2 s later."""
+    """A fleet whose member 1 dies after 21 s, as a process does.
+
+    It sends no farewell, its queue is lost, and its vehicle gets no more commands. It starts again
+    with its journal 2 s later.
+    """
 
     async def fly(self) -> dict[str, Any]:
         async with asyncio.timeout(1_500.0):
@@ -136,9 +139,9 @@ class Beset(SimulatedFleet):
             program = asyncio.create_task(flight.fly_member(self.world, speaking))
         await asyncio.wait([program], timeout=21.0 - loop.time())
         clock_s = flight.clock.now_s() - loop.time()
-        self.world.open_session(number - 1, lambda frame: None)  # nobody hears it any more
+        self.world.open_session(number - 1, lambda frame: None)  # no member receives it any more
         self.air.silence(number)
-        radios.clear()  # what was scheduled may still run, unheard
+        radios.clear()  # scheduled calls may still run, without a receiver
         flight._journal.close()
         program.cancel()
         await asyncio.gather(program, return_exceptions=True)
@@ -153,7 +156,7 @@ class Beset(SimulatedFleet):
 
 
 def test_fleet_continues_when_a_program_dies_and_a_vehicle_falls(folder, monkeypatch):
-    """Messages overtake each other, one clock is 7 s ahead, and nobody is told of any of it."""
+    """Messages overtake each other, one clock is 7 s ahead, and no member is informed of it."""
     text = field_text(more='[[sim.faults]]\nvehicle = 2\nat_s = 40.9\nkind = "motor"\n')
     model = LinkModel(delay_s=0.1, jitter_s=4.0, doubled=0.3)
     monkeypatch.setattr(simulated_fleet, "link_model", lambda words: model)

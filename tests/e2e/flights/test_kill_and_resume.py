@@ -1,4 +1,4 @@
-"""A simulated flight is killed again and again; what was committed stays, and the map is the same.
+"""A simulated flight is killed again and again; committed events stay, and the map is the same.
 
 The moments are drawn by seed, in events of the journal, and are met by watching it grow.
 """

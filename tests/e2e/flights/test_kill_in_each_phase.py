@@ -1,4 +1,4 @@
-"""`uavmap fly --connect` is killed in each phase of a flight, and each time gone on with."""
+"""`uavmap fly --connect` is killed in each phase of a flight, and resumed each time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PHASES: tuple[type[Order], ...] = (TakeOff, Sweep, FlyTo, Look, Land)
 
 
 def killed_in(phase: type[Order], process: Process, journey: Journey) -> bool:
-    """Kill a process in a phase of the flight; whether it is in it by the journal it leaves."""
+    """Kill a process in a phase of the flight; return whether its journal ends in that phase."""
     due_s = time.monotonic() + rig.PATIENCE_S
 
     def there() -> bool:
@@ -49,7 +49,7 @@ def test_flight_killed_in_each_phase_is_resumed_and_completes(autopilot, phases,
             done = rig.ended(process)
     done.completed()
     assert done.summary["seed"] is None
-    assert done.summary["cells_missed"] is None  # nobody knows the truth of a real flight
+    assert done.summary["cells_missed"] is None  # the truth of a real flight is unknown
     assert rig.bodies(folder)[: len(before)] == before
     resumed = rig.events(folder, "resumed")
     assert len(resumed) == len(phases)

@@ -30,7 +30,7 @@ def assert_no_verdict(done: rig.Finished, folder: Path, reason: str) -> None:
 
 
 def test_flight_over_real_ground_default_detector_sees_nothing_ends_without_a_verdict(tmp_path):
-    """Links are real ones here, and so the ground is taken to be."""
+    """The links are real ones here, so the ground counts as real."""
     source, folder = tmp_path / "empty.toml", tmp_path / "out"
     source.write_text(re.sub(r"^dilations = .*$", "", EMPTY, flags=re.MULTILINE))
     with rig.simulator(str(source.with_suffix("")), speedup=20.0) as urls:
@@ -49,14 +49,14 @@ def test_flight_with_region_everywhere_ends_without_a_verdict(tmp_path):
     assert_no_verdict(done, folder, "% of the ")
     assert "for region: check whether it fits this ground" in done.err
     (folder / "report.html").unlink()
-    assert rig.uavmap("report", folder).code == 0  # from the journal, which says the same
+    assert rig.uavmap("report", folder).code == 0  # from the journal, which agrees
     assert "No verdict: no verdict: the detector took" in (folder / "report.html").read_text(
         "utf-8"
     )
 
 
 def test_flight_in_the_simulator_that_sees_nothing_is_complete(tmp_path):
-    """There the default detector is the right one."""
+    """There the default detector fits."""
     done = rig.flown_text(EMPTY, tmp_path).done
     assert done.code == 0, done.err
     assert (done.summary["completed"], done.summary["no_verdict"]) == (True, None)

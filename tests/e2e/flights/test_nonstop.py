@@ -1,4 +1,4 @@
-"""Flights that do not stop: the same to the byte, killed on a path, called home, over sockets."""
+"""Flights that do not stop: the same to the byte, killed on a path, recalled, over sockets."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tests.e2e.journey import Journey
 from uavmap.load.mission_source import load
 
 SPEEDUP = 5.0
-"""A plan has to be made within a second of the mission. So fast, places ahead are told."""
+"""Speed at which a plan takes less than a second of the mission; places ahead are sent."""
 STREAMED = 3.0
-"""As fast as a stream of setpoints is told."""
+"""Highest speed at which setpoints are streamed, times real time."""
 FRAMES = 10
-"""That many are judged before a flight is stopped: it explores then."""
+"""Number of judged frames before a flight is stopped: it explores then."""
 SWATH = ("--strategy", "swath")
 
 
@@ -38,7 +38,7 @@ def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
 
 
 def amid_a_path(flight: rig.Flight, name: str) -> int:
-    """A number of events after which the first vehicle explores on a path."""
+    """Return a number of events after which the first vehicle explores on a path."""
     lines = rig.bodies(flight.folder)
     told = orders_of(name, lines)
     seen = [json.loads(line)["kind"] == "frame_seen" for line in lines]
@@ -139,8 +139,11 @@ def test_flight_killed_on_a_path_is_resumed_in_the_air(autopilot, speedup, speck
 
 
 def test_px4_returns_when_its_stream_ends_and_flies_again(speck_passed, folder, tmp_path):
-    """Without setpoints it leaves OFFBOARD by a failsafe; if it is still in the air when the
-    service is back, that is left to it, and the next resume sends it out."""
+    """Without setpoints a failsafe ends OFFBOARD.
+
+    If it is still in the air when the service is back, the failsafe keeps it, and the next resume
+    sends it out.
+    """
     stickless = rig.kinder("speck", tmp_path, stick=False)
     with rig.simulator(stickless, speedup=STREAMED, autopilot="px4") as urls:
         stopped_on_a_path(urls, folder, signal.SIGKILL, STREAMED)
@@ -151,7 +154,7 @@ def test_px4_returns_when_its_stream_ends_and_flies_again(speck_passed, folder, 
             done = rig.uavmap("resume", folder, "--json")
     done.completed()
     assert rig.bodies(folder)[: len(before)] == before
-    # it was home, unless the machine was so quick that it was taken up before its failsafe acted
+    # it was home, unless a quick machine resumed it before its failsafe acted
     assert sum(event["kind"] == "airborne" for event in rig.events(folder)) in (1, 2)
     assert rig.maps_alike(folder, speck_passed.folder)
 

@@ -1,4 +1,4 @@
-"""A service on each aircraft, each a process of its own, that speak over Zenoh."""
+"""A service on each aircraft, each a process of its own, that communicate by Zenoh."""
 
 from __future__ import annotations
 

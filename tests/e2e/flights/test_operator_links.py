@@ -1,4 +1,4 @@
-"""Signed links, a ground station beside us, and the operator's keys: the commands over sockets."""
+"""Signed links, a ground station beside the service, and the operator's keys, over sockets."""
 
 from __future__ import annotations
 
@@ -92,8 +92,10 @@ def station():
 
 # --- keys ----------------------------------------------------------------------------------------
 def test_keys_at_a_terminal_pause_continue_and_recall(folder):
-    """A real terminal, a real process: pressed keys become events, and the map says what was not
-    looked at."""
+    """A real terminal and a real process: pressed keys become events.
+
+    The map shows the cells that were not observed.
+    """
     operator, ours = pty.openpty()
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         lines = ["fly", rig.mission("speck"), *rig.arguments_of(urls), "--speedup", SPEEDUP]

@@ -29,7 +29,7 @@ SEEN = f"[...document.querySelectorAll('{ALARMS}')].map((e) => e.textContent).jo
 
 
 class Flown:
-    """The recorded flight on a page, as far as a test wants it."""
+    """The recorded flight on a page, up to the time that a test sets."""
 
     def __init__(self, feed: Feed) -> None:
         self.setting = STOPS.setting()

@@ -1,4 +1,4 @@
-"""Several patches of a region in one box: the search goes on until all of it is seen."""
+"""Several patches of a region in one box: the search continues until all of it is seen."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     setting = setting_of(load(str(file)))
     state = setting.initial_state()
     watcher = Watcher(state, now_s=lambda: 0.0)
-    for event in events:  # what the live page shows is what the map says
+    for event in events:  # the live page and the map agree
         state, _ = step(state, event)
         watcher.take_in(event, state)
     watcher.refresh(whole=True)

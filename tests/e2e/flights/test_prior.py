@@ -1,4 +1,4 @@
-"""A mission that says where its region probably is finds it sooner, in a whole simulated flight."""
+"""A mission with a prior finds its region sooner, in a whole simulated flight."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 
 GRID = Grid.at(START, CELL_M)
 REGION = square(-40, 84, 14, 10)
-"""In the corner of the box that is searched last."""
+"""Corners of the region, in the corner of the box that is searched last."""
 
 
 def written(folder: Path, *, prior: bool) -> Path:
@@ -45,7 +45,7 @@ def found_s(mission: Path) -> float:
     flight.complete()
     with Journal.open(flight.folder / JOURNAL) as journal:
         plan = FlightPlan.read(journal)
-        held = bool(plan.mission.search.prior)  # the journal holds all it was flown by
+        held = bool(plan.mission.search.prior)  # the journal holds the whole plan of the flight
         assert held == ("prior" in mission.read_text("utf-8"))
         state = fold(plan.setting(print), journal.events())
     assert state.found_s is not None
@@ -58,7 +58,7 @@ def test_region_with_a_prior_is_found_sooner(tmp_path):
     sooner_s = expected["first_sighting_without_prior_s"] - expected["first_sighting_s"]
     known = found_s(mission)
     unknown = found_s(written(tmp_path / "unknown", prior=False))
-    assert unknown - known > 0.5 * sooner_s > 15.0  # it need not lie where it is expected
+    assert unknown - known > 0.5 * sooner_s > 15.0  # it need not lie where the prior expects it
 
 
 def test_check_with_a_prior_reports_an_earlier_first_sighting(tmp_path):

@@ -1,4 +1,4 @@
-"""`uavmap fly --sim` as a user runs it, its results read by programs other than ours."""
+"""`uavmap fly --sim` as a user runs it, its results read by programs of others."""
 
 import json
 import shutil
@@ -45,7 +45,7 @@ def features(folder, kind):
 
 
 def on_ground(geometry, start):
-    """A geometry in degrees (east, north) as metres on a plane that touches the earth at start."""
+    """Return a geometry in degrees (east, north) as metres on a tangent plane at the start."""
     plane = pyproj.Proj(proj="aeqd", lat_0=start[0], lon_0=start[1], ellps="WGS84")
     return shapely.transform(geometry, lambda xy: np.column_stack(plane(xy[:, 0], xy[:, 1])))
 
@@ -82,7 +82,7 @@ class TestTiny:
         assert {path.name for path in tiny.folder.iterdir()} == RESULTS
 
     def test_progress_goes_to_standard_error(self, tiny):
-        json.loads(tiny.done.out)  # nothing but the summary
+        json.loads(tiny.done.out)  # only the summary
         assert " left  [1: " in tiny.done.err
 
     def test_outline_lies_over_the_true_region(self, tiny):
@@ -208,7 +208,7 @@ class TestPair:
             if event["kind"] == "frame_seen":
                 frames[number].append(event["t_s"])
             elif event["kind"] == "landed":
-                out[number] = frames[number][-1]  # from here on it was on its way home
+                out[number] = frames[number][-1]  # from here on it returned
             else:
                 seen_meanwhile += sum(out[number] < t_s < event["t_s"] for t_s in frames[other])
         assert seen_meanwhile > 10
@@ -219,7 +219,7 @@ class TestPair:
             mine = [event["kind"] for event in order if event["vehicle"] == number]
             at = mine.index("battery_swapped")
             assert mine[at + 1] == "airborne"
-            assert mine[at + 2] == "arrived"  # one leg, without stops on the way
+            assert mine[at + 2] == "arrived"  # one leg, without intermediate stops
 
     def test_tracks_of_both_vehicles_are_drawn(self, pair):
         tracks = features(pair.folder, "track")
@@ -231,7 +231,7 @@ class TestPair:
             if len(event["votes"]) > 1:
                 looked[event["vehicle"]].add(tuple(event["vantage"]))
         assert min(len(cells) for cells in looked.values()) > 5
-        # each cell is looked at once: what one has seen the other need not see again
+        # each cell is observed once: a cell that one has seen is not needed by the other
         assert len(looked[1] & looked[2]) <= 2
 
 
@@ -258,7 +258,7 @@ class TestDrift:
         fence = Polygon(lon_lat(mission_file["fence"]["polygon"]))
         lat, lon = mission_file["start"]["position"]
         middle = Polygon(lon_lat(mission_file["search"]["box"])).centroid
-        assert LineString([(lon, lat), middle]).intersects(hole)  # or this test shows nothing
+        assert LineString([(lon, lat), middle]).intersects(hole)  # else this test shows no drift
         points = [p[:2] for f in features(drift.folder, "track") for p in _points(f)]
         assert len(points) > 100
         track = LineString(points)

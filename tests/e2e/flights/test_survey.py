@@ -13,7 +13,7 @@ from tests.e2e import rig
 from uavmap.load.mission_source import load
 
 MORE = 1.1
-"""Ways to single cells that a gust has kept from the pictures, and what a vehicle strays."""
+"""Extra paths to single cells that a gust kept from the pictures, and the vehicle's deviation."""
 
 
 def plain_m(setting: Setting) -> float:
@@ -26,7 +26,7 @@ def plain_m(setting: Setting) -> float:
     ("habits", "most_missed"), [({"tilt_sigma_deg": 0, "heading_sigma_deg": 0}, 0), ({}, 3)]
 )
 def test_survey_in_the_wind_flies_its_lanes_once(habits, most_missed, tmp_path):
-    """The camera tilts with the airframe and looks to leeward: lanes are flown to windward."""
+    """The camera tilts with the airframe and points to leeward: lanes are flown to windward."""
     flown = rig.kinder("windy", tmp_path, **habits)
     setting = setting_of(load(rig.mission(flown)))
     assert len(setting.lanes) == 3

@@ -32,7 +32,7 @@ from vision.projection import Frame, look
 
 ALTITUDE_M = 14.0
 TOWARD_DEG = 225.0
-"""The ground falls from the start over the box."""
+"""Bearing towards which the ground falls from the start over the box, degrees."""
 
 
 class Flown:
@@ -66,8 +66,11 @@ class Flown:
         self.roi = Polygon([grid.fixed(LatLon(*vertex)) for vertex in roi])
 
     def wrong_by_m(self) -> float:
-        """How far the worst cell is off: by so much the true region has to be shrunk or widened
-        for the cell to be what the map says. In steps of a quarter of a metre."""
+        """Return the error of the worst cell, m: the true region, shrunk or widened by so much,
+        agrees.
+
+        In steps of a quarter of a metre.
+        """
         return max(self._wrong_by_m(feature["properties"]) for feature in self.map["features"])
 
     def _wrong_by_m(self, cell: dict[str, object]) -> float:
@@ -98,8 +101,10 @@ def test_flight_over_a_slope_has_right_cells_and_stays_clear_of_the_ground(
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 8.0])
 def test_picture_over_a_slope_judges_each_cell_right(pitch_deg):
-    """What the simulator renders by rays and the service reads by corners is the same ground; taken
-    as flat, cells are off by metres."""
+    """The simulator renders by rays and the service reads by corners: the ground is the same.
+
+    On flat ground the cells would be off by metres.
+    """
     heights, grid = slope(20.0, TOWARD_DEG), Grid.at(START, 4.0)
     bare = mission_text(square(4, 10, 24, 16), square(-40, -40, 110, 110), altitude_m=ALTITUDE_M)
     mission = over(checked(bare), heights)

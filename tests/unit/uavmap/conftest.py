@@ -8,13 +8,13 @@ from uavmap.ui.cli import main
 
 
 class Refusals:
-    """Runs commands that must end with code 2, and say why."""
+    """Run commands that must end with code 2 and a reason."""
 
     def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
         self._capsys = capsys
 
     def lines(self, *arguments: object) -> list[str]:
-        """The lines of ours on standard error; there is nothing on standard output."""
+        """Return the lines of uavmap on standard error; standard output is empty."""
         code = main([str(argument) for argument in arguments])
         streams = self._capsys.readouterr()
         assert code == 2, streams.err
@@ -25,12 +25,12 @@ class Refusals:
         return lines
 
     def __call__(self, *arguments: object) -> str:
-        """The one line."""
+        """Return the only line."""
         (line,) = self.lines(*arguments)
         return line
 
 
 @pytest.fixture
 def refused(capsys: pytest.CaptureFixture[str]) -> Refusals:
-    """Runs a command that must fail; its line."""
+    """Run a command that must fail; return its line."""
     return Refusals(capsys)

@@ -46,7 +46,7 @@ def plan() -> FlightPlan:
 
 
 class Mission:
-    """A port, and what came out of it."""
+    """A port, and all that it has posted."""
 
     def __init__(self) -> None:
         self.posted: asyncio.Queue[Event] = asyncio.Queue()
@@ -58,7 +58,7 @@ class Mission:
         self.port.connect(self.sent.append)
 
     def take_in(self) -> list[Event]:
-        """What was posted, as the service takes it."""
+        """Accept the posted reports, as the service does."""
         found = []
         while not self.posted.empty():
             found.append(self.posted.get_nowait())
@@ -74,14 +74,16 @@ class Mission:
 
 @contextmanager
 def listening() -> Iterator[tuple[socket.socket, Address]]:
-    """A socket that accepts, and an address that leads to it."""
+    """Open a socket that accepts, and an address of it."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield server, Address(server.getsockname()[1], "word", 0.0, os.getpid())
 
 
 @contextmanager
 def found(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket.socket]]:
-    """A process of the aircraft as the mission sees it, the other end, and where it listens."""
+    """Find a process of the aircraft as the mission does; yield it, the other end, and its
+    listener.
+    """
     with listening() as (server, address):
         line = socket.create_connection(("127.0.0.1", address.port))
         other, _ = server.accept()
@@ -106,7 +108,7 @@ async def test_aircraft_that_cannot_restart_end_the_mission(*, reset, tmp_path, 
         port = Mission().port
         port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here", 2: ""}))
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
-            if reset:  # as of a process that was killed with something left to read
+            if reset:  # as of a process that was killed with unread input
                 other.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             other.close()
             with pytest.raises(AircraftError) as ended:
@@ -226,7 +228,7 @@ async def test_aircraft_know_the_events_in_the_journal():
     assert mission.port.kept == 2
     mission.port.lost()
     mission.take_in()
-    mission.port.receive(say.Happened(FIRST, 1))  # another process counts anew
+    mission.port.receive(say.Happened(FIRST, 1))  # another process counts from the beginning
     assert mission.take_in() == [FIRST]
 
 
@@ -262,7 +264,7 @@ async def test_defect_gives_the_vehicles_to_the_guardians():
 
 @asynccontextmanager
 async def connected(child: AircraftChild, token: str) -> AsyncIterator[asyncio.StreamWriter]:
-    """A mission that is connected to a process of the aircraft."""
+    """Connect a mission to a process of the aircraft."""
     server = await asyncio.start_server(child._attached, "127.0.0.1", 0)
     reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
     writer.write(say.encode(say.Attach(say.VERSION, token)))
@@ -302,7 +304,7 @@ async def test_events_that_a_mission_dying_late_did_not_keep_are_recorded(*, kep
 
 
 class Flying(Falling):
-    """A vehicle that takes orders."""
+    """A vehicle that accepts orders."""
 
     def give(self, order: object) -> None:
         pass

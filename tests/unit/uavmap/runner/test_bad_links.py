@@ -22,7 +22,7 @@ FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb", "reserve", "breach"})
 
 
 def flown_with_loss(loss: float, seed: int) -> Flown:
-    """A flight over a link that loses a share of all frames, in both directions."""
+    """Fly over a link that loses a share of all frames, in both directions."""
     fault = {"kind": "link", "at_s": 0.0, "loss": loss}
     return flown(f"loss {loss} seed {seed}", mission_text("speck", [fault]), seed)
 
@@ -60,7 +60,7 @@ async def test_stream_that_does_not_come_is_requested_again():
         )
 
     flight = Flight(small_mission())
-    # the vehicle never hears of it, and yet it is acknowledged
+    # it never reaches the vehicle, and yet it is acknowledged
     real = flight.session.send
     flight.session.send = lambda m: _doubled(flight, m) if dropped(m) else real(m)
     async with under_way(flight):
@@ -72,7 +72,7 @@ async def test_stream_that_does_not_come_is_requested_again():
 
 
 def _doubled(flight: Flight, message: Any) -> None:
-    """The acknowledgement of the request before, once more, and the request is lost."""
+    """Repeat the acknowledgement of the request before, and lose this request."""
     ack = mav.MAVLink_command_ack_message(message.command, 0)
     frame = ack.pack(mav.MAVLink(None, srcSystem=1, srcComponent=1))
     asyncio.get_running_loop().call_soon(flight.session.feed, frame)
@@ -133,7 +133,7 @@ async def test_vehicle_left_in_the_air_is_brought_home_if_the_connection_fails()
     flight = Flight(small_mission())
     async with under_way(flight):
         await flight.after(TakeOff(UP_M), Airborne)
-    # another process took it up there and died; here is the next one
+    # another process took it up there and died; this is the next one
     again = Flight(small_mission())
     again.vehicle = flight.vehicle
     again.driver.was_flying()

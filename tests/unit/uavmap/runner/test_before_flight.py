@@ -1,4 +1,4 @@
-"""Look, show, ask, set: what keeps a mission on the ground, and who may say fly."""
+"""Check, show, ask, set: findings that keep a mission on the ground, and the operator's yes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def before(
 
 
 def real(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The simulated vehicles are taken for real ones."""
+    """Have the simulated vehicles count as real ones."""
     monkeypatch.setattr(VehicleView, "is_simulator", property(lambda view: False))
 
 
@@ -44,7 +44,7 @@ def fault_of(kind: str) -> SimFault:
 
 
 def told(field: Field, what: str) -> str:
-    """What is found of a thing, last."""
+    """Return the last finding about a subject."""
     lines = [x for text in field.told for x in text.split("\n") if f" 1 {what}: " in x]
     return lines[-1]
 
@@ -218,12 +218,12 @@ def test_answer_other_than_yes_counts_as_no(typed, answer):
 
 
 def simulated(autopilot: str, second_m: float, sigma_m: float) -> Mission:
-    """A mission of two whose second pad has this height, and receivers that err so much."""
+    """Return a mission of two whose second pad has this height, with receivers of this error."""
     return at_heights(with_receivers(mission_of(autopilot, 2), sigma_m), (0.0, second_m))
 
 
 def line_of(mission: Mission, given_m: float, folder: Path) -> str:
-    """What preflight finds of the second home where its mission gives this height."""
+    """Return the preflight line of the second home if its mission gives this height."""
 
     async def body(field: Field) -> None:
         field.setting = setting_of(at_heights(mission, (0.0, given_m)))

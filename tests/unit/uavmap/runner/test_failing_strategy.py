@@ -1,4 +1,4 @@
-"""A strategy that fails in flight: the aircraft comes home, and the operator is told why."""
+"""A strategy that fails in flight: the aircraft returns, and the operator gets the reason."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FAR = Cell(40, 40)
 
 
 def flight_with(monkeypatch: pytest.MonkeyPatch, failing: Callable[[Situation], Decision]) -> Flown:
-    """A flight whose strategy decides as it should until four cells are known."""
+    """Fly with a strategy that decides correctly until four cells are known."""
     decide = Rdfs.decide
 
     def decides(self: Rdfs, situation: Situation) -> Decision:

@@ -1,4 +1,4 @@
-"""When paths have had their time, the region is explored by stopping and looking, to its end."""
+"""When paths have had their time, the region is explored by hovering over cells, to its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ground that an autopilot knows becomes the ground of a mission, before it flies."""
+"""The ground in the memory of an autopilot becomes that of a mission, before it flies."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def test_autopilot_without_an_answer_about_its_ground_is_refused(monkeypatch):
 
 
 def _alone(call) -> None:
-    """What a task of a group raises, by itself."""
+    """Return the error that a task of a group raises, by itself."""
     alone: BaseException | None = None
     try:
         call()
     except* LinkError as group:
         alone = group.exceptions[0]
-    if alone is not None:  # the first versions of Python 3.11 wrap what is raised in an except*
+    if alone is not None:  # the first versions of Python 3.11 wrap errors raised in an except*
         raise alone
 
 

@@ -1,4 +1,4 @@
-"""Whoever is brought home around a hole in the fence, over ground that is steep."""
+"""Returns around a hole in the fence, over steep ground."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from tests.support.small_missions import mission, square
 
 UP_M = 14.0
 HOUSE = square(-6, 30, 12, 64)
-"""Between home and where it is brought home from; the way around has a long leg along a side."""
+"""A hole between home and the place of the return; the path around it has a long leg."""
 FENCE = square(-20, -20, 60, 140)
 BEHIND = GridPoint(0.0, 100.0)
 
 
 def steep() -> Mission:
-    """Ground that rises to the north by 90 %, and a fence with a house in it."""
+    """Return ground that rises to the north by 90 %, and a fence with a hole in it."""
     box = square(-4, 10, 24, 12)
     made = mission(box, FENCE, [HOUSE], altitude_m=UP_M, speed_m_s=8.0, capacity_wh=80.0)
     made = over(made, slope(90.0, 0.0))

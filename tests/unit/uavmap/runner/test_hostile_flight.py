@@ -1,4 +1,4 @@
-"""A flight while somebody sends frames with the vehicle's own ids."""
+"""A flight while another sender uses the vehicle's own ids."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ async def test_garbage_position_in_flight_is_not_believed(flight, /, lat, lon):
     [
         ({"lat": 2_147_000_000}, False),
         ({"q": [5.0, 0.0, 0.0, 0.0]}, False),
-        # so a camera says that it does not know: the autopilot does
+        # by this value a camera reports an unknown pose: the autopilot's is used
         ({"q": [0.0] * 4}, True),
         ({"q": [math.nan] * 4}, True),
         ({"lat": 0, "lon": 0}, True),
@@ -96,7 +96,7 @@ def test_flight_survives_two_thousand_forged_frames(kind):
     flight, reached = forging.fly(kind, 1, 2000)
     assert not flight.columns & FORBIDDEN, flight.line()
     assert reached == ()
-    if kind == "strangers":  # they change nothing at all
+    if kind == "strangers":  # they have no effect at all
         assert flight.code == 0
 
 

@@ -1,5 +1,4 @@
-"""Files that a reader follows from a link that falls silent to the operator's line, in a simulated
-flight."""
+"""Files between a silent link and the operator's line, counted in a simulated flight."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ SILENT = {"kind": "link", "at_s": 5.0, "for_s": 10.0, "silent": True}
 
 
 class Trip:
-    """Counts calls of product functions by file, from a silence of 5 s to the line."""
+    """Count the calls of product functions by file, from a silence of 5 s to the line."""
 
     def __init__(self) -> None:
         self.calls: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""What `uavmap resume` does for aircraft that it does not fly: puts back, names their places."""
+"""`uavmap resume` for aircraft on the ground: it restores settings and names their places."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ URL = "udpin://127.0.0.1:14550"
 
 @pytest.fixture
 def field(monkeypatch):
-    """A simulated vehicle that answers at the URL of a flight, on virtual time."""
+    """Make a simulated vehicle that answers at the URL of a flight, on virtual time."""
     made = Field(mission_of("ardupilot"))
 
     @contextlib.asynccontextmanager
@@ -76,7 +76,7 @@ def dry_run(field: Field, folder: Path) -> int:
 
 
 def test_dry_run_that_cannot_restore_fails_and_resume_restores(field, tmp_path, capsys):
-    """A real PX4 kept the mission's fence after two of six dry runs; the remedy did not exist."""
+    """A real PX4 kept the mission's fence after two of six dry runs; no command restored it."""
     folder = tmp_path / "flight"
     field.put(0, "FENCE_ALT_MAX", 77.0)
     field.lose = lambda: any("set and read back" in text for text in field.told)

@@ -1,4 +1,4 @@
-"""What the operator is told while a vehicle is waited for, and when it flies at another speed."""
+"""Lines for the operator while the service waits for a vehicle, or if it flies at another speed."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ async def test_clock_that_runs_fast_is_reported(flight, /):
 
 
 class _Faster:
-    """The same vehicle, whose time passes three times as fast."""
+    """A vehicle whose time passes three times as fast."""
 
     def __init__(self, vehicle: object, step: object) -> None:
         self._vehicle, self._step = vehicle, step

@@ -1,7 +1,7 @@
-"""What went wrong when real autopilots were flown, against the simulated ones, flight by flight.
+"""Faults of flights with real autopilots, repeated with the simulated ones, flight by flight.
 
-The table with what happened then and what happens now is in docs/reference/real-autopilots.md;
-it names these tests. Rows that other tests fly are named there, too.
+The table in docs/reference/real-findings.md has the outcome of each, then and now, and names these
+tests. It also names the tests of other files.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ both = pytest.mark.parametrize("autopilot", BOTH)
 
 
 def gone_on_with(said):
-    """The ending names the command that goes on."""
+    """Return whether the ending names the command that resumes the flight."""
     return "to go on: uavmap resume" in said
 
 
@@ -75,7 +75,7 @@ def test_px4_that_needs_a_ground_station_accepts_the_service():
 def test_pilot_landing_gets_a_line_on_how_to_resume(autopilot):
     lands = once(after(3.0), lambda v: into(v, LAND[autopilot]))
     flight = scenario(autopilot, once(flying, lambda v: None), lands)
-    assert flight.code in (3, 4)  # 4: it landed away from its pad, which is said
+    assert flight.code in (3, 4)  # 4: it landed away from its pad, and a line reports it
     assert "is in LAND, not under our control: hands off" in flight.said
     assert "has landed, not under our control" in flight.said
     assert gone_on_with(flight.said)
@@ -123,7 +123,7 @@ def test_landing_interrupted_by_a_failsafe_over_the_pad_is_no_failure():
 @both
 def test_satellites_gone_in_the_air_land_the_vehicle(autopilot):
     flight = scenario(autopilot, once(flying, lambda v: v.fail.gps(after_s=3.0)))
-    assert flight.code == 4  # it came down where it was, and that is said
+    assert flight.code == 4  # it landed where it was, and a line reports it
     assert "is in LAND" in flight.said
     assert "from its pad" in flight.said
     assert gone_on_with(flight.said)
@@ -133,7 +133,7 @@ def test_satellites_gone_in_the_air_land_the_vehicle(autopilot):
 def test_position_that_leaps_by_55_m_is_noticed(autopilot):
     leaps = {"kind": "gps_glitch", "at_s": 25.0, "metres": 55.0, "for_s": 10.0}
     flight = scenario(autopilot, faults=[leaps])
-    assert flight.code in (3, 4)  # 4: it was landed at once, and that is said
+    assert flight.code in (3, 4)  # 4: it landed at once, and a line reports it
     assert "satellite navigation cannot be trusted" in flight.said
     assert gone_on_with(flight.said)
 
@@ -210,7 +210,7 @@ def test_vehicle_without_a_camera_searches_nothing(autopilot):
 
 
 def test_camera_of_the_autopilot_without_pictures_searches_nothing():
-    """It accepts every command, as another component than was asked; CAM1_TYPE 1."""
+    """It accepts every command, from another component than the one addressed; CAM1_TYPE 1."""
     flight = scenario("ardupilot", quirks={"camera": "autopilot"})
     assert (flight.code, flight.summary["completed"]) == (3, False)
     assert NOTHING_JUDGED in flight.summary["finding"]
@@ -241,7 +241,7 @@ def test_camera_with_its_own_clock_completes(autopilot, ahead_s):
 
 @pytest.mark.parametrize(("autopilot", "ppm"), [("ardupilot", 2000.0), ("px4", -2000.0)])
 def test_drifting_clock_of_a_vehicle_completes(autopilot, ppm):
-    """2 s in a thousand; a boot time that is taken once is wrong by 0.2 s after this flight."""
+    """2 s in a thousand: a boot time that is read once is wrong by 0.2 s after this flight."""
     flight = scenario(autopilot, quirks={"clock_ppm": ppm})
     assert flight.code == 0
 
@@ -292,7 +292,7 @@ def test_forced_stop_of_the_motors_is_no_landing():
 
 
 def cut_at_take_off(vehicle: SimVehicle) -> bool:
-    """The link falls silent for good between NAV_TAKEOFF and the report that it has lifted off."""
+    """Silence the link for ever between NAV_TAKEOFF and the report of lift-off."""
     if vehicle._ap.phase.name == "LANDED":
         return False
     vehicle.fail.link(silent=True)
@@ -301,7 +301,7 @@ def cut_at_take_off(vehicle: SimVehicle) -> bool:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_link_lost_at_take_off_ends_the_flight_when_the_battery_must_be_empty(autopilot):
-    """It was given up after 120 s, "on the ground", while it hovered in its layer."""
+    """An earlier version gave it up after 120 s, "on the ground", while it hovered."""
     flight = scenario(autopilot, cut_at_take_off)
     assert flight.code == 4, flight.line()
     assert "longer than its battery can have lasted" in flight.said

@@ -1,4 +1,4 @@
-"""The service between a journal and vehicles that a test plays."""
+"""The service between a journal and vehicles whose reports a test determines."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CONNECTED = Connected(1, 0.0, HOME, HOME, 0.0, False, True, 25.0)
 
 
 class Played:
-    """A vehicle that reports what it is told to, from the event loop as a socket would."""
+    """A vehicle that makes given reports, from the event loop as a socket would."""
 
     def __init__(self, *events: tuple[float, Event]) -> None:
         self.orders: list[Order] = []
@@ -50,7 +50,7 @@ class Played:
         self.orders.append(order)
 
     def land_here(self, vehicle: int, reason: str) -> None:
-        """Land nothing."""
+        """Do nothing: these vehicles never land here."""
 
 
 @pytest.fixture
@@ -177,7 +177,10 @@ def test_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch, s
     service.flush_pending_events()
     monkeypatch.undo()
     assert [type(e) for e in journal.events()] == [Connected]
-    assert [e.t_s for e in noticed] == [0.0, 20.0]  # the operator sees what no journal holds
+    assert [e.t_s for e in noticed] == [
+        0.0,
+        20.0,
+    ]  # shown, although no journal holds the last
     assert len(said) == 1
     assert "are not in the journal" in said[0]
 
@@ -201,7 +204,7 @@ def test_report_after_a_failure_is_recorded_and_not_acted_on(journal, monkeypatc
 
     with pytest.raises(JournalError, match="disk is full"):
         run(main(), VirtualClock())
-    monkeypatch.undo()  # somebody has made room
+    monkeypatch.undo()  # the disk has room again
     given = len(vehicle.orders)
     service.post(Crashed(1, 30.0, HOME, "it fell"))
     service.post(Tracked(1, 31.0, GridPoint(float("nan"), 0.0), 0.0, 25.0))

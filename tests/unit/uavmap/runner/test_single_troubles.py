@@ -1,4 +1,4 @@
-"""One trouble each, with the real service, driver and simulated vehicle on virtual time."""
+"""One fault each, with the real service, driver and simulated vehicle on virtual time."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class OneVehicle:
 
 
 def serve(body: Body, folder: Path) -> None:
-    """A whole service around one vehicle."""
+    """Run a whole service around one vehicle."""
     flight = Flight(small_mission(capacity_wh=60.0))
 
     async def main() -> None:
@@ -106,7 +106,7 @@ async def test_link_that_drops_during_a_landing_costs_nothing(flight, service, /
 
     await flight.until(lambda: vehicle().phase is Phase.AIRBORNE)
     await asyncio.sleep(5.0)
-    # low, by the reducer's eyes
+    # low, by the state of the mission
     t_s = round(flight.now_s(), 3)
     service.post(Tracked(1, t_s, vehicle().position, vehicle().height_m, 12.0))
     await flight.until(lambda: isinstance(vehicle().order, Land), 200.0)
@@ -166,7 +166,7 @@ def test_flight_with_a_fault_ends_with_its_exit_code(fault, code, home, said):
 def test_leaning_camera_searches_no_lane_that_it_does_not_show():
     """A gust blows it 2 m off its lane, and a fixed camera leans: a row of cells is not seen.
 
-    The region that lies there was missed, the lane called searched, and the mission complete.
+    An earlier version called the lane searched, missed the region there, and the mission complete.
     """
     gust = {"kind": "wind_gust", "m_s": 12.0, "at_s": 18.0}
     flight = flown("wind_gust", mission_text("speck", [gust]) + EXACT_ATTITUDE, 1)

@@ -1,8 +1,7 @@
-"""What a mission says is what is flown, on both autopilots: speeds within 5 %, heights by the sea.
+"""Both autopilots fly the mission's speeds within 5 %, and its heights by the sea.
 
-A real ArduCopter flew 10 m/s whatever was asked for, because the speed was sent before the target
-that puts its own back. A real PX4 corrects the height of its home in flight, and the heights that
-it tells above it leap.
+A real ArduCopter flew 10 m/s at any order: the speed was sent before the target, which resets it. A
+real PX4 corrects the height of its home in flight: its reported heights above home leap.
 """
 
 import asyncio
@@ -29,7 +28,7 @@ def on(autopilot, **how):
 
 
 async def speed_of(flight, order):
-    """The speed that is flown in the middle of a leg: the median of its fastest half, truly."""
+    """Return the true speed in the middle of a leg: the median of its fastest half."""
     speeds = []
     arrived = len(flight.seen(Arrived))
     flight.driver.give(order)

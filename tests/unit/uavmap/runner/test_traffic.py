@@ -1,4 +1,4 @@
-"""Whole flights with aircraft of others on the wire: the team answers, goes on, maps all."""
+"""Whole flights with other aircraft on the wire: the team avoids them, continues and maps all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole simulated flights whose satellites are lost or lie: who notices, and where they land."""
+"""Whole simulated flights with lost or wrong satellites: the detection and the landing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LOST = '[[sim.faults]]\nkind = "gps"\nat_s = 25\n'
 
 @dataclass(slots=True)
 class Flown:
-    """A flight, and what truly happened."""
+    """A flight, and the truth about it."""
 
     summary: dict[str, Any]
     told: str
@@ -43,11 +43,11 @@ class Flown:
 
     @property
     def pad_m(self) -> float:
-        """How far from its home it stands in the end."""
+        """Return the distance from its home at the end, m."""
         return math.hypot(*self.true[-1][1])
 
     def off_m(self, t_s: float) -> float:
-        """By how much the place that the service reckoned with was off then."""
+        """Return the error of the service's position at a time, m."""
         event = min(self.tracked, key=lambda e: abs(e.t_s - t_s))
         _, place = min(self.true, key=lambda entry: abs(entry[0] - event.t_s))
         return event.position.distance_to(place)
@@ -55,7 +55,7 @@ class Flown:
 
 @pytest.fixture
 def flown(tmp_path, monkeypatch, said):
-    """Fly the small box with more in its file."""
+    """Fly the small box with more keys in its file."""
 
     def flying(navigation: str, faults: str, sim: str = "") -> Flown:
         true: list[tuple[float, GridPoint]] = []

@@ -9,7 +9,7 @@ import pytest
 
 @pytest.fixture
 def terminal():
-    """The operator's end of a terminal, and ours."""
+    """Open a terminal; yield the operator's end and the program's."""
     operator, ours = pty.openpty()
     stream = os.fdopen(ours, "r")
     yield operator, stream

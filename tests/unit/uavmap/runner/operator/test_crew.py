@@ -1,4 +1,4 @@
-"""Nothing takes off beside people but by their word: Enter, pressed after the question."""
+"""No vehicle takes off beside people before their answer: Enter, pressed after the question."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ PAD, FIELD = GridPoint(0.0, 0.0), GridPoint(39.0, 0.0)
 
 
 def connected(place: GridPoint, *, airborne: bool) -> Connected:
-    """Its autopilot takes the place where it lies for its home, as a real PX4 does."""
+    """Connect a vehicle whose autopilot counts its place as its home, as a real PX4 does."""
     home = PAD if airborne else place
     return Connected(1, 50.0, home, place, 12.0 * airborne, airborne, True, 60.0)
 

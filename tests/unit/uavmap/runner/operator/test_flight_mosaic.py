@@ -134,7 +134,7 @@ def test_mosaic_picture_that_cannot_be_decoded_costs_the_mosaic_only(tmp_path, c
     with caplog.at_level("INFO", LOG):
         mosaic.keep(frame(10.0, 20.0), b"no picture")
         mosaic.end()
-        mosaic.keep(frame(40.0, 20.0), plain(100))  # one that comes late
+        mosaic.keep(frame(40.0, 20.0), plain(100))  # one that arrives late
     (line,) = caplog.messages
     assert "is not continued (ImageError: " in line
 

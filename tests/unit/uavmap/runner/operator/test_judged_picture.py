@@ -1,4 +1,4 @@
-"""One picture of a flight is kept, with what the detector takes for region."""
+"""One picture of a flight is kept, with the outline of the region that the detector found."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_judged_picture_is_the_first_with_region_and_has_its_outline(tmp_path):
     shown(keeper, 3.0, picture(200), region=True)
     keeper.end()
     rows, columns = np.nonzero(red(tmp_path / FILE))
-    # the region less what dilations of the surround take of it
+    # the region less the dilations of the surround
     assert (columns.min(), columns.max()) == pytest.approx((107, 192), abs=3)
     assert (rows.min(), rows.max()) == pytest.approx((67, 172), abs=3)
 
@@ -69,7 +69,7 @@ def test_judged_picture_without_region_is_the_first_one(tmp_path):
 
 
 def test_judged_picture_stays_after_a_resume(tmp_path):
-    for found in (True, False):  # one without region makes room for one with it
+    for found in (True, False):  # a picture without region makes room for one with it
         (tmp_path / FILE).write_bytes(b"of before")
         keeper = JudgedPicture(tmp_path, SETTING, found=found)
         shown(keeper, 1.0, picture(100), region=True)

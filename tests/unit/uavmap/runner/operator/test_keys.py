@@ -1,4 +1,4 @@
-"""The operator's keys: what each asks of the service, and a terminal that is left as it was."""
+"""The operator's keys: the order that each gives to the service, and the restored terminal."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from uavmap.runner.service import Service
 
 
 def steered(vehicles: int = 3) -> Mock:
-    """A service that notes what it is asked for."""
+    """Return a service that records its orders."""
     return Mock(spec=Service, state=Mock(vehicles=dict.fromkeys(range(1, vehicles + 1))))
 
 
 def pressed_in(keys: str, service: Mock) -> list[Any]:
-    """What a service was asked for when keys were pressed."""
+    """Return the orders that a service got when keys were pressed."""
     taking = Keys(service)
     for key in keys:
         taking.press(key)
@@ -42,7 +42,7 @@ def pressed_in(keys: str, service: Mock) -> list[Any]:
         ("q1q", [call.land_here(1)]),
         ("qaq", [call.land_here(1), call.land_here(2), call.land_here(3)]),
         ("q1", []),
-        ("q1p", []),  # any other key: no vehicle lands, and nothing else happens
+        ("q1p", []),  # any other key: no vehicle lands, and no order is given
         ("q1\nq", []),
         ("r7", []),
         ("rp", [call.pause()]),

@@ -1,4 +1,4 @@
-"""What the operator is shown at once, beside what `test_time_left` shows."""
+"""Lines that the operator gets at once, beside those of `test_time_left`."""
 
 from __future__ import annotations
 

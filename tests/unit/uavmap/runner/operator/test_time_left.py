@@ -1,4 +1,4 @@
-"""The share and the time left along a recorded flight: honest, and silent where nobody knows."""
+"""The share and the time left along a recorded flight: correct, and empty if unknown."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uavmap.runner.operator.time_left import Left, time_left
 
 
 def course(recording: Recording, every: int = 10) -> list[tuple[State, Left]]:
-    """What was told now and then, and last."""
+    """Return the values shown now and then, and the last one."""
     setting, told = recording.setting(), []
     state = setting.initial_state()
     lines = recording.lines()
@@ -42,7 +42,7 @@ def test_share_is_whole_only_at_home_and_never_decreases_in_the_search():
     assert searching[-1] > searching[0] == 0.0
     home = [(state, left) for state, left in before if state.exploration_finished]
     assert home
-    for state, left in home:  # the way home is known: it is right within a half, and 15 s
+    for state, left in home:  # the return path is known: it is right within a half, and 15 s
         assert left.about_s == pytest.approx(last.t_s - state.t_s, rel=0.5, abs=15.0)
     exploring = [left for state, left in before if state.tree and not state.exploration_finished]
     assert all("of the known region" in left.text for left in exploring)

@@ -1,4 +1,4 @@
-"""What is said of parameters, for each autopilot: as wanted, otherwise, or not told."""
+"""Findings about parameters, for each autopilot: suitable, unsuitable, or not reported."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_unsuitable_parameter_is_a_finding_with_a_reason(kind, name, value):
 def test_parameter_that_the_autopilot_does_not_report_is_a_finding():
     values = {name: value for name, value in GOOD_ARDUPILOT.items() if name != "BATT_LOW_MAH"}
     findings = found(ARDUPILOT, values)
-    assert not_ok(findings) == ["BATT_LOW_MAH"]  # a voltage that does needs no second limit
+    assert not_ok(findings) == ["BATT_LOW_MAH"]  # a voltage limit needs no second limit
     assert [f.level for f in found(ARDUPILOT, {})] == [Level.BAD]
 
 
@@ -105,7 +105,7 @@ def test_return_height_of_a_team_is_no_finding():
 
 
 class Numbered:
-    """A frame of which only the number counts."""
+    """A frame of which only the number matters."""
 
     def __init__(self, seq: int) -> None:
         self._seq = seq

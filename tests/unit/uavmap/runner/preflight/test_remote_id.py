@@ -17,7 +17,7 @@ def status(number, error=b""):
 
 
 def line(*messages, system=1):
-    """The doctor's line after messages of a module on the vehicle."""
+    """Return the doctor's line after messages of a module on the vehicle."""
 
     async def examined():
         session = Session(lambda frame: None, lambda data: None)

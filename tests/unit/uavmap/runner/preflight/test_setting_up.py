@@ -1,4 +1,4 @@
-"""The autopilot's own fence: set, read back, put back; or kept, and the mission held against it."""
+"""The autopilot's own fence: set, read back, restored; or kept, and compared with the mission."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ async def test_fence_is_set_around_the_mission_and_restored(field, /, autopilot,
 
 
 def plan_m(found: list[Finding]) -> float:
-    """How far outside, as the operator is told."""
+    """Return the distance outside, as the operator sees it, m."""
     (text,) = [f.found for f in found if f.what == "fence" and f.level is Level.OK]
     return float(text.split(" m outside")[0].split()[-1])
 
@@ -116,7 +116,7 @@ async def test_settings_of_a_killed_flight_are_not_taken_for_the_pilots(field, /
 
 @by(on_field, lambda: mission_of("ardupilot"))
 async def test_guid_timeout_of_a_killed_flight_is_restored_by_resume(field, /, tmp_path):
-    """A real ArduCopter kept 1 s for good after a kill, also when the flight was resumed."""
+    """A real ArduCopter kept 1 s for ever after a kill, even if the flight was resumed."""
     assert could_fly(await field.setup(1, tmp_path).apply())
     session = field.links[0].session
     await StreamTimeout("sim", session, field.told.append).shorten()
@@ -140,7 +140,7 @@ async def test_guid_timeout_is_restored_where_the_fence_is_kept(field, /, tmp_pa
 
 
 def has_uid(field: Field, number: int) -> None:
-    """The hardware's number of the aircraft at the end of the link, as it tells it."""
+    """Give the aircraft at the end of the link the hardware number that it reports."""
     codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     version = mav.MAVLink_autopilot_version_message(
         0, 0x040602FF, 0, 0, 0, bytes(8), bytes(8), bytes(8), 0, 0, number, bytes(18)

@@ -1,4 +1,4 @@
-"""Results as Python gets them: geometries, tables, plots, and what is wrong with a folder."""
+"""Results in Python: geometries, tables, plots, and errors for damaged folders."""
 
 import io
 import json
@@ -54,7 +54,7 @@ def write(folder, *features, boundary=None):
 
 @pytest.fixture
 def folder(tmp_path):
-    """A ring of a region around a hole, two cells, a track; and a boundary with its band."""
+    """Write a ring of a region around a hole, two cells, a track, and a boundary with its band."""
     hole = list(reversed(square(4.0, 4.0, 4.0)))
     first = {"state": "explored", "positive": 3, "votes": 5}
     second = {"state": "non-roi", "positive": 0, "votes": 4, "belief": 0.1}

@@ -58,7 +58,7 @@ def test_closed_browser_holds_nothing() -> None:
     controls.left("a")
     controls.seen("b")
     assert controls.held_by("b")
-    # one that was only cut off comes back as a watcher
+    # one that was only disconnected returns as a watcher
     clock.now_s += GONE_S + 1.0
     controls.seen("a")
     assert controls.held_by("a")
@@ -73,7 +73,7 @@ def test_browser_that_asked_and_left_gets_nothing() -> None:
     clock.now_s += ASK_S
     controls.seen("a")
     assert controls.held_by("a")
-    controls.ask("b")  # it asks without being there
+    controls.ask("b")  # it asks without being connected
     clock.now_s += GONE_S + ASK_S
     controls.seen("a")
     assert controls.held_by("a")

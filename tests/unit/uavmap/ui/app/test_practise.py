@@ -1,4 +1,4 @@
-"""A flight that a page has begun does not depend on it."""
+"""A flight that a page has started does not depend on the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a folder holds, and the commands that run in it."""
+"""The contents of a folder, and the commands that run in it."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_command_runs_in_the_folder_and_its_lines_are_kept(tmp_path: Path) -> No
     assert "bad mission.toml: start: missing" in "\n".join(job.lines())
     assert job.state == "refused (exit code 2)"
     assert job.page(steers=True) is None
-    job.interrupt()  # it has ended: nothing happens
+    job.interrupt()  # it has ended: no signal is sent
     assert jobs.running == []
 
 

@@ -1,4 +1,4 @@
-"""`uavmap animate` of missions that have little to show."""
+"""`uavmap animate` of missions with little content."""
 
 import pytest
 

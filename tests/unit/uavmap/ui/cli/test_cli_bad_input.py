@@ -1,4 +1,4 @@
-"""Whatever is wrong with the input: exit code 2 and a line that says so, in process."""
+"""Every kind of wrong input: exit code 2 and a line with the reason, in process."""
 
 import re
 import shutil
@@ -34,7 +34,7 @@ MISSION_FAULTS = {
     "an unknown strategy": (r'^strategy = "swath"', 'strategy = "dfs"', "strategy"),
     "an unknown detector": (r'^name = "threshold"', 'name = "oracle"', "detector.name"),
 }
-"""One of each kind; all others are in `tests/unit/missions/mission`."""
+"""One fault of each kind; all others are in `tests/unit/missions/mission`."""
 
 
 @pytest.mark.parametrize("command", ["check", "fly", "replay"])
@@ -100,7 +100,7 @@ def test_invalid_url_is_refused_with_a_remedy(tmp_path, refused, url, words):
     line = refused("fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert words in line
     assert url in line
-    assert "into" not in line  # no folder is announced that is gone again
+    assert "into" not in line  # no line announces a folder that is removed again
     assert not (tmp_path / "out").exists()
 
 
@@ -132,7 +132,7 @@ def test_replay_of_missing_or_untagged_photographs_is_refused(tmp_path, capsys, 
     whole = write_photo(images / "a.jpg", image=large).read_bytes()
     (images / "a.jpg").write_bytes(whole[: len(whole) - 200])
     assert "a.jpg: not a readable picture" in refused(*replay)
-    assert not (out / JOURNAL).exists()  # mended, the same command works
+    assert not (out / JOURNAL).exists()  # after the remedy the same command works
     (images / "a.jpg").write_bytes(whole)
     assert main([str(a) for a in replay]) == 0
     capsys.readouterr()

@@ -1,4 +1,4 @@
-"""The command before a command is chosen: quick, and of help."""
+"""The command line before a command is chosen: quick and helpful."""
 
 import errno
 import os
@@ -134,7 +134,7 @@ def test_exit_code_is_that_of_the_command(monkeypatch):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize(("arguments", "code"), [(["--help"], 0), (["flyy"], 2)])
 def test_console_script_signal_after_its_last_line_keeps_its_exit_code(arguments, code, number):
-    """One signal comes before the interpreter resets those that are handled, one after that."""
+    """One signal comes before the interpreter resets handled signals, one after that."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     module, function = project["scripts"]["uavmap"].split(":")
     program = f"""

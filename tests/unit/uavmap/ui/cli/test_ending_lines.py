@@ -1,4 +1,4 @@
-"""How a flight that is kept from going on ends, and what the operator is told of it."""
+"""The end of a flight that cannot continue, and its lines for the operator."""
 
 import errno
 import io
@@ -101,7 +101,7 @@ def test_flight_after_a_pilots_landing_ends_with_the_reason():
 
 @pytest.mark.parametrize("landed", [True, False])
 def test_flight_does_not_wait_for_a_battery_while_a_pilot_keeps_the_other(landed):
-    """In the air, however, it is waited for."""
+    """In the air, however, the flight waits for it."""
     made = service(2)
     kept = replace(made.state.vehicles[2], phase=Phase.YIELDED, landed=landed, order=StandDown())
     assert all_wait(made.state.with_vehicle(kept), {1}) is landed
@@ -175,7 +175,7 @@ def test_line_that_waits_for_an_answer_keeps_its_place_among_those_that_arrive()
 
 # --- an aircraft that is down, and a map that is whole ----------------------------------------
 def mapped(phase, landed_away_m):
-    """All is explored; the second vehicle came down 45 m from its pad."""
+    """Return the end of a whole exploration; the second vehicle landed 45 m from its pad."""
     made = service(2)
     root = Cell(0, 6)
     made.state = replace(made.state, tree=Tree.rooted(root).looked(root, ()))

@@ -26,7 +26,7 @@ def test_parameters_of_python_are_those_of_the_table(command, more):
     for name, option in python.items():
         if not option.name.startswith("--"):
             continue
-        unchanged = command == "resume" and name == "forward"  # () would end what was passed on
+        unchanged = command == "resume" and name == "forward"  # () would end the arguments
         switch = option.metavar is None and option.choices is None
         empty = () if option.several and not unchanged else False if switch else option.default
         assert signature[name].default == empty

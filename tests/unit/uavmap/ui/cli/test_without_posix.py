@@ -1,4 +1,4 @@
-"""What a computer with Windows can do: commands that fly nothing."""
+"""Commands that fly no vehicle work on a computer with Windows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run a command where the modules and signals of POSIX are missing, as on Windows.
+"""Run a command without the modules and signals of POSIX, as on Windows.
 
     python -m tests.unit.uavmap.ui.cli.without_posix check runway
 
@@ -21,7 +21,7 @@ from typing import Any
 
 MODULES = ("termios", "fcntl", "resource", "tty", "pty", "pwd", "grp")
 STANDARD = (asyncio, concurrent.futures, multiprocessing.connection, subprocess, tempfile)
-"""Loaded before: Python's own modules take other ways on Windows."""
+"""Modules loaded before: Python's own modules behave differently on Windows."""
 SIGNALS = ("SIGHUP", "SIGUSR1", "SIGUSR2", "SIGCONT", "SIGALRM", "SIGPIPE", "SIGKILL", "SIGTTOU",
            "SIGWINCH", "SIGQUIT", "SIGTSTP")  # fmt: skip
 FUNCTIONS = ("fork", "setsid", "killpg", "getuid", "geteuid", "fchmod", "sched_getaffinity")

@@ -32,11 +32,11 @@ SIDE = 200
 PITCH_M = 0.5
 RASTER = Raster(-50.0, 50.0, PITCH_M, SIDE, SIDE)
 _LEFT = 40
-"""Columns that show nothing."""
+"""Number of columns without content."""
 
 
 def ground() -> Any:
-    """Red is the column, green the row; the first columns show nothing."""
+    """Paint ground: red is the column, green the row; the first columns are empty."""
     ramp = np.arange(SIDE, dtype=np.uint8)
     image = np.zeros((SIDE, SIDE, 4), np.uint8)
     image[..., 0], image[..., 1], image[..., 2], image[..., 3] = ramp, ramp[:, None], 90, 255
@@ -83,7 +83,7 @@ def mosaic(folder: Path) -> Path:
 
 
 def tiles_of(folder: Path) -> tuple[int, dict[tuple[int, int], bytes]]:
-    """The ground as tiles of one level, in PNG."""
+    """Return the ground as tiles of one level, in PNG."""
     with closing(opened(geotiff(folder, "source.tif"))) as layer:
         zoom = layer.zooms[-1]
         corners = [place_in_tiles(place(*at), zoom) for at in ((0, 0), (SIDE, SIDE))]

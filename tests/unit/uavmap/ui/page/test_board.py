@@ -1,4 +1,4 @@
-"""Deltas add up to the snapshot, however seldom a browser is told."""
+"""Deltas add up to the snapshot, at any rate of updates of a browser."""
 
 import json
 

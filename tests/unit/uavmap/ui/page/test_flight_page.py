@@ -1,4 +1,4 @@
-"""A page beside a flight: it is told everything, and never ends or changes the flight."""
+"""A page beside a flight: it gets all reports, and never ends or changes the flight."""
 
 import asyncio
 import json
@@ -86,7 +86,7 @@ class Heard:
 
 
 def ticking():
-    """A clock that goes on by 0.07 s each time that it is asked."""
+    """Return a clock that advances by 0.07 s at each call."""
     times = iter(range(10**9))
     return lambda: 0.07 * next(times)
 
@@ -158,7 +158,7 @@ def test_readers_beside_a_page_and_without_one_end_with_the_same_board(said):
     for board in boards:
         board.end()
         board.close("the flight is over")
-    assert said == ["TAK: linked"] * 2  # and what is no report is no order either
+    assert said == ["TAK: linked"] * 2  # and a message that is no report is no order either
     snapshots = [feed.board.since(0) for feed in (page, beside, alone)]
     for part in ("cells", "vehicles", "tracks", "log"):
         first, *others = (sorted(map(repr, _parts(s[part]))) for s in snapshots)
@@ -219,14 +219,14 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said):
     page.begin(STOPS.setting(), again=False)
 
     async def flight():
-        ask("pause")  # before anybody could fly: forgotten
+        ask("pause")  # before any vehicle could fly: dropped
         heard = Heard()
         with shown_on(heard), page.steering(service):
             await asyncio.sleep(0.01)
             assert service.mock_calls == []
             ask("pause")
             await heard.lines.get()
-            ask("continue")  # and what fails in there ends the page only
+            ask("continue")  # an error inside ends the page only
             await heard.lines.get()
         ask("pause")
         await asyncio.sleep(0.01)

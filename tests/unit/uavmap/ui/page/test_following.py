@@ -1,4 +1,4 @@
-"""A journal of another process as a page: while it is written, and when it is whole."""
+"""The journal of another process as a page: while it is written, and when it is whole."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from uavmap.ui.page.page_scene import STATES
 
 
 class EnoughError(Exception):
-    """Nobody watches any longer."""
+    """Raised when no browser watches any longer."""
 
 
 def begun(folder, **meta):
@@ -39,7 +39,7 @@ def begun(folder, **meta):
 
 
 def opened_in(module, feed, monkeypatch):
-    """Serve pages of a module by a feed; return the list of what is asked for."""
+    """Serve pages of a module by a feed; return the list of its requests."""
     asked = []
 
     @contextlib.contextmanager
@@ -61,7 +61,7 @@ def test_journal_is_followed_while_it_is_written(tmp_path):
         parts = iter([EVENTS[third : 2 * third], EVENTS[2 * third :], None])
 
         def sleep(_):
-            """Nothing new is there: the flight goes on meanwhile."""
+            """Continue the flight while no event is new."""
             part = next(parts)
             if part is None:
                 raise EnoughError
@@ -106,7 +106,7 @@ def test_command_watches_until_control_c(tmp_path, monkeypatch):
     before = (tmp_path / JOURNAL).read_bytes()
 
     class Interrupted(Feed):
-        def orders(self) -> list[Words]:  # asked for when everything is told
+        def orders(self) -> list[Words]:  # requested after all events
             raise KeyboardInterrupt
 
     feed = Interrupted()
@@ -162,7 +162,7 @@ def test_recorded_pictures_are_shown_by_their_rule(weighed, tmp_path):
 
 
 def enough(_):
-    """Nothing new is there."""
+    """End: no event is new."""
     raise EnoughError
 
 

@@ -1,4 +1,4 @@
-"""Who may look at the page: its cookie, and pages of other origins; `test_server` has the token."""
+"""Access to the page: its cookie, and pages of other origins; `test_server` has the token."""
 
 import asyncio
 
@@ -11,7 +11,7 @@ GOOD = (b"cookie", b"other=1; uavmap-8470=right")
 
 
 def answered(kind, path="/", query=b"", *headers):
-    """What is sent back; None where the application behind was asked."""
+    """Return the messages sent back; None if the guard passed the request on."""
     sent = []
     passed = []
 

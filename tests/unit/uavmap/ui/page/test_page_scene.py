@@ -26,13 +26,13 @@ def setting():
 
 
 def tile_of(place, zoom):
-    """The usual formula, by the northern latitude's hyperbolic sine."""
+    """Return the tile of a place by the usual formula, with the hyperbolic sine."""
     y = math.asinh(math.tan(math.radians(place.lat_deg))) / math.pi
     return (place.lon_deg + 180.0) / 360.0 * 2**zoom, (1.0 - y) / 2.0 * 2**zoom
 
 
 def written(path, around, kind="png", zoom=ZOOM):
-    """Tiles around a place: red is the column in a tile, green its row."""
+    """Write tiles around a place: red is the column in a tile, green its row."""
     ramp = np.arange(256, dtype=np.uint8)
     tile = np.dstack([np.zeros((256, 256), np.uint8), np.repeat(ramp, 256).reshape(256, 256),
                       np.tile(ramp, (256, 1))])  # fmt: skip

@@ -1,4 +1,4 @@
-"""The page's process through HTTP and NiceGUI's socket, without a browser; tests are the flight."""
+"""The page's process through HTTP and NiceGUI's socket, without a browser, beside a stub flight."""
 
 import asyncio
 import contextlib
@@ -227,7 +227,7 @@ async def test_hub_shows_the_end_to_all_browsers():
 
 
 def test_page_that_is_killed_is_reported_once_and_orders_nothing(flight):
-    """The last one: this page is gone then."""
+    """Keep this test last: it ends the page."""
     feed = flight.feed
     os.kill(feed._child.process.pid, signal.SIGKILL)
     while not feed.dead:

@@ -135,7 +135,7 @@ def test_scene_is_for_json():
 
 
 MOST_M = 4.0
-"""A copter is so far off its path at most, in these flights, and its position a little wrong."""
+"""Maximum distance of a copter from its path in these flights, with the position error, m."""
 
 
 @pytest.mark.parametrize(
@@ -168,7 +168,7 @@ def test_path_ahead_is_the_path_flown(recording, kinds):
                     assert set(path[::3]) == {UNTIMED_S}
                 assert len(path) <= 300
     assert kinds <= seen
-    assert news < len(lines) / 2  # it is told again for a new order only
+    assert news < len(lines) / 2  # it is sent again for a new order only
 
 
 def test_path_ahead_over_a_drifting_region_is_where_it_will_be():

@@ -1,4 +1,4 @@
-"""What is sent to TAK: types, names, colours, rings, motion. No socket."""
+"""Marks for TAK: types, names, colours, rings, motion. No socket."""
 
 import math
 from xml.etree import ElementTree as ET

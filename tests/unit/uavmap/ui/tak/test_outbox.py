@@ -1,4 +1,4 @@
-"""What is sent when: the newest state only, each mark at its rate, all in turn."""
+"""Order of marks: the newest state only, each mark at its rate, all in turn."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The process of a TAK link over real sockets; the tests are the flight."""
+"""The process of a TAK link over real sockets; the tests act as the flight."""
 
 import os
 import select
@@ -22,7 +22,7 @@ VEHICLES = 20
 
 
 class Flight(BoardFlight):
-    """Sends updates by the real pipe; update `k` is one of vehicle `k % 20 + 1`."""
+    """Send updates by the real pipe; update `k` is one of vehicle `k % 20 + 1`."""
 
     def __init__(self, feed):
         super().__init__()
@@ -58,13 +58,13 @@ def flying(url, **rates):
 
 
 def shows(listener, k):
-    """Whether update `k` is the newest of its aircraft there."""
+    """Return whether update `k` is the newest of its aircraft there."""
     event = listener.newest.get(f"aircraft-{k % VEHICLES + 1}")
     return event is not None and event.remarks.startswith(f"update {k};")
 
 
 def arrived(listener):
-    """The numbers of the updates that have arrived, by aircraft in their order."""
+    """Return the numbers of the updates that have arrived, by aircraft in their order."""
     found = [event for event in listener.events if event.name.startswith("aircraft")]
     return [int(event.remarks.split(";")[0].removeprefix("update ")) for event in found]
 
@@ -79,7 +79,7 @@ def test_link_tcp_with_a_reconnect_every_update_that_was_the_newest_arrives():
             assert flight.report() == f"TAK: linked: {listener.url}"
             listener.close()
             flight.board.set_field("path 1", [1e9, 100.0, 0.0])
-            for k in range(400, 600):  # into the void
+            for k in range(400, 600):  # before a listener exists
                 flight.update(k)
             assert flight.report().startswith(f"TAK: the link is lost: {listener.url} (")
             assert sorted(arrived(listener)) == list(range(400))
@@ -117,7 +117,7 @@ def test_link_tcp_with_a_reconnect_every_update_that_was_the_newest_arrives():
 
 
 def test_link_1000_updates_without_waiting_end_with_the_newest_of_all():
-    """The listener goes away while events are under way to it."""
+    """The listener disconnects while events are under way to it."""
     with Listener() as listener, flying(listener.url) as flight:
         for k in range(1000):
             flight.update(k)
@@ -188,7 +188,7 @@ def test_link_udp_sends_whether_anything_listens_or_not():
 # --- certificates --------------------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def certificates(tmp_path_factory):
-    """A folder with a key and a certificate of 127.0.0.1 that signs itself, for both sides."""
+    """Make a folder with a key and a self-signed certificate of 127.0.0.1, for both sides."""
     folder = tmp_path_factory.mktemp("certificates")
     subprocess.run(
         [

@@ -106,7 +106,7 @@ def test_defaults_are_written_into_the_mission(field):
     }  # fmt: skip
     for words in ("capacity_wh = 60.0", "Wh, above 0", "degrees, above 1, below 170"):
         assert words in text
-    assert "amsl_m" not in shown["start"]  # its default is the height of no place
+    assert "amsl_m" not in shown["start"]  # its default depends on the place
 
 
 def test_options_override_the_table_of_drones(field):

@@ -1,4 +1,4 @@
-"""What `uavmap onboard` and `uavmap resume` say of options that cannot be."""
+"""Refusals of `uavmap onboard` and `uavmap resume` for impossible options."""
 
 import pytest
 

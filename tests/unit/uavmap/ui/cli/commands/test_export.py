@@ -1,4 +1,4 @@
-"""Files for ground stations: what they hold, and that the simulated autopilots take and fly it."""
+"""Files for ground stations: their content, and simulated autopilots that accept and fly them."""
 
 import json
 import math
@@ -21,7 +21,7 @@ from uavmap.ui.cli import main
 
 E7 = 1e-7
 LONGEST_M = 500.0
-"""No way around the hole leads along the rim of the fence."""
+"""Longest leg, m: no path around the hole leads along the rim of the fence."""
 MISSION, FENCE, RALLY = 0, 1, 2
 AUTO = 3
 FENCE_RING = square(-20.0, -20.0, 120.0, 90.0)
@@ -208,7 +208,7 @@ def test_ring_over_the_antimeridian_is_clockwise():
 
 # --- the autopilots take it and fly it ----------------------------------------------------------
 def messages_of(plan, *, home):
-    """A plan as QGroundControl uploads it, by kind: to an ArduPilot with the home in front."""
+    """Return a plan as QGroundControl uploads it, by kind; an ArduPilot's begins with the home."""
     none = (0.0, 0.0, 0.0, 0.0)
     mission = [(0, 16, (*none, *plan["mission"]["plannedHomePosition"]))] if home else []
     for item in plan["mission"]["items"]:

@@ -1,4 +1,4 @@
-"""Tiles of an online map, from a server on loopback that counts what it is asked for."""
+"""Tiles of an online map, from a server on loopback that counts its requests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PNG = cv2.imencode(".png", np.full((256, 256, 3), 120, np.uint8))[1].tobytes()
 
 
 class Maps:
-    """A source of tiles; `broken` tiles are answered with an error, `odd` ones are no pictures."""
+    """A source of tiles; it answers `broken` tiles with an error, `odd` ones with no picture."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []
@@ -78,7 +78,7 @@ def test_tiles_of_a_mission_are_kept_and_shown(maps, tmp_path, capsys):
     assert shown.tile(zoom, x, y) == PNG
     assert shown.middle == pytest.approx((37.1977, -80.578), abs=0.01)
     assert shown.attribution == "(c) nobody"
-    # again: nothing is asked for
+    # again: no request is made
     assert tiles(maps, out) == 0
     assert len(maps.asked) == count
     assert "0 tiles fetched" in capsys.readouterr().err

@@ -78,7 +78,7 @@ def found_share(out, cell_m):
 
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory):
-    """A folder with photographs, polygons, a mission, and the detector learned from them."""
+    """Make a folder with photographs, polygons, a mission, and the detector learned from them."""
     folder = tmp_path_factory.mktemp("tuned")
     images = painted(folder / "images")
     polygons = region_file(folder / "region.geojson")
@@ -201,7 +201,7 @@ def test_trees_answer_as_the_learner_does_and_survive_their_file():
     rng = np.random.default_rng(5)
     values = rng.normal(size=(4000, 3)).astype(np.float32)
     labels = (values[:, 0] * values[:, 1] > 0.2) | (values[:, 2] > 1.0)
-    parts = fit_trees(values, labels, 1)  # holds its answers against the learner's by itself
+    parts = fit_trees(values, labels, 1)  # it checks its answers against the learner's
     model = Model(features=("light", "red_green", "detail"), parts=(parts,), **all_familiar())
     again = read_model(model_bytes(model), "x")
     assert model_bytes(again) == model_bytes(model)
@@ -280,7 +280,7 @@ def described_as(name, *, region, surround):
     "kinds", ["bssssb", "brrrrb", "rrss", "bbbbbbb", "sssssssrr", "rrrrrrrss", "r-s-rs--"]
 )
 def test_folds_of_training_contain_both_kinds(kinds):
-    """Few of many pictures show the region, and stand where a plain count judges them together."""
+    """Few of many pictures show the region, and stand where a simple split puts them together."""
     more = {"b": (True, True), "r": (True, False), "s": (False, True), "-": (False, False)}
     pictures = [
         described_as(str(i), region=more[kind][0], surround=more[kind][1])
@@ -301,5 +301,5 @@ def test_trees_answer_alike_where_many_values_lie_on_their_borders():
     levels = np.log(rng.integers(1, 40, (6000, 2)) / 7.0).astype(np.float32)
     levels += rng.choice([0.0, 1e-7, 3e-7], (6000, 2)).astype(np.float32)
     labels = levels[:, 0] > levels[:, 1]
-    parts = fit_trees(levels, labels, 1)  # holds its answers against the learner's by itself
+    parts = fit_trees(levels, labels, 1)  # it checks its answers against the learner's
     assert any(at not in (0.0, round(at, 6)) for tree in parts.trees for at in tree.at_most)
