@@ -1,1 +1,1 @@
-"""What people and programs use: command line, Python interface, live page."""
+"""The interfaces: command line, Python, pages in a browser, TAK."""

@@ -75,7 +75,7 @@ def test_names_without_a_folder_go_to_the_working_folder(folder, tmp_path, monke
     assert sorted(path.name for path in folder.iterdir()) == ["c.svg", JOURNAL]
     assert f"tree in {there / 'b.svg'}" in capsys.readouterr().err
     assert main(["animate", str(folder), "-o", str(tmp_path / "none")]) == 2
-    assert "there is no such folder" in capsys.readouterr().err
+    assert "no such folder" in capsys.readouterr().err
 
 
 def test_folder_without_a_journal_is_refused(tmp_path, capsys):

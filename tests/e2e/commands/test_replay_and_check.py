@@ -81,7 +81,7 @@ def test_shipped_missions_are_sound(name, capsys):
     assert name in shipped_missions()
     assert main(["check", name]) == 0
     out, err = capsys.readouterr()
-    assert "nothing wrong" in out
+    assert "no fault" in out
     assert "search_length_m" in out
     assert err == ""
 

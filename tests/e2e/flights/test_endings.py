@@ -36,7 +36,7 @@ def test_full_disk_brings_the_vehicle_home_before_the_process_ends(folder):
         # on a slow machine its guardian may have to repeat its command
         assert all("it is commanded to" in line for line in left), done.err
         assert "journal.jsonl cannot be written" in last
-        assert f"to go on: uavmap resume {folder}" in done.err
+        assert f"to continue: uavmap resume {folder}" in done.err
         goes_on(folder, urls)
     (first, *_) = rig.events(folder, "connected")[1:]
     assert first["airborne"] is False  # it stood at home when it was resumed
@@ -51,7 +51,7 @@ def test_second_interrupt_names_the_place_of_each_aircraft(folder):
             done = rig.ended(process)
         assert done.code == 4
         assert any("left to its autopilot in RTL" in line for line in lines(done)), done.err
-        assert f"to go on: uavmap resume {folder}" in done.err
+        assert f"to continue: uavmap resume {folder}" in done.err
         assert f"the map so far is in {folder}" in done.err
         written = json.loads((folder / "summary.json").read_text("utf-8"))
         assert written["completed"] is False

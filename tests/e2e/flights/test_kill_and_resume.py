@@ -69,7 +69,7 @@ def test_resume_from_home_keeps_all_frames(speck, folder):
 
 
 def says_how_it_goes_on_and_leaves_a_map(stopped, folder):
-    assert f"to go on: uavmap resume {folder}" in stopped.err
+    assert f"to continue: uavmap resume {folder}" in stopped.err
     assert f"the map so far is in {folder}" in stopped.err
     assert {"map.geojson", "map.gpkg", "map.kml", "map.png", "report.html", "summary.json"} < {
         path.name for path in folder.iterdir()
@@ -99,7 +99,7 @@ def test_simulated_flight_with_two_sigterms_leaves_its_map(folder):
         rig.wait_for(folder, "frame_seen")
         process.send_signal(signal.SIGTERM)
         said = ""
-        while "to go on" not in said:
+        while "to continue" not in said:
             said += process.stderr.readline()
         process.send_signal(signal.SIGTERM)
         stopped = rig.ended(process)

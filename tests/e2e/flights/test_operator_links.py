@@ -127,7 +127,7 @@ def test_keys_at_a_terminal_pause_continue_and_recall(folder):
             os.close(operator)
             os.close(ours)
     assert done.code == 3
-    assert f"to go on: uavmap resume {folder}" in done.err
+    assert f"to continue: uavmap resume {folder}" in done.err
     assert re.search(r"p pause", done.err)
     kinds = [event["kind"] for event in rig.events(folder, "paused", "continued", "recalled")]
     assert kinds == ["paused", "continued", "recalled"]

@@ -17,7 +17,7 @@ from missions.errors import OutputError, UavmapError
 from uavmap.journal.results_folder import make_folder
 from uavmap.lab.trials import Figures, Means, Trial, by_strategy, means_by_name
 from uavmap.ui.cli import INTERRUPTED
-from uavmap.ui.cli.common import overwrite_nothing, print_figures
+from uavmap.ui.cli.common import print_figures, refuse_existing
 
 T = TypeVar("T")
 _REPORT_S: Final = 2.0
@@ -52,7 +52,7 @@ def free_file(out: str | None, names: Sequence[str]) -> Path | None:
         return None
     if not out or (Path(out).exists() and not Path(out).is_dir()):
         raise OutputError(f"--out {out}: not a folder; choose another")
-    overwrite_nothing(Path(out), names)
+    refuse_existing(Path(out), names)
     return Path(out) / names[0]
 
 

@@ -61,7 +61,6 @@ _SUMMARY: Final = "summary.json"
 _CELLS, _COUNT, _SEED = 120, 1, 1
 
 EXAMPLES: Final = """\
-examples:
   uavmap simulate --generate eden --cells 120 --count 10 --robots 4
   uavmap simulate --roi rois.json --strategy rdfs,rdfs-paper --robots 8 --json
   uavmap simulate --roi lake.geojson --cell-m 10 --start 46.7,-92.0 --robots 3
@@ -75,7 +74,8 @@ examples:
 
   uavmap simulate --polygon examples/hall.wkt --cooperate trapezoid --range 10 --out watched
   uavmap simulate --polygon field.kml --cooperate column --robots 5 --range 40 --json
-
+"""
+NOTES: Final = """\
 A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
 Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
 which V cells are flown. swath and survey do not stop over cells: their times are seconds, and

@@ -20,17 +20,17 @@ from uavmap.base.extras import dask_client, install_command
 from uavmap.journal.results_folder import make_folder, results_folder
 from uavmap.lab.studies import STUDIES
 from uavmap.lab.studies.study_model import Page
-from uavmap.ui.cli.common import overwrite_nothing, seed_number, worker_count
+from uavmap.ui.cli.common import refuse_existing, seed_number, worker_count
 
 SHOWN_ROWS: Final = 20
 """Longer tables are not printed, only written."""
 
 EXAMPLES: Final = """\
-examples:
   uavmap study greedy-table-1 --quick               a few seconds' worth of it
   uavmap study roi-figure-7 --workers 2             over the processors of this machine
   uavmap study strategies --scheduler tcp://10.0.0.5:8786
-
+"""
+NOTES: Final = """\
 Each writes NAME.csv, NAME.png and NAME.md. The same seed gives the same files, wherever the trials
 are computed. Needs the extra study; for --scheduler also the extra cluster, and uavmap on every
 worker.
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     if missing:
         raise StudyError(f"studies need {' and '.join(missing)}: {install_command('study')}")
     folder = results_folder(options.out, f"study-{study.name}")
-    overwrite_nothing(folder, Page.files(study.name))
+    refuse_existing(folder, Page.files(study.name))
     make_folder(folder)
     jobs = study.jobs(options.quick, options.seed)
     progress = Progress(study.name, len(jobs))

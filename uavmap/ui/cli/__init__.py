@@ -1,8 +1,14 @@
 """The command `uavmap`.
 
-Exit codes: 0 complete; 2 wrong input or link, with a line; 3 the flight is over, the mission
-incomplete; 4 an aircraft is down, or was left to its autopilot, even if the map is complete; 130
-interrupted; 141 the output has no reader any more, and no aircraft depends on it.
+Exit codes:
+
+* 0: complete.
+* 2: wrong input or link; a line names it.
+* 3: the flight is over and the mission is not complete.
+* 4: an aircraft is down or was left to its autopilot, even if the map is complete.
+* 5: the flight is over and the detector does not fit the ground.
+* 130: interrupted.
+* 141: the output has no reader any more, and no aircraft depends on it.
 """
 
 from __future__ import annotations
@@ -27,83 +33,104 @@ INCOMPLETE: Final = 3
 AIRCRAFT_DOWN: Final = 4
 NO_VERDICT: Final = 5
 INTERRUPTED: Final = 130
-NOBODY_READS: Final = 141
-"""The code of a program that a closed pipe has ended."""
+PIPE_CLOSED: Final = 141
+"""Exit code of a program that a closed pipe has ended."""
 _COLLECT_EVERY: Final = 10_000
-"""Objects between two garbage collections: a flight creates many that live, and few cycles."""
+"""Number of objects between two garbage collections: a flight creates many that stay."""
 COMMANDS: Final = {
-    "app": "plan, practise, fly and hand on maps in a browser",
-    "new": "make a mission from an area drawn elsewhere",
+    "app": "plan, practise, fly and share maps in a browser",
+    "new": "make a mission from an area",
     "fly": "fly a mission, simulated or real",
-    "onboard": "fly one vehicle of a fleet, from its own computer",
-    "merge": "make one map of the journals of a fleet, or of several flights",
-    "resume": "go on with an interrupted mission",
+    "onboard": "fly one vehicle of a fleet from its own computer",
+    "merge": "make one map from the journals of a fleet or of several flights",
+    "resume": "continue an interrupted mission",
     "watch": "show a flight in a browser, live or from its journal",
-    "doctor": "look at the installation, at a vehicle, and whether it could fly a mission",
-    "sitl": "simulated vehicles on sockets, for any MAVLink client",
-    "replay": "map what recorded pictures show",
-    "look": "see what the detector says of one picture",
-    "tune": "learn a detector from a few painted pictures",
-    "animate": "show a flown mission as an animation, and its tree as a picture",
-    "check": "check a mission file and say what would be flown",
-    "report": "write the report of a flight: one page, to read and to print",
+    "doctor": "check the installation, a vehicle, and a vehicle for a mission",
+    "sitl": "simulate vehicles on sockets for any MAVLink client",
+    "replay": "make a map from recorded pictures",
+    "look": "show what the detector finds in one picture",
+    "tune": "train a detector on a few painted pictures",
+    "animate": "make an animation of a flight",
+    "check": "check a mission file and show its plan",
+    "report": "write the report of a flight, to read and to print",
     "export": "write a mission for a ground station, or a map for a GIS",
-    "tiles": "keep the tiles of an online map around an area, for the field",
-    "keys": "signing keys: make one, give it to a vehicle, take it back",
-    "simulate": "compare strategies on ROIs, without flying",
-    "strategies": "list the strategies: what each promises, and when to use it",
-    "completion": "print what a shell needs to complete commands and options",
+    "tiles": "save the tiles of an online map around an area, for the field",
+    "keys": "make a signing key, install it on a vehicle, or remove it",
+    "simulate": "compare strategies without a flight",
+    "strategies": "list the strategies, with their guarantees",
+    "completion": "print the script that completes commands in a shell",
     "study": "repeat a study of the papers: table, plot, page",
 }
-"""Each has a module of its name with `DESCRIPTION`, `EXAMPLES`, `add_arguments` and `run`, imported
-when it is asked for: all together take a second."""
-OF_THE_LAB: Final = ("simulate", "study")
-"""The commands whose modules are in `uavmap.lab.commands`."""
+"""Commands with their lines of help, in the order of the help.
+
+Each has a module of its name with `DESCRIPTION`, `EXAMPLES`, `NOTES`, `add_arguments` and `run`. It
+is imported on demand: to import all takes a second.
+"""
+LAB_COMMANDS: Final = ("simulate", "study")
+"""Commands whose modules are in `uavmap.lab.commands`."""
+EXAMPLES: Final = """\
+  uavmap fly runway --sim                      your first flight, simulated
+  uavmap new field.kml --drone x500            a mission for your own area
+"""
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser whose help begins with examples.
+
+    Attributes:
+        examples: Lines of examples, indented by two spaces; empty for none.
+    """
+
+    examples = ""
+
+    def format_help(self) -> str:
+        """Return the help: examples, then usage, description, arguments and notes."""
+        return f"examples:\n{self.examples}\n" * bool(self.examples) + super().format_help()
 
 
 def _module_of(command: str) -> Any:
     import_module("missions.lab.strategies")  # these register themselves, for all commands
     import_module("uavmap.load.strategy_source").load_strategies()
-    package = "uavmap.lab.commands" if command in OF_THE_LAB else "uavmap.ui.cli.commands"
+    package = "uavmap.lab.commands" if command in LAB_COMMANDS else "uavmap.ui.cli.commands"
     return import_module(f"{package}.{command}")
 
 
-def parser(wanted: str | None = None) -> argparse.ArgumentParser:
-    """Create the command line, with the options of one command, or of all."""
-    top = argparse.ArgumentParser(
-        prog="uavmap",
-        description="Map a region of unknown shape with one or more multicopters.",
-        epilog="Start with: uavmap fly runway --sim; for a place of yours: uavmap new --help",
+def parser(name: str | None = None) -> argparse.ArgumentParser:
+    """Create the parser of the command line, with the options of one command, or of all."""
+    top = CommandParser(
+        prog="uavmap", description="Map a region of unknown shape with one or more multicopters."
     )
+    top.examples = EXAMPLES
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, line in COMMANDS.items():
+    for each, line in COMMANDS.items():
         command = commands.add_parser(
-            name, help=line, formatter_class=argparse.RawDescriptionHelpFormatter
+            each, help=line, formatter_class=argparse.RawDescriptionHelpFormatter
         )
-        if wanted in (None, name):
-            module = _module_of(name)
-            command.description, command.epilog = module.DESCRIPTION, module.EXAMPLES
+        if name in (None, each):
+            module = _module_of(each)
+            command.examples = module.EXAMPLES
+            command.description, command.epilog = module.DESCRIPTION, module.NOTES
             module.add_arguments(command)
     return top
 
 
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace | None:
-    """Parse the options; None without any, where the help is shown."""
-    wanted = next((word for word in arguments if not word.startswith("-")), "")
-    top = parser(wanted)
+    """Parse the options; without any, print the help and return None."""
+    name = next((word for word in arguments if not word.startswith("-")), "")
+    top = parser(name)
     if not arguments:
         top.print_help()
         return None
-    if wanted and wanted not in COMMANDS:
-        near = difflib.get_close_matches(wanted, COMMANDS, n=1)
-        meant = f"did you mean {near[0]}?" if near else "uavmap --help lists them"
-        top.error(f"there is no command {wanted!r}: {meant}")
+    if name and name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, n=1)
+        meant = f"did you mean {near[0]}?" if near else "uavmap --help lists the commands"
+        top.error(f"there is no command {name!r}: {meant}")
     return top.parse_args(arguments)
 
 
 def complain(line: str) -> None:
-    """Print a line on standard error, if it is still read."""
+    """Print a line on standard error, if it still has a reader."""
     with contextlib.suppress(OSError):
         print(f"uavmap: {line}", file=sys.stderr)
 
@@ -111,36 +138,36 @@ def complain(line: str) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; return the exit code."""
     options = _parsed(sys.argv[1:] if arguments is None else arguments)
-    gc.freeze()  # what is loaded stays: the collector need not search it again and again
+    gc.freeze()  # loaded modules stay: the collector need not search them again and again
     gc.set_threshold(_COLLECT_EVERY)
     gc.enable()
     if options is None:
         return USER_ERROR
     if isinstance(sys.stdout, TextIOWrapper):
-        # a file's name may be no text: it is shown in escapes
+        # a file name may be invalid text: it is shown with escapes
         with contextlib.suppress(OSError, ValueError):
             sys.stdout.reconfigure(errors="backslashreplace")
     try:
         code = _run(options)
     except* AircraftError as group:
-        _say(group)
+        _print_errors(group)
         code = AIRCRAFT_DOWN
     except* UavmapError as group:
-        _say(group)
+        _print_errors(group)
         code = USER_ERROR
     except* MemoryError as group:
         code = _out_of_memory(group)
     except* BrokenPipeError:  # `uavmap check field.toml | head` has read enough
-        if _is_read():
+        if _has_reader():
             raise
-        code = NOBODY_READS
+        code = PIPE_CLOSED
     except* KeyboardInterrupt:
         complain("interrupted")
         code = INTERRUPTED
     return code
 
 
-def _is_read() -> bool:
+def _has_reader() -> bool:
     """Return whether the output still has a reader."""
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -151,12 +178,12 @@ def _is_read() -> bool:
             return False
         except (OSError, ValueError):  # no file, or one that cannot be watched
             continue
-        if any(what & select.POLLERR for _, what in watched.poll(0)):
+        if any(state & select.POLLERR for _, state in watched.poll(0)):
             return False
     return True
 
 
-def _say(group: BaseExceptionGroup[UavmapError]) -> None:
+def _print_errors(group: BaseExceptionGroup[UavmapError]) -> None:
     for error in leaves(group):
         for line in str(error).splitlines():  # a mission file may have several faults
             complain(line)
@@ -170,11 +197,11 @@ def _notes(error: BaseException) -> list[str]:
 
 
 def _out_of_memory(group: BaseExceptionGroup[MemoryError]) -> int:
-    """Complain, and show where aircraft are that were flown meanwhile."""
+    """Print an error, and the places of the aircraft that were in flight."""
     complain(
-        "the memory of this computer does not suffice: close other programs, or ask for less "
-        "(a smaller region or picture, fewer workers); of a flight nothing is lost that is in its "
-        "journal, and `uavmap resume DIR` goes on with it"
+        "this computer has too little memory: close other programs, or choose a smaller region, "
+        "smaller pictures or fewer workers. The journal of a flight is intact: `uavmap resume DIR` "
+        "continues it"
     )
     fates = _notes(group)
     for fate in fates:
@@ -187,10 +214,10 @@ def _run(options: argparse.Namespace) -> int:
         code: int = _module_of(options.command).run(options)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EIO) and error.filename is None:
-            what = error.strerror or "it is refused"
-            raise OutputError(f"the output, or a file, cannot be written: {what}") from None
+            reason = error.strerror or "the system refused it"
+            raise OutputError(f"the output, or a file, cannot be written: {reason}") from None
         if error.errno != errno.ENAMETOOLONG:
             raise
         name = str(error.filename or "an argument")
-        raise UavmapError(f"{name[:60]}...: too long for the name of a file") from None
+        raise UavmapError(f"{name[:60]}...: too long for a file name") from None
     return code

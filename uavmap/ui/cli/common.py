@@ -1,4 +1,4 @@
-"""What several commands share: arguments, the results folder, the end of a command."""
+"""Parts that several commands share: arguments, questions, the results and their summary."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, NO_VERDICT, complain
 
 EXIT_CODES: Final = """\
 exit codes:
-  0    the mission is complete, everybody is at home
-  2    something is wrong with the input, the link or a file; a line says what
-  3    the flight is over, the mission is not complete
-  4    an aircraft is down, or was left to its autopilot; a line says where. Also where the map is
-       complete: "mission completed: yes" may come with it
+  0    the mission is complete, and all vehicles are at home
+  2    the input, the link or a file is wrong; a line names the fault
+  3    the flight is over, and the mission is not complete
+  4    an aircraft is down or was left to its autopilot, even if the map is complete; a line gives
+       its place
   5    the flight is over, and the detector does not fit the ground: no verdict
   130  interrupted
 """
 
 
 def number_type(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], Any]:
-    """Create the type of an option that takes a number within limits, both included.
+    """Create the type of an option for a number within limits, both included.
 
     >>> number_type(int, 1, 9)("3")
     3
@@ -48,8 +48,8 @@ def number_type(kind: type[int] | type[float], low: float, high: float) -> Calla
         try:
             value = kind(text)
         except ValueError:
-            what = "a whole number" if kind is int else "a number"
-            raise argparse.ArgumentTypeError(f"{text!r} is not {what}") from None
+            expected = "a whole number" if kind is int else "a number"
+            raise argparse.ArgumentTypeError(f"{text!r} is not {expected}") from None
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
         return value
@@ -61,14 +61,14 @@ vehicle_count: Final = number_type(int, *RANGES["vehicles"])
 worker_count: Final = number_type(int, 1, 256)
 seed_number: Final = number_type(int, *RANGES["seed"])
 port_number: Final = number_type(int, 1, 65000)
-"""Ports with room for those of more vehicles behind them."""
+"""A port, with room above it for the ports of more vehicles."""
 epsg_code: Final = number_type(int, 1024, 999_999)
 index_number: Final = number_type(int, 0, 10**9)
 speedup: Final = number_type(float, *RANGES["speedup"])
 
 
 def utc_seconds(text: str) -> float:
-    """Read a time of day with its zone, in seconds since 1970.
+    """Read a time with its zone; return seconds since 1970.
 
     >>> utc_seconds("1970-01-01T00:01:00.5Z")
     60.5
@@ -78,12 +78,16 @@ def utc_seconds(text: str) -> float:
     except ValueError:
         time = None
     if time is None or time.tzinfo is None:
-        raise argparse.ArgumentTypeError(f"{text!r} is no time such as 2024-05-01T10:11:12Z")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a time with its zone, such as 2024-05-01T10:11:12Z"
+        )
     return time.timestamp()
 
 
 def pair(what: str, text: str, expected: str) -> tuple[float, float]:
-    """Read two finite numbers with a comma between. Raises `UavmapError`: `what` is not `expected`.
+    """Read two finite numbers separated by a comma.
+
+    Raises `UavmapError` with the line that `what` is not `expected`.
 
     >>> pair("--wind 6,270", "6,270", "SPEED,FROM")
     (6.0, 270.0)
@@ -97,15 +101,15 @@ def pair(what: str, text: str, expected: str) -> tuple[float, float]:
     return one, other
 
 
-def overwrite_nothing(folder: Path, names: Iterable[str]) -> None:
-    """Raise `OutputError` when one of the files to be written lies in the folder of --out."""
+def refuse_existing(folder: Path, names: Iterable[str]) -> None:
+    """Raise `OutputError` if the folder of --out has one of the files to be written."""
     for name in names:
         if (folder / name).exists():
-            raise OutputError(f"--out {folder}: holds a {name} already; choose another folder")
+            raise OutputError(f"--out {folder}: already has a {name}; choose another folder")
 
 
 def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool) -> bool:
-    """Write figures as JSON into a file, if given, and to standard output, if asked for.
+    """Write figures as JSON to a file, if given, and to standard output, if `as_json`.
 
     Return whether they were printed. Raises `OutputError`.
     """
@@ -117,23 +121,23 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
     return as_json
 
 
-def asks() -> bool:
-    """Return whether a person sits at the terminal."""
+def is_interactive() -> bool:
+    """Return whether a person can answer at the terminal."""
     return sys.stdin is not None and sys.stdin.isatty()
 
 
-def answer_to(question: str) -> str:
-    """Read a line from the terminal. Raises `AreaError` where it is empty."""
+def ask(question: str) -> str:
+    """Ask at the terminal and return the answer. Raises `AreaError` for an empty one."""
     sys.stderr.write(f"{question} ")
     sys.stderr.flush()
     line = sys.stdin.readline()
     if not line.strip():
-        raise AreaError("no answer")
+        raise AreaError(f"no answer to the question: {question}")
     return line.strip()
 
 
-def agreed(question: str) -> bool:
-    """Ask at the terminal; return whether the answer is a yes."""
+def confirm(question: str) -> bool:
+    """Ask at the terminal; return whether the answer is yes."""
     print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
@@ -144,9 +148,9 @@ def report(
     *,
     as_json: bool,
     verbose: bool = False,
-    goes_on: bool = True,
+    can_resume: bool = True,
 ) -> int:
-    """Print the result; return the exit code. `goes_on`: `uavmap resume` can continue it."""
+    """Print the result; return the exit code. `can_resume`: `uavmap resume` can continue it."""
     with contextlib.suppress(OSError):
         print_summary(summary, folder, as_json=as_json, verbose=verbose)
     for line in summary.get("aircraft_down", ()):
@@ -154,12 +158,12 @@ def report(
     if reason := summary.get("no_verdict"):
         complain(f"no verdict: {reason}; {REMEDY}")
     elif summary.get("flown_to_the_end"):
-        complain("to settle what is unsure: paint pictures of it, and tune the detector again")
-    elif goes_on and not summary["completed"] and "aircraft_down" in summary:
-        # a simulated world ends with its flight: the aircraft begin again at home
-        how = "" if summary.get("seed") is None else " --from-home"
-        complain(f"to go on: uavmap resume {folder}{how}")
-    if summary.get("aircraft_down"):  # also where everything is mapped
+        complain("to decide the unsure cells, paint pictures of them and train the detector again")
+    elif can_resume and not summary["completed"] and "aircraft_down" in summary:
+        # a simulated world ends with its flight: the aircraft start again at home
+        from_home = "" if summary.get("seed") is None else " --from-home"
+        complain(f"to continue: uavmap resume {folder}{from_home}")
+    if summary.get("aircraft_down"):  # even if the map is complete
         return AIRCRAFT_DOWN
     if summary.get("no_verdict"):
         return NO_VERDICT
@@ -168,7 +172,7 @@ def report(
 
 NEXT: Final = "next.txt"
 OUTLINES: Final = ("boundary.geojson", "map.geojson")
-"""Files with the outline of the region, the finest first."""
+"""Files with the outline of the region; the finest is first."""
 PICTURES: Final = ("map.png", JUDGED, "report.html", "report.pdf", "ortho.tif")
 
 _FIGURES: Final = {
@@ -176,41 +180,41 @@ _FIGURES: Final = {
     "unsearched_m": "search lanes without a judged frame, m",
     "flight_time_s": "flight time, s",
     "makespan_s": "makespan, s",
-    "distance_m": "distance, m",
+    "distance_m": "flown distance, m",
     "sorties": "sorties",
     "battery_swaps": "battery swaps",
-    "vertices": "tree vertices",
+    "vertices": "vertices of the tree",
     "tree_depth": "depth of the tree",
-    "cells_roi": "region cells",
+    "cells_roi": "cells of the region",
     "cells_missed": "cells missed",
-    "iou_cells": "IoU with the truth",
+    "iou_cells": "IoU with the true region",
     "detections": "detections",
     "false_positives": "false positives",
     "false_negatives": "false negatives",
     "min_separation_m": "least separation, m",
     "fence_breaches": "fence breaches",
     "reserve_violations": "reserve violations",
-    "exploration_s": "exploration, s",
-    "lower_bound_s": "lower bound on it, s",
+    "exploration_s": "exploration time, s",
+    "lower_bound_s": "lower bound of exploration, s",
     "ratio": "exploration / lower bound",
-    "bound_makespan_s": "strategy's bound, s",
-    "bound_held": "bound held",
+    "bound_makespan_s": "bound of the strategy, s",
+    "bound_held": "bound kept",
     "photographs": "photographs",
-    "photographs_judged": "of these judged",
-    "photographs_refused": "of these refused",
-    "photographs_twice": "copies of others",
+    "photographs_judged": "photographs judged",
+    "photographs_refused": "photographs refused",
+    "photographs_twice": "photographs that are copies",
     "cells_seen": "cells seen",
-    "pictures_per_cell": "pictures a cell",
+    "pictures_per_cell": "pictures per cell",
 }
 """Keys of the summary that only `--verbose` shows, with their names."""
 _ALARMS: Final = ("fence_breaches", "reserve_violations")
-"""Those that are shown always where they are not 0."""
+"""Keys that are always shown if their value is not 0."""
 
 
 def print_summary(
     summary: Mapping[str, Any], folder: Path, *, as_json: bool, verbose: bool
 ) -> None:
-    """Print what came out of a flight or a replay."""
+    """Print the result of a flight or a replay."""
     if as_json:
         print(json.dumps({**summary, "out": str(folder)}, indent=2))
         return
@@ -222,7 +226,7 @@ def print_summary(
     for name, value in (*rows(summary, folder), *(figures(summary) if verbose else ())):
         table.add_row(name, escape(value))
     PipeConsole().print(table)
-    if "patches" in summary:  # not of a replay
+    if "patches" in summary:  # a replay has none
         for line in lines(summary["patches"], summary["patches_in_all"], verbose=verbose):
             print(line)
     for line in class_lines(summary.get("classes", ())):
@@ -234,7 +238,7 @@ def print_summary(
 
 
 def rows(summary: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield name and value of what an operator wants to know.
+    """Yield name and value of the figures that an operator needs.
 
     >>> summary = {"completed": True, "area_m2": 2064.0, "area_low_m2": 1477.4,
     ...            "area_high_m2": 2243.5, "makespan_s": 222.3, "cells_undecided": 2}
@@ -272,14 +276,14 @@ def _has(folder: Path, name: str) -> bool:
     return (folder / name).is_file()
 
 
-def _files(what: str, folder: Path, names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+def _files(kind: str, folder: Path, names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     found = [str(folder / name) for name in names if _has(folder, name)]
     if found:
-        yield what, ", ".join(found)
+        yield kind, ", ".join(found)
 
 
 def not_seen(summary: Mapping[str, Any]) -> str:
-    """Write what the cameras have not shown, or not often enough; empty where that is nothing."""
+    """Write which places the cameras have not shown, or not often enough; empty for none."""
     parts = []
     if (in_all := summary.get("patches_in_all")) is not None and not in_all["box"]["whole"]:
         box = box_in_words(in_all["box"])
@@ -287,9 +291,9 @@ def not_seen(summary: Mapping[str, Any]) -> str:
     if cells := summary.get("cells_undecided"):
         parts.append(f"{cells:,} {'cell' if cells == 1 else 'cells'} undecided")
     if cells := summary.get("cells_unsure"):
-        many = "cell looks" if cells == 1 else "cells look"
+        many = "cell is" if cells == 1 else "cells are"
         parts.append(
-            f"{cells:,} {many} like nothing that the detector was shown "
+            f"{cells:,} {many} unlike the examples of the detector "
             f"({summary['cells_unsure_m2']:,.0f} sq m, unsure)"
         )
     if lanes_m := summary.get("unsearched_m"):
@@ -298,7 +302,7 @@ def not_seen(summary: Mapping[str, Any]) -> str:
 
 
 def figures(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield name and value of every other figure.
+    """Yield name and value of the other figures.
 
     >>> list(figures({"ratio": 4.589, "bound_held": True, "lower_bound_s": None}))
     [('exploration / lower bound', '4.589'), ('bound held', 'yes')]

@@ -1,4 +1,4 @@
-"""From the options of a command to a flight with its live page, and the flight itself."""
+"""Options of a command as a flight with its live page, and the flight itself."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from uavmap.ui.tak.tak_feed import UPDATE_S, linked
 
 
 @contextlib.contextmanager
-def beside(
+def onlookers_for(
     options: argparse.Namespace,
     plan: FlightPlan | Callable[[], FlightPlan],
     folder: Path,
     terminal: Terminal,
 ) -> Iterator[tuple[Onlooker, ...]]:
-    """Show progress on the terminal, and on page and TAK where asked for; yield the onlookers.
+    """Show progress on the terminal, and on page and TAK if chosen; yield the onlookers.
 
     `plan` is read only for page and TAK. Raises `UavmapError`.
     """
     table = ProgressTable(terminal)
     if options.page is None and (options.tiles or options.page_host != LOOPBACK):
-        raise UavmapError("--tiles and --page-host go with --page")
+        raise UavmapError("--tiles and --page-host need --page; add it")
     if options.page is None and options.tak is None:
         yield (table,)
         return
@@ -58,7 +58,7 @@ def beside(
             if options.page is None
             else stack.enter_context(_page(options, plan, folder, readers))
         )
-        how = "was left before its end"
+        how = "was interrupted"
         try:
             with shown_on(board):
                 yield table, board
@@ -83,7 +83,7 @@ def _page(
 
 
 def flight_options(options: argparse.Namespace, **more: Any) -> FlightOptions:
-    """Make the options of a flight from those of its command; `more` are other fields.
+    """Create the options of a flight from those of its command; `more` are other fields.
 
     Raises `UavmapError`, and `LinkError` for an empty key.
     """
@@ -102,7 +102,7 @@ def key_file(options: argparse.Namespace) -> str | None:
 
 
 def network_of(options: argparse.Namespace, before: FleetNetwork | None = None) -> FleetNetwork:
-    """Make the network of the options; what is not given is as `before`. Raises `LinkError`."""
+    """Create the network of the options; others are as `before`. Raises `LinkError`."""
     before = before or FleetNetwork()
     given = options.listen, options.peer, options.router
     if any(part is not None for part in given):
@@ -121,13 +121,13 @@ def gives_network(options: argparse.Namespace) -> bool:
 
 def _key_path(option: str, given: str | None, variable: str) -> str | None:
     if given == "":
-        raise LinkError(f"{option} is empty; name the file of a key")
+        raise LinkError(f"{option} is empty; give the file of a key")
     name = os.environ.get(variable) if given is None else given
     return str(Path(name).expanduser().absolute()) if name else None
 
 
 def preflight_of(options: argparse.Namespace) -> Preflight:
-    """Return what is asked for before the first take-off of real aircraft."""
+    """Return the operator's options before the first take-off of real aircraft."""
     return Preflight(options.yes, options.dry_run, options.keep_fence)
 
 
@@ -140,8 +140,8 @@ def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | 
         if mission.camera.calibration is not None:
             terminal.show("camera.calibration is for recorded pictures; this flight uses hfov_deg")
         try:
-            with beside(options, plan, folder, terminal) as onlookers:
-                into = f"{mission.name} into {folder}"  # not before page and TAK are there
+            with onlookers_for(options, plan, folder, terminal) as onlookers:
+                into = f"{mission.name} into {folder}"  # only when page and TAK are ready
                 terminal.show(f"{into}; if it is interrupted: uavmap resume {folder}")
                 company = Company(onlookers=onlookers, preflight=preflight)
                 summary = fly(plan, folder, company, keep_frames=options.keep_frames)
@@ -154,7 +154,7 @@ def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | 
 
 
 def not_flown(error: Exception) -> int:
-    """Complain of the reason for which nothing was flown; return the exit code, or raise again."""
+    """Print why nothing was flown; return the exit code, or raise the error again."""
     group = error if isinstance(error, ExceptionGroup) else ExceptionGroup("", [error])
     over, others = group.split(NotFlownError)
     if over is None or others is not None:

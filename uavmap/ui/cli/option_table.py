@@ -1,7 +1,8 @@
-"""All options of the commands that fly, and of those that share options with them.
+"""All options of the commands that fly, and of the commands that share options with them.
 
-The table makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` and
-`uavmap.resume` (`python`), and docs/reference/options.md: `python -m uavmap.ui.cli.option_table`.
+The table is the source of the parsers' options, `FlightOptions` (`field`), the parameters of
+`uavmap.fly` and `uavmap.resume` (`python`), and docs/reference/options.md.
+`python -m uavmap.ui.cli.option_table` prints that page.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _PORTS: Final = (0, 65535)
 _FLIES: Final = ("fly", "onboard")
 _LINKED: Final = ("fly", "onboard", "resume")
 IN_PYTHON: Final = ("fly", "resume")
-"""Commands that Python has as functions of their names."""
+"""Commands for which `uavmap` has functions of the same names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,12 +34,12 @@ class Option:
     """One option, or one positional argument (a `name` without dashes).
 
     Attributes:
-        also: The help of a command that differs from `help`, by command.
-        metavar: The name of its value; without it and `choices` a switch.
-        const: Its value where it is given without one.
+        also: The help in commands for which it differs from `help`, by command.
+        metavar: The name of its value; without it and `choices` the option is a switch.
+        const: Its value if it is given without one.
         group: Options of one group exclude each other.
         field: Its name in `FlightOptions`.
-        python: Whether `uavmap.fly` or `uavmap.resume` has a parameter of its name.
+        python: True if `uavmap.fly` or `uavmap.resume` has a parameter of its name.
     """
 
     name: str
@@ -62,7 +63,7 @@ class Option:
         return self.name.removeprefix("--").replace("-", "_")
 
     def help_of(self, command: str) -> str:
-        """What it does in a command."""
+        """Return its help in a command."""
         return (self.also or {}).get(command, self.help)
 
     def add_to(self, parser: argparse._ActionsContainer, command: str) -> None:
@@ -87,11 +88,11 @@ TABLE: Final = (
     Option(
         name="mission", metavar="MISSION", commands=(*_FLIES, "check"), field="mission_source",
         python=True,
-        help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
+        help=f"a mission file or a shipped mission: {', '.join(shipped_missions())}",
     ),
     Option(
         name="workspace", metavar="FOLDER", commands=("app",), const=".", default=".",
-        help="the folder of missions, photographs and results (default: this one)",
+        help="the folder of missions, photographs and results (default: the current one)",
     ),
     Option(
         name="folder", metavar="DIR", commands=("resume", "watch", "report", "animate"),
@@ -104,59 +105,59 @@ TABLE: Final = (
     Option(
         name="--connect", metavar="URL", several=True, commands=(*_LINKED, "doctor"),
         group="where", field="urls", python=True,
-        help="the URL of a vehicle; once a vehicle (default: the URLs of the mission file)",
+        help="the URL of a vehicle; repeat it for each vehicle (default: the URLs of the mission "
+        "file)",
         also={
-            "onboard": "the URL of its autopilot (default: its url in the mission file)",
-            "resume": "the URL of a vehicle, if it has changed; once a vehicle",
-            "doctor": "the URL of a vehicle; once a vehicle",
+            "onboard": "the URL of the autopilot (default: the URL in the mission file)",
+            "resume": "the URL of a vehicle, if it has changed; repeat it for each vehicle",
+            "doctor": "the URL of a vehicle; repeat it for each vehicle",
         },
     ),
     Option(
         name="--fleet", commands=("fly",), group="where",
-        help="fly no vehicle, and join a fleet whose vehicles each run `uavmap onboard`: this "
-        "computer shows the map and sends orders of keys and page to all of them",
+        help="fly no vehicle, but join a fleet whose vehicles each run `uavmap onboard`. This "
+        "computer shows the map and sends orders from keys and page to all vehicles",
     ),
     Option(
         name="--vehicle", metavar="K", type=vehicle_count, required=True,
         commands=("onboard",), field="member",
-        help="the number of this vehicle in the mission file, from 1",
+        help="the number of this vehicle in the mission file, counted from 1",
     ),
     Option(
         name="--listen", metavar="EP", several=True, commands=_LINKED,
-        help="the endpoint at which the other vehicles reach this one: tcp/0.0.0.0:7447, or the "
-        "multicast group of all, udp/224.0.0.224:7447#iface=wlan0; may be repeated",
+        help="the endpoint of this vehicle for the others, such as tcp/0.0.0.0:7447, or the "
+        "multicast group of the fleet: udp/224.0.0.224:7447#iface=wlan0; may be repeated",
     ),
     Option(
         name="--peer", metavar="EP", several=True, commands=_LINKED,
-        help="the endpoint of another vehicle: tcp/192.168.7.12:7447; may be repeated",
+        help="the endpoint of another vehicle, such as tcp/192.168.7.12:7447; may be repeated",
     ),
     Option(
         name="--router", metavar="EP", several=True, commands=_LINKED,
-        help="the endpoint of a Zenoh router between the vehicles: tcp/192.168.7.1:7447; of "
-        "several the first that answers",
+        help="the endpoint of a Zenoh router between the vehicles, such as tcp/192.168.7.1:7447; "
+        "may be repeated: the first router that answers is used",
     ),
     Option(
         name="--fleet-key", metavar="FILE", commands=_LINKED,
-        help="the fleet's key, the same for all its vehicles: a message without it is refused "
-        f"(default: the file that {FLEET_KEY_VARIABLE} names; `uavmap keys new FILE` makes one). "
-        "--key is another key: it signs MAVLink with one's own autopilot",
+        help="the key of the fleet: messages without it are refused (default: the file that "
+        f"{FLEET_KEY_VARIABLE} names). `uavmap keys new FILE` makes one. It is not the key of "
+        "--key, which signs MAVLink",
     ),
     Option(
         name="--camera", metavar="SPEC", several=True, commands=(*_LINKED, "doctor"),
         field="cameras", python=True,
-        help=f"the camera of a vehicle, once a vehicle, in the order of --connect: {CAMERAS} "
-        "(default: as the mission file says, else mavlink)",
+        help=f"the camera of a vehicle, in the order of --connect: {CAMERAS}. Default: the camera "
+        "of the mission file, else mavlink",
         also={
-            "onboard": f"the camera of this vehicle: {CAMERAS} (default: as the mission file "
-            "says, else mavlink)",
-            "resume": f"the camera of a vehicle, if it has changed; once a vehicle: {CAMERAS}",
+            "onboard": f"the camera of this vehicle: {CAMERAS}. Default: the camera of the mission "
+            "file, else mavlink",
+            "resume": f"the camera of a vehicle, if it has changed: {CAMERAS}",
         },
     ),
     Option(
         name="--vehicles", metavar="N", type=vehicle_count,
         commands=("fly",), field="vehicles", python=True,
-        help="fly with this number of vehicles (default: as many as the mission file, or the "
-        "URLs, say)",
+        help="the number of vehicles (default: as many as the mission file or --connect gives)",
     ),
     Option(
         name="--seed", metavar="S", type=seed_number, default=1,
@@ -166,144 +167,144 @@ TABLE: Final = (
     ),
     Option(
         name="--comms", metavar="HOW", commands=("fly",), field="comms",
-        help="with --sim: a service on each aircraft, linked by a simulated radio: free, "
-        "range:METRES, or meeting (within 20 m); more after commas: loss:0.1, delay:SECONDS, "
-        "jitter:SECONDS, rate:BYTES_A_SECOND (default: one service for all)",
+        help="with --sim: run a service on each aircraft, linked by a simulated radio: free, "
+        "range:METRES or meeting (within 20 m). Append with commas: loss:0.1, delay:SECONDS, "
+        "jitter:SECONDS, rate:BYTES_A_SECOND. Default: one service for all aircraft",
     ),
     Option(
         name="--onboard", commands=("fly",), field="onboard", python=True,
-        help="the service flies with the vehicle: a PX4 does not take it for its ground station, "
-        "so its failsafe for a lost ground station depends on another one",
+        help="run as a companion computer on the vehicle: a PX4 does not count this service as its "
+        "ground station. So its failsafe for a lost ground station needs another one",
     ),
     Option(
         name="--strategy", metavar="NAME", commands=_FLIES, field="strategy", python=True,
-        help=f"instead of the mission file's: {', '.join(FLOWN)}",
+        help=f"the strategy, instead of the mission file's: {', '.join(FLOWN)}",
         also={
-            "onboard": f"instead of the mission file's: {', '.join(fleet_checks.STRATEGIES)}"
+            "onboard": "the strategy, instead of the mission file's: "
+            + ", ".join(fleet_checks.STRATEGIES)
         },
     ),
     Option(
         name="--all-strategies", commands=("fly",), field="all_strategies", python=True,
-        help="with --sim: strategies that serve comparisons in papers may fly, too "
-        "(`uavmap strategies`)",
+        help="with --sim: allow also the strategies for comparisons with papers (see `uavmap "
+        "strategies`)",
     ),
     Option(
         name="--speedup", metavar="X", type=speedup,
         commands=(*_FLIES, "doctor"), field="speedup", python=True,
-        help="times real time (default: with --sim as fast as possible, with --connect 1)",
+        help="the speed, as a multiple of real time (default: with --sim as fast as possible, with "
+        "--connect 1)",
         also={
-            "onboard": "times real time, for simulators (default 1)",
-            "doctor": "times real time, of a simulator (default 1)",
+            "onboard": "the speed of a simulator, as a multiple of real time (default 1)",
+            "doctor": "the speed of a simulator, as a multiple of real time (default 1)",
         },
     ),
     Option(
         name="--auto-swap", commands=_FLIES, field="auto_swap", python=True,
-        help="take off again as soon as a battery is fresh, without a question; only for "
-        "simulators (the bundled one is recognised)",
+        help="take off again with a fresh battery without a question; only for simulators (the "
+        "bundled one is recognised)",
     ),
     Option(
         name="--driver", choices=DRIVERS, default=PYMAVLINK, commands=_FLIES, field="driver",
         python=True,
-        help="what speaks MAVLink with real aircraft: this program with pymavlink's codec "
-        "(default), or MAVSDK; not with --sim",
-        also={
-            "onboard": "what speaks MAVLink with the aircraft: this program with pymavlink's "
-            "codec (default), or MAVSDK"
-        },
+        help="the implementation of MAVLink for real aircraft: pymavlink (default) or mavsdk; not "
+        "with --sim",
+        also={"onboard": "the implementation of MAVLink: pymavlink (default) or mavsdk"},
     ),
     Option(
         name="--driver", choices=DRIVERS, commands=("resume",), python=True,
-        help="what speaks MAVLink from now on (default: as before)",
+        help="the implementation of MAVLink from now on (default: as before)",
     ),
     Option(
         name="--key", metavar="FILE", commands=(*_LINKED, "doctor"), field="key_file",
         python=True,
-        help="sign what is sent with the key in FILE, and accept only what is signed with it "
-        f"(default: the file that {KEY_VARIABLE} names; `uavmap keys new FILE` makes one)",
+        help="sign MAVLink with the key in FILE, and accept only messages that are signed with it "
+        f"(default: the file that {KEY_VARIABLE} names). `uavmap keys new FILE` makes one",
     ),
     Option(
         name="--forward", metavar="URL", several=True, commands=_LINKED, field="forward",
         python=True,
-        help="pass all frames of the vehicles on to a ground station there, and its frames to "
-        "them; may be repeated",
+        help="pass all MAVLink messages of the vehicles on to this ground station, and its "
+        "messages to the vehicles; may be repeated",
     ),
     Option(
         name="--yes", commands=_FLIES, python=True,
-        help="take off without a question; a fault of fence, battery or camera keeps all vehicles "
-        "on the ground all the same",
+        help="take off without a question; a fault of fence, battery or camera still keeps all "
+        "vehicles on the ground",
     ),
     Option(
         name="--dry-run", commands=_FLIES, python=True,
-        help="check everything, set fences and return heights, put them back, and arm nothing; "
-        "exit code 3 where the mission could not be flown",
+        help="check everything, set fences and return heights, restore them, and arm nothing; exit "
+        "code 3 if the mission could not be flown",
     ),
     Option(
         name="--keep-fence", commands=_FLIES, python=True,
-        help="leave fence, rally points and return heights of the autopilots as they are; a "
-        "mission that leaves such a fence is not flown",
+        help="keep fence, rally points and return heights of the autopilots; a mission that leaves "
+        "such a fence is not flown",
     ),
     Option(
         name="--detector", metavar="NAME|DIR", commands=(*_FLIES, "replay", "look"),
         field="detector", python=True,
-        help="judge pictures by this detector, not by that of the mission file: a name such as "
-        "`paved`, a folder that `uavmap tune` has written, or a detector.toml",
+        help="the detector, instead of the mission file's: a name such as `paved`, a folder made "
+        "by `uavmap tune`, or a detector.toml",
     ),
     Option(
         name="--calibration", metavar="FILE", commands=("replay", "look"),
-        help="the camera's calibration by OpenCV: YAML, XML or JSON; instead of the tags' focal "
-        "length",
+        help="the calibration of the camera by OpenCV (YAML, XML or JSON), instead of the focal "
+        "length in the tags",
     ),
     Option(
         name="--keep-frames", commands=_FLIES, python=True,
-        help="keep every picture with its pose in the results, for `uavmap replay`",
+        help="keep each picture with its pose in the results, for `uavmap replay`",
     ),
     Option(
         name="--from-home", commands=("resume",), python=True,
-        help="simulation: put the aircraft at home with full batteries instead of where they were",
+        help="in a simulation: start at home with full batteries, not where the aircraft were",
     ),
     Option(
         name="--recall", commands=("resume",), python=True,
-        help="only bring home the vehicles in the air; no vehicle takes off, so none needs a "
-        "person beside it",
+        help="only return the vehicles that are in the air; none takes off, so none needs its "
+        "crew",
     ),
     Option(
         name="--recover", commands=("resume",),
-        help="go on from the good beginning of a damaged journal; the damaged file is kept aside",
+        help="continue from the intact beginning of a damaged journal; a copy of the damaged file "
+        "is kept",
     ),
     Option(
         name="--page", metavar="PORT", type=number_type(int, *_PORTS), const=PORT,
         commands=_LINKED,
-        help=f"show the flight live in a browser, with buttons; on port {PORT}, or another, 0 for "
-        "any that is free",
+        help=f"show the flight live in a browser, with buttons, on port {PORT} or PORT (0: any "
+        "free port)",
     ),
     Option(
         name="--port", metavar="N", type=number_type(int, *_PORTS), default=PORT,
         commands=("watch", "app"),
-        help=f"serve the page on this port (default {PORT}), 0 for any that is free",
+        help=f"the port of the page (default {PORT}; 0: any free port)",
     ),
     Option(
         name="--page-host", metavar="ADDRESS", default=LOOPBACK,
         commands=(*_LINKED, "watch", "app"),
-        help="serve the page on this address of the computer, 0.0.0.0 for all (default: only to "
-        "this computer itself); the token in its URL is needed in any case",
+        help="the address at which the page is served, 0.0.0.0 for all networks (default: this "
+        "computer only). Each browser needs the token in the URL",
     ),
     Option(
         name="--tiles", metavar="FILE", commands=(*_LINKED, "watch", "app"),
-        help="lay a map of this computer beneath the page's: MBTiles, PMTiles or GeoTIFF",
+        help="show this file beneath the map of the page: MBTiles, PMTiles or GeoTIFF",
     ),
     Option(
         name="--tak", metavar="URL", commands=_LINKED,
-        help="send region, unsure ground, aircraft and their paths to TAK, as Cursor on Target: "
+        help="send region, unsure ground, aircraft and paths to TAK, as Cursor on Target: "
         "tcp://HOST:8087, tls://HOST:8089 (certificates: docs/how-to/tak.md) or udp://239.2.3.1:6969",
     ),
     Option(
         name="--out", metavar="DIR", commands=(*_FLIES, "replay", "tune"), python=True,
-        help="folder for the results (default: a new one)",
-        also={"tune": "folder for the detector"},
+        help="the folder of the results (default: a new one)",
+        also={"tune": "the folder of the detector"},
     ),
     Option(
         name="--verbose", commands=(*_LINKED, "replay", "merge", "report"),
-        help="print every figure of the summary, with bounds",
+        help="print all figures of the summary, with bounds",
     ),
     Option(
         name="--json", help="print the summary as JSON",
@@ -345,8 +346,9 @@ def _page() -> Iterator[str]:
     yield ""
     yield "<!-- made by: python -m uavmap.ui.cli.option_table > docs/reference/options.md -->"
     yield ""
-    yield "The options of the commands that fly. `uavmap.fly` and `uavmap.resume` have those marked"
-    yield "with * as parameters, with underscores for dashes; see [Python](../how-to/python.md)."
+    yield "These are the options of the commands that fly. Options marked with * are parameters of"
+    yield "`uavmap.fly` and `uavmap.resume`, with underscores for dashes: see"
+    yield "[Python](../how-to/python.md)."
     for command in _LINKED:
         yield ""
         yield f"## `uavmap {command}`"

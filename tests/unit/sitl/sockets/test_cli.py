@@ -23,11 +23,11 @@ HOME = "47.4,8.5,488,90"
         ("--home 95,8", "latitude"),
         ("--home 47,8,nan", "LAT,LON,AMSL,YAW"),
         ("--home 47,8,99999", "above sea level"),
-        (f"--home {HOME} --mission runway", "--home is for a simulation without --mission"),
-        ("--mission runway --wind 3,90", "--wind is for a simulation without"),
-        ("--world a.geojson", "--world needs --home"),
-        ("--optical-flow", "--optical-flow needs --home"),
-        ("--world-crs 32632", "--world-crs needs --home"),
+        (f"--home {HOME} --mission runway", "--home: excludes --mission"),
+        ("--mission runway --wind 3,90", "--wind: excludes --mission"),
+        ("--world a.geojson", "--world: needs --home"),
+        ("--optical-flow", "--optical-flow: needs --home"),
+        ("--world-crs 32632", "--world-crs: needs --home"),
         (f"--home {HOME} --wind 3", "SPEED,FROM"),
         (f"--home {HOME} --wind 300,0", "0 to 40 m/s"),
         (f"--home {HOME} --world nowhere.geojson", "nowhere.geojson: No such file"),
@@ -81,4 +81,4 @@ def test_vehicles_without_a_mission(tmp_path, tcp):
     assert fly.endswith(" ".join(["uavmap fly FILE", *connect, "--speedup 20"]))
     assert str(port) in station
     assert f"--master={address.removesuffix(str(port + 20))}{port}" in proxy
-    assert (ends, last) == ("Ctrl-C ends it", "uavmap: simulation ended")
+    assert (ends, last) == ("Ctrl-C ends the simulation", "uavmap: simulation ended")

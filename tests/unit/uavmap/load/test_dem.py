@@ -240,5 +240,5 @@ def test_plans_for_ground_stations_are_refused(tmp_path, capsys):
     geotiff(tmp_path / "dem.tif")
     plan = tmp_path / "x.plan"
     assert main(["export", str(mission_file(tmp_path)), "--plan", str(plan)]) == 2
-    assert "heights of a plan are above home" in capsys.readouterr().err
+    assert "heights in a plan are above home" in capsys.readouterr().err
     assert not plan.exists()

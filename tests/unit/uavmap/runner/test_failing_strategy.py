@@ -46,7 +46,7 @@ def test_strategy_that_raises_its_error_ends_the_mission_with_it(monkeypatch):
         "vehicle 1: the mission failed (rdfs: the stack is empty); it is commanded to return (RTL)"
     )
     assert last == "uavmap: rdfs: the stack is empty"
-    assert "to go on: uavmap resume" in flight.said
+    assert "to continue: uavmap resume" in flight.said
 
 
 def test_strategy_with_a_defect_returns_the_vehicle(monkeypatch):

@@ -25,7 +25,7 @@ both = pytest.mark.parametrize("autopilot", BOTH)
 
 def gone_on_with(said):
     """Return whether the ending names the command that resumes the flight."""
-    return "to go on: uavmap resume" in said
+    return "to continue: uavmap resume" in said
 
 
 # --- the link ------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""uavmap animate: a flown mission as an animation, and its tree as a picture."""
+"""uavmap animate: an animation of a flight, and a picture of its exploration tree."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ ANIMATION: Final = "flight.gif"
 TREE: Final = "tree.png"
 
 EXAMPLES: Final = """\
-examples:
   uavmap animate results/runway-1                       flight.gif and tree.png in that folder
-  uavmap animate results/spill-1 --animate spill.mp4    spill.mp4 where you are
+  uavmap animate results/spill-1 --animate spill.mp4    spill.mp4 in the current folder
   uavmap animate results/spill-1 --animate spill.mp4 -o results/spill-1
   uavmap animate results/spill-1 --tree tree.svg
   uavmap animate results/spill-1 --rerun spill.rrd      for the Rerun viewer: rerun spill.rrd
-
-The animation takes at most 20 seconds, however long the flight. Where the region drifts, the
-tracks are as seen from the region.
+"""
+NOTES: Final = """\
+The animation of any flight takes at most 20 seconds. If the region drifts, the tracks are relative
+to the region.
 """
 DESCRIPTION: Final = "Make an animation and a picture of the tree from the journal of a mission."
 
@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         metavar="FOLDER",
         type=Path,
-        help="where files go that are named without a folder (default: flight.gif and tree.png "
-        "into DIR, a name that you give as it is, from where you are)",
+        help="the folder for files that you name without a folder (default: the current one; DIR "
+        "for flight.gif and tree.png)",
     )
     parser.add_argument(
         "--rerun",
@@ -59,9 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _place(options: argparse.Namespace) -> None:
-    """Put the files that are named without a folder into that of --out. Raises `OutputError`."""
+    """Put files that are named without a folder into --out. Raises `OutputError`."""
     if not options.out.is_dir():
-        raise OutputError(f"--out {options.out}: there is no such folder")
+        raise OutputError(f"--out {options.out}: no such folder; make it first")
     for option in ("animate", "tree", "rerun"):
         path = getattr(options, option)
         if path is not None and path.parent == Path():
@@ -69,9 +69,9 @@ def _place(options: argparse.Namespace) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Animate."""
-    folder, say = Path(options.folder), Terminal().show
-    asked_for_tree = options.tree is not None
+    """Write animation, tree and recording."""
+    folder, show = Path(options.folder), Terminal().show
+    needs_tree = options.tree is not None
     if options.out is not None:
         _place(options)
     if options.rerun is not None:
@@ -91,22 +91,22 @@ def run(options: argparse.Namespace) -> int:
     title = title_of(mission, recorded=recorded)
     film, state = film_of_flight(setting, events, title, truth=truth, recorded=recorded)
     if not film.changes:
-        raise OutputError(f"{folder}: no picture was judged; there is nothing to show")
+        raise OutputError(f"{folder}: no picture was judged; there is nothing to animate")
     if state.tree is None and options.tree is not None:
-        if asked_for_tree:
+        if needs_tree:
             raise OutputError(f"{folder}: the region was not found; there is no tree to draw")
-        say("the region was not found; there is no tree to draw")
+        show("the region was not found; there is no tree to draw")
         options.tree = None
-    write_pictures(options, film, state.tree, say)
+    write_pictures(options, film, state.tree, show)
     if options.rerun is not None:
         write_recording(options.rerun, film, events, setting.grid, folder)
-        say(f"recording in {options.rerun}")
+        show(f"recording in {options.rerun}")
     return 0
 
 
-# --- pictures of an exploration, for every command that has one to show -------------------------
+# --- pictures of an exploration, also for `uavmap simulate` -------------------------------------
 def add_picture_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    """Add --animate and --tree; where there are `several` ROIs also --index."""
+    """Add --animate and --tree; with `several` ROIs also --index."""
     parser.add_argument(
         "--animate",
         metavar="FILE",
@@ -125,12 +125,12 @@ def add_picture_options(parser: argparse.ArgumentParser, *, several: bool = Fals
             metavar="N",
             type=index_number,
             default=0,
-            help="the ROI that --animate and --tree show, counted from 0 (default 0)",
+            help="the number of the ROI for --animate and --tree, counted from 0 (default 0)",
         )
 
 
 def check_pictures(options: argparse.Namespace) -> None:
-    """Refuse bad file names before anything is computed. Raises `OutputError`."""
+    """Refuse bad file names before the computation. Raises `OutputError`."""
     if options.animate is not None:
         check_path(options.animate, FILMS)
     if options.tree is not None:
@@ -138,17 +138,17 @@ def check_pictures(options: argparse.Namespace) -> None:
 
 
 def wants_pictures(options: argparse.Namespace) -> bool:
-    """Whether any picture was asked for."""
+    """Return whether a picture is to be written."""
     return bool(options.animate or options.tree)
 
 
 def write_pictures(
-    options: argparse.Namespace, film: Film, tree: Tree | None, say: Callable[[str], None]
+    options: argparse.Namespace, film: Film, tree: Tree | None, show: Callable[[str], None]
 ) -> None:
-    """Write what was asked for; `say` reports progress and files. Raises `OutputError`."""
+    """Write the chosen pictures; `show` reports progress and files. Raises `OutputError`."""
     if options.animate is not None:
-        write_film(film, options.animate, say)
-        say(f"animation in {options.animate}")
+        write_film(film, options.animate, show)
+        show(f"animation in {options.animate}")
     if options.tree is not None and tree is not None:
         draw_tree(tree, options.tree, title=film.title)
-        say(f"tree in {options.tree}")
+        show(f"tree in {options.tree}")

@@ -1,4 +1,4 @@
-"""uavmap app: an operator's whole day in one page of the browser."""
+"""uavmap app: plan, practise, fly and share maps in one page of the browser."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from uavmap.ui.page.feed import bound, need_nicegui, shown
 
 _LOG: Final = logging.getLogger("uavmap.ui.app")
 EXAMPLES: Final = """\
-examples:
   uavmap app                                in this folder: open the URL that it prints
-  uavmap app fields/                        in another; what is made lies there
-  uavmap app fields/ --tiles area.mbtiles   over a map that lies elsewhere
+  uavmap app fields/                        in another folder, with all files that it makes
+  uavmap app fields/ --tiles area.mbtiles   over a map from another folder
   uavmap app fields/ --page-host 0.0.0.0    for a tablet in the same network
-
-The page draws areas and makes missions, practises them in the simulator, examines and flies
-aircraft, maps photographs, and shows results. It writes files and runs commands as a terminal
-does, and shows each command. One browser holds the controls; others watch.
-
-Ctrl-C ends the page. Commands that it has begun go on: a flight is not ended by it.
 """
-DESCRIPTION: Final = "Plan, practise, fly and hand on maps in a browser, without a terminal."
+NOTES: Final = """\
+On the page you draw areas, make missions, practise them in the simulator, check and fly aircraft,
+map photographs, and see results. The page writes files and runs commands as you would at a
+terminal, and shows each command. One browser has the controls; others watch.
+
+Ctrl-C ends the page. Its commands continue: a flight does not end with the page.
+"""
+DESCRIPTION: Final = "Plan, practise, fly and share maps in a browser, without a terminal."
 
 
 add_arguments: Final = partial(add_options, command="app")
@@ -43,8 +43,8 @@ def run(options: argparse.Namespace) -> int:
     need_nicegui()
     folder = Path(options.workspace)
     if not folder.is_dir():
-        raise OutputError(f"{folder}: there is no such folder; make it, or name another")
-    # NiceGUI takes a second to load: the command line does not
+        raise OutputError(f"{folder}: no such folder; make it, or give another")
+    # not above: NiceGUI takes a second to load
     from uavmap.ui.app.server import serving  # noqa: PLC0415
     from uavmap.ui.app.visitor import App  # noqa: PLC0415
     from uavmap.ui.app.workspace import Workspace  # noqa: PLC0415
@@ -56,12 +56,12 @@ def run(options: argparse.Namespace) -> int:
         origin = f"http://{shown(host)}:{port}"
         app = App(Workspace(folder.absolute()), given, host, origin)
         _LOG.info(f"uavmap app: {origin}/?token={token}")
-        _LOG.info("Ctrl-C ends it")
+        _LOG.info("Ctrl-C ends the page")
         server = serving(app, token, port)
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_serve(server, listening))
         for job in app.jobs.running:
-            _LOG.info(f"goes on: {job.shown}; its lines are in {job.log}")
+            _LOG.info(f"still running: {job.shown}; its lines are in {job.log}")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""uavmap check: what is wrong with a mission file, or what would be flown."""
+"""uavmap check: the faults of a mission file, or the plan of its flight."""
 
 from __future__ import annotations
 
@@ -34,11 +34,13 @@ from uavmap.runner.preflight.plan_figures import (
 from uavmap.ui.cli.option_table import add_options
 
 KINDS: Final = (".html", ".png")
-DESCRIPTION: Final = "Say what is wrong with a mission file, by key, or what it would fly."
-EXAMPLES: Final = (
-    "examples:\n  uavmap check runway\n  uavmap check field.toml --json\n"
-    "  uavmap check field.toml --map field.html      the plan as a page to look at"
-)
+DESCRIPTION: Final = "List the faults of a mission file, by key, or print the plan of its flight."
+EXAMPLES: Final = """\
+  uavmap check runway                           the plan of a shipped mission
+  uavmap check field.toml --json
+  uavmap check field.toml --map field.html      the plan as a page
+"""
+NOTES: Final = ""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,12 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--map",
         metavar="FILE.html|FILE.png",
         type=Path,
-        help="draw box, fence, lanes and homes, as a page that loads nothing, or as a picture",
+        help="draw box, fence, lanes and homes, as a page without external files or as a picture",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check."""
+    """Check the mission file and print the plan."""
     if options.map is not None:
         check_kind(options.map, "--map")
     mission = load(options.mission)
@@ -75,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
         figures["zones"] = zone_lines(setting.mission)
         print(json.dumps(figures, indent=2))
         return 0
-    print(f"{options.mission}: {'can be flown, but' if warnings else 'nothing wrong'}")
+    print(f"{options.mission}: {'can be flown, with warnings' if warnings else 'no fault'}")
     for warning in warnings:
         print(f"  {warning}")
     for line in (*zone_lines(setting.mission), *taken_lines(setting.mission)):
@@ -84,10 +86,10 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {line}")
     print(f"  box {box_line(setting)}; UTM zone {zone_name(setting.grid)}")
     reason, rows = figures.pop("altitude_set_by"), figures.pop("layers")
-    print(f"  height and speed of each layer; {reason} sets the height:")
+    print(f"  height and speed of each layer; the height is set by {reason}:")
     _print_layers(rows)
     if rows := figures.pop("search_layers"):
-        print("  the box is searched from layers of its own:")
+        print("  layers for the search of the box:")
         _print_layers(rows)
     if sighted_s is not None:
         soon_s, late_s = sighted_s
@@ -101,7 +103,7 @@ def run(options: argparse.Namespace) -> int:
     for key, value in figures.items():
         print(f"  {key:{width}}  {value}")
     if options.map is not None:
-        print(f"  the plan is in {options.map}")
+        print(f"  picture of the plan: {options.map}")
     return 0
 
 
@@ -111,15 +113,15 @@ def _print_layers(rows: Iterable[Mapping[str, Any]]) -> None:
         print(
             f"    {layer['altitude_m']:g} m: a picture shows {across_m:g} m x {along_m:g} m, "
             f"{100 * layer['gsd_m']:.1f} cm a pixel, {layer['pixels_per_cell']:g} pixels a cell; "
-            f"without stopping up to {layer['speed_m_s']:g} m/s ({layer['speed_set_by']})"
+            f"speed without a stop up to {layer['speed_m_s']:g} m/s ({layer['speed_set_by']})"
         )
 
 
-# --- the plan as a file to look at, also for `uavmap new` ---------------------------------------
+# --- the plan as a picture or a page, also for `uavmap new` --------------------------------------
 def check_kind(path: Path, option: str) -> None:
-    """Raise `OutputError` for a file of a kind that is not written."""
+    """Raise `OutputError` for a file that is neither .html nor .png."""
     if path.suffix.lower() not in KINDS:
-        raise OutputError(f"{option} {path}: write a .html or a .png")
+        raise OutputError(f"{option} {path}: must end with .html or .png")
 
 
 def write_map(setting: Setting, figures: Mapping[str, Any], path: Path) -> None:
@@ -136,7 +138,7 @@ def write_map(setting: Setting, figures: Mapping[str, Any], path: Path) -> None:
 
 
 def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what stands beside a plan: name and value."""
+    """Return the figures beside a plan: name and value."""
     mission, home = setting.mission, setting.mission.home
     layers = ", ".join(f"{layer['altitude_m']:g} m" for layer in figures["layers"])
     battery = mission.battery
@@ -153,28 +155,29 @@ def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, 
         *(("zone", line.removeprefix("zone ")) for line in zone_lines(mission)),
         ("cells", f"{mission.grid.cell_m:g} m"),
         ("vehicles", f"{len(mission.vehicles)}, strategy {mission.strategy}"),
-        ("layers", f"{layers} above {'the start' if setting.ground is None else 'the ground'}"),
+        ("layers", f"{layers} above {'home' if setting.ground is None else 'the ground'}"),
         ("lanes", f"{figures['lanes']}, {figures['search_length_m']:,.0f} m"),
         ("search", search_line(figures)),
         (
             "battery",
             f"{battery.capacity_wh:g} Wh, {battery.hover_power_w:g} W in hover: "
-            f"{figures['usable_flight_s_per_battery'] / 60.0:.0f} min a sortie",
+            f"{figures['usable_flight_s_per_battery'] / 60.0:.0f} min per sortie",
         ),
         ("wind", f"up to {mission.wind.speed_m_s:g} m/s"),
     ]
 
 
 def search_line(figures: Mapping[str, Any]) -> str:
-    """Write how long the search of the whole box takes, if nothing is found."""
+    """Write the time to search the whole box if no region is found."""
+    sorties = figures["search_sorties"]
     return (
-        f"the search alone takes about {figures['search_time_s'] / 60.0:.0f} min, sorties of a "
-        f"vehicle: {figures['search_sorties']}; exploring comes on top"
+        f"the search alone takes about {figures['search_time_s'] / 60.0:.0f} min and {sorties} "
+        f"{'sortie' if sorties == 1 else 'sorties'} per vehicle; the exploration comes on top"
     )
 
 
 def box_line(setting: Setting) -> str:
-    """Write how large the box is."""
+    """Write the size of the box."""
     return _size(drawn(setting.mission.search.box, setting.grid))
 
 

@@ -1,4 +1,4 @@
-"""uavmap completion: what a shell needs to complete commands, options, missions and strategies."""
+"""uavmap completion: the script that completes commands, options, missions and strategies."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from typing import Final
 import shtab
 
 from missions.mission.checks import FLOWN
-from missions.mission.fleet_checks import STRATEGIES as OF_FLEETS
+from missions.mission.fleet_checks import STRATEGIES as FLEET_STRATEGIES
 from uavmap.load.mission_source import shipped_missions
 
 SHELLS: Final = ("bash", "zsh", "fish")
 
 EXAMPLES: Final = """\
-examples:
   uavmap completion bash > ~/.local/share/bash-completion/completions/uavmap
   uavmap completion zsh > ~/.zfunc/_uavmap      # with fpath+=~/.zfunc before compinit
   uavmap completion fish > ~/.config/fish/completions/uavmap.fish
 """
+NOTES: Final = ""
 _FOLDERS: Final = ("DIR", "IMAGES")
 _FILES: Final = ("AREA", "FILE", "IMAGE", "PATH", "MISSION|DIR")
 _MISSIONS: Final = "_uavmap_missions"
-"""The function of a shell that completes a shipped mission, or a file."""
-DESCRIPTION: Final = "Print the script by which a shell completes uavmap's commands."
+"""The shell function that completes a shipped mission or a file."""
+DESCRIPTION: Final = "Print the script with which a shell completes commands and options of uavmap."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    parser.add_argument("shell", choices=SHELLS, help="the shell that reads it")
+    parser.add_argument("shell", choices=SHELLS, help="the shell")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print it."""
-    from uavmap.ui.cli import parser  # noqa: PLC0415 - which imports this module, like each command
+    """Print the script."""
+    from uavmap.ui.cli import parser  # noqa: PLC0415 - it imports this module
 
     top, names = parser(), " ".join(shipped_missions())
     (commands,) = (a for a in top._actions if isinstance(a, argparse._SubParsersAction))
@@ -49,10 +49,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _complete(action: argparse.Action, command: str) -> None:
-    """Set the kind of a value, by its name in the help."""
+    """Set how a value is completed, by its name in the help."""
     named = str(action.metavar)
     if "--strategy" in action.option_strings and command != "simulate":
-        action.choices = [*(OF_FLEETS if command == "onboard" else FLOWN)]
+        action.choices = [*(FLEET_STRATEGIES if command == "onboard" else FLOWN)]
     elif named == "MISSION":
         fish = f"{' '.join(shipped_missions())} {shtab.FILE['fish']}"
         missions = {"bash": _MISSIONS, "zsh": _MISSIONS, "fish": fish}

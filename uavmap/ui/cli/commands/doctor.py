@@ -1,4 +1,4 @@
-"""uavmap doctor: what is wrong with the installation, a vehicle, or a vehicle for a mission."""
+"""uavmap doctor: checks of the installation, of a vehicle, and of a vehicle for a mission."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ from uavmap.ui.cli.flight_options import key_file
 from uavmap.ui.cli.option_table import add_options
 
 Add = Callable[[Sequence[Finding]], None]
-"""Takes findings as they come."""
+"""Function that receives findings as they are made."""
 PICTURES: Final = "doctor"
-"""The folder for test pictures, where none is named."""
+"""Default folder of test pictures."""
 
 EXAMPLES: Final = """\
-examples:
-  uavmap doctor                                                the installation
+  uavmap doctor                                                check the installation
   uavmap doctor --connect udpin://0.0.0.0:14550                and a vehicle
   uavmap doctor field.toml --connect udpin://0.0.0.0:14550     for a mission, with a test picture
   uavmap doctor field.toml --connect serial:///dev/ttyACM0:57600 --json
-
-Nothing is armed, and nothing is set. `uavmap fly MISSION --connect URL --dry-run` sets the fence,
-too, and puts the old one back.
+"""
+NOTES: Final = """\
+The doctor arms nothing and sets nothing. `uavmap fly MISSION --connect URL --dry-run` also sets the
+fence, and restores the old one.
 
 exit codes:
-  0    nothing is bad: the mission could fly
-  2    the input is wrong, or a vehicle does not answer; a line says what
-  3    something is bad; its line says what to do
+  0    no finding is bad: the mission could fly
+  2    the input is wrong, or a vehicle does not answer; a line names the fault
+  3    a finding is bad; its line has the remedy
   130  interrupted
 """
-DESCRIPTION: Final = "Say what is right, doubtful or wrong, and what to do about it."
+DESCRIPTION: Final = "List what is right, doubtful or bad, each with its remedy."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,16 +63,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "mission",
         metavar="MISSION",
         nargs="?",
-        help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
+        help=f"a mission file or a shipped mission: {', '.join(shipped_missions())}",
     )
     add_options(parser, "doctor")
     parser.add_argument(
-        "--out", metavar="DIR", default=PICTURES, help="folder for test pictures (default: doctor)"
+        "--out",
+        metavar="DIR",
+        default=PICTURES,
+        help="the folder of test pictures (default: doctor)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Look."""
+    """Check and print the findings."""
     urls, folder = tuple(options.connect or ()), Path(options.out)
     check_urls(urls)
     links = FlightOptions(
@@ -103,7 +106,7 @@ def run(options: argparse.Namespace) -> int:
         values = {"could_fly": able, "findings": [finding.as_json() for finding in found]}
         print(json.dumps(values, indent=2))
     else:
-        print("nothing is bad" if able else "not to be flown as it is: see what is bad above")
+        print("no finding is bad" if able else "do not fly: some findings above are bad")
     return 0 if able else INCOMPLETE
 
 
@@ -116,20 +119,22 @@ def _setting(name: str | None, links: int) -> Setting | None:
     if links > len(mission.vehicles):
         raise MissionFileError(
             f"{name}: {len(mission.vehicles)} vehicles, but {links} connection URLs; give "
-            "--connect at most once a vehicle"
+            "--connect at most once for each vehicle"
         )
     return setting_of(mission)
 
 
 def _cameras(given: Sequence[str], setting: Setting | None, links: int) -> list[CameraSpec]:
-    """Return the camera at each link; without a mission none is checked."""
+    """Return the camera at each link; without a mission no camera is checked."""
     if setting is None:
         if given:
-            raise MissionFileError("--camera needs a MISSION, which says how its pictures are")
+            raise MissionFileError("--camera needs a MISSION, which has the size of its pictures")
         return [parse_camera("mavlink")] * links
     cameras = cameras_of(given, setting.mission)
     if len(cameras) < links:
-        raise MissionFileError(f"{links} connection URLs, but --camera {len(cameras)} times")
+        raise MissionFileError(
+            f"{links} connection URLs, but {len(cameras)} times --camera; give one for each vehicle"
+        )
     return cameras[:links]
 
 
@@ -171,6 +176,9 @@ async def _vehicle(
     before, findings = await setup.look()
     by_m = outside_m(mission.flight.speed_m_s, setting.energy.accel_m_s2)
     findings.append(
-        ok("fence", f"{setup.in_words(before)}; a flight sets the mission's, {by_m:.0f} m wider")
+        ok(
+            "fence",
+            f"{setup.in_words(before)}; a flight sets the mission's fence, {by_m:.0f} m wider",
+        )
     )
     add(of_vehicle(number, findings))

@@ -1,4 +1,4 @@
-"""uavmap export: a mission as files for ground stations, a map as files for a GIS."""
+"""uavmap export: files for ground stations from a mission, files for a GIS from a map."""
 
 from __future__ import annotations
 
@@ -28,32 +28,31 @@ from uavmap.output.formats.ground_station_plan import (
 )
 from uavmap.output.formats.wpml_encoder import AIRCRAFT, USUAL, wpml_archive
 from uavmap.output.results import flown_of
-from uavmap.ui.cli.common import overwrite_nothing, vehicle_count
+from uavmap.ui.cli.common import refuse_existing, vehicle_count
 
 EXAMPLES: Final = """\
-examples:
   uavmap export field.toml --plan field.plan              the search lanes, for QGroundControl
   uavmap export field.toml --plan field.plan --firmware px4
   uavmap export field.toml --waypoints field.waypoints    for Mission Planner
   uavmap export spill --plan spill.plan                   three vehicles: spill-1.plan, -2, -3
   uavmap export spill --plan second.plan --vehicle 2
   uavmap export results/field-1 --to gpkg                 map.gpkg, with layers and styles, for QGIS
-  uavmap export results/field-1 --to shp --out for-gis    Shapefiles, a layer each, in that folder
-  uavmap export results/field-1 --to kml --out field.kml  tracks in time, for Google Earth
+  uavmap export results/field-1 --to shp --out for-gis    Shapefiles, one per layer, in that folder
+  uavmap export results/field-1 --to kml --out field.kml  tracks with time, for Google Earth
   uavmap export results/field-1 --to kmz                  the same over the mosaic, in one file
   uavmap export results/field-1 --to geopdf               map.pdf, a map with coordinates
   uavmap export results/field-1 --to stac                 stac-item.json, for a catalogue of imagery
   uavmap export field.toml --wpml field.kmz --drone M3T   the search lanes, for DJI Pilot 2
   uavmap export results/field-1 --to wpml --drone M3E     a flight over the mapped region
-
-A plan has the fence, the vehicle's home as rally point, and a flight that takes off, flies its
-lines with pictures, comes back over its home and returns; a WPML file has no fence. An autopilot
-flies these lines and no more: nothing judges the pictures, and only their different heights keep
-vehicles apart.
+"""
+NOTES: Final = """\
+A plan has the fence, the home as rally point, and a flight along the search lanes with pictures,
+from take-off to return. A WPML file has no fence. The autopilot flies these lanes and nothing else:
+no detector judges the pictures, and only different heights separate the vehicles.
 """
 DESCRIPTION: Final = (
-    "Write the search of a mission as a file for QGroundControl, Mission Planner or DJI Pilot 2; "
-    "or a map and its flight, also of one that was interrupted, as files for a GIS."
+    "Write the search of a mission for QGroundControl, Mission Planner or DJI Pilot 2. Or write "
+    "the map of a flight for a GIS, also of an interrupted one."
 )
 
 
@@ -65,62 +64,62 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MISSION|DIR",
         help="a mission file, a shipped mission, or the results folder of a mission",
     )
-    add("--plan", metavar="FILE.plan", type=Path, help="a plan for QGroundControl")
+    add("--plan", metavar="FILE.plan", type=Path, help="write a plan for QGroundControl")
     add(
         "--waypoints",
         metavar="FILE.waypoints",
         type=Path,
-        help="QGC WPL 110 for Mission Planner: without fence and rally points",
+        help="write QGC WPL 110 for Mission Planner, without fence and rally points",
     )
     add(
         "--wpml",
         metavar="FILE.kmz",
         type=Path,
-        help="waypoints for DJI Pilot 2 and FlightHub 2: without fence and rally points",
+        help="write waypoints for DJI Pilot 2 and FlightHub 2, without fence and rally points",
     )
     add(
         "--drone",
         choices=list(AIRCRAFT),
         default=USUAL,
-        help=f"the DJI aircraft that a WPML file is for: it names one (default {USUAL})",
+        help=f"the DJI aircraft that flies the WPML file (default {USUAL})",
     )
     add(
         "--firmware",
         type=Firmware,
         choices=list(Firmware),
         default=Firmware.ARDUPILOT,
-        help="of the vehicle, ardupilot or px4 (default ardupilot)",
+        help="the firmware of the vehicle, ardupilot or px4 (default ardupilot)",
     )
     add(
         "--vehicle",
         metavar="N",
         type=vehicle_count,
-        help="of this vehicle alone, counted from 1 (default: all, a file each)",
+        help="write the flight of this vehicle alone, counted from 1 (default: a file for each "
+        "vehicle)",
     )
     add(
         "--above-sea",
         action="store_true",
-        help="heights above the sea (start.amsl_m) instead of above the home",
+        help="write heights above the sea (start.amsl_m), not above home",
     )
     add(
         "--to",
         choices=list(FORMATS),
-        help="of results: region, cells, tracks, frames and fence as a GeoPackage (gpkg), "
-        "Shapefiles (shp), GeoJSON, KML with times, GPX or CSV; the same KML with the mosaic "
-        "(kmz); a STAC item (stac); a flight over the region (wpml); a map with coordinates as PDF "
-        "(geopdf)",
+        help="write the results as a GeoPackage (gpkg), Shapefiles (shp), geojson, kml with times, "
+        "gpx or csv. Or write KML with the mosaic (kmz), a STAC item (stac), a PDF with "
+        "coordinates (geopdf), or a flight over the region (wpml)",
     )
     add(
         "--out",
         metavar="PATH",
         type=Path,
-        help="with --to: the file, of shp, geojson and csv a folder (default: in the folder of "
-        "the results)",
+        help="with --to: the file, or the folder for shp, geojson and csv (default: in the results "
+        "folder)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Export."""
+    """Export a mission or a map."""
     terminal = Terminal()
     with shown_on(terminal):
         if options.to is not None or options.out is not None:
@@ -129,43 +128,43 @@ def run(options: argparse.Namespace) -> int:
 
 
 # --- a mission for a ground station -----------------------------------------------------------
-def export_search(options: argparse.Namespace, say: Callable[[str], None]) -> int:
-    """Write the files. Raises `UavmapError`."""
+def export_search(options: argparse.Namespace, show: Callable[[str], None]) -> int:
+    """Write the search of a mission for ground stations. Raises `UavmapError`."""
     files = [path for path in (options.plan, options.waypoints, options.wpml) if path is not None]
     if not files:
         raise UavmapError(
-            "nothing to write; give --plan FILE.plan, --waypoints FILE.waypoints, --wpml FILE.kmz "
-            "or --to FORMAT"
+            "no format; give --plan FILE.plan, --waypoints FILE.waypoints, --wpml FILE.kmz or "
+            "--to FORMAT"
         )
     if len(set(files)) < len(files):
-        raise UavmapError(f"{files[-1]}: is given twice; give each its own file")
+        raise UavmapError(f"{files[-1]}: is given twice; give each format its own file")
     if options.waypoints is not None and options.firmware is Firmware.PX4:
         raise UavmapError(
-            "--waypoints: the file begins with a home, which a PX4 would fly to; use --plan"
+            "--waypoints: such a file begins with a home, to which a PX4 would fly; use --plan"
         )
     if options.wpml is not None and options.above_sea:
         raise UavmapError(
-            "--above-sea: the heights of a WPML file are above the take-off; leave it out with "
+            "--above-sea: heights in a WPML file are above the take-off point; leave it out with "
             "--wpml"
         )
     if Path(options.source).is_dir():
         raise UavmapError(
-            f"{options.source}: is a folder, and a plan is of a mission; give its file. To fly the "
-            "mapped region again, draw a mission around it: uavmap new "
-            f"{Path(options.source) / 'map.gpkg'} --area region; or, with a DJI aircraft: uavmap "
-            f"export {options.source} --to wpml"
+            f"{options.source}: is a folder; give a mission file for a plan. To fly over the "
+            "mapped region again, make a mission of it: uavmap new "
+            f"{Path(options.source) / 'map.gpkg'} --area region. For a DJI aircraft: uavmap export "
+            f"{options.source} --to wpml"
         )
     mission = load(options.source)
     if mission.flight.height_above == "ground":
         raise UavmapError(
-            f'{options.source}: flight.height_above = "ground": the heights of a plan are above '
-            "home, which leads into ground that is not flat; fly it with `uavmap fly`"
+            f'{options.source}: flight.height_above = "ground": heights in a plan are above home, '
+            "and could lead into rising ground; use `uavmap fly`"
         )
     frame, home_amsl_m = _frame(options, mission), mission.start.amsl_m
-    flights = _flights(options, mission, frame, say)
+    flights = _flights(options, mission, frame, show)
     made: dict[Path, bytes] = {}
     for flight in flights:
-        # of several vehicles a file each: field-1.plan, field-2.plan
+        # several vehicles get a file each: field-1.plan, field-2.plan
         number = f"-{flight.vehicle + 1}" if len(flights) > 1 else ""
         if options.plan is not None:
             made[options.plan.with_stem(f"{options.plan.stem}{number}")] = plan_text(
@@ -178,37 +177,39 @@ def export_search(options: argparse.Namespace, say: Callable[[str], None]) -> in
         if options.wpml is not None:
             data = wpml_archive(flight, options.drone)
             made[options.wpml.with_stem(f"{options.wpml.stem}{number}")] = data
-    for path in made:  # all are written, or none
+    for path in made:  # write all files or none
         if path.exists():
-            raise OutputError(f"{path}: is there already; choose another name, or move it away")
+            raise OutputError(f"{path}: already exists; choose another name, or move the file")
     for path, data in made.items():
         save(path, data)
-        say(f"wrote {path}")
+        show(f"wrote {path}")
     return 0
 
 
 def _flights(
-    options: argparse.Namespace, mission: Mission, frame: int, say: Callable[[str], None]
+    options: argparse.Namespace, mission: Mission, frame: int, show: Callable[[str], None]
 ) -> list[SearchFlight]:
-    """Return the search of the vehicle of --vehicle, or of all that have a lane to fly."""
+    """Return the search of the vehicle of --vehicle, or of all vehicles with a lane to fly."""
     setting, flights, count = setting_of(mission), [], len(mission.vehicles)
     if options.vehicle is not None and options.vehicle > count:
-        raise UavmapError(f"--vehicle {options.vehicle}: {options.source} has {count}")
+        raise UavmapError(
+            f"--vehicle {options.vehicle}: {options.source} has {count} vehicles; give 1 to {count}"
+        )
     for vehicle in range(count) if options.vehicle is None else (options.vehicle - 1,):
         flight = search_flight(setting, vehicle, frame)
         if flight.left_out:
-            say(
-                f"vehicle {vehicle + 1}: {len(flight.left_out)} lanes are left out, no path inside "
+            show(
+                f"vehicle {vehicle + 1}: {len(flight.left_out)} lanes are left out: no path inside "
                 "the fence leads to them"
             )
         if len(flight.left_out) == len(setting.shares[vehicle]):
-            say(f"vehicle {vehicle + 1} has no lane to fly; nothing is written for it")
+            show(f"vehicle {vehicle + 1} has no lane to fly; no file is written for it")
             continue
         flights.append(flight)
     if not flights:
-        raise MissionFileError(f"{options.source}: no lane can be flown; nothing is written")
+        raise MissionFileError(f"{options.source}: no lane can be flown; no file is written")
     if mission.drift.speed_m_s:
-        say("the region drifts; the lanes are those over the box, which does not")
+        show("the region drifts, but the lanes of the plan stay over the box")
     return flights
 
 
@@ -217,22 +218,22 @@ def _frame(options: argparse.Namespace, mission: Mission) -> int:
         return int(mav.MAV_FRAME_GLOBAL_RELATIVE_ALT)
     if "amsl_m" not in mission.start.model_fields_set:
         raise MissionFileError(
-            f"{options.source}: start.amsl_m is missing, and --above-sea counts heights from it; "
-            "add the height of the start above the sea"
+            f"{options.source}: start.amsl_m is missing, and --above-sea needs it; add the height "
+            "of the start above the sea"
         )
     return int(mav.MAV_FRAME_GLOBAL)
 
 
 # --- a map for a GIS --------------------------------------------------------------------------
-_OF_PLANS = ("plan", "waypoints", "wpml", "vehicle", "above_sea")
+_PLAN_OPTIONS = ("plan", "waypoints", "wpml", "vehicle", "above_sea")
 
 
-def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
-    """Write the files. Raises `UavmapError`."""
+def export_map(options: argparse.Namespace, show: Callable[[str], None]) -> int:
+    """Write a map for a GIS. Raises `UavmapError`."""
     _check(options)
     folder = Path(options.source)
     flown, made = flown_of(folder), FORMATS[options.to]
-    report_incomplete(flown, say)
+    report_incomplete(flown, show)
     files = files_of(
         flown, options.to, **({"drone": options.drone} if options.to == "wpml" else {})
     )
@@ -241,22 +242,22 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
     if not made.several:
         files = dict.fromkeys([shown.name], *files.values())
     if options.out is not None:
-        _overwrite_nothing(shown, files, made)
+        _refuse_existing(shown, files, made)
     for name in files:
         refuse_open(target / name)
     _write_map(target, files, made)
     size_kb = sum(map(len, files.values())) / 1000.0
     end, many = (os.sep, f"{len(files)} files, ") if made.several else ("", "")
-    say(f"{shown}{end} ({many}{size_kb:,.0f} kB)")
+    show(f"{shown}{end} ({many}{size_kb:,.0f} kB)")
     return 0
 
 
-def report_incomplete(flown: Flown, say: Callable[[str], None]) -> None:
-    """Report a map that is not complete."""
+def report_incomplete(flown: Flown, show: Callable[[str], None]) -> None:
+    """Show a line for a map that is not complete."""
     if flown.values.get("no_verdict"):
-        say(f"{flown.folder}: {flown.values['finding']}")
+        show(f"{flown.folder}: {flown.values['finding']}")
     elif not flown.completed:
-        say(
+        show(
             f"{flown.folder}: the mission is not complete; this is its map so far, at mission time "
             f"{flown.data.t_s:.0f} s"
         )
@@ -264,32 +265,32 @@ def report_incomplete(flown: Flown, say: Callable[[str], None]) -> None:
 
 def _check(options: argparse.Namespace) -> None:
     if options.to is None:
-        raise UavmapError("--out goes with --to FORMAT; a plan is named by --plan")
-    for name in _OF_PLANS:
+        raise UavmapError("--out needs --to FORMAT; name the file of a plan with --plan")
+    for name in _PLAN_OPTIONS:
         if getattr(options, name):
             raise UavmapError(f"--{name.replace('_', '-')} is for a plan; leave it out with --to")
     folder = Path(options.source)
     if not folder.is_dir():
         raise UavmapError(
-            f"{options.source}: --to is for a results folder with a {JOURNAL}, and this is none; "
-            "of a mission --plan, --waypoints and --wpml can be written"
+            f"{options.source}: not a results folder with a {JOURNAL}, which --to needs; for a "
+            "mission use --plan, --waypoints or --wpml"
         )
     out, beside = options.out, FORMATS[options.to].beside
     if beside and out is not None and out.parent.resolve() != folder.resolve():
         raise UavmapError(
-            f"--out {out}: a STAC item names the files beside it; give a name in {folder}, and "
-            "copy that folder as a whole"
+            f"--out {out}: a STAC item names the files beside it; give a name in {folder}, then "
+            "copy the whole folder"
         )
 
 
-def _overwrite_nothing(out: Path, files: Mapping[str, bytes], made: Format) -> None:
+def _refuse_existing(out: Path, files: Mapping[str, bytes], made: Format) -> None:
     if not made.several:
         if out.exists():
-            raise OutputError(f"--out {out}: is there already; choose another name")
+            raise OutputError(f"--out {out}: already exists; choose another name")
         return
     if out.exists() and not out.is_dir():
         raise OutputError(f"--out {out}: is a file; give a folder")
-    overwrite_nothing(out, files)
+    refuse_existing(out, files)
 
 
 def _write_map(target: Path, files: Mapping[str, bytes], made: Format) -> None:

@@ -25,17 +25,16 @@ from uavmap.ui.cli.flight_options import (
 )
 from uavmap.ui.cli.option_table import add_options
 
-EXAMPLES: Final = f"""\
-examples:
-  uavmap fly runway --sim                           the shipped mission, simulated
-  uavmap fly spill --sim --seed 7 --out spill-7     another seed, into a folder of your choice
+EXAMPLES: Final = """\
+  uavmap fly runway --sim                           a shipped mission, simulated
+  uavmap fly spill --sim --seed 7 --out spill-7     with another seed, into your own folder
   uavmap fly field.toml --connect udpin://0.0.0.0:14550
   uavmap fly field.toml --connect serial:///dev/ttyACM0:57600
   uavmap fly field.toml --connect udpin://0.0.0.0:14540 --driver mavsdk
   uavmap fly field.toml --connect serial:///dev/ttyACM0:57600 --camera libcamera
   uavmap fly lake.toml --connect udpin://0.0.0.0:14550 --connect udpin://0.0.0.0:14560
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --detector my-field
-  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --dry-run     all but the take-off
+  uavmap fly field.toml --connect udpin://0.0.0.0:14550 --dry-run     all checks, no take-off
 
   uavmap fly field.toml --fleet --listen 'udp/224.0.0.224:7447#iface=wlan0' \\
              --fleet-key ~/.uavmap.fleet --page            on the ground, beside `uavmap onboard`
@@ -46,20 +45,22 @@ examples:
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --key ~/.uavmap.key
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --page         a live page in the browser
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --tak tcp://192.168.1.5:8087
+"""
+NOTES: Final = f"""\
+Keys in flight: p pause, c continue, r return, k skip a cell, q land, ? help.
 
-In flight the keys p, c, r, k, q and ? pause, go on, call home, skip a cell, land, and help.
-Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
-as that is seen. Either way `uavmap resume DIR` goes on later.
+Ctrl-C returns real aircraft. A second Ctrl-C commands the RTL of their autopilots, and the command
+ends when they return. After both `uavmap resume DIR` continues later.
 
 {EXIT_CODES}"""
-DESCRIPTION: Final = "Fly a mission: search the box, explore the region, come home, write the map."
+DESCRIPTION: Final = "Fly a mission: search the box, explore the region, return, write the map."
 
 
 add_arguments: Final = partial(add_options, command="fly")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fly."""
+    """Fly the mission."""
     member = 0 if options.fleet else None
     asked = flight_options(options, member=member, network=_network(options))
     with shown_on(Terminal()):
@@ -75,14 +76,14 @@ def _network(options: argparse.Namespace) -> FleetNetwork | None:
     if not options.fleet:
         if gives_network(options):
             raise LinkError(
-                "--listen, --peer, --router and --fleet-key go with --fleet (and with "
-                "`uavmap onboard`)"
+                "--listen, --peer, --router and --fleet-key need --fleet; each vehicle of the "
+                "fleet runs `uavmap onboard`"
             )
         return None
     network = network_of(options)
     if network.alone:
         raise LinkError(
-            "--fleet: no endpoint; give --listen, --peer or --router, as on the aircraft"
+            "--fleet: no endpoint; give --listen, --peer or --router, as for the aircraft"
         )
     check_network(network)
     return network
@@ -90,7 +91,10 @@ def _network(options: argparse.Namespace) -> FleetNetwork | None:
 
 def _fly_fleet(options: argparse.Namespace, plan: FlightPlan) -> int:
     if options.tak is not None:
-        raise UavmapError("--tak: not with --comms, whose simulated members each have a map")
+        raise UavmapError(
+            "--tak: excludes --comms, with which each simulated member has its own map; give one "
+            "of them"
+        )
     mission = plan.mission
     terminal, folder = Terminal(), results_folder(options.out, mission.name)
     with shown_on(terminal):

@@ -1,4 +1,4 @@
-"""uavmap keys: make a signing key, give it to a vehicle, take it back."""
+"""uavmap keys: make a signing key, install it on a vehicle, or remove it."""
 
 from __future__ import annotations
 
@@ -18,49 +18,54 @@ from uavmap.mavlink.links.signing import Signing, new_key, read_key, signing_wit
 from uavmap.mavlink.links.transports import Transport, open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import Session
-from uavmap.ui.cli.common import agreed
+from uavmap.ui.cli.common import confirm
 
 ANSWER_S: Final = 10.0
 PROOF_S: Final = 6.0
-"""Maximum time until a vehicle with the key sends something signed, s."""
+"""Maximum time until a vehicle with the key sends a signed message, s."""
 _TIMES: Final = 3
-"""Number of times that the key is sent: it is not acknowledged."""
+"""Number of times that the key is sent, since vehicles do not acknowledge it."""
 EXAMPLES: Final = """\
-examples:
   uavmap keys new ~/.uavmap.key
   uavmap keys install ~/.uavmap.key --connect serial:///dev/ttyACM0:115200
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --key ~/.uavmap.key
   uavmap keys remove ~/.uavmap.key --connect serial:///dev/ttyACM0:115200
-
-The key goes over the link as it is: install it by a cable, or where nobody listens. An ArduPilot
-keeps it, signs all that it sends from then on, and hears only what is signed with it; by its first
-serial port (USB) it hears everything still, so a lost key can be replaced there. A ground station
-needs the key, too. exit codes: 0 done; 2 refused, or no proof that it was done.
 """
-DESCRIPTION: Final = "MAVLink 2 signing: only who has the key is heard."
+NOTES: Final = """\
+The link carries the key in clear text: install it by cable. From then on ArduPilot signs all its
+messages, and accepts only signed ones. Its first serial port (USB) still accepts all messages: you
+can replace a lost key there. A ground station needs the key as well.
+
+exit codes:
+  0    done
+  2    refused, or no proof that it was done
+"""
+DESCRIPTION: Final = (
+    "Set up MAVLink 2 signing: a vehicle then obeys only messages signed with its key."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     acts = parser.add_subparsers(dest="act", required=True, metavar="ACT")
-    made = acts.add_parser("new", help="make a key in a new file that only you may read")
-    made.add_argument("file", metavar="FILE")
-    for name, words in (
-        ("install", "give a disarmed vehicle the key, and see that it signs with it"),
-        ("remove", "have a disarmed vehicle that has the key forget it, and sign no more"),
+    new = acts.add_parser("new", help="make a key in a new file that only you can read")
+    new.add_argument("file", metavar="FILE", help="the new file")
+    for name, text in (
+        ("install", "install the key on a disarmed vehicle, and check that it signs with it"),
+        ("remove", "remove the key from a disarmed vehicle, which then stops signing"),
     ):
-        act = acts.add_parser(name, help=words)
+        act = acts.add_parser(name, help=text)
         act.add_argument("file", metavar="FILE", help="the file of the key")
-        act.add_argument("--connect", metavar="URL", required=True, help="where it is reached")
-        act.add_argument("--yes", action="store_true", help="do it without asking")
+        act.add_argument("--connect", metavar="URL", required=True, help="the URL of the vehicle")
+        act.add_argument("--yes", action="store_true", help="do it without a question")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make a key, or change that of a vehicle."""
+    """Make a key, or change the key of a vehicle."""
     path = Path(options.file).expanduser()
     if options.act == "new":
         new_key(path)
-        print(f"{path}: a new key, for you only; keep a copy of it where nobody else can read it")
+        print(f"{path}: a new key that only you can read; keep a copy of it in a safe place")
     else:
         read_key(path)
         run_on(_set_up(options, path, install=options.act == "install"), ScaledClock(1.0))
@@ -69,38 +74,42 @@ def run(options: argparse.Namespace) -> int:
 
 async def _set_up(options: argparse.Namespace, path: Path, *, install: bool) -> None:
     opened: list[Transport] = []
-    # nothing of this is recorded: a frame of it holds the key
+    # no frame of this link is recorded: one contains the key
 
     def send(frame: bytes) -> None:
         for transport in opened:
             transport.send(frame)
 
-    session, say = Session(send, lambda frame: None), partial(print, file=sys.stderr)
+    session, show = Session(send, lambda frame: None), partial(print, file=sys.stderr)
     endpoint = parse_url(options.connect)
     session.view.wanted_system = endpoint.system
     with signing_with(str(path)) as signing:
         assert signing is not None
-        async with open_transport(endpoint, session.feed, say) as transport:
+        async with open_transport(endpoint, session.feed, show) as transport:
             opened.append(transport)
-            await _disarmed(session, endpoint.url)
-            what = _WHAT_INSTALL if install else _WHAT_REMOVE
+            await _require_disarmed(session, endpoint.url)
+            question = _INSTALL_QUESTION if install else _REMOVE_QUESTION
             name = f"system {session.view.system_id} ({session.view.kind.name})"
-            if not options.yes and not await asyncio.to_thread(_asked, what.format(name=name)):
-                raise LinkError("nothing was changed")
-            await _disarmed(session, endpoint.url)
-            await (give_key if install else remove_key)(session, signing, endpoint.url)
-    print(f"{name}: {'has the key, and signs with it' if install else 'signs no more'}")
+            if not options.yes and not await asyncio.to_thread(
+                _confirm, question.format(name=name)
+            ):
+                raise LinkError("no key was changed")
+            await _require_disarmed(session, endpoint.url)
+            await (install_key if install else remove_key)(session, signing, endpoint.url)
+    print(f"{name}: {'has the key, and signs with it' if install else 'signs no longer'}")
 
 
-_WHAT_INSTALL: Final = (
-    "{name} will be given this key, and keep it. From then on it hears only what is signed with "
-    "it: every ground station needs the key, too. Go on?"
+_INSTALL_QUESTION: Final = (
+    "Install the key on {name}? It will keep the key, and accept only messages that are signed "
+    "with it. Each ground station then needs the key."
 )
-_WHAT_REMOVE: Final = "{name} will forget its key. From then on it obeys whoever reaches it. Go on?"
+_REMOVE_QUESTION: Final = (
+    "Remove the key from {name}? It will then obey each sender that reaches it."
+)
 
 
-async def _disarmed(session: Session, url: str) -> None:
-    """Wait for a new message of the vehicle. Raises `LinkError` where it is armed, or silent."""
+async def _require_disarmed(session: Session, url: str) -> None:
+    """Wait for a new message of the vehicle. Raises `LinkError` if it is armed or silent."""
     begin_s = asyncio.get_running_loop().time()
     while True:
         session.heartbeat()  # some vehicles only answer
@@ -109,11 +118,11 @@ async def _disarmed(session: Session, url: str) -> None:
         if asyncio.get_running_loop().time() - begin_s > ANSWER_S:
             raise LinkError(f"{url}: no vehicle answered within {ANSWER_S:g} s")
     if session.view.armed:
-        raise LinkError(f"{url}: the vehicle is armed; a key is changed on a disarmed one only")
+        raise LinkError(f"{url}: the vehicle is armed; disarm it before you change its key")
 
 
-async def give_key(session: Session, signing: Signing, url: str) -> None:
-    """Give the vehicle the key. Raises `LinkError` where it does not sign with it then."""
+async def install_key(session: Session, signing: Signing, url: str) -> None:
+    """Install the key on the vehicle. Raises `LinkError` if it does not sign with it then."""
     view = session.view
     for _ in range(_TIMES):
         session.send(signing.set_up(view.system_id, view.autopilot_component))
@@ -121,13 +130,13 @@ async def give_key(session: Session, signing: Signing, url: str) -> None:
     begin_s = asyncio.get_running_loop().time()
     if not await session.until(lambda: view.heard_s > begin_s, PROOF_S):
         raise LinkError(
-            f"{url}: the vehicle has said nothing that is signed with this key; it may not sign at "
-            "all, or have another key already (an ArduPilot takes a new one by USB)"
+            f"{url}: no message of the vehicle is signed with this key: it cannot sign, or has "
+            "another key already (ArduPilot accepts a new one by USB)"
         )
 
 
 async def remove_key(session: Session, signing: Signing, url: str) -> None:
-    """End signing on the vehicle that has the key. Raises `LinkError` where it goes on signing."""
+    """End signing on the vehicle that has the key. Raises `LinkError` if it still signs."""
     view = session.view
     signed: list[bool] = []
     session.signing = signing
@@ -135,17 +144,17 @@ async def remove_key(session: Session, signing: Signing, url: str) -> None:
         session.send(signing.removal(view.system_id, view.autopilot_component))
     session.signing = None
 
-    def hear(message: Any) -> None:
-        # a camera beside the autopilot never signs: only the autopilot's word is proof
+    def note(message: Any) -> None:
+        # a camera beside the autopilot never signs: only messages of the autopilot are proof
         if message.get_srcComponent() == view.autopilot_component:
             signed.append(bool(message.get_header().incompat_flags & mav.MAVLINK_IFLAG_SIGNED))
 
-    session.listen(hear, "HEARTBEAT")
+    session.listen(note, "HEARTBEAT")
     if not await session.until(lambda: False in signed, PROOF_S):
-        raise LinkError(f"{url}: the vehicle goes on signing; is this the key that it has?")
+        raise LinkError(f"{url}: the vehicle still signs; give the key that it has")
 
 
-def _asked(question: str) -> bool:
+def _confirm(question: str) -> bool:
     if not sys.stdin.isatty():
-        raise LinkError("nobody is there to be asked; give --yes")
-    return agreed(question)
+        raise LinkError("the question before the change needs a terminal; give --yes")
+    return confirm(question)

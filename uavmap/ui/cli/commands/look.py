@@ -1,4 +1,4 @@
-"""uavmap look: what a mission's detector says of one picture."""
+"""uavmap look: the verdicts of a detector on one picture."""
 
 from __future__ import annotations
 
@@ -26,36 +26,40 @@ from uavmap.ui.cli.option_table import add_options
 _ROWS = 40
 
 EXAMPLES: Final = """\
-examples:
   uavmap look photos/DJI_0018.JPG --mission road
   uavmap look photos/DJI_0018.JPG --mission field.toml --json --out seen.png
   uavmap look photos/DJI_0018.JPG --detector my-field
-
-Prints where the picture lies and the share of each cell that the detector takes for region, and
-writes the picture with both drawn on it. Of a video or a folder it takes the first picture.
-Without --mission the cells and the camera come from the picture.
+"""
+NOTES: Final = """\
+The command prints the place of the picture, and for each cell the share that the detector rates as
+region. It writes the picture with the cells drawn on it. From a video or a folder it uses the first
+picture. Without --mission the cells and the camera come from the picture.
 
 exit codes:
-  0    the picture was looked at
-  2    it cannot be, or something else is wrong with the input; a line says what
+  0    the picture was judged
+  2    the input is wrong; a line names the fault
 """
-DESCRIPTION: Final = "One recorded picture through the eyes of a mission."
+DESCRIPTION: Final = "Show what the detector of a mission finds in one picture."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("image", metavar="IMAGE", help="a picture")
-    parser.add_argument("--mission", metavar="MISSION", help="grid, camera and detector")
+    parser.add_argument(
+        "--mission",
+        metavar="MISSION",
+        help="the mission with grid, camera and detector (default: from the picture)",
+    )
     add_options(parser, "look")
     parser.add_argument(
         "--out",
         metavar="FILE",
-        help="the annotated picture (default: the picture's name with -looked.png, here)",
+        help="the annotated picture (default: NAME-looked.png in the current folder)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Look at one picture."""
+    """Judge one picture."""
     mission = None if options.mission is None else load(options.mission, options.detector)
     if mission is not None:
         refuse_undecided(mission.detector, options.mission)
@@ -69,12 +73,12 @@ def run(options: argparse.Namespace) -> int:
         mission = mission_of_text(derived(gathered, lens, detector=detector), source)
     refuse_unknown_ground(mission, source)
     if not gathered.pictures:
-        raise ImageError(f"{options.image}: no picture can be read")
+        raise ImageError(f"{options.image}: has no readable picture; give JPEG, PNG or TIFF")
     looked = look_at(gathered.pictures[0], mission, lens)
     out = Path(options.out or f"{Path(gathered.pictures[0].name).stem}-looked.png")
     good, data = cv2.imencode(".png", annotated(looked))
     if not good:
-        raise OutputError(f"{out} cannot be written as PNG")
+        raise OutputError(f"{out}: cannot be written as PNG")
     save(out, data.tobytes())
     if options.json:
         sys.stdout.write(encode(looked.figures() | {"out": str(out)}) + "\n")
@@ -91,15 +95,15 @@ def _show(looked: PictureReport, out: Path) -> None:
         f"{place.lon_deg:.6f}; {figures['hfov_deg']:.1f} deg wide, {100 * figures['gsd_m']:.1f} cm "
         f"a pixel"
     )
-    print(f"{figures['roi_share']:.0%} of the pixels look like the region")
+    print(f"{figures['roi_share']:.0%} of the pixels are rated as region")
     if looked.doubt:
-        print(f"a mission does not count it: {looked.doubt}")
+        print(f"a mission does not count this picture: {looked.doubt}")
     ranked = sorted(looked.verdicts, key=lambda v: (-v.share, v.cell))
-    table = Table(title=f"{len(ranked)} cells, the {min(_ROWS, len(ranked))} fullest")
+    table = Table(title=f"{len(ranked)} cells, the {min(_ROWS, len(ranked))} with most region")
     for name in ("column", "row", "share", "region"):
         table.add_column(name, justify="right")
     for verdict in ranked[:_ROWS]:
-        cell, word = verdict.cell, "yes" if verdict.positive else "no"
-        table.add_row(str(cell.east), str(cell.north), f"{verdict.share:.0%}", word)
+        cell, region = verdict.cell, "yes" if verdict.positive else "no"
+        table.add_row(str(cell.east), str(cell.north), f"{verdict.share:.0%}", region)
     PipeConsole().print(table)
-    print(f"{sum(v.positive for v in ranked)} cells are region; drawn in {out}")
+    print(f"{sum(v.positive for v in ranked)} cells are region; annotated picture: {out}")

@@ -1,4 +1,4 @@
-"""uavmap new: a mission from an area that was drawn elsewhere."""
+"""uavmap new: a mission from an area that is drawn in a file, or given by its centre."""
 
 from __future__ import annotations
 
@@ -39,52 +39,58 @@ from uavmap.output.documents import save
 from uavmap.runner.preflight.plan_figures import estimate, zone_lines
 from uavmap.ui.cli import complain
 from uavmap.ui.cli.commands.check import box_line, check_kind, search_line, write_map, zone_name
-from uavmap.ui.cli.common import answer_to, asks, epsg_code, number_type, pair, vehicle_count
-from uavmap.ui.cli.detector_choice import add_detector_options, chosen, detector_table, learned
+from uavmap.ui.cli.common import ask, epsg_code, is_interactive, number_type, pair, vehicle_count
+from uavmap.ui.cli.detector_choice import (
+    add_detector_options,
+    choose_detector,
+    detector_table,
+    train_detector,
+)
 
 EXAMPLES: Final = """\
-examples:
   uavmap new field.kml --drone x500 --out field.toml      a polygon of Google Earth
   uavmap new field.kml --drone sim                        for the bundled simulator: field.toml
   uavmap new parcels.gpkg --area "North field" --drone astro
   uavmap new survey.plan --drone solo --camera rpi-hq-6mm survey, fence and home of QGroundControl
   uavmap new --at 37.198,-80.578 --size 200x150 --drone x500 --out field.toml
   uavmap new field.kml --battery 90 --hover 320 --hfov 66 --pixels 4608x2592
-  uavmap new field.kml --drone x500 --detector paved      look for bare ground
-  uavmap new field.kml --drone x500 --like a.jpg b.jpg c.jpg   or for what is painted in these
-  uavmap new --drone list                                 which drones and cameras are known
+  uavmap new field.kml --drone x500 --detector paved      find bare ground
+  uavmap new field.kml --drone x500 --like a.jpg b.jpg c.jpg   find what you paint in these
+  uavmap new --drone list                                 the known drones and cameras
 
 then:
-  uavmap fly field.toml --sim                             in the simulator
-  uavmap check field.toml --map field.html                what would be flown, as a page
-
-A polygon whose name has "fence" in it is the geofence, one with "no-fly" or "keep-out" a hole of
-it, a point named "home", "start" or "take-off" the home. At a terminal what is missing is asked.
+  uavmap fly field.toml --sim                             fly it in the simulator
+  uavmap check field.toml --map field.html                show the plan as a page
 """
-DESCRIPTION: Final = f"Make a mission file from an area that was drawn elsewhere: {KINDS}."
+NOTES: Final = """\
+A polygon with "fence" in its name is the geofence. One with "no-fly" or "keep-out" in its name is a
+hole of the fence. A point named "home", "start" or "take-off" is the home. At a terminal the
+command asks for all that is missing.
+"""
+DESCRIPTION: Final = f"Make a mission file from an area. Files: {KINDS}."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    # --at -33.8,151.2 is a place, not an option
+    # else argparse reads the place in `--at -33.8,151.2` as an option
     parser._negative_number_matcher = re.compile(r"^-\.?\d[\d.,eE+-]*$")
     add = parser.add_argument
     add("source", metavar="AREA", nargs="?", help="a file with the area")
-    add("--at", metavar="LAT,LON", help="instead of AREA: the middle of a rectangle")
-    add("--size", metavar="WxH", help="of it, in metres, east by north (default 100x100)")
-    add("--out", metavar="FILE.toml", type=Path, help="the mission (default: named after AREA)")
+    add("--at", metavar="LAT,LON", help="the centre of a rectangle, instead of AREA")
+    add("--size", metavar="WxH", help="the rectangle, east by north, m (default 100x100)")
+    add("--out", metavar="FILE.toml", type=Path, help="the mission file (default: as AREA)")
     add(
         "--preview",
         metavar="FILE",
         type=Path,
-        help="the plan as .png or .html (default: a .png beside the mission)",
+        help="the picture of the plan, .png or .html (default: a .png beside the mission file)",
     )
     add(
         "--zones",
         metavar="FILE",
         nargs="+",
         default=[],
-        help="zones that are left out of the fence: ED-269, ED-318 or GeoJSON",
+        help="files of airspace zones, which become holes of the fence: ED-269, ED-318 or GeoJSON",
     )
     _add_area_options(parser)
     add_detector_options(parser)
@@ -93,19 +99,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_area_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("the area").add_argument
-    add("--area", metavar="NAME", help="which, where the file has several")
-    add("--together", action="store_true", help="all of them: what encloses them")
-    add("--home", metavar="LAT,LON", help="where the first vehicle stands (default: as drawn)")
+    add("--area", metavar="NAME", help="the name of the area, if the file has several")
+    add("--together", action="store_true", help="search all areas: one box around them")
+    add("--home", metavar="LAT,LON", help="the home of the first vehicle (default: as drawn)")
     add(
         "--fence-room",
         metavar="M",
         type=number_type(float, 5, 1000),
         default=20.0,
-        help="from the area to the fence, where none is drawn (default 20)",
+        help="the distance from the area to the fence if none is drawn, m (default 20)",
     )
-    add("--swap", action="store_true", help="the file has latitude and longitude exchanged")
-    add("--crs", metavar="EPSG", type=epsg_code, help="of a file that names no system, as 25832")
-    add("--name", help="of the mission (default: as the file of --out)")
+    add("--swap", action="store_true", help="exchange latitude and longitude of the file")
+    add(
+        "--crs",
+        metavar="EPSG",
+        type=epsg_code,
+        help="the coordinate system of a file that names none, such as 25832",
+    )
+    add("--name", help="the name of the mission (default: as the file of --out)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -116,8 +127,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.find == "all" and options.strategy != STRATEGY:
         raise AreaError(
-            f"--find all is for --strategy {STRATEGY}, not {options.strategy}, which maps the "
-            "piece that is seen first; leave --find out"
+            f"--find all is for --strategy {STRATEGY}, not {options.strategy}, which maps only "
+            "the first patch that it sees; leave --find out"
         )
     _ask_for_source(options)
     out = options.out or Path(f"{folder_name(Path(options.source or 'area').stem)}.toml")
@@ -132,7 +143,7 @@ def run(options: argparse.Namespace) -> int:
     layout = lay_out(drawing, _wishes(options, drawing, largest_cell_m(figures, flying)))
     name = options.name or folder_name(out.stem)
     origin = Path(drawing.source).name
-    detector = chosen(options)
+    detector = choose_detector(options)
 
     def composed() -> tuple[str, Setting]:
         table = detector_table(detector, out.parent)
@@ -145,10 +156,10 @@ def run(options: argparse.Namespace) -> int:
         text, setting = composed()
     except MissionFileError as error:
         raise AreaError(
-            f"such a mission could not be flown, nothing is written:\n{error}"
+            f"the mission could not be flown, so no file is written:\n{error}"
         ) from None
-    if options.like is not None:  # which takes a while, so all else is checked before
-        detector = learned(options.like, out)
+    if options.like is not None:  # training takes a while, so all else is checked before
+        detector = train_detector(options.like, out)
         text, setting = composed()
     save(out, text.encode())
     write_map(setting, estimate(setting), preview)
@@ -165,20 +176,20 @@ def _print(layout: Layout, setting: Setting, aircraft: Figures, out: Path, previ
     print(f"{out}: {layout.name}, {box_line(setting)}, cells of {layout.cell_m:g} m")
     print(
         f"  home {abs(home.lat_deg):.5f} {north} {abs(home.lon_deg):.5f} {east}, UTM zone "
-        f"{zone_name(setting.grid)}; is that the place?"
+        f"{zone_name(setting.grid)}; check the place"
     )
     place = f"mlat={home.lat_deg:.5f}&mlon={home.lon_deg:.5f}"
-    print(f"  with internet, on a map: https://www.openstreetmap.org/?{place}#map=17")
+    print(f"  on an online map: https://www.openstreetmap.org/?{place}#map=17")
     print(f"  aircraft: {aircraft.title}")
     for line in region_lines(setting.mission.detector, out.parent):
         print(f"  {line}")
     print(f"  {search_line(estimate(setting))}")
-    print(f"  the plan is drawn in {preview}")
+    print(f"  picture of the plan: {preview}")
     print(f"  next: {_next(setting.mission.detector.name, shlex.quote(str(out)))}")
 
 
 def _next(detector: str, out: str) -> str:
-    """Write the next commands: the simulator's ground is painted for one detector."""
+    """Write the next commands: the simulator paints its ground for one detector."""
     if detector == LATER:
         return (
             f"uavmap fly {out} --sim; before a real flight choose a detector "
@@ -189,33 +200,33 @@ def _next(detector: str, out: str) -> str:
 
 
 def _check_files(out: Path, preview: Path) -> None:
-    """Raise `OutputError` for a file that cannot be written or is there already."""
+    """Raise `OutputError` for a file that cannot be written or already exists."""
     if out.suffix.lower() != ".toml":
-        raise OutputError(f"--out {out}: a mission is a .toml")
+        raise OutputError(f"--out {out}: must end with .toml")
     check_kind(preview, "--preview")
     for option, path in (("--out", out), ("--preview", preview)):
         if path.exists():
-            raise OutputError(f"{option} {path}: is there already; choose another name")
+            raise OutputError(f"{option} {path}: already exists; choose another name")
         if not path.parent.is_dir():
-            raise OutputError(f"{option} {path}: there is no folder {path.parent}")
+            raise OutputError(f"{option} {path}: there is no folder {path.parent}; make it first")
 
 
-# --- what is asked for ------------------------------------------------------------------------
+# --- questions at the terminal ----------------------------------------------------------------
 def _ask_for_source(options: argparse.Namespace) -> None:
     if options.source is not None and options.at is not None:
-        raise AreaError(f"--at {options.at}: beside the file {options.source}; give one of them")
+        raise AreaError(f"--at {options.at}: excludes the file {options.source}; give one of them")
     if options.size is not None and options.at is None:
-        raise AreaError(f"--size {options.size}: goes with --at LAT,LON")
+        raise AreaError(f"--size {options.size}: needs --at LAT,LON; add it")
     if options.source is not None or options.at is not None:
         return
-    if not asks():
+    if not is_interactive():
         raise AreaError("no area; give a file, or --at LAT,LON --size WxH")
-    answer = answer_to("area (a file, or LAT,LON of its middle):")
+    answer = ask("area (a file, or LAT,LON of its centre):")
     if Path(answer).exists() or not re.fullmatch(r"[-+\d.]+ *, *[-+\d.]+", answer):
         options.source = answer
         return
     options.at = answer
-    options.size = options.size or answer_to("its size in metres, east by north, as 200x150:")
+    options.size = options.size or ask("its size in metres, east by north, such as 200x150:")
 
 
 def _drawing(options: argparse.Namespace) -> Drawing:
@@ -237,18 +248,18 @@ def _place(option: str, text: str) -> LatLon:
     lat_deg, lon_deg = pair(f"{option} {text}", text, "LAT,LON")
     if not -90.0 <= lat_deg <= 90.0 or not -180.0 <= lon_deg <= 180.0:
         raise AreaError(
-            f"{option} {text}: latitude is from -90 to 90, longitude from -180 to 180; are they "
-            "swapped?"
+            f"{option} {text}: latitude is from -90 to 90, longitude from -180 to 180; exchange "
+            "them if they are swapped"
         )
     return LatLon(lat_deg, lon_deg)
 
 
 def _wishes(options: argparse.Namespace, drawing: Drawing, largest_m: float) -> Wishes:
     name = options.area
-    if name is None and len(drawing.areas) > 1 and not options.together and asks():
+    if name is None and len(drawing.areas) > 1 and not options.together and is_interactive():
         for number, area in enumerate(drawing.areas[:50], 1):
             sys.stderr.write(f"  {number}  {area.name}\n")
-        answer = answer_to("which area (its number or name):")
+        answer = ask("area (number or name):")
         known = {str(i): area.name for i, area in enumerate(drawing.areas, 1)}
         name = known.get(answer, answer)
     return Wishes(
@@ -270,33 +281,69 @@ def add_drone_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the aircraft."""
     add = parser.add_argument_group("the aircraft").add_argument
     watts, metres = number_type(float, 1, 100_000), number_type(float, 1, 1000)
-    add("--drone", metavar="NAME", help="from a small table; `--drone list` shows it")
-    add("--camera", metavar="NAME", help="from the same table (default: the drone's)")
-    add("--battery", metavar="WH", type=watts, help="energy of a full battery")
-    add("--hover", metavar="W", type=watts, help="power in hover")
-    add("--airspeed", metavar="M/S", type=number_type(float, 1, 60), help="that it holds")
-    add("--speed", metavar="M/S", type=number_type(float, 0.5, 30), help="of the mission")
-    add("--hfov", metavar="DEG", type=number_type(float, 2, 169), help="field of view, across")
-    add("--pixels", metavar="WxH", help="of a picture")
-    add("--interval", metavar="S", type=number_type(float, 0.01, 60), help="between pictures")
-    add("--mounting", choices=("fixed", "gimbal"), help="of the camera")
-    add("--vehicles", metavar="N", type=vehicle_count, default=1, help="how many (default 1)")
+    add("--drone", metavar="NAME", help="a drone of the table that `--drone list` shows")
+    add("--camera", metavar="NAME", help="a camera of that table (default: the drone's camera)")
+    add("--battery", metavar="WH", type=watts, help="the energy of a full battery, Wh")
+    add("--hover", metavar="W", type=watts, help="the power in hover, W")
+    add(
+        "--airspeed",
+        metavar="M/S",
+        type=number_type(float, 1, 60),
+        help="the maximum airspeed of the drone, m/s",
+    )
+    add(
+        "--speed",
+        metavar="M/S",
+        type=number_type(float, 0.5, 30),
+        help="the speed of the mission, m/s",
+    )
+    add(
+        "--hfov",
+        metavar="DEG",
+        type=number_type(float, 2, 169),
+        help="the horizontal field of view of the camera, degrees",
+    )
+    add("--pixels", metavar="WxH", help="the width and height of a picture, px")
+    add(
+        "--interval",
+        metavar="S",
+        type=number_type(float, 0.01, 60),
+        help="the time between two pictures, s",
+    )
+    add("--mounting", choices=("fixed", "gimbal"), help="the mounting of the camera")
+    add("--vehicles", metavar="N", type=vehicle_count, default=1, help="their number (default 1)")
     add(
         "--find",
         choices=("first", "all"),
-        help="map the piece that is seen first, or all in the area (default; swath only)",
+        help="map the patch that is seen first, or all patches in the area (default; swath only)",
     )
-    add("--strategy", choices=STRATEGIES, default=STRATEGY, help=f"default {STRATEGY}", metavar="S")
+    add(
+        "--strategy",
+        choices=STRATEGIES,
+        default=STRATEGY,
+        help=f"the strategy: {', '.join(STRATEGIES)} (default {STRATEGY})",
+        metavar="NAME",
+    )
     add(
         "--wind",
         metavar="M/S",
         type=number_type(float, 0, 40),
         default=WIND_M_S,
-        help=f"the worst of the day (default {WIND_M_S:g})",
+        help=f"the strongest wind of the day, m/s (default {WIND_M_S:g})",
     )
-    add("--cell", metavar="M", type=number_type(float, 0.1, 500), help="of the map (default: 4 up)")
-    add("--height", metavar="M", type=metres, help="above home (default: as the pixels allow)")
-    add("--ceiling", metavar="M", type=metres, help="the highest allowed (default 120)")
+    add(
+        "--cell",
+        metavar="M",
+        type=number_type(float, 0.1, 500),
+        help="the side of a cell of the map, m (default: at least 4)",
+    )
+    add(
+        "--height",
+        metavar="M",
+        type=metres,
+        help="the height above home, m (default: as high as the camera's pixels allow)",
+    )
+    add("--ceiling", metavar="M", type=metres, help="the maximum height, m (default 120)")
 
 
 def two_numbers(option: str, text: str) -> tuple[float, float]:
@@ -305,18 +352,18 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
     >>> two_numbers("--size", "200x150")
     (200.0, 150.0)
     """
-    return pair(f"{option} {text}", text.lower().replace("x", ","), "WxH, as 200x150")
+    return pair(f"{option} {text}", text.lower().replace("x", ","), "WxH, such as 200x150")
 
 
 def figures_of(options: argparse.Namespace) -> Figures:
-    """Return the aircraft's figures by table and options. Raises `AreaError` where some miss."""
+    """Return the aircraft's figures from table and options. Raises `AreaError` if some miss."""
     _ask_for_drone(options)
     drone = None if options.drone is None else drone_named(options.drone)
     named = options.camera or (None if drone is None else drone.camera)
     camera = None if named is None else camera_named(named)
     title = (
         "; ".join(part.title for part in (drone, camera) if part is not None)
-        or "figures given by hand"
+        or "figures from the command line"
     )
     given = {
         "capacity_wh": options.battery, "hover_power_w": options.hover,
@@ -328,7 +375,7 @@ def figures_of(options: argparse.Namespace) -> Figures:
         given |= dict(zip(("width_px", "height_px"), map(round, sides), strict=True))
     given = {key: value for key, value in given.items() if value is not None}
     if given and drone is not None:
-        title += "; some figures given by hand"
+        title += "; some figures from the command line"
     speed_m_s = given.get("speed_m_s", drone.speed_m_s if drone else 5.0)
     values = {"max_airspeed_m_s": max(12.0, speed_m_s), "interval_s": 1.0, "mounting": "fixed"}
     for part in (drone, camera):
@@ -346,12 +393,12 @@ def _ask_for_drone(options: argparse.Namespace) -> None:
     missing = [option for option, value in needed.items() if value is None]
     if not missing:
         return
-    if asks():
+    if is_interactive():
         for line in table_lines():
             sys.stderr.write(f"{line}\n")
-        options.drone = answer_to("which drone:")
+        options.drone = ask("drone:")
         return
     raise AreaError(
-        f"the aircraft is not known; give --drone NAME (`uavmap new --drone {LIST}` shows which; "
-        f"sim is the simulator's), or {', '.join(missing)}"
+        f"no drone; give --drone NAME (`uavmap new --drone {LIST}` lists them; sim is the "
+        f"simulator's), or {', '.join(missing)}"
     )

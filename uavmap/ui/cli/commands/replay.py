@@ -1,4 +1,4 @@
-"""uavmap replay: a map from recorded pictures."""
+"""uavmap replay: make a map from recorded pictures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from uavmap.ui.cli.common import number_type, report, utc_seconds, worker_count
 from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\
-examples:
   uavmap replay photos/
   uavmap replay photos/ --detector my-field
   uavmap replay photos/ --mission road
@@ -25,77 +24,85 @@ examples:
   uavmap replay photos/ --refine off
   uavmap replay archive/ --scheduler tcp://10.0.0.5:8786
   uavmap replay photos/ --gsd 0.02          a finer mosaic
-  uavmap replay photos/ --no-ortho          none
-
+  uavmap replay photos/ --no-ortho          no mosaic
+"""
+NOTES: Final = """\
 PATH is a folder with its subfolders, or one file. Pictures are JPEG, PNG or TIFF of 8 or 16 bits.
-Positions come from EXIF, heights and angles from XMP as drones write them, or all of them from a
-geo.txt of OpenDroneMap in the folder. Without --mission the cells, the box, the camera and the
-height come from the pictures; the mission file that this makes is left in the results.
+Positions come from EXIF, heights and angles from XMP; or all come from a geo.txt of OpenDroneMap in
+the folder. Without --mission the cells, the box, the camera and the height come from the pictures,
+and the results contain the mission file.
 
-The region's outline at pixel level is boundary.geojson. With rasterio there are also
-probability.tif, how likely each pixel of the ground is region, and ortho.tif, the pictures laid on
-the ground.
+boundary.geojson has the outline of the region at pixel level. With rasterio there are also
+probability.tif, the probability of region for each pixel of the ground, and ortho.tif, the mosaic.
 
-A picture that cannot be used is named with its reason, in pictures.csv too, and the others are
-mapped.
+If a picture cannot be used, a line and pictures.csv give the reason, and the others are mapped.
 
 exit codes:
   0    most pictures are in the map
-  2    something is wrong with the input; a line says what
+  2    the input is wrong; a line names the fault
   3    half of the pictures or more could not be used, or they show no cell
 """
-DESCRIPTION: Final = "Recorded pictures through the same detector and the same votes as a flight."
+DESCRIPTION: Final = (
+    "Map recorded pictures with the same detector and the same votes as in a flight."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("path", metavar="PATH", help="a folder of pictures, or one picture")
-    parser.add_argument("--mission", metavar="MISSION", help="grid, camera, detector and votes")
+    parser.add_argument(
+        "--mission",
+        metavar="MISSION",
+        help="the mission with grid, camera, detector and votes (default: from the pictures)",
+    )
     add_options(parser, "replay")
     parser.add_argument(
-        "--any-day", action="store_true", help="use pictures of other days than most, too"
+        "--any-day",
+        action="store_true",
+        help="use pictures of all days (default: of the day with the most pictures)",
     )
     parser.add_argument(
         "--video-start",
         metavar="TIME",
         type=utc_seconds,
-        help="when a video with a .tlog beside it begins: 2024-05-01T10:11:12.5Z",
+        help="the time at which a video with a .tlog beside it begins: 2024-05-01T10:11:12.5Z",
     )
-    who = parser.add_mutually_exclusive_group()
-    who.add_argument(
+    workers = parser.add_mutually_exclusive_group()
+    workers.add_argument(
         "--workers",
         metavar="N",
         type=worker_count,
-        help="how many pictures are looked at at once (default: one a core); the map is the same",
+        help="the number of pictures that are judged at once (default: one per core); the map does "
+        "not depend on it",
     )
-    who.add_argument(
+    workers.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="of a Dask cluster that looks at the pictures: tcp://HOST:PORT; the map is the same",
+        help="the address of a Dask cluster that judges the pictures: tcp://HOST:PORT",
     )
     parser.add_argument(
         "--refine",
         choices=("on", "off"),
         default="on",
-        help="on: refine poses where pictures overlap; off: take them as tagged (default: on)",
+        help="on: refine poses where pictures overlap; off: use the poses in the tags (default: "
+        "on)",
     )
     parser.add_argument(
         "--ortho",
         action=argparse.BooleanOptionalAction,
-        help="write the pictures laid side by side on the ground, as a GeoTIFF (default: if "
-        "rasterio is installed)",
+        help="write the mosaic as a GeoTIFF (default: if rasterio is installed)",
     )
     parser.add_argument(
         "--gsd",
         metavar="M",
         type=number_type(float, 0.005, 10.0),
-        help="metres of ground a pixel of ortho.tif (default: as fine as the pictures, at the "
-        "finest 0.05)",
+        help="the size of a pixel of ortho.tif, m (default: as fine as the pictures, at least "
+        "0.05)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay."""
+    """Map the pictures."""
     wanted = Wanted(
         path=options.path,
         mission=options.mission,

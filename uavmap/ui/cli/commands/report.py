@@ -1,4 +1,4 @@
-"""uavmap report: the report of a flight, made anew from its folder."""
+"""uavmap report: write the report of a flight again from its folder."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from uavmap.ui.cli.common import print_summary
 from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\
-examples:
-  uavmap report results/field-1                     writes report.html and report.pdf there anew
-  uavmap report results/field-1 --out field.html    the page elsewhere
-  uavmap report results/field-1 --out field.pdf     the two pages of the PDF elsewhere
-
-Every flight and every replay has a report. This makes it from the folder alone, also of a flight
-that was interrupted. The page fits a phone, loads nothing and runs nothing: it can be sent. The PDF
-is two pages A4 to print and to sign; it needs the extra `pdf`, and a line says so without it.
+  uavmap report results/field-1                     writes report.html and report.pdf there again
+  uavmap report results/field-1 --out field.html    the page in another place
+  uavmap report results/field-1 --out field.pdf     the PDF in another place
+"""
+NOTES: Final = """\
+Each flight and each replay ends with a report. This command writes it from the folder, also for an
+interrupted flight. The page fits a phone and has no external files and no scripts: you can send it.
+The PDF has two pages A4, to print and to sign, and needs the extra `pdf`.
 """
 DESCRIPTION: Final = (
-    "Write the report of a flight or a replay: what is not known, area, map, times, aircraft and "
-    "faults, as a page for a screen and as two pages A4."
+    "Write the report of a flight or a replay as a page for a screen and as two pages A4. It has "
+    "gaps, area, map, times, aircraft and faults."
 )
 
 
@@ -40,26 +40,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         metavar="FILE",
         type=Path,
-        help="one file: FILE.pdf or FILE.html (default: report.html and report.pdf in DIR)",
+        help="one file, FILE.pdf or FILE.html (default: report.html and report.pdf in DIR)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write it. Raises `UavmapError`."""
-    folder, out, say = Path(options.folder), options.out, Terminal().show
+    """Write the report. Raises `UavmapError`."""
+    folder, out, show = Path(options.folder), options.out, Terminal().show
     if out is not None and out.exists():
-        raise OutputError(f"--out {out}: is there already; choose another name")
+        raise OutputError(f"--out {out}: already exists; choose another name")
     flown = flown_of(folder)
-    report_incomplete(flown, say)
+    report_incomplete(flown, show)
     written = list(_write(flown, out))
     print_summary(flown.values, folder, as_json=options.json, verbose=options.verbose)
     for line in written:
-        say(line)
+        show(line)
     return 0
 
 
 def _write(flown: Flown, out: Path | None) -> Iterator[str]:
-    """Write what is asked for, and yield a line about each file."""
+    """Write the chosen files, and yield a line about each."""
     if out is None or out.suffix.lower() != ".pdf":
         write_report(flown, out)
         yield f"{out or flown.folder / REPORT}"

@@ -1,4 +1,4 @@
-"""uavmap resume: go on with an interrupted mission."""
+"""uavmap resume: continue an interrupted mission."""
 
 from __future__ import annotations
 
@@ -19,41 +19,51 @@ from uavmap.photos.after_flight import draw_ground
 from uavmap.runner.flight import plan_of, resume
 from uavmap.runner.operator.company import Company
 from uavmap.ui.cli import AIRCRAFT_DOWN, complain
-from uavmap.ui.cli.common import EXIT_CODES, agreed, report
-from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of, not_flown
+from uavmap.ui.cli.common import EXIT_CODES, confirm, report
+from uavmap.ui.cli.flight_options import (
+    gives_network,
+    key_file,
+    network_of,
+    not_flown,
+    onlookers_for,
+)
 from uavmap.ui.cli.option_table import add_options
 
-EXAMPLES: Final = f"""\
-examples:
+EXAMPLES: Final = """\
   uavmap resume results/runway-1
   uavmap resume results/field-3 --connect udpin://0.0.0.0:14560
   uavmap resume results/field-3 --recover
   uavmap resume results/field-3 --recall
   uavmap resume results/bay-2 --listen 'udp/224.0.0.224:7447#iface=wlan1'
   uavmap resume results/field-3 --page                 a live page in the browser
+"""
+NOTES: Final = f"""\
+Real flight: the mission continues from the journal, with the aircraft where they are now. A vehicle
+on the ground takes off. With --recall no vehicle takes off: those in the air return and land, and
+the map is written.
 
-A simulated flight is repeated up to its last event, each event checked against the journal, and
-goes on from there. A real flight goes on from what the journal knows, with the aircraft wherever
-they are: who stands on the ground takes off. With --recall nothing takes off: who is in the air
-comes home and lands, and the map of what is known is written. Where nothing was flown, as after
-a dry run that could not put back what it had set on the autopilots, it puts that back and no more.
+Simulated flight: it is repeated up to its last event and compared with the journal, then it
+continues.
+
+Before the first flight: if a dry run could not restore the settings of the autopilots, the command
+restores them, and does nothing else.
 
 {EXIT_CODES}"""
-DESCRIPTION: Final = "Go on with the mission of a results folder from its last committed event."
+DESCRIPTION: Final = "Continue the mission of a results folder from its last event."
 
 
 add_arguments: Final = partial(add_options, command="resume")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Resume."""
+    """Resume the mission."""
     folder, terminal = Path(options.folder), Terminal()
     with shown_on(terminal):
         if options.recover:
             _recover(folder, terminal.show)
-        ask = agreed if sys.stdin.isatty() and sys.stderr.isatty() else None
+        ask = confirm if sys.stdin.isatty() and sys.stderr.isatty() else None
         try:
-            with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
+            with onlookers_for(options, lambda: _plan(folder), folder, terminal) as onlookers:
                 summary = resume(
                     folder,
                     Company(onlookers=onlookers, ask=ask, recall=options.recall),
@@ -78,13 +88,13 @@ def _plan(folder: Path) -> FlightPlan:
         return plan_of(journal)
 
 
-def _recover(folder: Path, say: Callable[[str], None]) -> None:
+def _recover(folder: Path, show: Callable[[str], None]) -> None:
     done = recover(folder / JOURNAL)
     if done is None:
-        say(f"{folder / JOURNAL}: nothing to recover")
+        show(f"{folder / JOURNAL}: nothing to recover")
         return
-    lost = f"at least {done.lost} lost" if done.lost else "what came after them is lost"
-    say(
-        f"{folder / JOURNAL}: {done.kept} events kept, {lost}; the damaged journal is "
+    lost = f"at least {done.lost} are lost" if done.lost else "all later events are lost"
+    show(
+        f"{folder / JOURNAL}: {done.kept} events are kept, {lost}; the damaged journal is "
         f"{done.aside.name}"
     )

@@ -1,4 +1,4 @@
-"""uavmap sitl: simulated vehicles and cameras on loopback sockets, for another process."""
+"""uavmap sitl: simulated vehicles and cameras on loopback sockets for another process."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from uavmap.runner import simulation
 from uavmap.ui.cli.common import epsg_code, pair, port_number, seed_number, speedup, vehicle_count
 
 EXAMPLES: Final = """\
-examples:
   uavmap sitl                                   one vehicle over the shipped runway
   uavmap sitl --mission spill --vehicles 3 --speedup 5
   uavmap fly runway --connect udpin://127.0.0.1:14550     in another terminal
@@ -27,64 +26,102 @@ examples:
   uavmap sitl --home 47.3977,8.5456,488,0 --vehicles 5    no mission: an empty meadow
   uavmap sitl --home 47.3977,8.5456 --wind 6,270 --tcp    as ArduPilot's own simulator
   uavmap sitl --home 47.3977,8.5456 --world oil.geojson --world field.tif
-
-A line a vehicle is printed on standard output: the URL that a client connects with. How to connect
-is said on standard error. Ctrl-C ends it.
+"""
+NOTES: Final = """\
+Standard output has a line for each vehicle: the URL for a client. Standard error has a help on how
+to connect. Ctrl-C ends the simulation.
 """
 _WITHOUT_MISSION = ("home", "world", "world_crs", "wind", "optical_flow")
 
 
 DESCRIPTION: Final = (
-    "Simulated vehicles and cameras on loopback sockets, over a mission's world "
-    "or without a mission."
+    "Simulate vehicles and cameras on loopback sockets, over the world of a mission or without one."
 )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add = parser.add_argument
-    add("--mission", metavar="MISSION", help="whose world to fly (default: runway, or --home)")
-    add("--home", metavar="LAT,LON,AMSL,YAW", help="where to start, without a mission")
+    add(
+        "--mission",
+        metavar="MISSION",
+        help="the mission whose world is simulated (default: runway, or none with --home)",
+    )
+    add("--home", metavar="LAT,LON,AMSL,YAW", help="the home, for a simulation without a mission")
     add(
         "--autopilot",
-        metavar="FLAVOUR",
-        help="ardupilot or px4 (default: the mission's, or ardupilot)",
+        metavar="NAME",
+        help="the autopilot, ardupilot or px4 (default: the mission's, or ardupilot)",
     )
-    add("--vehicles", metavar="N", type=vehicle_count, help="how many vehicles")
-    add("--seed", metavar="S", type=seed_number, default=1, help="of the simulation")
-    add("--speedup", metavar="X", type=speedup, default=1.0, help="times real time")
-    add("--wind", metavar="SPEED,FROM", help="m/s, and the bearing that it comes from")
+    add(
+        "--vehicles",
+        metavar="N",
+        type=vehicle_count,
+        help="the number of vehicles (default: the mission's, or 1)",
+    )
+    add(
+        "--seed",
+        metavar="S",
+        type=seed_number,
+        default=1,
+        help="the seed of the simulation (default 1)",
+    )
+    add(
+        "--speedup",
+        metavar="X",
+        type=speedup,
+        default=1.0,
+        help="the speed, as a multiple of real time (default 1)",
+    )
+    add(
+        "--wind",
+        metavar="SPEED,FROM",
+        help="the wind: speed, m/s, and the bearing from which it blows, degrees",
+    )
     add(
         "--world",
         metavar="FILE",
         action="append",
-        help="GeoJSON regions, or a GeoTIFF, or a PNG or JPEG with a world file, as the ground; "
-        "may be given again",
+        help="the ground: regions in GeoJSON, a GeoTIFF, or a PNG or JPEG with a world file; may "
+        "be repeated",
     )
-    add("--world-crs", metavar="EPSG", type=epsg_code, help="of a world file (default: 4326)")
+    add(
+        "--world-crs",
+        metavar="EPSG",
+        type=epsg_code,
+        help="the coordinate system of a world file (default 4326)",
+    )
     add(
         "--optical-flow",
         action="store_true",
         default=None,
-        help="without satellites it flies on (in a mission: [sim] optical_flow)",
+        help="fly on by optical flow if satellites are lost (in a mission: [sim] optical_flow)",
     )
-    add("--tcp", action="store_true", help="listen on TCP, instead of sending UDP to the client")
+    add("--tcp", action="store_true", help="listen on TCP instead of sending UDP to the client")
     add(
         "--port",
         metavar="P",
         type=port_number,
-        help="of the first vehicle (default: 14550, with --tcp 5760)",
+        help="the port of the first vehicle (default: 14550, with --tcp 5760)",
     )
-    add("--http-port", metavar="P", type=port_number, default=8150, help="of the picture server")
+    add(
+        "--http-port",
+        metavar="P",
+        type=port_number,
+        default=8150,
+        help="the port of the server of pictures (default 8150)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C."""
     without = [name for name in _WITHOUT_MISSION if getattr(options, name) is not None]
     if without and options.mission is not None:
-        raise UavmapError(f"--{without[0].replace('_', '-')} is for a simulation without --mission")
+        name = without[0].replace("_", "-")
+        raise UavmapError(f"--{name}: excludes --mission; give one of them")
     if without and options.home is None:
-        raise UavmapError(f"--{without[0].replace('_', '-')} needs --home LAT,LON,AMSL,YAW")
+        name = without[0].replace("_", "-")
+        raise UavmapError(f"--{name}: needs --home LAT,LON,AMSL,YAW; add it")
     made = _by_home(options) if options.home is not None else _by_mission(options)
 
     async def serve() -> None:
@@ -107,13 +144,14 @@ def run(options: argparse.Namespace) -> int:
         print("uavmap: simulation ended", file=sys.stderr)
     except OSError as error:
         raise LinkError(
-            f"a port of the simulator is taken ({error}); choose others with --port, --http-port"
+            f"a port of the simulator is in use ({error}); choose others with --port and "
+            "--http-port"
         ) from None
     return 0
 
 
 def _by_mission(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
-    if options.autopilot is not None:  # refuses an unknown flavour
+    if options.autopilot is not None:  # this refuses an unknown name
         simulation.setup_without_mission(autopilot=options.autopilot)
     name = options.mission or "runway"
     mission = load(name)
@@ -148,15 +186,15 @@ def _by_home(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
 
 
 def _print(options: argparse.Namespace, urls: list[str]) -> None:
-    """Print the URLs on standard output, for programs, and help for people on standard error."""
+    """Print the URLs to standard output, for programs, and the help to standard error."""
     for url in urls:
         print(url, flush=True)
-    with contextlib.suppress(OSError):  # without a reader vehicles fly all the same
+    with contextlib.suppress(OSError):  # vehicles fly also without a reader
         print(how_to_connect(options, urls), file=sys.stderr, flush=True)
 
 
 def how_to_connect(options: argparse.Namespace, urls: Sequence[str]) -> str:
-    """Write what was started, how to connect, and how it ends."""
+    """Write what was started, and how to connect and to end it."""
     scheme, _, address = urls[0].partition("://")
     host, _, port = address.rpartition(":")
     if scheme.startswith("tcp"):
@@ -176,7 +214,7 @@ def how_to_connect(options: argparse.Namespace, urls: Sequence[str]) -> str:
         f"  fly a mission   {' '.join(fly)}",
         f"  QGroundControl  {station}",
         f"  MAVProxy        mavproxy.py --master={master}",
-        "  one program a port; for more, fly with --forward udpout://127.0.0.1:PORT",
-        "Ctrl-C ends it",
+        "  a port serves one program; for another, fly with --forward udpout://127.0.0.1:PORT",
+        "Ctrl-C ends the simulation",
     )
     return "\n".join(lines)

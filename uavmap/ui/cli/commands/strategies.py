@@ -1,4 +1,4 @@
-"""uavmap strategies: which there are, what each promises, and when to use it."""
+"""uavmap strategies: list the strategies, with their uses and guarantees."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from missions.planning.sweep.strategies import ON_PATHS, About
 from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\
-examples:
   uavmap strategies
   uavmap fly runway --sim --strategy rdfs
   uavmap simulate --generate eden --strategy rdfs,rdfs-paper --robots 4
   uavmap simulate --generate eden --strategy swath,survey --robots 3
 """
+NOTES: Final = ""
 TABLE_WIDTH: Final = 76
-"""In fewer columns a table of four columns has words that do not fit."""
+"""Minimum width of the table in characters: in a narrower one, some words do not fit."""
 _EVERY: Sequence[Explorer | About] = (*EXPLORERS.values(), *ON_PATHS.values())
-DESCRIPTION: Final = "The strategies that --strategy takes."
+DESCRIPTION: Final = "List the strategies for --strategy, with their uses and guarantees."
 
 
 add_arguments: Final = partial(add_options, command="strategies")
 
 
 def run(options: argparse.Namespace) -> int:
-    """List."""
+    """List the strategies."""
     if options.json:
         listed = [
             {"name": e.name, "guarantee": e.guarantee, "source": e.source, "when": e.when}
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
         _list(console)
         return 0
     table = Table(show_lines=True)
-    for title in ("strategy", "use it when", "promises", "source"):
+    for title in ("strategy", "use it when", "guarantee", "source"):
         table.add_column(title, no_wrap=title == "strategy")
     for explorer in _EVERY:
         table.add_row(explorer.name, explorer.when, explorer.guarantee, explorer.source)
@@ -57,12 +57,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _list(console: Console) -> None:
-    """List them one below the other, where a table would cut words."""
+    """List the strategies one below the other, if a table would cut words."""
     for explorer in _EVERY:
         console.print(Text(explorer.name, style="bold"))
         for title, text in (
             ("use it when", explorer.when),
-            ("promises", explorer.guarantee),
+            ("guarantee", explorer.guarantee),
             ("source", explorer.source),
         ):
             console.print(Padding(Text(f"{title}: {text}"), (0, 0, 0, 2)))

@@ -1,4 +1,4 @@
-"""uavmap tiles: a map from the internet, kept in a file for the field."""
+"""uavmap tiles: save an online map in a file for the field."""
 
 from __future__ import annotations
 
@@ -15,51 +15,53 @@ from uavmap.load.map_tiles import FINEST, Bounds, Source, fetch, wanted
 from uavmap.load.mission_source import load, shipped_missions
 
 EXAMPLES: Final = """\
-examples:
   uavmap tiles field.toml --out field.mbtiles --source https://HOST/{z}/{x}/{y}.png \\
                --attribution "(c) the source of the map"
   uavmap tiles field.kml --out field.mbtiles --source URL --attribution TEXT --zoom 15-18
-  uavmap app --tiles field.mbtiles                       the map beneath the day's page
+  uavmap app --tiles field.mbtiles                       the map beneath your drawings
   uavmap fly field.toml --connect URL --page --tiles field.mbtiles     and beneath the flight
-
-This is the only command that asks the internet for anything, and it asks the source that you name.
-Whether its tiles may be kept is said by the source: read its terms. It fetches one tile after the
-other. Run it again, and it fetches what the file lacks.
 """
-DESCRIPTION: Final = "Keep the tiles of an online map around an area in one file, for the field."
+NOTES: Final = """\
+Only this command uses the internet, and only the source that you name. Read the terms of the
+source: some do not allow to save tiles. The command fetches one tile after the other. If you run it
+again, it fetches the tiles that the file lacks.
+"""
+DESCRIPTION: Final = "Save the tiles of an online map around an area in one file, for the field."
 SHOW_EVERY: Final = 50
+"""Number of tiles between two lines of progress."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add = parser.add_argument
-    add("area", metavar="AREA", help="a mission file, a shipped mission, or a drawing")
-    add("--out", metavar="FILE.mbtiles", type=Path, required=True, help="the file")
-    add("--source", metavar="URL", required=True, help="of the tiles, with {z}, {x} and {y}")
+    add("area", metavar="AREA", help="a mission file, a shipped mission, or a file with an area")
+    add("--out", metavar="FILE.mbtiles", type=Path, required=True, help="the file for the tiles")
+    add("--source", metavar="URL", required=True,
+        help="the URL of the tiles, with {z}, {x} and {y}")  # fmt: skip
     add("--attribution", metavar="TEXT", required=True,
-        help="what the map has to say of its source")  # fmt: skip
+        help="the text that the map shows about its source")  # fmt: skip
     add("--zoom", metavar="LOW-HIGH", type=zooms, default=range(14, 20),
-        help=f"levels, 0 to {FINEST} (default 14-19: down to 0.2 m a pixel)")  # fmt: skip
+        help=f"the levels, 0 to {FINEST} (default 14-19: 0.2 m per pixel)")  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fetch them."""
+    """Fetch the tiles."""
     show, source = Terminal().show, Source(options.source, options.attribution)
     bounds = Bounds.around(places_of(options.area))
     tiles = wanted(bounds, options.zoom)
     show(f"{len(tiles)} tiles of {source.url} into {options.out}")
 
-    def say(count: int) -> None:
+    def show_count(count: int) -> None:
         if count % SHOW_EVERY == 0:
             show(f"{count} of {len(tiles)} tiles")
 
-    fetched = fetch(source, tiles, bounds, options.out, say)
+    fetched = fetch(source, tiles, bounds, options.out, show_count)
     show(f"{fetched} tiles fetched, {len(tiles)} of {len(tiles)} are in {options.out}")
     return 0
 
 
 def places_of(area: str) -> list[LatLon]:
-    """Return the corners of a mission's fence, or of what is drawn. Raises `UavmapError`."""
+    """Return the corners of a mission's fence, or of a drawing. Raises `UavmapError`."""
     if area in shipped_missions() or Path(area).suffix.lower() == ".toml":
         return list(positions(load(area).fence.polygon))
     drawing = read_area_file(area)
@@ -67,7 +69,7 @@ def places_of(area: str) -> list[LatLon]:
 
 
 def zooms(text: str) -> range:
-    """Return levels as `14-19`, or one.
+    """Read levels such as `14-19`, or one level.
 
     >>> zooms("14-19"), zooms("16")
     (range(14, 20), range(16, 17))

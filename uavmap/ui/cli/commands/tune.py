@@ -1,4 +1,4 @@
-"""uavmap tune: learn a detector from a few painted pictures."""
+"""uavmap tune: train a detector on a few painted pictures."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from uavmap.photos.tune.selection import KINDS, SETS
 from uavmap.photos.tune.study import Study
 from uavmap.photos.tune.training import need_learner
 from uavmap.photos.tune.tune_job import FILES, Wishes, tune
-from uavmap.ui.cli.common import number_type, overwrite_nothing
+from uavmap.ui.cli.common import number_type, refuse_existing
 from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\
-examples:
-  uavmap tune photos/ --paint --examples painted/ --out my-field      paint, then learn
+  uavmap tune photos/ --paint --examples painted/ --out my-field      paint, then train
   uavmap tune photos/ --examples painted/ --out my-field
   uavmap tune photos/ --examples region.geojson --out my-field
   uavmap replay photos/ --mission field.toml --detector my-field
   uavmap fly field.toml --connect udpin://0.0.0.0:14550 --detector my-field
-
-Paint at least two or three pictures, best of different light: for photos/DJI_0021.JPG a picture
-painted/DJI_0021.png of the same shape, white where the region is, black where it is not, mid-grey
-where you cannot tell. Beside a classes.toml, gray values are numbers of classes
-(docs/how-to/classes.md). Polygons in GeoJSON (longitude, latitude) are projected into the pictures
-through the poses in their tags. Training needs scikit-learn, the extra `tune`.
+"""
+NOTES: Final = """\
+Paint at least two or three pictures in different light. The mask of photos/DJI_0021.JPG is
+painted/DJI_0021.png, with the same proportions. White is region, black is not region, mid-grey is
+not rated. Beside a classes.toml, gray values are numbers of classes (docs/how-to/classes.md).
+Polygons in GeoJSON (longitude, latitude) are projected into the pictures by the poses in their
+tags. Training needs scikit-learn, the extra `tune`.
 """
 DESCRIPTION: Final = (
-    "Learn what the region looks like from examples, test it on pictures that it "
-    "was not learned from, and write a detector for `replay` and `fly`."
+    "Train a detector on examples, test it on pictures that were not used for training, and write "
+    "it for `replay` and `fly`."
 )
 
 
@@ -49,47 +49,51 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--examples",
         metavar="DIR",
         required=True,
-        help="a folder of masks NAME.png, or of polygons *.geojson, or one such file",
+        help="a folder of masks NAME.png or of polygons *.geojson, or one such file",
     )
     parser.add_argument(
         "--paint",
         action="store_true",
-        help="first paint masks into the folder of --examples, on a page of this computer",
+        help="first paint masks on a page in the browser; they go to the folder of --examples",
     )
     parser.add_argument(
         "--width",
         metavar="PX",
         type=number_type(int, 64, 4000),
         default=1000,
-        help="the width at which pictures are judged (default 1000)",
+        help="the width at which pictures are judged, px (default 1000)",
     )
     parser.add_argument(
         "--cell-px",
         metavar="PX",
         type=number_type(float, 8, 1000),
         default=25.0,
-        help="the edge of a map's cell in a picture of that width (default 25)",
+        help="the side of a cell in a picture of that width, px (default 25)",
     )
     parser.add_argument(
-        "--model", choices=KINDS, help="logistic, trees or the mean of both (default: what is best)"
+        "--model",
+        choices=KINDS,
+        help="the model: logistic, trees or the mean of both (default: the best)",
     )
     parser.add_argument(
-        "--features", choices=tuple(SETS), help="what to judge by (default: what is best)"
+        "--features",
+        choices=tuple(SETS),
+        help="the features that the model uses (default: the best)",
     )
     add_options(parser, "tune")
     parser.set_defaults(seed=0)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Tune."""
+    """Paint masks and train a detector."""
     images, examples = Path(options.images), Path(options.examples)
     if options.out is None:
         if not options.paint:
-            raise OutputError("--out is missing; name a folder for the detector")
+            raise OutputError("--out is missing; give a folder for the detector")
         paint(images, examples, options.width, Terminal().show)
         return 0
     out = Path(options.out)
-    overwrite_nothing(out, FILES)
+    refuse_existing(out, FILES)
     refuse_unwritable(out)
     wishes = Wishes(
         options.seed,
@@ -108,15 +112,15 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(report, indent=2))
         return 0
     _show(report)
-    print(f"detector in {out}: use it with --detector {out}, and look at {out}/overlays first")
-    if asked := (out / NEXT).read_text("utf-8").splitlines():
-        picture, area_m2 = asked[0].split("\t")
-        print(f"paint {picture} next: it would settle {area_m2} sq m ({out / NEXT})")
+    print(f"detector in {out}: check {out}/overlays, then use it with --detector {out}")
+    if rows := (out / NEXT).read_text("utf-8").splitlines():
+        picture, area_m2 = rows[0].split("\t")
+        print(f"paint {picture} next: it would decide {area_m2} sq m ({out / NEXT})")
     return 0
 
 
 def _show(report: dict[str, Any]) -> None:
-    title = f"{report['model']} on {report['features']}; judged by models that have not seen them"
+    title = f"{report['model']} on {report['features']}; each picture was left out of training"
     table = Table(title=title, title_justify="left")
     table.add_column("picture")
     for column in ("region", "pixels: precision", "recall", "IoU", "cells: precision", "recall",
@@ -134,7 +138,7 @@ def _show(report: dict[str, Any]) -> None:
     low, high = report["cell_iou_spread"]
     print(f"cell IoU from {low:.2f} to {high:.2f} over {len(report['pictures'])} pictures")
     bound = 100 * report["wrong_at_most"]
-    print(f"of the cells of which it is sure, at most {bound:.0f} % are wrong in another picture")
+    print(f"in another picture at most {bound:.0f} % of its sure cells are wrong")
 
 
 def _numbers(row: dict[str, Any]) -> list[str]:

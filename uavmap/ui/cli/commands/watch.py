@@ -1,4 +1,4 @@
-"""uavmap watch: a flight of another program, or one of the past, as a page in the browser."""
+"""uavmap watch: a flight of another process, or of the past, as a page in the browser."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from uavmap.ui.page.following import Follower
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
 EXAMPLES: Final = f"""\
-examples:
-  uavmap watch results/field-1                      a flight under way, or one of the past
-  uavmap watch results/field-1 --port 0             on any port that is free (default {PORT})
+  uavmap watch results/field-1                      a flight under way, or of the past
+  uavmap watch results/field-1 --port 0             on any free port (default {PORT})
   uavmap watch results/field-1 --tiles area.mbtiles  over a map from a file
   uavmap watch results/field-1 --page-host 0.0.0.0  for a phone in the same network
-
-It reads the journal in the folder and changes nothing; a flight under way does not notice it. There
-are no buttons: the program that flies takes the orders (`uavmap fly --page`). Ctrl-C ends it.
+"""
+NOTES: Final = """\
+The command reads the journal in the folder and changes nothing. The page has no buttons: the
+process that flies receives the orders (`uavmap fly --page`). Ctrl-C ends the page.
 """
 DESCRIPTION: Final = (
-    "Show the mission of a results folder in a browser: live while it is flown, with a time slider."
+    "Show the mission of a results folder in a browser, live during the flight, with a time slider."
 )
 
 
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     """Watch until Ctrl-C."""
     folder = Path(options.folder)
     if not folder.is_dir():
-        raise JournalError(f"{folder}: there is no such folder; name the results of a flight")
+        raise JournalError(f"{folder}: no such folder; give the results folder of a flight")
     tiles = Path(options.tiles) if options.tiles else None
     follower = Follower(JournalReader(folder / JOURNAL), tiles)
     config = {
@@ -49,13 +49,13 @@ def run(options: argparse.Namespace) -> int:
         "steers": False,
         "timeline": True,
         "folder": str(folder.absolute()),
-        "pictures": "no picture is kept: fly with --keep-frames",
+        "pictures": "this flight kept no pictures: fly with --keep-frames",
     }
     with (
         contextlib.suppress(KeyboardInterrupt),
         shown_on(Terminal()),
         opened(config, options.port, "--port", options.page_host) as feed,
     ):
-        _LOG.info("Ctrl-C ends it")
+        _LOG.info("Ctrl-C ends the page")
         follower.run(feed)
     return 0

@@ -244,7 +244,7 @@ def test_existing_results_are_not_overwritten(kind, tmp_path, capsys):
     kept.write_text("ours")
     assert main(["study", "strategies", "--quick", "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err == (
-        f"uavmap: --out {tmp_path}: holds a {kept.name} already; choose another folder\n"
+        f"uavmap: --out {tmp_path}: already has a {kept.name}; choose another folder\n"
     )
     assert [path.read_text() for path in tmp_path.iterdir()] == ["ours"]
 

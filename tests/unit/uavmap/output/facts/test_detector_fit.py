@@ -149,7 +149,7 @@ def test_report_no_verdict_has_an_exit_code_of_its_own(down, verdict, code, tmp_
         "finding": "f", "aircraft_down": down, "seed": None,
     }  # fmt: skip
     assert report(summary, tmp_path, as_json=False) == code
-    assert ("to go on: uavmap resume" in capsys.readouterr().err) == (verdict is None)
+    assert ("to continue: uavmap resume" in capsys.readouterr().err) == (verdict is None)
     ended = "no" if verdict is None else "no verdict"
     assert dict(rows(summary, tmp_path))["mission completed"] == ended
 
@@ -169,6 +169,6 @@ def test_flight_with_unsure_cells_is_not_complete_and_asks_for_pictures(tmp_path
     assert report(summary, tmp_path, as_json=False) == 3
     shown = capsys.readouterr()
     assert dict(rows(summary, tmp_path))["paint next"].endswith("next.txt")
-    assert "paint pictures of it" in shown.err
+    assert "paint pictures of them" in shown.err
     assert "uavmap resume" not in shown.err
     assert doubted(flown, CellTable.of(cells[1:]), setting)["completed"] is True

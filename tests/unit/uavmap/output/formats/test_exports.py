@@ -354,14 +354,14 @@ def test_export_of_options_that_do_not_fit_is_refused_in_a_line(folder, tmp_path
     there = tmp_path / "there.kml"
     there.write_text("mine")
     for options, said in (
-        (["--to", "kml", "--out", there], "is there already"),
+        (["--to", "kml", "--out", there], "already exists"),
         (["--to", "shp", "--out", there], "is a file; give a folder"),
         (["--to", "shp", "--out", there / "below"], "below: cannot be written"),
         (["--to", "kml", "--out", tmp_path / "no" / "x.kml"], "there is no folder"),
         (["--to", "kml", "--plan", there], "--plan is for a plan"),
         (["--to", "kml", "--above-sea"], "--above-sea is for a plan"),
-        (["--out", there], "--out goes with --to FORMAT"),
+        (["--out", there], "--out needs --to FORMAT"),
     ):
         assert said in refused("export", folder, *options)
-    assert "--to is for a results folder" in refused("export", "runway", "--to", "gpkg")
+    assert "which --to needs" in refused("export", "runway", "--to", "gpkg")
     assert there.read_text() == "mine"

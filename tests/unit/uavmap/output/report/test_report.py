@@ -179,7 +179,7 @@ def test_report_to_another_folder_overwrites_nothing(tmp_path, capsys, refused):
     assert not (folder / REPORT).exists()
     before = out.read_bytes()
     capsys.readouterr()
-    assert "is there already" in refused("report", folder, "--out", out)
+    assert "already exists" in refused("report", folder, "--out", out)
     assert "cannot be written" in refused("report", folder, "--out", tmp_path / "no" / "a.html")
     assert out.read_bytes() == before
 

@@ -16,7 +16,7 @@ from tests.support.said import Gone
 from uavmap import __main__ as door
 from uavmap.mavlink.vehicle_view import SIMULATOR_IDENTITY
 from uavmap.ui import cli
-from uavmap.ui.cli import COMMANDS, _is_read, main, parser
+from uavmap.ui.cli import COMMANDS, _has_reader, main, parser
 from uavmap.ui.cli.commands import strategies
 
 
@@ -45,7 +45,8 @@ def test_command_line_without_a_command_lists_the_commands(capsys):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "meant"), [("replya", "did you mean replay?"), ("q", "uavmap --help lists them")]
+    ("wrong", "meant"),
+    [("replya", "did you mean replay?"), ("q", "uavmap --help lists the commands")],
 )
 def test_misspelt_command_is_guessed(wrong, meant, capsys):
     with pytest.raises(SystemExit) as ended:
@@ -80,9 +81,9 @@ def test_pipe_without_a_reader_is_noticed(monkeypatch):
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as stream:
         monkeypatch.setattr(sys, "stdout", stream)
-        assert _is_read()
+        assert _has_reader()
         os.close(reading)
-        assert not _is_read()
+        assert not _has_reader()
 
 
 def test_command_has_the_same_options_alone_and_among_all():
@@ -177,7 +178,7 @@ def test_computer_without_memory_is_a_line(fates, code, monkeypatch, capsys):
     monkeypatch.setattr(strategies, "run", too_much)
     assert cli.main(["strategies"]) == code
     first, *rest = capsys.readouterr().err.splitlines()
-    assert first.startswith("uavmap: the memory of this computer does not suffice")
+    assert first.startswith("uavmap: this computer has too little memory")
     assert rest == [f"uavmap: {fate}" for fate in fates]
 
 

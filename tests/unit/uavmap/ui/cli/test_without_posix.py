@@ -27,7 +27,7 @@ def test_help_of_any_command_is_shown(tmp_path, command):
 def test_mission_is_made_and_checked(tmp_path):
     (tmp_path / "field.geojson").write_text(FIELD)
     ran("new", "field.geojson", "--drone", "sim", "--detector", "threshold", cwd=tmp_path)
-    assert "nothing wrong" in ran("check", "field.toml", cwd=tmp_path)
+    assert "no fault" in ran("check", "field.toml", cwd=tmp_path)
 
 
 def test_strategies_are_compared(tmp_path):

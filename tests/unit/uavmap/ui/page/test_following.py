@@ -200,4 +200,4 @@ def test_page_of_a_resumed_flight_has_all_of_it(tmp_path, monkeypatch):
 
 def test_flight_that_cannot_be_resumed_has_no_page(tmp_path, refused):
     assert "journal.jsonl" in refused("resume", tmp_path, "--page", "0")
-    assert "go with --page" in refused("resume", tmp_path, "--tiles", "x.mbtiles")
+    assert "need --page" in refused("resume", tmp_path, "--tiles", "x.mbtiles")

@@ -62,7 +62,7 @@ def test_kml_becomes_a_mission_that_check_takes(field, capsys):
     new(field, "--drone", "x500", "--detector", "threshold", "--out", "field.toml")
     out, err = capsys.readouterr()
     assert "Untitled Polygon, 105 m x 114 m" in out
-    assert "52.45593 N 13.30378 E, UTM zone 33N (EPSG:32633); is that the place?" in out
+    assert "52.45593 N 13.30378 E, UTM zone 33N (EPSG:32633); check the place" in out
     assert "https://www.openstreetmap.org/?mlat=52.45593&mlon=13.30378#map=17" in out
     assert "region = darker than 150 of 255 (fits the simulator; for real ground" in out
     assert "no home was drawn" in err
@@ -70,7 +70,7 @@ def test_kml_becomes_a_mission_that_check_takes(field, capsys):
         assert picture.size[0] > 800
     assert main(["check", "field.toml"]) == 0
     said = capsys.readouterr().out
-    assert "nothing wrong" in said
+    assert "no fault" in said
     assert "region = darker than 150 of 255" in said
     mission = load("field.toml")
     assert (mission.name, mission.battery.capacity_wh, mission.wind.speed_m_s) == ("field", 74, 5)
@@ -154,12 +154,12 @@ def test_missing_options_are_asked_at_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdin", Terminal("52.4565, 13.30375\n120x80\nsim\npaved\n"))
     new()
     err = capsys.readouterr().err
-    assert "area (a file, or LAT,LON of its middle):" in err
-    assert "which drone:" in err
+    assert "area (a file, or LAT,LON of its centre):" in err
+    assert "drone:" in err
     for name, text in FINDS.items():
         assert re.search(rf"\d  {name} +{re.escape(text)}", err)
     assert "later" in err
-    assert "what is the region (number, name, or a folder of `uavmap tune`):" in err
+    assert "detector (number, name, or a folder made by `uavmap tune`):" in err
     mission = load("area.toml")
     assert mission.battery.capacity_wh == 60.0
     assert detector_of(mission) == threshold.PavedDetector()
@@ -244,7 +244,7 @@ def test_each_detector_has_an_explanation():
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["field.kml"], "the aircraft is not known; give --drone NAME"),
+        (["field.kml"], "no drone; give --drone NAME"),
         (["field.kml", "--hover", "300", "--camera", "rpi-v2"], "or --battery WH"),
         (["field.kml", "--drone", "x50"], "did you mean 'x500'?"),
         (["field.kml", "--drone", "dji-m300"], "do not take orders over MAVLink"),
@@ -252,21 +252,21 @@ def test_each_detector_has_an_explanation():
         (["field.kml", "--drone", "sim", "--pixels", "640"], "--pixels 640 is not WxH"),
         (["fields.kml", "--drone", "sim"], "did you mean 'field.kml'?"),
         (["field.kml", "--at", "1,2", "--drone", "sim"], "give one of them"),
-        (["field.kml", "--size", "1x2", "--drone", "sim"], "goes with --at"),
+        (["field.kml", "--size", "1x2", "--drone", "sim"], "needs --at"),
         (["--at", "52,13.3", "--size", "1x2", "--drone", "sim"], "each side from 4"),
         (["--at", "95,13.3", "--drone", "sim"], "latitude is from -90 to 90"),
         (["--at", "north", "--drone", "sim"], "is not LAT,LON"),
         (["field.kml", "--drone", "sim", "--home", "52.5,13.303"], "4.8 km from the area"),
         (["field.kml", "--drone", "sim", "--home", "13.303,52.456"], "longitude are swapped"),
-        (["field.kml", "--drone", "sim", "--out", "field.kml"], "a mission is a .toml"),
-        (["field.kml", "--drone", "sim", "--preview", "a.jpg"], "write a .html or a .png"),
+        (["field.kml", "--drone", "sim", "--out", "field.kml"], "must end with .toml"),
+        (["field.kml", "--drone", "sim", "--preview", "a.jpg"], "must end with .html or .png"),
         (["field.kml", "--drone", "sim", "--out", "no/a.toml"], "there is no folder no"),
         (["field.kml", "--drone", "sim", "--area", "x"], "there are 'Field'"),
         (["field.kml", "--drone", "sim", "--crs", "25833"], "leave it out"),
         (["--drone", "sim"], "no area; give a file, or --at LAT,LON"),
         (["field.kml", "--drone", "sim", "--detector", "grass"], "grass cannot be read"),
         (["field.kml", "--drone", "sim", "--detector", "learned"], "made of a file; give its"),
-        (["field.kml", "--drone", "sim", "--like", "a.jpg"], "a.jpg: there is no such photo"),
+        (["field.kml", "--drone", "sim", "--like", "a.jpg"], "a.jpg: no such photo"),
     ],
 )
 def test_wrong_arguments_are_refused_in_a_line_and_write_nothing(
@@ -279,14 +279,14 @@ def test_wrong_arguments_are_refused_in_a_line_and_write_nothing(
 
 def test_mission_that_could_not_be_flown_is_not_written(field, tmp_path, refused):
     lines = refused.lines("new", field, "--drone", "sim", "--battery", 3, "--out", "a.toml")
-    assert "nothing is written" in lines[0]
+    assert "no file is written" in lines[0]
     assert "battery.capacity_wh = 3" in lines[1]
     assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_existing_mission_is_not_overwritten(field, tmp_path, refused):
     saved(tmp_path, "a.png", b"mine")
-    assert "is there already" in refused("new", field, "--drone", "sim", "--out", "a.toml")
+    assert "already exists" in refused("new", field, "--drone", "sim", "--out", "a.toml")
     assert not Path("a.toml").exists()
 
 
@@ -300,7 +300,7 @@ def test_mistyped_mission_gets_a_suggestion(tmp_path, refused):
 # --- the plan ---------------------------------------------------------------------------------
 def test_plan_is_written_as_a_page_of_its_own(capsys):
     assert main(["check", "spill", "--map", "spill.html"]) == 0
-    assert "the plan is in spill.html" in capsys.readouterr().out
+    assert "picture of the plan: spill.html" in capsys.readouterr().out
     page = Page(Path("spill.html").read_text("utf-8"))
     assert not page.open
     assert {value for _, value in page.attributes if "url(" in value} == {"url(#map)"}
@@ -343,7 +343,7 @@ def test_figures_and_a_map_are_given_at_once(capsys):
 
 
 def test_map_of_another_kind_is_refused(tmp_path, refused):
-    assert "write a .html or a .png" in refused("check", "runway", "--map", "a.pdf")
+    assert "must end with .html or .png" in refused("check", "runway", "--map", "a.pdf")
     assert "cannot be written" in refused("check", "runway", "--map", "no/a.html")
 
 

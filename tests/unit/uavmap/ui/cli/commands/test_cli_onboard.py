@@ -45,7 +45,7 @@ def test_help_names_the_strategies_of_a_fleet(capsys):
     with pytest.raises(SystemExit):
         main(["onboard", "--help"])
     told = " ".join(capsys.readouterr().out.split())
-    assert "--strategy NAME instead of the mission file's: swath, survey --speedup" in told
+    assert "the strategy, instead of the mission file's: swath, survey --speedup" in told
     assert "--sim" not in told
 
 
@@ -60,6 +60,6 @@ def test_flight_without_a_fleet_has_no_network(tmp_path, refused):
 def test_fleet_on_the_ground_is_joined_by_its_endpoints(tmp_path, refused):
     listen, out = ("--listen", "tcp/127.0.0.1:7447"), ("--out", tmp_path / "a")
     assert "--listen, --peer or --router" in refused("fly", "burn", "--fleet", *out)
-    assert "go with --fleet" in refused("fly", "burn", "--sim", *listen, *out)
+    assert "need --fleet" in refused("fly", "burn", "--sim", *listen, *out)
     assert "--fleet-key FILE is missing" in refused("fly", "burn", "--fleet", *listen, *out)
     assert not (tmp_path / "a").exists()

@@ -163,8 +163,8 @@ def test_mission_planner_reads_the_waypoints(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "nothing to write"),
-        (["--plan", "x.plan", "--waypoints", "x.plan"], "give each its own file"),
+        ([], "no format"),
+        (["--plan", "x.plan", "--waypoints", "x.plan"], "give each format its own file"),
         (["--waypoints", "x.waypoints", "--firmware", "px4"], "use --plan"),
         (["--plan", "x.plan", "--vehicle", "2"], "has 1"),
         (["--plan", "missing/x.plan"], "cannot be written"),
@@ -181,7 +181,7 @@ def test_existing_plan_is_not_overwritten_and_no_other_written(tmp_path, refused
     file, _ = mission_file(tmp_path, vehicles=2)
     (tmp_path / "team-2.plan").write_text("mine")
     line = refused("export", file, "--plan", tmp_path / "team.plan")
-    assert "team-2.plan: is there already" in line
+    assert "team-2.plan: already exists" in line
     assert (tmp_path / "team-2.plan").read_text() == "mine"
     assert not (tmp_path / "team-1.plan").exists()
 
@@ -195,7 +195,7 @@ def test_heights_above_the_sea_need_the_height_of_the_start(tmp_path, refused):
 
 def test_export_plan_of_a_results_folder_is_refused_in_a_line(tmp_path, refused):
     line = refused("export", tmp_path, "--plan", tmp_path / "x.plan")
-    assert "is a folder, and a plan is of a mission" in line
+    assert "is a folder; give a mission file for a plan" in line
     assert not (tmp_path / "x.plan").exists()
 
 
