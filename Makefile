@@ -3,6 +3,7 @@
 # make test-unit  the quick ones alone: no socket, no simulator, no whole command
 # make test-all   every test
 # make test-real  flights of real autopilots in their own simulations: ARDUCOPTER=path PX4=path
+# make reliability  campaigns for SEED=1 FLIGHTS=300, and docs/reliability.md with what they gave
 # make check      ruff, mypy --strict, import-linter, prose, the documentation without a broken link
 # make docs       the documentation as a site: site/index.html
 # make wheel      dist/uavmap-*.whl, for `uv tool install` and `pipx install` without the source
@@ -33,7 +34,7 @@ ifneq (,$(filter check,$(MAKECMDGOALS)))
 test test-all: check
 endif
 
-.PHONY: run test test-unit test-all test-real check docs wheel setup lock clean
+.PHONY: run test test-unit test-all test-real reliability check docs wheel setup lock clean
 
 run: .venv/ready
 	$(BIN)/uavmap fly runway --sim
@@ -56,6 +57,15 @@ test-unit: .venv/kernels
 test-real: .venv/kernels
 	UAVMAP_ARDUCOPTER="$(ARDUCOPTER)" UAVMAP_PX4="$(PX4)" $(BIN)/pytest -q tests/real; \
 		code=$$?; $(BIN)/python -m tests.real.figures && exit $$code
+
+# a flight of the whole program takes ten times as long, one of a fleet thirty times
+SEED ?= 1
+FLIGHTS ?= 300
+CAMPAIGN = $(BIN)/python -m tests.campaign --record --seed $(SEED) --workers 2
+reliability: .venv/kernels
+	for world in "reducer --flights $(FLIGHTS)" "sitl --flights $$(($(FLIGHTS) / 10))" \
+		"fleet --flights $$(($(FLIGHTS) / 30))"; do $(CAMPAIGN) --world $$world || failed=1; done; \
+		$(BIN)/python -m tests.reliability; exit $${failed:-0}
 
 check: setup
 	$(BIN)/ruff check .

@@ -1,7 +1,8 @@
 """Fly a campaign: `python -m tests.campaign --flights 1000 --seed 0 --workers 2`.
 
 A failure is flown again by `--seed X --flights 1 --verbose`. Exit 1 if there was one; they are kept
-in the file `--failures`.
+in the file `--failures`. `--record` adds the campaign to `flights.json`, of which
+`python -m tests.reliability` makes `docs/reliability.md`.
 
 `--world reducer` flies a fleet of points, `--find` ("first", "all" or "all, from on high") patches
 of the region, with `--receivers` whose heights above the sea err by this standard deviation, m,
@@ -16,22 +17,41 @@ from __future__ import annotations
 
 import sys
 import time
+from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
 from itertools import count, islice
 from pathlib import Path
+from typing import Any, Final
 
 from tests.benchmarks.frame import asked, in_turn
 
-from . import fleets, reducer, simulated
+from . import fleets, record, reducer, simulated
 from .outcome import EXPLAINED, Outcome, forgiven_line, table
+
+SHAPES: Final[dict[str, Any]] = {
+    "strategy": str, "find": "first", "receivers": 3.0, "pads": 0.0, "teams": False,
+    "pilots": False, "quirk": ("landed_state=true",),
+}  # fmt: skip
+"""The options that change what is flown, with their defaults."""
+
+
+def _chosen(options: Namespace) -> str:
+    """Return the options that change what is flown, as the command takes them."""
+    words = list[str]()
+    for name, default in SHAPES.items():
+        value = getattr(options, name)
+        values = value if isinstance(value, list) else [value]
+        if value is None or default in (value, tuple(values)):
+            continue
+        words += [f"--{name}", *(str(each) for each in values if each is not True)]
+    return " ".join(words)
 
 
 def main() -> int:
     options = asked(
-        __doc__, flights=100, seed=0, world="reducer", strategy=str, find="first", receivers=3.0,
-        pads=0.0, teams=False, pilots=False, quirk=("landed_state=true",), workers=1, verbose=False,
-        failures=Path("campaign-failures.txt"),
+        __doc__, flights=100, seed=0, world="reducer", **SHAPES, workers=1, verbose=False,
+        failures=Path("campaign-failures.txt"), record=False,
     )  # fmt: skip
     if options.world not in (known := ("reducer", "sitl", "fleet")):
         print(f"--world {options.world}: there is {', '.join(known)}")
@@ -50,6 +70,7 @@ def main() -> int:
         ),
         "fleet": fleets.fly,
     }
+    commit = record.commit_of_program()  # before, since the clone may change during the flights
     fly = partial(worlds[options.world], strategy=options.strategy, verbose=options.verbose)
     begin_s, outcomes, failed = time.monotonic(), [], []
     chosen = filter(reducer.has_team, count(options.seed)) if options.teams else count(options.seed)
@@ -59,6 +80,8 @@ def main() -> int:
             failed.append(f"{outcome.plan}: {'; '.join(f'{k}: {t}' for k, t in outcome.found)}")
             print(failed[-1], flush=True)
     print(table(outcomes), forgiven_line(outcomes), EXPLAINED, sep="\n\n")
+    if options.record:
+        record.keep(record.run_of(commit, options.world, _chosen(options), options.seed, outcomes))
     print(f"\n{len(outcomes)} flights in {time.monotonic() - begin_s:.0f} s")
     if not failed:
         return 0
