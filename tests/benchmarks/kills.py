@@ -1,13 +1,16 @@
-"""Kill -9 at random moments: `python -m tests.benchmarks.kills [--kills 200] [--twice 40]
-[--full 30] [--seed 1]` prints a table.
+"""Kill -9 at random moments, and disks that fail: `python -m tests.benchmarks.kills [--kills 200]
+[--twice 40] [--full 30] [--calls 60] [--seed 1]` prints a table.
 
 A small mission is flown in the simulator and killed at a random moment in flight: after its first
 event is on the disk and before its last one. A kill that comes later has not landed; what it left
 is checked, and the mission is flown anew. In `twice` its resumption is killed as well; in
-`full` no file may grow beyond a random size, in the flight and in a first resumption. Then it is
-resumed with all it needs. The exit status is 1 when an event that was on the disk is missing, a
-folder cannot be gone on with, the map or the journal comes out otherwise than those of an
-uninterrupted flight, or anybody is shown a traceback.
+`full` no file may grow beyond a random size, in the flight and in a first resumption. In `calls`
+one call to the disk fails, each time another one: by an I/O error, a full disk, or after half of
+its bytes; of the calls of the telemetry log each fiftieth. Then it is resumed with all it needs.
+
+The exit status is 1 when an event that was on the disk is missing, a folder cannot be gone on with,
+the map or the journal comes out otherwise than those of an uninterrupted flight, or anybody is
+shown a traceback.
 
 Children are forked, so that a flight takes a second and not the time of all imports.
 """
@@ -22,24 +25,35 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import get_context
 from multiprocessing.context import ForkProcess
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from missions.errors import JournalError
 from tests.benchmarks.frame import asked
 from tests.e2e.rig import bodies, mission, written
+from tests.support.failing_disk import How, failing_disk
 from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import TLOG
 from uavmap.ui.cli import main as uavmap
 
 SAME = ("map.geojson", "map.kml", "map.png")
 POLL_S = 0.002
+ERRORS: Final[tuple[How, ...]] = ("EIO", "ENOSPC", "short")
 
 
-def started(arguments: list[str], said: Path, room: int | None = None) -> ForkProcess:
-    """A process that runs the command; what it says goes into a file."""
+def started(
+    arguments: list[str],
+    said: Path,
+    room: int | None = None,
+    disk: Callable[[], AbstractContextManager[object]] = nullcontext,
+) -> ForkProcess:
+    """A process that runs the command on a disk; its output goes into a file."""
 
     def run() -> None:
         out = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
@@ -48,7 +62,9 @@ def started(arguments: list[str], said: Path, room: int | None = None) -> ForkPr
         sys.stdout, sys.stderr = open(1, "w"), open(2, "w")  # noqa: SIM115 - as long as the process
         if room is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
-        sys.exit(uavmap(arguments))
+        with disk():
+            code = uavmap(arguments)
+        sys.exit(code)
 
     child = get_context("fork").Process(target=run)
     child.start()
@@ -92,13 +108,36 @@ class Trials:
         self._lasts_s = time.monotonic() - begun_s
         self._whole = folder  # the flight that nobody interrupted
         self._bodies = bodies(folder)
+        self.calls = self._chosen()
+
+    def _chosen(self) -> list[int]:
+        """Fly once more; return the numbers of the calls to the disk that are to fail."""
+        folder, names = self._below / "counted", self._below / "counted.calls"
+
+        @contextmanager
+        def disk() -> Iterator[None]:
+            with failing_disk(folder) as found:
+                yield
+            names.write_text("\n".join(found.calls))
+
+        child = started([*self._fly, str(folder)], self._below / "counted.txt", disk=disk)
+        assert ended(child) == 0
+        calls = list(enumerate(names.read_text().splitlines(), 1))
+        log = [number for number, name in calls if name.endswith(TLOG)]
+        return sorted({number for number, _ in calls} - set(log) | set(log[::50]))
 
     def run(self, kind: str, number: int, tally: Counter[str]) -> str | None:
         """One run to its end; what is wrong with it."""
         folder = self._below / f"{kind}-{number}"
         said = folder.with_suffix(".txt")
         try:
-            (self._full if kind == "full" else self._kill)(folder, said, tally, kind == "twice")
+            match kind:
+                case "full":
+                    self._full(folder, said, tally)
+                case "calls":
+                    self._fail(folder, said, tally, number)
+                case _:
+                    self._kill(folder, said, tally, kind == "twice")
             self._judge(folder, said)
         except AssertionError as error:
             return f"{folder.name}: {error}"
@@ -124,7 +163,18 @@ class Trials:
             confirmed = kills = 0
         tally["killed in flight"] += kills
 
-    def _full(self, folder: Path, said: Path, tally: Counter[str], twice: bool) -> None:
+    def _fail(self, folder: Path, said: Path, tally: Counter[str], number: int) -> None:
+        """Fly while one call fails: numbers go through all calls, and then through all ways."""
+        way, k = divmod(number, len(self.calls))
+        how, fails_at = ERRORS[way % len(ERRORS)], self.calls[k]
+        code = ended(
+            started(self._again(folder), said, disk=lambda: failing_disk(folder, fails_at, how))
+        )
+        assert code in (0, 2), f"call {fails_at} ({how}): exit status {code}"
+        tally["disk failed" if code else "had no need of it"] += 1
+        self._check(folder, len(self._bodies) if code == 0 else 0)
+
+    def _full(self, folder: Path, said: Path, tally: Counter[str]) -> None:
         largest = max(path.stat().st_size for path in self._whole.iterdir())
         room = int(np.exp(self._rng.uniform(np.log(1000), np.log(1.2 * largest))))
         confirmed = 0
@@ -173,13 +223,15 @@ class Trials:
 
 def main() -> int:
     """Run and print; the exit status. The mission is one of tests/data."""
-    options = asked(__doc__, kills=200, twice=40, full=30, seed=1, mission="speck")
+    options = asked(__doc__, kills=200, twice=40, full=30, calls=60, seed=1, mission="speck")
     faults: list[str] = []
     below = Path(tempfile.mkdtemp(prefix="uavmap-kills-"))
     trials = Trials(options.mission, below, options.seed)
-    for kind in ("kills", "twice", "full"):
+    for kind in ("kills", "twice", "full", "calls"):
         tally, runs = Counter[str](), getattr(options, kind)
-        found = [fault for k in range(runs) if (fault := trials.run(kind, k, tally))]
+        stride = max(1, len(trials.calls) * len(ERRORS) // max(1, runs)) if kind == "calls" else 1
+        numbers = range(0, runs * stride, stride)
+        found = [fault for k in numbers if (fault := trials.run(kind, k, tally))]
         counts = ", ".join(f"{name} {n}" for name, n in sorted(tally.items()))
         print(f"{kind:6} {runs:4d} runs: {counts}; faults {len(found)}", flush=True)
         faults += found

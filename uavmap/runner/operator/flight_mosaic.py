@@ -42,8 +42,8 @@ class FlightMosaic(Onlooker):
     """Writes mosaic.webp every few seconds, and at the end of a flight.
 
     A flight that `waits` leaves no picture out; another one leaves out those for which the thread
-    is too slow. A resumed flight continues the existing mosaic. A failure ends the mosaic, and
-    nothing else, with one line.
+    is too slow. A resumed flight continues the existing mosaic. A disk that refuses is tried again;
+    any other failure ends the mosaic, and nothing else. One line reports it.
     """
 
     def __init__(self, folder: Path, setting: Setting, *, waits: bool) -> None:
@@ -57,6 +57,8 @@ class FlightMosaic(Onlooker):
         self._due_s = float("-inf")
         self._has_news = False
         """True if a picture was added since the last write."""
+        self._refused = ""
+        """The reason of the disk, once it has refused the file."""
 
     def begin(self, setting: Setting, *, again: bool) -> None:
         """Continue the existing mosaic, unless its flight is repeated."""
@@ -97,8 +99,6 @@ class FlightMosaic(Onlooker):
         except Exception as error:
             self._raster = self._mosaic = None
             reason = f"{type(error).__name__}: {error}"
-            if isinstance(error, OSError):
-                reason = error.strerror or str(error)
             path = self._folder / MOSAIC
             self._log.info(f"{path} is not continued ({reason}); the flight goes on")
 
@@ -139,9 +139,16 @@ class FlightMosaic(Onlooker):
         image = self._mosaic.image() if self._mosaic is not None and self._has_news else None
         if image is None:
             return
-        self._has_news = False
-        if shutil.disk_usage(self._folder).free < ROOM_MIB * 2**20:
-            raise OSError(f"{ROOM_MIB} MiB are needed for the journal")
-        write_mosaic(self._folder, image, raster, self._setting.grid)
+        try:
+            if shutil.disk_usage(self._folder).free < ROOM_MIB * 2**20:
+                raise OSError(f"{ROOM_MIB} MiB are needed for the journal")
+            write_mosaic(self._folder, image, raster, self._setting.grid)
+        except OSError as error:
+            if not self._refused:
+                self._refused = error.strerror or str(error)
+                path = self._folder / MOSAIC
+                self._log.info(f"{path} cannot be written ({self._refused}); it is tried again")
+        else:
+            self._has_news = False
         cost_s = time.monotonic() - begin_s
         self._due_s = begin_s + max(WRITE_S, cost_s / WRITE_SHARE)

@@ -13,6 +13,7 @@ import rasterio
 
 from missions.flight.setting_of import setting_of
 from missions.units import GridPoint
+from tests.support.failing_disk import failing_disk
 from tests.support.small_missions import mission, square
 from tests.unit.vision.scene import nadir_pose
 from uavmap.journal.kept_frames import ROOM_MIB, KeptFrame
@@ -121,12 +122,13 @@ def test_mosaic_leaves_the_last_room_to_the_journal(tmp_path, caplog, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mosaic_that_cannot_be_written_is_reported_once(tmp_path, caplog):
-    (tmp_path / MOSAIC).mkdir()
-    with caplog.at_level("INFO", LOG):
+def test_mosaic_disk_refuses_once_is_reported_and_written_the_next_time(tmp_path, caplog):
+    with failing_disk(tmp_path, fails_at=1) as disk, caplog.at_level("INFO", LOG):
         flown(tmp_path, *((frame(10.0 * k, 20.0), 100) for k in range(4)))
+    assert disk.failed
     (line,) = caplog.messages
-    assert line == f"{tmp_path / MOSAIC} is not continued (Is a directory); the flight goes on"
+    assert line == f"{tmp_path / MOSAIC} cannot be written (Input/output error); it is tried again"
+    assert at(tmp_path, 0.0, 20.0) == near(100)
 
 
 def test_mosaic_picture_that_cannot_be_decoded_costs_the_mosaic_only(tmp_path, caplog):
