@@ -63,6 +63,7 @@ SEED ?= 1
 FLIGHTS ?= 300
 CAMPAIGN = $(BIN)/python -m tests.campaign --record --seed $(SEED) --workers 2
 reliability: .venv/kernels
+	$(BIN)/python -m tests.prop.missions.fleet_machine --record --seed $(SEED) --runs $(FLIGHTS)
 	for world in "reducer --flights $(FLIGHTS)" "sitl --flights $$(($(FLIGHTS) / 10))" \
 		"fleet --flights $$(($(FLIGHTS) / 30))"; do $(CAMPAIGN) --world $$world || failed=1; done; \
 		$(BIN)/python -m tests.reliability; exit $${failed:-0}

@@ -9,6 +9,7 @@ real autopilots (`tests.real`), seeded faults, branch coverage and failures that
 from __future__ import annotations
 
 import json
+import textwrap
 import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +27,7 @@ PAGE: Final = ROOT / "docs" / "reliability.md"
 FAILURES: Final = ROOT / "tests" / "campaign" / "failures.toml"
 COVERAGE: Final = ROOT / "tests" / "coverage.json"
 CONFIDENCE: Final = 0.95
-WORLDS: Final = ("reducer", "sitl", "fleet")
+WORLDS: Final = ("reducer", "machine", "sitl", "fleet")
 PROMISES: Final = {
     "air": "no vehicle is in the air at the end",
     "alone": "one part is responsible for each vehicle in the air; nothing is sent to a pilot's",
@@ -83,7 +84,8 @@ def flown(runs: Sequence[Run]) -> str:
 
 def injected(runs: Sequence[Run]) -> str:
     """Return how many flights had each trouble, by world."""
-    worlds = {world: _total(run.kinds for run in each) for world, each in _by_world(runs).items()}
+    found = {world: _total(run.kinds for run in each) for world, each in _by_world(runs).items()}
+    worlds = {world: counts for world, counts in found.items() if counts}
     kinds = sorted({kind for counts in worlds.values() for kind in counts} - {"pairs"})
     rows = [(kind, *(counts[kind] or "" for counts in worlds.values())) for kind in kinds]
     last = ("two of them", *(counts["pairs"] for counts in worlds.values()))
@@ -95,6 +97,8 @@ def outcomes(runs: Sequence[Run]) -> str:
     rows = []
     for world, each in _by_world(runs).items():
         columns = _total(run.columns for run in each)
+        if not columns:  # a run of the state machine ends at its first fault
+            continue
         flights = sum(run.flights for run in each)
         rows.append((world, f"{flights:,}", *(columns[c] for c in ("ok", "inc", "away", "crash"))))
     header = ("world", "flights", "complete", "reported as incomplete", "not all at home", "crash")
@@ -158,15 +162,16 @@ def coverage(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def failures(found: Iterable[Mapping[str, Any]]) -> str:
-    """Return the table of failures that campaigns found, the newest first."""
-    return table(
-        ("world", "seed", "what", "cause", "mended"),
-        (
-            (f["world"], f["seed"], f["what"], f["cause"],
-             f["mended"] if f["mended"] == "open" else f"`{f['mended']}`")
-            for f in reversed(list(found))
-        ),
-    )  # fmt: skip
+    """Return the list of failures that campaigns found, the newest first."""
+    return "\n".join(_failure(each) for each in reversed(list(found)))
+
+
+def _failure(found: Mapping[str, Any]) -> str:
+    what, cause = (found[key][0].upper() + found[key][1:] for key in ("what", "cause"))
+    mended = found["mended"]
+    state = "**Open.**" if mended == "open" else f"Mended in `{mended}`."
+    text = f"* `{found['world']}`, seed {found['seed']}. {what}. {cause}. {state}"
+    return textwrap.fill(text, 118, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def page(runs: Sequence[Run]) -> str:
