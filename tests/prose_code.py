@@ -89,7 +89,8 @@ CHECKED: Final = (
     )),
     "sitl/**/*.py",
     *(f"uavmap/{folder}/**/*.py" for folder in (
-        "aircraft", "fleet", "journal", "mavlink", "runner",
+        "aircraft", "fleet", "journal", "mavlink", "runner", "ui/api", "ui/app", "ui/cli",
+        "ui/ground", "ui/tak",
     )),
 )  # fmt: skip
 """Modules that are checked, as patterns."""

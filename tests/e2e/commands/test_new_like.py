@@ -66,7 +66,7 @@ def test_new_like_masks_beside_photographs_learns_and_names_the_detector(photos,
     out, err = capsys.readouterr()
     assert "region = what the model field-detector/model.json was made to find" in out
     assert "uavmap fly field.toml --sim --detector threshold" in out
-    assert "look at field-detector/overlays first" in err
+    assert "check field-detector/overlays before you use it" in err
     assert "look at what it marks: field-detector/overlays (red: marked, green: painted)" in out
     section = tomllib.loads(Path("field.toml").read_text("utf-8"))["detector"]
     assert section["model"] == "field-detector/model.json"

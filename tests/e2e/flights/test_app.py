@@ -37,7 +37,7 @@ def test_stranger_goes_from_an_empty_folder_to_pdf_and_kmz_with_clicks_alone(tmp
     ):
         page = Page(driver)
         driver.get(url)
-        page.wait("you hold the controls")
+        page.wait("you have the controls")
         _make_missions(page, tmp_path / "drawn by a friend.kml")
         _practise(page, folder)
         _paint_two(page, folder / "results" / "meadow-1" / "frames")

@@ -46,7 +46,7 @@ class Day(NamedTuple):
     def enter(self) -> None:
         self.page.driver.set_window_size(1280, 1000)
         self.page.driver.get(self.url)
-        self.page.wait("you hold the controls")
+        self.page.wait("you have the controls")
 
     def messages(self) -> None:
         """Record the messages that the page sends from now on, as `window.sent`."""
@@ -147,11 +147,11 @@ def test_preflight_lists_the_doctors_findings_and_refuses_a_replayed_click(day: 
     page.open("Preflight")
     page.write_lines("links", f"udpin://127.0.0.1:{free_ports(1)[0]}")
     day.messages()
-    page.press("Ask the vehicles")
+    page.press("Check the vehicles")
     page.see(".app-findings")
-    page.wait("looking")
+    page.wait("checking")
     columns = [cell.text for cell in page.driver.find_elements("css selector", ".app-findings th")]
-    assert columns == ["", "vehicle", "what", "found", "wanted", "what to do"]
+    assert columns == ["", "vehicle", "subject", "found", "expected", "what to do"]
     rows = [row.text for row in page.driver.find_elements("css selector", ".app-findings tr")]
     assert any("Python" in row for row in rows)
     keep_picture(page.driver, "app-preflight.jpg")
@@ -163,7 +163,7 @@ def test_preflight_lists_the_doctors_findings_and_refuses_a_replayed_click(day: 
     )
     assert page.driver.execute_script(again) >= 2
     page.wait("interrupted")
-    page.wait("not examined to the end")
+    page.wait("the check is not complete")
     assert day.commands() == before + 1
 
 
@@ -182,12 +182,12 @@ def test_second_browser_watches_until_the_controls_are_handed_over(day: Day) -> 
     driver.switch_to.new_window("tab")
     second = driver.current_window_handle
     driver.get(day.root)
-    page.wait("another browser holds the controls")
+    page.wait("another browser has the controls")
     rig.wait_until(lambda: not page.see("button", "Make the mission").is_enabled(), "it may not")
-    page.press("Ask for the controls")
+    page.press("Request the controls")
     driver.switch_to.window(first)
     page.press("Hand over")
-    page.wait("another browser holds the controls")
+    page.wait("another browser has the controls")
     # the message of the button, with its current number
     driver.execute_script(
         f"const [kind, click] = window.sent.find({CLICKS});"
@@ -196,7 +196,7 @@ def test_second_browser_watches_until_the_controls_are_handed_over(day: Day) -> 
         "window.socket.emit(kind, {...click, args: [JSON.stringify(button.dataset.click)]})"
     )
     driver.switch_to.window(second)
-    page.wait("you hold the controls")
+    page.wait("you have the controls")
     page.open("Results")
     page.open("Areas")
     assert day.commands() == before

@@ -1,4 +1,4 @@
-"""uavmap from Python; these names are also those of `uavmap` itself: `uavmap.fly` and so on."""
+"""uavmap from Python. The package `uavmap` has the same names: `uavmap.fly` and so on."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""A flight in a thread of its own, and how its caller interrupts it.
+"""A flight in its own thread, and its interruption by the caller.
 
-A thread can have but one event loop: a flight has its own, and so has a notebook. The caller
-receives Ctrl-C and cancellation and passes them on (`Caller`): aircraft are brought home, and the
-caller waits for that.
+A thread can have only one event loop, and both a flight and a notebook need one. The caller
+receives Ctrl-C and cancellation and passes them on (`Caller`): the aircraft return, and the caller
+waits for that.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ Job = Callable[[Caller], T]
 
 
 def waited_for(job: Job[T]) -> T:
-    """Run a job in a thread of its own; return its result, raise its exception.
+    """Run a job in its own thread; return its result, or raise its exception.
 
     In the main thread SIGINT, SIGTERM and SIGHUP press on the job's caller. An interrupted job
-    raises `KeyboardInterrupt` even after a good end: a program would fly on else.
+    raises `KeyboardInterrupt` even after a good end: else the program would fly the next mission.
     """
     caller = Caller()
     with _pressed_by(SIGNALS, caller):
@@ -36,21 +36,21 @@ def waited_for(job: Job[T]) -> T:
 
 
 async def awaited(job: Job[T]) -> T:
-    """Do as `waited_for` while the program's event loop goes on.
+    """Run a job as `waited_for` does, while the program's event loop continues.
 
-    A cancellation presses on the job's caller, and is let through when the job is over. In the main
-    thread SIGTERM and SIGHUP press as well; Ctrl-C cancels by itself.
+    A cancellation presses on the job's caller, and is raised when the job is over. In the main
+    thread SIGTERM and SIGHUP press as well; Ctrl-C is a cancellation there.
     """
     caller, loop, over = Caller(), asyncio.get_running_loop(), asyncio.Event()
 
-    def tell(_: Future[T]) -> None:
-        with contextlib.suppress(RuntimeError):  # the loop was closed: no caller waits any more
+    def on_end(_: Future[T]) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop is closed: no caller waits any more
             loop.call_soon_threadsafe(over.set)
 
     cancelled: asyncio.CancelledError | None = None
     with _pressed_by(SIGNALS[1:], caller):
         work = _begun(job, caller)
-        work.add_done_callback(tell)
+        work.add_done_callback(on_end)
         while not over.is_set():
             try:
                 await over.wait()
@@ -58,7 +58,7 @@ async def awaited(job: Job[T]) -> T:
                 cancelled = error
                 caller.press()
     if cancelled is not None:
-        # the fate of the aircraft is raised with it
+        # an error about aircraft that are not at home is raised instead
         with contextlib.suppress(KeyboardInterrupt):
             _result(work, caller)
         raise cancelled
@@ -66,7 +66,7 @@ async def awaited(job: Job[T]) -> T:
 
 
 def _begun(job: Job[T], caller: Caller) -> Future[T]:
-    """Begin a job in a thread, which is no daemon: a program that ends waits for the aircraft."""
+    """Start a job in a thread. It is no daemon: a program that ends waits for the aircraft."""
     work: Future[T] = Future()
 
     def run() -> None:
@@ -89,9 +89,9 @@ def _result(work: Future[T], caller: Caller) -> T:
 
 
 def single(failure: BaseException) -> BaseException:
-    """Return what to raise for a failure: of a group of our errors the gravest, others as notes.
+    """Return the exception to raise: of a group of our errors the gravest, others as notes.
 
-    An aircraft that is down comes first. A group with a defect of the program stays as it is.
+    An aircraft that is down is the gravest. A group with a defect of the program stays a group.
 
     >>> from missions.errors import LinkError
     >>> single(ExceptionGroup("tasks", [LinkError("silent"), AircraftError("vehicle 1 is down")]))
@@ -113,14 +113,14 @@ def single(failure: BaseException) -> BaseException:
 
 # --- signals -------------------------------------------------------------------------------------
 _LISTENING: Final[dict[int, list[Caller]]] = {}
-"""By signal, the callers that receive it: only the main thread changes this."""
+"""Callers that receive each signal; only the main thread changes this."""
 _BEFORE: Final[dict[int, Any]] = {}
-"""By signal, the handler that was there."""
+"""Former handler of each signal."""
 
 
 @contextlib.contextmanager
 def _pressed_by(signals: tuple[signal.Signals, ...], caller: Caller) -> Iterator[None]:
-    """Have these signals press meanwhile, in the main thread, which alone receives any."""
+    """Press on a caller for these signals, in the main thread: other threads receive none."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -56,51 +56,54 @@ def fly(
     out: Paths | None = None,
     quiet: bool = False,
 ) -> Results:
-    """Fly a mission: search the box, explore the region, come home, write the results.
+    """Fly a mission: search the box, explore the region, return, write the results.
 
-    It does what `uavmap fly` does, and returns when the flight is over. An event loop that runs
-    already, as in a notebook, stands still meanwhile; `fly_async` lets it go on.
+    It does the same as `uavmap fly`, and returns when the flight is over. An event loop that runs
+    already, as in a notebook, is blocked meanwhile; `fly_async` lets it continue.
 
-    Ctrl-C, and "interrupt" in a notebook, calls real aircraft home; a second time leaves that to
-    their autopilots. `KeyboardInterrupt` is raised when they are at home or are seen to return. The
-    results are in the folder, and `resume` goes on.
+    Ctrl-C, and "interrupt" in a notebook, returns real aircraft; a second time leaves that to their
+    autopilots. `KeyboardInterrupt` is raised when they are at home or are seen to return. The
+    results are in the folder, and `resume` continues.
 
     Args:
         mission: A mission file, or the name of a shipped mission such as `"runway"`.
         sim: Simulate the aircraft in this process, on virtual time.
-        connect: The URL of each vehicle, such as `"udpin://0.0.0.0:14550"`. By default the mission
-            file's.
-        camera: The camera of each vehicle, as for `--camera`. By default the mission file's.
-        vehicles: Their number, 1 to 50. By default that of the mission file, or of the URLs.
-        strategy: Instead of the mission file's.
-        all_strategies: With `sim`: strategies that serve comparisons in papers may fly, too.
-        detector: A name such as `"paved"`, or a folder that `uavmap tune` has written, instead of
-            the mission file's.
-        seed: Of the simulation: the same seed gives the same flight. 0 or more.
-        speedup: Times real time, 0.001 to 1000. By default as fast as possible with `sim`, else 1.
-        auto_swap: Take off again as soon as a battery is fresh, unasked; for simulators only.
-        driver: What speaks MAVLink: `"pymavlink"` or `"mavsdk"`.
-        onboard: Whether this computer flies with the vehicle.
-        key: The file of a signing key. By default the one that `UAVMAP_KEY_FILE` names.
-        forward: URLs of ground stations, to which all frames are passed on.
-        yes: Take off without a question. Without it a person answers at a terminal, which a
-            notebook lacks. The bundled simulator takes off unasked.
-        dry_run: Do all but arm; ends in `NotFlownError`, whose `could_fly` is the answer.
-        keep_fence: Leave fences and return heights of the autopilots as they are.
-        keep_frames: Keep every picture with its pose in the results.
+        connect: The URL of each vehicle, such as `"udpin://0.0.0.0:14550"`. By default the URLs of
+            the mission file.
+        camera: The camera of each vehicle, as for `--camera`. By default the cameras of the mission
+            file.
+        vehicles: The number of vehicles, 1 to 50. By default that of the mission file, or of the
+            URLs.
+        strategy: The strategy, instead of the mission file's.
+        all_strategies: With `sim`: allow also the strategies for comparisons with papers.
+        detector: A name such as `"paved"`, or a folder made by `uavmap tune`, instead of the
+            mission file's detector.
+        seed: The seed of the simulation, 0 or more: the same seed gives the same flight.
+        speedup: The speed, as a multiple of real time, 0.001 to 1000. By default as fast as
+            possible with `sim`, else 1.
+        auto_swap: Take off again with a fresh battery without a question; only for simulators.
+        driver: The implementation of MAVLink: `"pymavlink"` or `"mavsdk"`.
+        onboard: True if this computer flies with the vehicle.
+        key: The file of a signing key. By default the file that `UAVMAP_KEY_FILE` names.
+        forward: URLs of ground stations that get all MAVLink messages.
+        yes: Take off without a question. Without it a person has to answer at a terminal, and a
+            notebook has none. The bundled simulator needs no answer.
+        dry_run: Do everything but arm. It raises `NotFlownError`, whose `could_fly` is the result.
+        keep_fence: Keep fences and return heights of the autopilots.
+        keep_frames: Keep each picture with its pose in the results.
         out: The folder of the results; by default a new one in `results`.
         quiet: Write nothing to standard error.
 
     Returns:
-        The results. `completed` is False where something is left to be done; `aircraft_down` names
-        aircraft that a person has to look after.
+        The results. `completed` is False if a part of the mission is left; `aircraft_down` names
+        aircraft that the crew has to fetch.
 
     Raises:
-        MissionFileError: The mission file, by file, key, value and remedy.
-        LinkError: A URL, or a vehicle that does not answer.
-        PreflightError: Something keeps the mission on the ground, or the question had no yes.
+        MissionFileError: The mission file is wrong; file, key, value and remedy.
+        LinkError: A URL is wrong, or a vehicle does not answer.
+        PreflightError: A fault keeps the mission on the ground, or the answer was not yes.
         AircraftError: The flight failed with an aircraft that is not at home.
-        UavmapError: Any other cause outside of the program; all above are of this class.
+        UavmapError: Any other cause outside of the program; it is the base of all above.
 
     Examples:
         >>> fly("runwya", sim=True)
@@ -122,29 +125,29 @@ def resume(
     recall: bool = False,
     quiet: bool = False,
 ) -> Results:
-    """Go on with the mission of a folder, as `uavmap resume` does.
+    """Continue the mission of a folder, as `uavmap resume` does.
 
     This call allows real aircraft to take off, unless `recall` is given.
 
     Args:
         folder: The folder of the results.
         connect: The URL of each vehicle, if it has changed.
-        camera: Their cameras, if these have changed.
-        driver: What speaks MAVLink from now on, if that changes.
+        camera: The camera of each vehicle, if it has changed.
+        driver: The implementation of MAVLink from now on. By default as before.
         key: As for `fly`.
         forward: As for `fly`, if it has changed.
-        from_home: In the simulator: begin again at home with full batteries.
-        recall: Only bring home the vehicles in the air; nothing takes off.
+        from_home: In the simulator: start at home with full batteries.
+        recall: Only return the vehicles in the air; none takes off.
         quiet: Write nothing to standard error.
 
     Returns:
-        The results, as of `fly`.
+        The results, as from `fly`.
 
     Raises:
-        JournalError: There is no mission in the folder, or its journal is damaged.
-        NotFlownError: Nothing had been flown: what was left set on the autopilots is put back, if
-            its `could_fly` is true.
-        UavmapError: As `fly`.
+        JournalError: The folder has no mission, or its journal is damaged.
+        NotFlownError: No vehicle had flown. If its `could_fly` is true, the settings of the
+            autopilots are restored.
+        UavmapError: As from `fly`.
     """
     return waited_for(_resumption(**locals()))
 
@@ -152,7 +155,7 @@ def resume(
 def _like(
     call: Callable[P, Results],
 ) -> Callable[[Callable[..., Awaitable[Results]]], Callable[P, Coroutine[Any, Any, Results]]]:
-    """Gives a coroutine the parameters of `call`, defaults and all."""
+    """Give a coroutine the parameters of `call`, with their defaults."""
     signature = inspect.signature(call)
 
     def given(
@@ -172,11 +175,11 @@ def _like(
 
 @_like(fly)
 async def fly_async(**options: Any) -> Results:
-    """Fly as `fly` does, with the same arguments, while the program's event loop goes on.
+    """Fly as `fly` does, with the same arguments, while the program's event loop continues.
 
-    Cancelling it is Ctrl-C: a first time calls real aircraft home, a second time leaves that to
-    their autopilots. `asyncio.CancelledError` is raised when they are at home or are seen to return
-    (`AircraftError` where one is not), and not before: `asyncio.timeout` waits for them.
+    A cancellation acts as Ctrl-C: the first returns real aircraft, the second leaves that to their
+    autopilots. `asyncio.CancelledError` is raised only when they are at home or are seen to return:
+    `asyncio.timeout` waits for them. If one is not, `AircraftError` is raised.
 
     Examples:
         >>> import asyncio
@@ -190,7 +193,7 @@ async def fly_async(**options: Any) -> Results:
 
 @_like(resume)
 async def resume_async(**options: Any) -> Results:
-    """Go on as `resume` does, while the program's event loop goes on. See `fly_async`."""
+    """Continue as `resume` does, while the program's event loop continues. See `fly_async`."""
     return await awaited(_resumption(**options))
 
 
@@ -198,9 +201,9 @@ async def resume_async(**options: Any) -> Results:
 def _flight(mission: Paths, **given: Any) -> Job[Results]:
     sim, quiet, yes, dry_run = (given[key] for key in ("sim", "quiet", "yes", "dry_run"))
     if sim and given["connect"]:
-        raise UavmapError("sim=True and connect=... exclude each other: give one of them")
+        raise UavmapError("sim=True excludes connect=...; give one of them")
     if quiet and not (sim or yes or dry_run):
-        raise UavmapError("quiet=True hides the question before take-off: give yes=True with it")
+        raise UavmapError("quiet=True hides the question before take-off; add yes=True")
     detector = given["detector"]
     fields = {
         "mission_source": path_text("mission", mission),
@@ -223,7 +226,7 @@ def _flight(mission: Paths, **given: Any) -> Job[Results]:
             plan = with_ground(planned(options))
             name = plan.mission.name
             folder = results_folder(out, name)
-            _LOG.info(f"{name} into {folder}; to go on if it is interrupted: uavmap.resume")
+            _LOG.info(f"{name} into {folder}; if it is interrupted: uavmap.resume")
             company = Company(onlookers=onlookers, preflight=before, caller=caller)
             flight.fly(plan, folder, company, keep_frames=given["keep_frames"])
             return _finished(folder)
@@ -253,7 +256,7 @@ def _resumption(folder: Paths, **given: Any) -> Job[Results]:
 
 
 def _finished(folder: Path) -> Results:
-    """Return the results of a flight, with the boundary by its kept pictures."""
+    """Return the results of a flight, with the boundary from its kept pictures."""
     results = open_results(folder)
     if results.aircraft_down:
         return results

@@ -35,33 +35,33 @@ def replay(
     gsd_m: float | None = None,
     quiet: bool = False,
 ) -> Results:
-    """Map what recorded pictures show, as `uavmap replay`: same detector and votes as a flight.
+    """Map recorded pictures, as `uavmap replay` does, with detector and votes as in a flight.
 
     Args:
-        path: A folder of pictures with its subfolders, or one file; or a flight with kept frames.
+        path: A folder of pictures with its subfolders, one file, or a flight with kept frames.
         mission: A mission file, or the name of a shipped one: grid, camera, detector and votes. By
             default they come from the pictures.
-        detector: A name such as `"paved"`, or a folder that `uavmap tune` has written, instead of
-            the mission's.
+        detector: A name such as `"paved"`, or a folder made by `uavmap tune`, instead of the
+            mission's detector.
         out: The folder of the results; by default a new one in `results`.
         calibration: The camera's calibration by OpenCV, instead of the tags' focal length.
-        any_day: Use pictures of other days than most, too.
-        video_start: When a video with a .tlog beside it begins; with its time zone.
-        workers: How many pictures are judged at once, 1 to 256. By default one a core.
+        any_day: Use pictures of all days. By default those of the day with the most pictures.
+        video_start: The time at which a video with a .tlog beside it begins, with its time zone.
+        workers: The number of pictures that are judged at once, 1 to 256. By default one per core.
         scheduler: The address of a Dask cluster that judges the pictures (the extra `cluster`).
         refine: Refine the poses where pictures overlap.
         ortho: Write the mosaic `ortho.tif`. By default if rasterio is installed.
-        gsd_m: Size of its pixels on the ground, 0.005 to 10 m. By default as fine as the pictures,
-            but at least 0.05.
+        gsd_m: The size of its pixels on the ground, 0.005 to 10 m. By default as fine as the
+            pictures, but at least 0.05.
         quiet: Write nothing to standard error.
 
     Returns:
-        The results. `completed` is False where half of the pictures or more could not be used.
+        The results. `completed` is False if half of the pictures or more could not be used.
 
     Raises:
-        MissionFileError: The mission file, by file, key, value and remedy.
+        MissionFileError: The mission file is wrong; file, key, value and remedy.
         ImageError: No picture can be used, or a calibration cannot be read.
-        UavmapError: Any other cause outside of the program; those above are of this class.
+        UavmapError: Any other cause outside of the program; it is the base of all above.
 
     Examples:
         >>> replay("no-such-folder")
@@ -71,7 +71,7 @@ def replay(
     if video_start is not None and video_start.tzinfo is None:
         raise UavmapError(f"video_start = {video_start!r}: expected a time with its time zone")
     if workers is not None and scheduler is not None:
-        raise UavmapError("workers and scheduler exclude each other: give one of them")
+        raise UavmapError("workers excludes scheduler; give one of them")
     wanted = Wanted(
         path=path_text("path", path),
         mission=None if mission is None else path_text("mission", mission),
@@ -91,5 +91,5 @@ def replay(
     ):
         done = replay_pictures(wanted, crew, _LOG.info)
     if done.interrupted:
-        raise KeyboardInterrupt(f"the GeoTIFFs are not written; all else is in {done.folder}")
+        raise KeyboardInterrupt(f"{done.folder} has all results but the GeoTIFFs")
     return open_results(done.folder)

@@ -1,4 +1,4 @@
-"""What a flight or a replay has left in its folder, as geometries, tables and pictures."""
+"""The results of a flight or a replay as geometries, tables and pictures."""
 
 from __future__ import annotations
 
@@ -37,31 +37,31 @@ def open_results(folder: Paths) -> Results:
     """Open the results of a flight or a replay.
 
     Raises:
-        ResultsError: The folder holds no map, as after an interrupt, or damaged files.
+        ResultsError: The folder has no map, as after an interrupt, or damaged files.
 
     Examples:
         >>> open_results("no-such-folder")
         Traceback (most recent call last):
-        missions.errors.ResultsError: no-such-folder: there is no such folder
+        missions.errors.ResultsError: no-such-folder: no such folder; give a results folder
     """
     where = Path(path_text("folder", folder))
     if not where.is_dir():
-        raise ResultsError(f"{where}: there is no such folder")
+        raise ResultsError(f"{where}: no such folder; give a results folder")
     if not (where / _MAP).exists():
-        how = f"; `uavmap resume {where}` goes on" if (where / JOURNAL).exists() else ""
-        raise ResultsError(f"{where}: holds no {_MAP}, a mission that has ended leaves one{how}")
+        how = f"; to continue: uavmap resume {where}" if (where / JOURNAL).exists() else ""
+        raise ResultsError(f"{where}: has no {_MAP}: the mission has not ended{how}")
     return Results(where, _object(where / _SUMMARY), _features(where / _MAP))
 
 
 class Results:
-    """A folder of results, as it was when opened: `map.geojson`, `summary.json` and the rest.
+    """A results folder, as it was when opened: `map.geojson`, `summary.json` and the rest.
 
-    Made by `uavmap.fly`, `uavmap.replay` and `uavmap.open_results`. Geometries are shapely's, in
-    longitude and latitude (WGS84, EPSG:4326); with `_utm` in metres of the UTM zone `utm_crs`,
-    along which the grid is aligned.
+    `uavmap.fly`, `uavmap.replay` and `uavmap.open_results` return it. Geometries are shapely's, in
+    longitude and latitude (WGS84, EPSG:4326). Those with `_utm` are in metres of the UTM zone
+    `utm_crs`, with which the grid is aligned.
 
     Attributes:
-        folder: Where they lie.
+        folder: The path of the folder.
         summary: The figures of `summary.json`, by name; see the page on file formats.
     """
 
@@ -82,27 +82,27 @@ class Results:
     # --- figures ---------------------------------------------------------------------------------
     @property
     def completed(self) -> bool:
-        """Whether the mission is complete; of a replay, whether most pictures are in the map."""
+        """True if the mission is complete; for a replay, if most pictures are in the map."""
         return bool(self.summary["completed"])
 
     @property
     def finding(self) -> str:
-        """What was found, in a sentence that claims no more than was judged."""
+        """The finding in a sentence, restricted to the ground that was judged."""
         return str(self.summary["finding"])
 
     @property
     def no_verdict(self) -> str | None:
-        """Why the map shows nothing, of a flight whose detector does not fit the ground."""
+        """The reason if the detector does not fit the ground, so that the map shows nothing."""
         return self.summary.get("no_verdict")
 
     @property
     def aircraft_down(self) -> tuple[str, ...]:
-        """A line for each aircraft that a person has to look after, with its place."""
+        """A line with the place of each aircraft that the crew has to fetch."""
         return tuple(self.summary.get("aircraft_down", ()))
 
     @property
     def area_m2(self) -> float:
-        """The ground of the region's cells, in square metres on the ground; 0 without a region."""
+        """The area of the region's cells on the ground, m²; 0 without a region."""
         (outline,) = self.features("outline")
         return float(outline["properties"]["area_m2"])
 
@@ -111,8 +111,8 @@ class Results:
     def region(self) -> BaseGeometry:
         """The outline of the region's cells with its holes, in longitude and latitude.
 
-        A `Polygon` or `MultiPolygon`, empty without a region. A drifting region is at the map's
-        end.
+        A `Polygon` or `MultiPolygon`, empty without a region. A drifting region is where it was at
+        the end of the map.
         """
         (outline,) = self.features("outline")
         region: BaseGeometry = _shape(outline)
@@ -120,12 +120,12 @@ class Results:
 
     @property
     def region_utm(self) -> BaseGeometry:
-        """The same in metres of `utm_crs`."""
+        """The outline of the region's cells in metres of `utm_crs`."""
         return self.to_utm(self.region)
 
     @cached_property
     def boundary(self) -> BaseGeometry | None:
-        """The region at pixel level, longitude and latitude; None without kept pictures."""
+        """The region at pixel level, in longitude and latitude; None without kept pictures."""
         path = self.folder / _BOUNDARY
         if not path.exists():
             return None
@@ -134,15 +134,16 @@ class Results:
 
     @property
     def tracks(self) -> dict[int, LineString]:
-        """Where each vehicle flew, by its number: longitude, latitude, metres above home.
+        """The track of each vehicle, by its number: longitude, latitude, metres above home.
 
-        Of a replay, where the pictures were taken, as vehicle 1.
+        A replay has the places of the pictures as the track of vehicle 1.
         """
         return {f["properties"]["vehicle"]: _shape(f) for f in self.features("track")}
 
     @cached_property
     def utm_crs(self) -> str:
-        """The UTM zone of the map as `"EPSG:32617"`: that of the first track's beginning."""
+        """The UTM zone of the map, such as `"EPSG:32617"`: the zone at the start of the first
+        track."""
         return f"EPSG:{self._zone.epsg}"
 
     @cached_property
@@ -150,12 +151,12 @@ class Results:
         for feature in [*self.features("track"), *self.features("cell"), *self.features("outline")]:
             for lon, lat, *_ in shapely.get_coordinates(_shape(feature)).tolist():
                 return UtmZone.of(LatLon(lat, (lon + 180.0) % 360.0 - 180.0))
-        raise ResultsError(f"{self.folder / _MAP}: nothing in it has a place")
+        raise ResultsError(f"{self.folder / _MAP}: no feature has a place")
 
     def to_utm(self, geometry: BaseGeometry) -> BaseGeometry:
-        """Turn longitudes and latitudes into metres of `utm_crs`; heights are dropped.
+        """Transform longitudes and latitudes to metres of `utm_crs`; heights are dropped.
 
-        Metres of the projection are up to 0.04 % shorter than those on the ground.
+        Lengths in the projection are up to 0.04 % shorter than on the ground.
         """
         moved: BaseGeometry = shapely.transform(geometry, self._zone.utm)
         return moved
@@ -167,11 +168,11 @@ class Results:
 
     @cached_property
     def cells(self) -> geopandas.GeoDataFrame:
-        """Every cell that was judged, as a GeoDataFrame in EPSG:4326 (needs the extra `frames`).
+        """All judged cells, as a GeoDataFrame in EPSG:4326 (needs the extra `frames`).
 
-        Columns: `column` and `row` of the grid, `state`, `positive` of `votes` frames that see
-        region, `belief` (0 to 1, of recorded pictures; else NaN), and `geometry`.
-        `cells.to_crs(results.utm_crs)` has metres. Raises `UavmapError` where geopandas is not
+        Columns: `column` and `row` of the grid, `state`, `positive` (votes for region), `votes`,
+        `belief` (0 to 1 for recorded pictures; else NaN), and `geometry`.
+        `cells.to_crs(results.utm_crs)` has metres. Raises `UavmapError` if geopandas is not
         installed.
         """
         try:
@@ -189,7 +190,7 @@ class Results:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw cells, outline and tracks in metres of `utm_crs`, into `ax` or a new figure.
 
-        Raises `UavmapError` where matplotlib is not installed (the extra `study`).
+        Raises `UavmapError` if matplotlib is not installed (the extra `study`).
         """
         try:
             from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra, and heavy
@@ -234,7 +235,7 @@ def _plot_lines(ax: Axes, lines: BaseGeometry, label: str, style: palette.Style)
     for part in shapely.get_parts(lines):
         places = shapely.get_coordinates(part)
         ax.plot(places[:, 0], places[:, 1], color=_rgb(style.colour), linewidth=width, label=label)
-        label = "_"  # the first alone is in the legend
+        label = "_"  # only the first is in the legend
 
 
 def _rgb(colour: palette.Colour) -> tuple[float, float, float]:
@@ -244,7 +245,7 @@ def _rgb(colour: palette.Colour) -> tuple[float, float, float]:
 
 # --- files ---------------------------------------------------------------------------------------
 def _object(path: Path) -> dict[str, Any]:
-    """What a JSON file holds. Raises `ResultsError`."""
+    """Read the object of a JSON file. Raises `ResultsError`."""
     try:
         found = json.loads(read_text(path, _LARGEST_BYTES))
     except OSError as error:
@@ -267,6 +268,6 @@ def _features(path: Path) -> list[dict[str, Any]]:
 
 
 def _shape(feature: Mapping[str, Any]) -> Any:
-    """Its geometry; that of a region that was not found is empty."""
+    """Return the geometry of a feature; empty for a region that was not found."""
     geometry = feature.get("geometry")
     return Polygon() if geometry is None else shape(geometry)

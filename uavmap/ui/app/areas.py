@@ -1,4 +1,4 @@
-"""Areas: draw or import one, make a mission of it, and see what would be flown."""
+"""Areas: draw or import an area, make a mission of it, and see its plan."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from uavmap.ui.app.ground_choice import GroundChoice
 from uavmap.ui.app.visitor import Visitor
 
 KINDS: Final = {"": "area to search", "geofence": "geofence", "no-fly": "no-fly zone"}
-"""What a polygon is, by the name that `uavmap new` reads."""
+"""Kinds of polygons, by the name that `uavmap new` reads."""
 DETECTORS: Final = {
-    "later": "say it later (nothing flies for real before)",
+    "later": "choose later (real aircraft do not fly before)",
     "threshold": "darker or brighter than a gray value",
     "paved": "paved or bare ground",
-    "color": "like colours that you give",
+    "color": "similar to colours that you give",
 }
 PLACE: Final = (20.0, 0.0)
-"""The middle of the map while nothing says where the field is."""
+"""Centre of the map before the place of the field is known: latitude, longitude, degrees."""
 _BLUE, _RED, _BLACK = "#3d6fb6", "#b02a37", "#23272b"
 _COLOURS: Final = {"": _BLUE, "geofence": _RED, "no-fly": _BLACK}
 
 
 def drawn_features(shapes: Sequence[tuple[str, Mapping[str, Any]]]) -> dict[str, Any]:
-    """Return what was drawn as GeoJSON for `uavmap new`: kinds, and layers as Leaflet has them.
+    """Return a drawing as GeoJSON for `uavmap new`, from kinds and layers of Leaflet.
 
     >>> corner = {"lat": 1.0, "lng": 2.0}
     >>> found = drawn_features([("home", {"_latlng": corner})])
@@ -55,14 +55,14 @@ def _place(corner: Mapping[str, float]) -> list[float]:
 
 
 class Areas:
-    """The tab where missions are made."""
+    """The tab that makes missions."""
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         self._shapes: list[tuple[str, dict[str, Any]]] = []
         self._layers: list[Any] = []
         self._file: str | None = None
-        """The file that was imported, instead of a drawing."""
+        """The imported file; None for a drawing."""
         with ui.element("div").classes("app-columns"):
             with ui.element("div").classes("app-map"):
                 self._add_map()
@@ -92,7 +92,7 @@ class Areas:
         try:
             lat, lon = (float(part) for part in self._at.value.split(","))
         except (AttributeError, ValueError):
-            ui.notify("give latitude and longitude in degrees: 47.3, 8.5")
+            ui.notify("enter latitude and longitude in degrees, such as 47.3, 8.5")
             return
         self.map.set_center((lat, lon))
         self.map.set_zoom(17)
@@ -130,7 +130,7 @@ class Areas:
         self._vehicles = ui.number("vehicles", value=1, min=1, max=20, format="%d").mark("vehicles")
         self._detector = ui.select(
             {name: f"{name}: {text}" for name, text in detectors.items()},
-            value="threshold", label="what to look for",
+            value="threshold", label="detector",
         ).classes("app-wide").mark("detector")  # fmt: skip
         self._visitor.button("Make the mission", self._make).mark("make")
 
@@ -157,7 +157,7 @@ class Areas:
         self._visitor.run(words)
 
     def _show_plan(self, words: Sequence[str]) -> None:
-        """Show the plan of the mission that a command has made."""
+        """Show the plan of a new mission."""
         name = words[words.index("--out") + 1]
         picture = name.removesuffix(".toml") + ".png"
         self.plan.clear()

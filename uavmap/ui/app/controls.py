@@ -1,4 +1,4 @@
-"""One browser holds the controls; the others watch, and may ask for them."""
+"""One browser has the controls; the others watch, and may request them."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from dataclasses import dataclass
 from typing import Final
 
 ASK_S: Final = 10.0
-"""Time after which controls pass to the browser that asks, if the holder says nothing, s."""
+"""Time without an answer after which the controls pass to the browser that requests them, s."""
 GONE_S: Final = 10.0
-"""Time without a sign after which a browser no longer holds the controls, s."""
+"""Time without contact after which a browser loses the controls, s."""
 
 
 @dataclass(frozen=True, slots=True)
-class Asks:
-    """A browser that asks for the controls."""
+class Request:
+    """A browser's request for the controls."""
 
     visitor: str
     since_s: float
 
 
 class Controls:
-    """Which browser may run commands.
+    """The right of one browser to run commands.
 
     >>> controls = Controls(now_s=lambda: 0.0)
-    >>> controls.seen("a"), controls.held_by("a"), controls.held_by("b")
+    >>> controls.note("a"), controls.are_held_by("a"), controls.are_held_by("b")
     (None, True, False)
     """
 
@@ -34,53 +34,55 @@ class Controls:
         self._now_s = now_s
         self._holder: str | None = None
         self._seen_s: dict[str, float] = {}
-        self._asks: Asks | None = None
+        self._request: Request | None = None
 
-    def seen(self, visitor: str) -> None:
-        """Note that a browser is there: the first one holds the controls, and again once all left.
+    def note(self, visitor: str) -> None:
+        """Note that a browser is in contact. If no browser has the controls, it gets them.
 
-        Controls pass to a browser that has asked, if their holder says nothing for `ASK_S`.
+        The controls pass to a browser that has requested them if the holder does not answer for
+        `ASK_S`.
         """
         now_s = self._now_s()
         self._seen_s[visitor] = now_s
         gone = self._holder is None or self._is_gone(self._holder, now_s)
-        if self._asks is not None and self._is_gone(self._asks.visitor, now_s):
-            self._asks = None
-        if self._asks is not None and (gone or now_s - self._asks.since_s >= ASK_S):
-            self._holder, self._asks = self._asks.visitor, None
+        if self._request is not None and self._is_gone(self._request.visitor, now_s):
+            self._request = None
+        if self._request is not None and (gone or now_s - self._request.since_s >= ASK_S):
+            self._holder, self._request = self._request.visitor, None
         elif gone:
             self._holder = visitor
 
     def _is_gone(self, visitor: str, now_s: float) -> bool:
         return now_s - self._seen_s.get(visitor, -math.inf) > GONE_S
 
-    def left(self, visitor: str) -> None:
-        """Note that a browser is closed."""
+    def forget(self, visitor: str) -> None:
+        """Forget a browser that is closed."""
         self._seen_s.pop(visitor, None)
         if self._holder == visitor:
             self._holder = None
-        if self._asks is not None and self._asks.visitor == visitor:
-            self._asks = None
+        if self._request is not None and self._request.visitor == visitor:
+            self._request = None
 
-    def held_by(self, visitor: str) -> bool:
-        """Return whether a browser holds the controls."""
+    def are_held_by(self, visitor: str) -> bool:
+        """Return whether a browser has the controls."""
         return self._holder == visitor
 
-    def ask(self, visitor: str) -> None:
-        """Ask for the controls."""
-        if self._holder != visitor and self._asks is None:
-            self._asks = Asks(visitor, self._now_s())
+    def request(self, visitor: str) -> None:
+        """Request the controls for a browser."""
+        if self._holder != visitor and self._request is None:
+            self._request = Request(visitor, self._now_s())
 
-    def asked_s(self) -> float | None:
-        """Return for how long another browser has asked; None where none does."""
-        return None if self._asks is None else self._now_s() - self._asks.since_s
+    @property
+    def are_requested(self) -> bool:
+        """True if a browser has requested the controls and waits for the answer."""
+        return self._request is not None
 
-    def asks(self, visitor: str) -> bool:
-        """Return whether a browser has asked, and has no answer yet."""
-        return self._asks is not None and self._asks.visitor == visitor
+    def are_requested_by(self, visitor: str) -> bool:
+        """Return whether this browser has requested the controls and waits for the answer."""
+        return self._request is not None and self._request.visitor == visitor
 
     def answer(self, visitor: str, *, yes: bool) -> None:
-        """Hand the controls over, or keep them: the holder's answer."""
-        if self._holder == visitor and self._asks is not None:
-            self._holder = self._asks.visitor if yes else visitor
-            self._asks = None
+        """Give the controls to the other browser, or keep them: the holder's answer."""
+        if self._holder == visitor and self._request is not None:
+            self._holder = self._request.visitor if yes else visitor
+            self._request = None

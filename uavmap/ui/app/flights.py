@@ -1,4 +1,4 @@
-"""Practise, Preflight, Fly: a mission in the simulator, or with aircraft at the end of links."""
+"""Practise, Preflight, Fly: a mission in the simulator or with real aircraft."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ from uavmap.ui.page.server import asked
 _LOG: Final = logging.getLogger("uavmap.ui.app")
 SPEEDUPS: Final = {1: "real time", 5: "5 times", 20: "20 times"}
 LOOK_S: Final = 0.3
+"""Time between two checks of a process, s."""
 _URL: Final = re.compile(r"^\w+://\S+$")
 
 
 class Practise:
-    """The same mission, with the same buttons, in the simulator."""
+    """The tab that flies a mission in the simulator, with the buttons of a real flight."""
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
@@ -47,28 +48,29 @@ class Practise:
         visitor.button("Practise", self._begin).mark("practise")
 
     async def _begin(self) -> None:
-        mission, app = chosen(self._mission), self._visitor.app
+        mission, app = chosen_mission(self._mission), self._visitor.app
         vehicles, speedup = int(self._vehicles.value or 1), str(self._speedup.value)
         port, http_port = free_ports(vehicles), free_ports(1, socket.SOCK_STREAM)
         flight = ["fly", mission, "--speedup", speedup, *app.page_words("--page"), "--yes",
-                  "--auto-swap", *kept(self._keeps), *await beneath(app, mission)]  # fmt: skip
+                  "--auto-swap", *frames_option(self._keeps),
+                  *await tiles_option(app, mission)]  # fmt: skip
         simulator = self._visitor.run(
             ["sitl", "--mission", mission, "--vehicles", str(vehicles), "--speedup", speedup,
              "--seed", str(int(self._seed.value or 0)), "--port", str(port),
              "--http-port", str(http_port)]
         )  # fmt: skip
-        # it goes on where the browser is closed
-        background_tasks.create(flown_in(app, simulator, flight, vehicles), name="practise")
+        # the task continues if the browser is closed
+        background_tasks.create(fly_in(app, simulator, flight, vehicles), name="practise")
 
 
-async def flown_in(app: App, simulator: Job, flight: Sequence[str], vehicles: int) -> None:
-    """Fly in a simulator once it has printed the URLs of its vehicles, and end it after that.
+async def fly_in(app: App, simulator: Job, flight: Sequence[str], vehicles: int) -> None:
+    """Fly in a simulator when it has printed the URLs of its vehicles, and end it after the flight.
 
-    Both go on where this is cancelled, because the page ends.
+    If this task is cancelled at the end of the page, both continue.
     """
     await _until(lambda: not simulator.runs or len(_urls_of(simulator)) >= vehicles)
     if not simulator.runs:
-        return  # its last line says why
+        return  # its last line has the reason
     connects = [word for url in _urls_of(simulator) for word in ("--connect", url)]
     try:
         job = app.jobs.begin([*flight, *connects])
@@ -79,8 +81,8 @@ async def flown_in(app: App, simulator: Job, flight: Sequence[str], vehicles: in
 
 
 async def _until(true: Callable[[], bool]) -> None:
-    """Wait for a process; a thread that waits would hold up the end of the page."""
-    while not true():  # noqa: ASYNC110 - a process and its file give no event
+    """Wait for a process; a thread would delay the end of the page."""
+    while not true():  # noqa: ASYNC110 - a process and its file have no event
         await asyncio.sleep(LOOK_S)
 
 
@@ -89,7 +91,7 @@ def _urls_of(simulator: Job) -> list[str]:
 
 
 class RealAircraft:
-    """Preflight and Fly: the links, what the doctor says, and the take-off."""
+    """The tabs Preflight and Fly: the links, the findings of the doctor, and the take-off."""
 
     def __init__(self, visitor: Visitor, *, flies: bool) -> None:
         self._visitor = visitor
@@ -101,11 +103,11 @@ class RealAircraft:
     def _add_form(self, visitor: Visitor, *, flies: bool) -> None:
         ui.label(
             "Fly a mission with real aircraft." if flies
-            else "Ask each vehicle whether it could fly a mission. Nothing is armed or set."
+            else "Check whether each vehicle could fly a mission. The check arms and sets nothing."
         )  # fmt: skip
         self._mission = visitor.select("mission", visitor.app.workspace.missions)
         self._urls = ui.textarea(
-            "links, a line for each vehicle", value="udpin://0.0.0.0:14550"
+            "URLs of the vehicles, one per line", value="udpin://0.0.0.0:14550"
         ).props("rows=2").classes("app-wide").mark("links")  # fmt: skip
         if flies:
             self._keeps = ui.checkbox("keep the pictures", value=True)
@@ -113,13 +115,17 @@ class RealAircraft:
                 visitor.button("Fly", self._fly, grave=True).mark("fly")
                 visitor.button("Dry run", self._dry_run).mark("dry-run")
         else:
-            visitor.button("Ask the vehicles", self._examine).mark("examine")
+            visitor.button("Check the vehicles", self._examine).mark("examine")
 
     def _linked(self, command: str) -> list[str]:
         urls = (self._urls.value or "").split()
         for url in urls:
             parse_url(url)
-        return [command, chosen(self._mission), *(w for url in urls for w in ("--connect", url))]
+        return [
+            command,
+            chosen_mission(self._mission),
+            *(w for url in urls for w in ("--connect", url)),
+        ]
 
     def _examine(self) -> None:
         self._visitor.run(self._linked("doctor"))
@@ -129,41 +135,41 @@ class RealAircraft:
 
     async def _fly(self) -> None:
         words = self._linked("fly")
-        question = "Vehicles arm and take off once all checks are good. Is the field clear?"
+        question = "The vehicles arm and take off after good checks. Is the field clear?"
         if await asked(question, "Take off", "Cancel") is not None:
             page = self._visitor.app.page_words("--page")
-            ground = await beneath(self._visitor.app, chosen(self._mission))
-            self._visitor.run([*words, *page, "--yes", *kept(self._keeps), *ground])
+            ground = await tiles_option(self._visitor.app, chosen_mission(self._mission))
+            self._visitor.run([*words, *page, "--yes", *frames_option(self._keeps), *ground])
 
 
-def kept(keeps: ui.checkbox) -> list[str]:
-    """Return the words that keep the pictures of a flight, to be mapped and painted afterwards."""
+def frames_option(keeps: ui.checkbox) -> list[str]:
+    """Return the option that keeps the pictures of a flight, to be mapped and painted later."""
     return ["--keep-frames"] if keeps.value else []
 
 
-async def beneath(app: App, mission: str) -> list[str]:
-    """Return the words that lay the first map of the folder that shows a mission beneath it."""
-    return await asyncio.to_thread(_beneath, app, mission)
+async def tiles_option(app: App, mission: str) -> list[str]:
+    """Return the option with the first map of the folder that shows the ground of a mission."""
+    return await asyncio.to_thread(_tiles_option, app, mission)
 
 
-def _beneath(app: App, mission: str) -> list[str]:
+def _tiles_option(app: App, mission: str) -> list[str]:
     setting = setting_of(load(str(app.workspace.folder / mission)))
     for name in app.grounds.files():
         with contextlib.suppress(UavmapError):
-            of_tiles(app.grounds.path_of(name), setting)  # as the flight will
+            of_tiles(app.grounds.path_of(name), setting)  # as the flight will do
             return ["--tiles", name]
     return []
 
 
-def chosen(mission: ui.select) -> str:
-    """Return the mission that is chosen. Raises `UavmapError` where there is none."""
+def chosen_mission(mission: ui.select) -> str:
+    """Return the chosen mission. Raises `UavmapError` without one."""
     if not mission.value:
         raise UavmapError("no mission: make one under Areas")
     return str(mission.value)
 
 
 def free_ports(count: int, kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """Return the first of so many ports in a row that are free now. Raises `UavmapError`."""
+    """Return the first of `count` consecutive ports that are free now. Raises `UavmapError`."""
     for first in range(14650, 30000, 100):
         held = []
         try:
@@ -176,4 +182,4 @@ def free_ports(count: int, kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
         finally:
             for each in held:
                 each.close()
-    raise UavmapError("no port of this computer is free for the simulator")
+    raise UavmapError("no port of this computer is free for the simulator; end another simulator")

@@ -1,6 +1,6 @@
-"""The page of a command within the page of the day: over all of it, with a way back.
+"""The page of a command within the page of the app: it covers all, with a button Back.
 
-A frame that was closed goes on behind: the alarms of a flight are heard in every tab.
+A closed frame stays active behind the page: the alarms of a flight sound in every tab.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _OVER: Final = "inert"
 
 
 class Frame:
-    """One frame, over what `behind` holds, which takes no keys meanwhile."""
+    """One frame over the page `behind`, which ignores keys meanwhile."""
 
     def __init__(self, behind: ui.element) -> None:
         self._behind = behind
@@ -29,7 +29,7 @@ class Frame:
                 )
                 self._title = ui.label("").classes("app-command")
                 self._state = ui.label("").classes("app-held")
-                self._alone = ui.link("in a tab of its own", "", new_tab=True)
+                self._alone = ui.link("open in a new tab", "", new_tab=True)
             self._inside: Any = ui.element("iframe").classes("app-frame-page")
             self._inside.props('title="page of the command" allow="autoplay"')
         self._whole.set_visibility(False)
@@ -42,12 +42,12 @@ class Frame:
         self._behind.props(_OVER)
 
     def close(self) -> None:
-        """Go back."""
+        """Close the frame."""
         self._whole.set_visibility(False)
         self._behind.props(remove=_OVER)
 
     def follow(self, job: Job, url: str | None) -> None:
-        """Show another address of the command that is shown, if it has another by now."""
+        """Show another address of the shown command, if it has changed."""
         if job is self._job and url is not None and url != self._url:
             self._url = url
             for element, name in ((self._inside, "src"), (self._alone, "href")):
@@ -55,7 +55,7 @@ class Frame:
                 element.update()
 
     def refresh(self) -> None:
-        """Show how far the command is."""
+        """Show the state of the command."""
         if self._job is not None:
             self._title.set_text(self._job.shown)
             self._state.set_text(self._job.state)

@@ -1,4 +1,4 @@
-"""Which maps lie beneath the drawing, the first ones lowest."""
+"""The choice of the maps beneath the drawing; the first is the lowest."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ class GroundChoice:
 
     async def _show(self, names: list[str]) -> None:
         found: dict[str, Facts] = {}
-        for name in names:  # a thread may render a tile of it
+        for name in names:  # in a thread, since another may render a tile of it
             try:
                 found[name] = await asyncio.to_thread(self._grounds.facts, name)
             except UavmapError as error:
                 ui.notify(str(error))
         if names != list(self._chosen.value or ()):
-            return  # chosen anew meanwhile
+            return  # the choice has changed meanwhile
         shown: dict[str, Any] = {}
         for layer in self._layers.values():
             self._map.remove_layer(layer)
@@ -72,7 +72,7 @@ class GroundChoice:
             }
             url = f"/ground/{{z}}/{{x}}/{{y}}/{quote(name)}"
             shown[name] = self._map.tile_layer(url_template=url, options=options)
-            if name not in self._layers:  # the newest choice is gone to
+            if name not in self._layers:  # show the place of the newest choice
                 self._map.set_center(ground.middle)
                 self._map.set_zoom(min(ground.zooms[-1], FINEST))
         self._layers = shown

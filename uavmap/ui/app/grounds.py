@@ -1,4 +1,4 @@
-"""The maps that lie in a folder, to be shown beneath: files of the user's own, earlier mosaics."""
+"""The maps beneath the drawing: files of the user and mosaics of earlier flights in a folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_OPEN: Final = 12
 
 
 class Facts(NamedTuple):
-    """What a page has to know of a map before it asks for tiles."""
+    """The facts about a map that a page needs before it requests tiles."""
 
     zooms: range
     attribution: str
@@ -25,20 +25,20 @@ class Facts(NamedTuple):
 
 
 class Grounds:
-    """The maps of a folder, and one from elsewhere, by name; they are opened once asked for."""
+    """The maps of a folder, and one from another folder, by name; they are opened on demand."""
 
     def __init__(self, workspace: Workspace, given: Path | None = None) -> None:
         self._workspace = workspace
         self._given = given
         self._open: dict[str, tuple[int, GroundLayer]] = {}
-        """By name, with the time at which each was written, ns."""
+        """Open maps by name, each with the time of its last change, ns."""
         self._lock = threading.Lock()
-        """A layer is read by one thread at a time."""
+        """Lock for the layers: only one thread at a time may read one."""
         if given is not None:
             self.facts(str(given))
 
     def files(self) -> list[str]:
-        """Return the names of map files, the one that was given first."""
+        """Return the names of map files; the one from another folder is first."""
         found = sorted(
             path.name
             for path in self._workspace.folder.iterdir()
@@ -47,7 +47,7 @@ class Grounds:
         return [*([] if self._given is None else [str(self._given)]), *found]
 
     def mosaics(self) -> list[str]:
-        """Return the names of the mosaics of flights and replays, the newest first."""
+        """Return the names of the mosaics of flights and replays; the newest is first."""
         found = []
         for flown in self._workspace.results():
             there = [name for name in (ORTHO, MOSAIC) if (flown.folder / name).is_file()]
@@ -60,13 +60,13 @@ class Grounds:
         return Path(name) if own else self._workspace.path_of(name)
 
     def facts(self, name: str) -> Facts:
-        """Return what is known of a map. Raises `UavmapError` for a file that is none."""
+        """Return the facts about a map. Raises `UavmapError` for another file."""
         with self._lock:
             layer = self._layer(name)
             return Facts(layer.zooms, layer.attribution, layer.middle)
 
     def tile(self, name: str, zoom: int, x: int, y: int) -> bytes | None:
-        """Return a tile of a map; None where there is none."""
+        """Return a tile of a map; None if there is none."""
         with contextlib.suppress(UavmapError, OSError, ValueError), self._lock:
             layer = self._layer(name)
             if zoom in layer.zooms and 0 <= x < 2**zoom and 0 <= y < 2**zoom:
@@ -74,10 +74,10 @@ class Grounds:
         return None
 
     def _layer(self, name: str) -> GroundLayer:
-        """Open a map, or return it open: the last ones are kept, each as it is on the disk."""
+        """Return a map, opened again if its file has changed; the last ones stay open."""
         path = self.path_of(name)
         try:
-            written_ns = path.stat().st_mtime_ns  # a flight writes its mosaic anew
+            written_ns = path.stat().st_mtime_ns  # a flight replaces its mosaic
         except OSError as error:
             raise UavmapError(f"{name}: cannot be read: {error.strerror}") from None
         if name in self._open and self._open[name][0] != written_ns:

@@ -1,7 +1,7 @@
-"""Commands that a page has begun: each a process of its own, whose lines lie in a file.
+"""Commands that the page has started: each in its own process, with its lines in a file.
 
-A page, or the program that serves it, may end at any time: its flights go on, as if they had been
-begun at a terminal.
+The page, or the program that serves it, may end at any time. Its flights continue, as if started at
+a terminal.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ LOGS: Final = ".uavmap-app"
 """Folder of the lines, in the workspace."""
 MOST_LINES: Final = 400
 MOST_RUNNING: Final = 8
-"""Commands that run beside each other: a small computer flies and does little else."""
+"""Maximum number of commands at once, for small computers."""
 _TAIL_BYTES: Final = 1 << 16
 _HEAD_BYTES: Final = 1 << 16
-"""A page is begun before all else: its URL is among the first lines."""
+"""Size of the first lines, bytes, among which is the URL of a page."""
 _PAGE: Final = re.compile(r"^(?:live page: |paint at )(http\S+)", re.MULTILINE)
 _WATCHED: Final = re.compile(r"^live page without buttons: (http\S+)", re.MULTILINE)
-"""The same, for those who only look."""
+"""Line with the URL of a page without buttons."""
 _TOKEN: Final = re.compile(r"\btoken=\S+")
 _PAGED: Final = ("fly", "resume", "watch", "tune")
 """Commands that may serve a page."""
@@ -46,7 +46,7 @@ class Job:
 
     number: int
     words: tuple[str, ...]
-    """What follows `uavmap` on the command line."""
+    """Arguments after `uavmap` on the command line."""
     log: Path
     process: subprocess.Popen[bytes]
     begun_s: float = field(default_factory=time.monotonic)
@@ -54,37 +54,37 @@ class Job:
 
     @property
     def shown(self) -> str:
-        """Return the command as a terminal takes it."""
+        """Return the command as typed at a terminal."""
         return shown(self.words)
 
     @property
     def runs(self) -> bool:
-        """Whether it has not ended."""
+        """True if it has not ended."""
         return self.process.poll() is None
 
     @property
     def state(self) -> str:
-        """Return `running`, or how it ended."""
+        """Return `running`, or its end in words."""
         code = self.process.poll()
         if code is None:
             return f"running, {time.monotonic() - self.begun_s:.0f} s"
-        return _ENDS.get(code, "ended by a fault") + f" (exit code {code})"
+        return _ENDS.get(code, "failed") + f" (exit code {code})"
 
     def lines(self) -> list[str]:
-        """Return its last lines; what a terminal draws anew on one line counts as its last form."""
+        """Return its last lines; of a line that is drawn again and again, the last text."""
         try:
             with self.log.open("rb") as file:
                 file.seek(max(file.seek(0, os.SEEK_END) - _TAIL_BYTES, 0))
                 text = file.read().decode("utf-8", "replace")
         except OSError as error:
             return [f"{self.log}: cannot be read: {error.strerror}"]
-        text = _TOKEN.sub("token=...", text)  # those who only look have no buttons
+        text = _TOKEN.sub("token=...", text)  # browsers that watch must not get it
         return [line.rsplit("\r", 1)[-1] for line in text.splitlines()][-MOST_LINES:]
 
     def page(self, *, steers: bool) -> str | None:
-        """Return the URL of the page that it serves; None before it has printed one, and after.
+        """Return the URL of the page that it serves; None before it is printed and after the end.
 
-        Who does not hold the controls gets the page without buttons, where there are two.
+        A browser without the controls gets the page without buttons, if there is one.
         """
         if self.words[0] not in _PAGED or not self.runs:
             return None
@@ -97,7 +97,7 @@ class Job:
         return (watched or page)[1]
 
     def interrupt(self) -> None:
-        """Press Ctrl-C: a flight comes home and lands; a second one leaves it to its autopilot."""
+        """Act as Ctrl-C: the aircraft return; a second one leaves that to their autopilots."""
         if self.runs:
             self.process.send_signal(signal.SIGINT)
 
@@ -105,7 +105,7 @@ class Job:
 class Jobs:
     """All commands of a page, in the folder where they run.
 
-    `origin` is that of the page: it may show theirs.
+    `origin` is the origin of the page, which may show the pages of its commands.
     """
 
     def __init__(self, folder: Path, origin: str = "") -> None:
@@ -114,9 +114,9 @@ class Jobs:
         self.all: list[Job] = []
 
     def begin(self, words: Sequence[str]) -> Job:
-        """Run `uavmap` with these words. Raises `UavmapError` where that cannot be."""
+        """Run `uavmap` with these arguments. Raises `UavmapError` if that is impossible."""
         if len(self.running) >= MOST_RUNNING:
-            raise UavmapError(f"{MOST_RUNNING} commands run already; end one of them first")
+            raise UavmapError(f"{MOST_RUNNING} commands are running; end one of them first")
         try:
             return self._begin(words)
         except OSError as error:
@@ -139,12 +139,12 @@ class Jobs:
 
     @property
     def running(self) -> list[Job]:
-        """Return those that have not ended."""
+        """Return the commands that have not ended."""
         return [job for job in self.all if job.runs]
 
 
 def shown(words: Sequence[str]) -> str:
-    """Return a command as a terminal takes it.
+    """Return a command as typed at a terminal.
 
     >>> shown(["check", "Field 1.toml"])
     "uavmap check 'Field 1.toml'"

@@ -1,4 +1,4 @@
-"""Pictures: a map of recorded photographs, and a detector from painted ones."""
+"""Pictures: map recorded photographs, and train a detector on painted ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uavmap.ui.app.visitor import Visitor
 from uavmap.ui.app.workspace import PICTURES
 
 MASKS: Final = "-painted"
-"""The folder of the masks of `photos` is `photos-painted`."""
+"""Ending of the folder of masks: the masks of `photos` are in `photos-painted`."""
 
 
 class Pictures:
@@ -26,17 +26,17 @@ class Pictures:
     def _add_form(self, visitor: Visitor) -> None:
         workspace = visitor.app.workspace
         ui.label(
-            "Map the photographs of a flight. Paint two or three of them first, to show what to "
-            "look for: the detector that is learned is a choice below once it is ready."
+            "Map the photographs of a flight. To train a detector first, paint the region in two "
+            "or three of them. Then choose the new detector below."
         )
         self._into = ui.input("folder for new photographs", value="photos").mark("into")
         visitor.upload("Send photographs", PICTURES, self._upload)
         self._folder = visitor.select(
-            "photographs, or a flight that has kept its pictures",
+            "photographs, or a flight with kept pictures",
             lambda: [*workspace.picture_folders(), *workspace.flights_with_pictures()],
         ).mark("photographs")
         self._mission = visitor.select(
-            "mission", workspace.missions, none="that of the flight, or one made from the pictures"
+            "mission", workspace.missions, none="that of the flight, or made from the pictures"
         )
         self._detector = visitor.select("detector", workspace.detectors, none="the mission's")
         with ui.row().classes("app-row"):
@@ -48,7 +48,7 @@ class Pictures:
 
     def _photographs(self) -> str:
         if not self._folder.value:
-            raise UavmapError("no photographs: upload some, or keep those of a flight")
+            raise UavmapError("no photographs: send some, or keep the pictures of a flight")
         return str(self._folder.value)
 
     def _replay(self) -> None:
@@ -59,7 +59,7 @@ class Pictures:
 
     def _tune(self) -> None:
         workspace, name = self._visitor.app.workspace, self._photographs()
-        stem = PurePath(name).name  # masks and detector lie in the workspace, also of a flight
+        stem = PurePath(name).name  # masks and detector are in the workspace, also for a flight
         self._visitor.run(
             ["tune", workspace.folder_to_paint(name), "--paint", "--examples", f"{stem}{MASKS}",
              "--out", workspace.new_folder(f"{stem}-detector")]

@@ -1,4 +1,4 @@
-"""The doctor's findings as a list: what is wrong first, with what to do about it."""
+"""The doctor's findings as a list with remedies; the worst are first."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ from uavmap.ui.app.jobs import Job
 from uavmap.ui.app.visitor import Visitor
 
 COMMAND: Final = "doctor"
-COLUMNS: Final = ("", "vehicle", "what", "found", "wanted", "what to do")
+COLUMNS: Final = ("", "vehicle", "subject", "found", "expected", "what to do")
 _ORDER: Final = (Level.BAD, Level.WARN, Level.OK)
-_ENDS: Final = {0: "ready to fly", 3: "not to be flown as it is"}
-"""By the doctor's exit code."""
-_WORDS: Final = {Level.BAD: "wrong", Level.WARN: "doubtful", Level.OK: "right"}
+_ENDS: Final = {0: "ready to fly", 3: "do not fly"}
+"""Verdicts by the doctor's exit code."""
+_LEVELS: Final = {Level.BAD: "bad", Level.WARN: "doubtful", Level.OK: "right"}
 
 
 def findings_of(job: Job) -> list[Finding]:
-    """Return what a doctor has found so far, the worst first."""
+    """Return the findings of a doctor so far; the worst are first."""
     found = [finding for line in job.lines() if (finding := Finding.read(line)) is not None]
     return sorted(found, key=lambda finding: _ORDER.index(finding.level))
 
 
 def verdict_of(found: list[Finding], code: int | None) -> str:
-    """Return the list in a line, with the exit code of the doctor; None while it looks.
+    """Summarise the findings in a line; `code` is the doctor's exit code, None while it runs.
 
     >>> verdict_of([Finding("GPS", Level.BAD, "no fix")], 3)
-    '1 wrong, 0 doubtful, 0 right: not to be flown as it is'
+    '1 bad, 0 doubtful, 0 right: do not fly'
     >>> verdict_of([Finding("disk", Level.OK, "much")], 2)
-    '0 wrong, 0 doubtful, 1 right: not examined to the end'
+    '0 bad, 0 doubtful, 1 right: the check is not complete'
     """
     counts = {level: sum(each.level is level for each in found) for level in _ORDER}
-    text = ", ".join(f"{counts[level]} {_WORDS[level]}" for level in _ORDER)
+    text = ", ".join(f"{counts[level]} {_LEVELS[level]}" for level in _ORDER)
     if code is None:
-        return f"{text}: looking"
-    if code not in _ENDS:  # no vehicle answered, say
-        return f"{text}: not examined to the end"
+        return f"{text}: checking"
+    if code not in _ENDS:  # for example, if no vehicle answers
+        return f"{text}: the check is not complete"
     return f"{text}: {_ENDS[code]}"
 
 
 class Findings:
-    """The list of the newest doctor; rows come as its lines do."""
+    """The findings of the newest doctor; a row appears with each of its lines."""
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
@@ -67,7 +67,7 @@ class Findings:
                 ui.label(verdict_of(found, code)).classes("app-title")
                 _add_table(found)
             elif code is not None:
-                ui.label("no finding: the last line below says why").classes("app-title")
+                ui.label("no findings: the last line below has the reason").classes("app-title")
 
 
 def _add_table(found: list[Finding]) -> None:
@@ -78,9 +78,9 @@ def _add_table(found: list[Finding]) -> None:
                     ui.label(name)
         for finding in found:
             with ui.element("tr").classes(f"app-{finding.level.value}"):
-                of = "" if finding.vehicle is None else str(finding.vehicle)
-                cells = (_WORDS[finding.level], of, finding.what, finding.found, finding.wanted,
-                         finding.remedy)  # fmt: skip
+                number = "" if finding.vehicle is None else str(finding.vehicle)
+                cells = (_LEVELS[finding.level], number, finding.what, finding.found,
+                         finding.wanted, finding.remedy)  # fmt: skip
                 for name, text in zip(COLUMNS, cells, strict=True):
                     with ui.element("td").props(f'data-column="{name}"'):
                         ui.label(text)

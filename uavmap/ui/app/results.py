@@ -1,4 +1,4 @@
-"""Results: the maps of flights and replays, their reports and exports, and how to go on."""
+"""Results: the maps of flights and replays, with report, export and resume."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from nicegui import ui
 
 from uavmap.output.documents import FORMATS
 from uavmap.ui.app.visitor import Visitor
-from uavmap.ui.app.workspace import Flown, verdict
+from uavmap.ui.app.workspace import ResultsFolder, verdict
 from uavmap.ui.page.server import asked
 
 FILES: Final = (*dict.fromkeys((
     "report.html", "report.pdf", "map.png", *(made.name for made in FORMATS.values()),
     "map.geojson", "boundary.geojson", "ortho.tif", "mosaic.webp", "summary.json", "mission.toml",
 )),)  # fmt: skip
-"""What a folder of results may hold, in the order of the links."""
+"""Files of a results folder, in the order of the links."""
 EXPORT: Final = "kmz"
-"""The usual format: one file that anybody with Google Earth can open."""
+"""Default format: one file that opens in Google Earth."""
 
 
 class Results:
@@ -38,11 +38,11 @@ class Results:
         self._list.clear()
         with self._list:
             if not found:
-                ui.label("no map yet: practise a mission, or map photographs")
+                ui.label("There is no map yet: practise a mission, or map photographs.")
             for flown in found:
                 self._show(flown)
 
-    def _show(self, flown: Flown) -> None:
+    def _show(self, flown: ResultsFolder) -> None:
         visitor, name, summary = self._visitor, flown.name, flown.summary()
         with ui.element("div").classes("app-result"):
             if (flown.folder / "map.png").is_file():
@@ -56,9 +56,9 @@ class Results:
                         ui.link(file, visitor.file_url(f"{name}/{file}"), new_tab=True)
                 with ui.row().classes("app-row"):
                     visitor.button("Report (PDF)", lambda: self._run("report", name))
-                    visitor.button("Look at the flight", lambda: self._watch(name))
+                    visitor.button("Watch the flight", lambda: self._watch(name))
                     if summary is None or not summary.get("completed"):
-                        visitor.button("Go on", lambda: self._resume(name), grave=True)
+                        visitor.button("Resume", lambda: self._resume(name), grave=True)
                     chosen = ui.select(list(FORMATS), value=EXPORT, label="format")
                     chosen.props("dense outlined").classes("app-format")
                     visitor.button(
@@ -69,14 +69,14 @@ class Results:
         self._visitor.run(words)
 
     async def _resume(self, name: str) -> None:
-        question = "The mission goes on: real vehicles take off. Is the field clear?"
-        if await asked(question, "Go on", "Cancel") is not None:
+        question = "The mission continues: real vehicles take off. Is the field clear?"
+        if await asked(question, "Resume", "Cancel") is not None:
             self._run("resume", name, "--yes", *self._visitor.app.page_words("--page"))
 
     def _watch(self, name: str) -> None:
         self._visitor.run(["watch", name, *self._visitor.app.page_words("--port")])
 
 
-def files_of(flown: Flown) -> list[str]:
-    """Return which of `FILES` there are."""
+def files_of(flown: ResultsFolder) -> list[str]:
+    """Return the existing files among `FILES`."""
     return [file for file in FILES if (flown.folder / file).is_file()]

@@ -22,21 +22,21 @@ from uavmap.ui.page.feed import shown
 from uavmap.ui.page.server import Server, server_of
 
 _BLUE: Final = "#1c5fa8"
-"""Of buttons, which have white words: the usual one is too pale for them."""
+"""Colour of buttons, dark enough for white text."""
 UPDATE_S: Final = 0.5
 """Time between two updates of a browser, s."""
 _CSS: Final = (Path(__file__).parent / "app.css").read_text("utf-8")
 _SANDBOX: Final = (
     "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data: 'self'"
 )
-"""What a file of the folder may do in a browser: be seen. It runs nothing and loads nothing."""
+"""Policy for a file of the folder in a browser: it is shown, but runs and loads nothing."""
 TABS: Final = ("Areas", "Practise", "Preflight", "Fly", "Pictures", "Results", "Commands")
 
 
 def serving(app: App, token: str, port: int) -> Server:
-    """Create the server of the application, not yet begun.
+    """Create the server of the application, without starting it.
 
-    It shows the pages of its commands, which are served at other ports of the same host.
+    Its page may show the pages of its commands, which have other ports of the same host.
     """
     fast = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
@@ -62,7 +62,7 @@ def serving(app: App, token: str, port: int) -> Server:
     @ui.page("/")
     def page(client: Client) -> None:
         visitor = Visitor(app)
-        client.on_delete(lambda: app.controls.left(visitor.id))
+        client.on_delete(lambda: app.controls.forget(visitor.id))
         _add_page(visitor)
         ui.timer(UPDATE_S, visitor.refresh)
 
@@ -105,7 +105,7 @@ def _add_panels(visitor: Visitor, tabs: ui.tabs) -> None:
 
 
 class Commands:
-    """The tab of all commands so far, as a terminal takes them."""
+    """The tab of all commands so far, as typed at a terminal."""
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
@@ -117,7 +117,7 @@ class Commands:
         jobs = self._visitor.app.jobs.all
         for job in jobs[self._listed :]:
             with self._list, ui.row().classes("app-row"):
-                ui.button("Show", on_click=lambda job=job: self._visitor.look_at(job)).props(
+                ui.button("Show", on_click=lambda job=job: self._visitor.show(job)).props(
                     "no-caps flat dense"
                 )
                 ui.label(job.shown).classes("app-command")

@@ -1,4 +1,4 @@
-"""One browser at the page: what it may do, and the command that it looks at."""
+"""One browser at the page: its rights, and the command that it shows."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from uavmap.ui.page.feed import LOOPBACK
 from uavmap.ui.page.server import asked
 
 MOST_BYTES: Final = 100_000_000
-"""Of a file that a browser sends."""
+"""Maximum size of a file that a browser sends, bytes."""
 SHOWN_LINES: Final = 14
 LISTED_EVERY: Final = 4
+"""Number of updates between two reads of the folder."""
 
 
 class App:
-    """What all browsers share."""
+    """The objects that all browsers share."""
 
     def __init__(
         self, workspace: Workspace, given: Path | None, host: str = LOOPBACK, origin: str = ""
@@ -38,7 +39,7 @@ class App:
         self.controls = Controls()
 
     def page_words(self, option: str) -> list[str]:
-        """Return the words that have a command serve a page to those that this one is served to."""
+        """Return the options with which a command serves its page to the same network."""
         return [option, "0", *(("--page-host", self.host) if self.host != LOOPBACK else ())]
 
 
@@ -55,17 +56,17 @@ class Visitor:
         self._on_end: dict[str, list[Callable[[Sequence[str]], None]]] = {}
         self._buttons: list[ui.button] = []
         self._framed: set[int] = set()
-        """Commands whose page was shown."""
+        """Numbers of the commands whose page was shown."""
         self._updates: list[Callable[[], None]] = []
 
     # --- commands ------------------------------------------------------------------------------
     def button(
         self, text: str, act: Callable[[], Awaitable[None] | None], *, grave: bool = False
     ) -> ui.button:
-        """Add a button that only the holder of the controls may press.
+        """Add a button that only works in the browser with the controls.
 
         Each click has a number that counts once: a double click, or a message that is sent again,
-        does nothing.
+        has no effect.
         """
         look = "color=red-10" if grave else "color=grey-9"
         button = ui.button(text).props(f"no-caps outline {look}")
@@ -91,41 +92,41 @@ class Visitor:
         return button
 
     def run(self, words: Sequence[str]) -> Job:
-        """Run a command and show it. Raises `UavmapError` where that cannot be."""
+        """Run a command and show it. Raises `UavmapError` if that is impossible."""
         self._job = self.app.jobs.begin(words)
         return self._job
 
     def on_end(self, command: str, act: Callable[[Sequence[str]], None]) -> None:
-        """Do something each time that a command has ended well."""
+        """Call `act` each time that a command has ended well."""
         self._on_end.setdefault(command, []).append(act)
 
     def on_update(self, act: Callable[[], None]) -> None:
-        """Do something at every `LISTED_EVERY`th update: what reads folders."""
+        """Call `act` at every `LISTED_EVERY`th update, for tasks that read folders."""
         self._updates.append(act)
 
     def holds(self) -> bool:
-        """Return whether this browser holds the controls."""
-        return self.app.controls.held_by(self.id)
+        """Return whether this browser has the controls."""
+        return self.app.controls.are_held_by(self.id)
 
     def refuse_watcher(self) -> None:
         """Raise `UavmapError` for a browser without the controls."""
         if not self.holds():
-            raise UavmapError("another browser holds the controls; ask for them above")
+            raise UavmapError("another browser has the controls; request them above")
 
     def upload(self, label: str, endings: Sequence[str], act: Callable[[Any], Any]) -> ui.upload:
         """Add a place for files that the browser sends at once."""
-        taken = ui.upload(multiple=True, auto_upload=True, on_upload=act, max_file_size=MOST_BYTES)
-        taken.props(f"accept={','.join(endings)} flat bordered").classes("app-wide")
-        words = label.replace('"', "")  # the usual header has a button without a name
-        taken.add_slot(
+        upload = ui.upload(multiple=True, auto_upload=True, on_upload=act, max_file_size=MOST_BYTES)
+        upload.props(f"accept={','.join(endings)} flat bordered").classes("app-wide")
+        text = label.replace('"', "")  # the usual header has a button without a name
+        upload.add_slot(
             "header",
-            f'<q-btn type="a" flat no-caps class="full-width" label="{words}" '
+            f'<q-btn type="a" flat no-caps class="full-width" label="{text}" '
             '@click="props.pickFiles"><q-uploader-add-trigger /></q-btn>',
         )
-        return taken
+        return upload
 
     async def keep(self, event: Any, folder: str = "") -> str | None:
-        """Keep a file that the browser has sent; return its name, None where it is refused."""
+        """Save a file from the browser; return its name, or None if it is refused."""
         try:
             self.refuse_watcher()
             path = self.app.workspace.place_for(folder, event.file.name)
@@ -137,23 +138,25 @@ class Visitor:
         return path.name
 
     def file_url(self, name: str) -> str:
-        """Return the address of a file of the workspace, with its time: a new one is loaded."""
+        """Return the address of a file of the workspace, with its time, so that changes load."""
         path = self.app.workspace.folder / name
         return f"/file/{quote(name)}?{int(path.stat().st_mtime) if path.exists() else 0}"
 
     # --- the frame -----------------------------------------------------------------------------
     def add_controls(self) -> None:
-        """Add the line that says which browser holds the controls."""
+        """Add the line that shows which browser has the controls."""
         controls = self.app.controls
         self._held = ui.label("").classes("app-held").mark("held")
-        self._ask = ui.button("Ask for the controls", on_click=lambda: controls.ask(self.id))
+        self._request = ui.button(
+            "Request the controls", on_click=lambda: controls.request(self.id)
+        )
         self._give = ui.button("Hand over", on_click=lambda: controls.answer(self.id, yes=True))
         self._keep = ui.button("Keep", on_click=lambda: controls.answer(self.id, yes=False))
-        for button in (self._ask, self._give, self._keep):
+        for button in (self._request, self._give, self._keep):
             button.props("no-caps flat dense")
 
     def add_output(self, behind: ui.element) -> None:
-        """Add the command that is looked at, its lines, and the frame for its page."""
+        """Add the shown command, its lines, and the frame for its page."""
         with behind, ui.element("div").classes("app-output"):
             with ui.row().classes("app-row"):
                 self._shown = ui.label("").classes("app-command").mark("command")
@@ -174,27 +177,27 @@ class Visitor:
         if (
             job is not None
             and await asked(
-                "Ctrl-C ends a command. Aircraft come home and land; "
-                "a second Ctrl-C leaves them to their autopilots."
+                "Send Ctrl-C? It ends the command. Aircraft return and land; "
+                "a second Ctrl-C leaves that to their autopilots."
             )
             is not None
         ):
             job.interrupt()
 
     def refresh(self) -> None:
-        """Show what is new."""
+        """Show the changes since the last call."""
         controls = self.app.controls
-        controls.seen(self.id)
-        holds, asked_s = self.holds(), controls.asked_s()
+        controls.note(self.id)
+        holds, requested = self.holds(), controls.are_requested
         self._held.set_text(
-            "another browser asks for the controls" if holds and asked_s is not None
-            else "you hold the controls" if holds
-            else "you have asked for the controls" if controls.asks(self.id)
-            else "another browser holds the controls: this one watches"
+            "another browser requests the controls" if holds and requested
+            else "you have the controls" if holds
+            else "you have requested the controls" if controls.are_requested_by(self.id)
+            else "another browser has the controls: this one watches"
         )  # fmt: skip
-        self._ask.set_visibility(not holds and asked_s is None)
+        self._request.set_visibility(not holds and not requested)
         for button in (self._give, self._keep):
-            button.set_visibility(holds and asked_s is not None)
+            button.set_visibility(holds and requested)
         self._buttons = [button for button in self._buttons if not button.is_deleted]
         for button in self._buttons:
             button.set_enabled(holds)
@@ -211,7 +214,7 @@ class Visitor:
                 update()
 
     def _refresh_job(self) -> None:
-        if len(self.app.jobs.all) > self._known:  # the newest is shown, whoever began it
+        if len(self.app.jobs.all) > self._known:  # show the newest, from any browser
             self._known, self._job = len(self.app.jobs.all), self.app.jobs.all[-1]
         job = self._job
         self._stop.set_visibility(job is not None and job.runs)
@@ -229,7 +232,7 @@ class Visitor:
         self._state.set_text(job.state)
         self._lines.set_text("\n".join(job.lines()[-SHOWN_LINES:]))
 
-    def look_at(self, job: Job) -> None:
+    def show(self, job: Job) -> None:
         """Show a command."""
         self._job = job
         self.refresh()
@@ -237,7 +240,7 @@ class Visitor:
     def select(
         self, label: str, choices: Callable[[], Sequence[str]], none: str | None = None
     ) -> ui.select:
-        """Add a choice of files whose list follows the folder; `none` is how no file is called."""
+        """Add a choice of files that follows the folder; `none` is the label for no file."""
 
         def listed() -> dict[str, str]:
             return ({} if none is None else {"": none}) | {name: name for name in choices()}

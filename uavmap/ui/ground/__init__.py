@@ -1,1 +1,1 @@
-"""The ground beneath the maps of a page: one class for each format of a file."""
+"""Maps beneath the drawings of a page: one class for each file format."""

@@ -1,4 +1,4 @@
-"""A GeoTIFF, also a Cloud Optimized one, as a map beneath: an orthophoto of the user's own."""
+"""A GeoTIFF or Cloud Optimized GeoTIFF as a map beneath, such as the user's orthophoto."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from uavmap.ui.ground.warped import (
     SIDE_PX,
     Colours,
     Points,
-    encoded,
-    laid,
+    encode_tile,
     levels_of,
     tile_nodes,
+    warp_tile,
 )
 
-_REMEDY: Final = "gdal_translate -ot Byte -scale makes one of other values"
+_REMEDY: Final = "convert it with: gdal_translate -ot Byte -scale"
 
 
 class GeoTiff:
-    """A georeferenced picture of bytes, gray or in colours; `OutputError` for another file."""
+    """A georeferenced picture of bytes, gray or in colours. Raises `OutputError` for another
+    file."""
 
     attribution = ""
 
@@ -38,15 +39,15 @@ class GeoTiff:
         self._windows = rasterio.windows
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # that it has no place is said below
+                warnings.simplefilter("ignore")  # a missing place is an error below
                 file = self._file = rasterio.open(path, driver="GTiff")
-        except OSError as error:  # rasterio's own are such, too
+        except OSError as error:  # the base of rasterio's errors
             raise OutputError(f"{path}: cannot be read as GeoTIFF: {error}") from None
         try:
             if file.crs is None or file.transform.is_identity:
-                raise OutputError(f"{path}: says not where it lies; give a georeferenced picture")
+                raise OutputError(f"{path}: has no place; give a georeferenced picture")
             if set(file.dtypes) != {"uint8"}:
-                raise OutputError(f"{path}: holds {file.dtypes[0]}, no picture; {_REMEDY}")
+                raise OutputError(f"{path}: has values of type {file.dtypes[0]}; {_REMEDY}")
             crs = CRS.from_wkt(file.crs.to_wkt())
             self._to_file = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
         except (OutputError, CRSError) as error:
@@ -65,13 +66,13 @@ class GeoTiff:
         return a * x + b * y + c, d * x + e * y + f
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
-        """Return a tile; None where it has no ground. Reads overviews, where there are any."""
+        """Return a tile; None if it shows no ground. Overviews of the file are used."""
         nodes = tile_nodes(self._pixels, zoom, x, y)
         if not np.isfinite(nodes).all():
             return None
         (left, top), (right, bottom) = nodes.min(axis=(1, 2)), nodes.max(axis=(1, 2))
         times = max((right - left) / SIDE_PX, (bottom - top) / SIDE_PX, 1.0)
-        pad = 2.0 * times  # for what lies between pixels at the rim
+        pad = 2.0 * times  # px, for the interpolation at the rim
         west, north = max(math.floor(left - pad), 0), max(math.floor(top - pad), 0)
         width = min(math.ceil(right + pad), self._file.width) - west
         height = min(math.ceil(bottom + pad), self._file.height) - north
@@ -81,7 +82,7 @@ class GeoTiff:
         rows, columns = image.shape[:2]
         nodes[0] = (nodes[0] - west) * columns / width
         nodes[1] = (nodes[1] - north) * rows / height
-        return encoded(laid(image, nodes))
+        return encode_tile(warp_tile(image, nodes))
 
     def _read(self, window: Any, times: float) -> Colours:
         shape = max(round(window.height / times), 1), max(round(window.width / times), 1)

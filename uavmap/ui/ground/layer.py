@@ -1,6 +1,6 @@
-"""What a map beneath has to give, and which class reads a file.
+"""The interface of a map beneath, and the class for each kind of file.
 
-Tiles are those of the web: Web Mercator, counted from the world's upper left corner.
+Tiles are in Web Mercator, counted from the upper left corner of the world.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ class GroundLayer(Protocol):
     """An open file of pictures of the ground."""
 
     zooms: range
-    """Levels at which it has tiles; finer ones would show nothing more."""
+    """Levels at which it has tiles; finer ones would show no more detail."""
     attribution: str
-    """What has to stand beside its map; may be empty."""
+    """Text about its source, shown beside the map; may be empty."""
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Latitude and longitude of its middle, degrees."""
+        """Latitude and longitude of its centre, degrees."""
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
-        """Return a tile as PNG, JPEG or WebP; None where it shows nothing."""
+        """Return a tile as PNG, JPEG or WebP; None if it shows no ground."""
 
     def close(self) -> None:
         """Close the file."""
 
 
 def opened(path: Path) -> GroundLayer:
-    """Open a file by its ending. Raises `OutputError` for one that shows no ground."""
+    """Open a map by the ending of its name. Raises `OutputError` for another file."""
     module, name = _CLASSES.get(path.suffix.lower(), ("", ""))
     if not module:
-        raise OutputError(f"{path}: is no map; give {', '.join(ENDINGS)}")
+        raise OutputError(f"{path}: not a map; give {', '.join(ENDINGS)}")
     layer: GroundLayer = getattr(import_module(module), name)(path)
     return layer

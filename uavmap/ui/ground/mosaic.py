@@ -1,4 +1,4 @@
-"""The mosaic of an earlier flight as a map beneath: mosaic.webp, and its place beside it."""
+"""The mosaic of an earlier flight as a map beneath: mosaic.webp, with its place beside it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pyproj.exceptions import CRSError
 
 from missions.errors import OutputError
 from uavmap.output.drawing.mosaic_file import placed_mosaic
-from uavmap.ui.ground.warped import Points, encoded, laid, levels_of, tile_nodes
+from uavmap.ui.ground.warped import Points, encode_tile, levels_of, tile_nodes, warp_tile
 
 
 class Mosaic:
@@ -20,7 +20,7 @@ class Mosaic:
     def __init__(self, path: Path) -> None:
         found = placed_mosaic(path.parent)
         if found is None:
-            raise OutputError(f"{path}: is no mosaic of a flight with its place beside it")
+            raise OutputError(f"{path}: not the mosaic of a flight with its place beside it")
         self._found = found
         try:
             self._to_utm = Transformer.from_crs("EPSG:4326", f"EPSG:{found.epsg}", always_xy=True)
@@ -41,8 +41,8 @@ class Mosaic:
         return (east - found.west) / found.step, (found.north - north) / found.step
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
-        """Return a tile; None where no picture was taken."""
-        return encoded(laid(self._found.image, tile_nodes(self._pixels, zoom, x, y)))
+        """Return a tile; None if no picture shows its ground."""
+        return encode_tile(warp_tile(self._found.image, tile_nodes(self._pixels, zoom, x, y)))
 
     def close(self) -> None:
-        """Do nothing: it was read as a whole."""
+        """Do nothing: the file was read completely."""

@@ -1,4 +1,4 @@
-"""Tiles of a map from a PMTiles file, of pictures."""
+"""A PMTiles file of pictures as a map beneath."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ class PMTiles:
             raise OutputError(f"{path}: cannot be read: {error.strerror}") from None
         try:
             self._reader = library.Reader(library.MmapSource(self._file))
-            header, said = self._reader.header(), self._reader.metadata()
-        except Exception as error:  # the library raises whatever a damaged file leads to
+            header, metadata = self._reader.header(), self._reader.metadata()
+        except Exception as error:  # a damaged file makes the library raise errors of any class
             self._file.close()
             raise OutputError(f"{path}: cannot be read as PMTiles: {error!r}") from None
         if header["tile_type"].name == _VECTOR:
             self._file.close()
-            raise OutputError(f"{path}: holds vector tiles; tiles of pictures are shown")
+            raise OutputError(f"{path}: has vector tiles; give a file with tiles of pictures")
         self.zooms = range(header["min_zoom"], header["max_zoom"] + 1)
-        self.attribution = str(said.get("attribution", ""))
+        self.attribution = str(metadata.get("attribution", ""))
         south, north, west, east = (
             header[f"{side}_e7"] / 1e7 for side in ("min_lat", "max_lat", "min_lon", "max_lon")
         )
         self.middle = (south + north) / 2, (west + east) / 2
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
-        """Return a tile; None where there is none that is a picture."""
+        """Return a tile; None if there is none, or it is not a picture."""
         try:
             data = self._reader.get(zoom, x, y)
-        except Exception:  # of a damaged file
+        except Exception:  # the file is damaged
             return None
         return data if data and len(data) <= MOST_BYTES and kind_of(data) is not None else None
 

@@ -1,4 +1,4 @@
-"""Tiles of a picture that lies anywhere on the ground, in any projection."""
+"""Tiles of a picture of the ground in any projection."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Colours = NDArray[np.uint8]
 """Red, green, blue, and 255 where there is ground, shape (rows, columns, 4)."""
 Points = NDArray[np.float64]
 Pixels = Callable[[Points, Points], tuple[Points, Points]]
-"""Longitudes and latitudes, degrees, to columns and rows of a picture, px from its corner."""
+"""Function from longitudes and latitudes, degrees, to columns and rows of a picture, px."""
 SIDE_PX: Final = 256
 FINEST: Final = 24
 COARSER: Final = 8
-"""Levels coarser than the pixels of a picture."""
+"""Number of levels that are coarser than the pixels of a picture."""
 _NODES: Final = 17
-"""Points a side for which the projection is computed; linear between them."""
+"""Number of points on each side for which the projection is computed; linear between them."""
 _JPEG_QUALITY: Final = 85
 
 
@@ -35,7 +35,7 @@ def tile_nodes(pixels: Pixels, zoom: int, x: int, y: int) -> Points:
 
 
 def levels_of(pixels: Pixels, middle: tuple[float, float]) -> range:
-    """Return the levels of a picture: to the one at which a tile has all its pixels."""
+    """Return the levels of a picture; the finest shows all its pixels."""
     lat, lon = middle
     away = 1e-5  # degrees
     (left, right), (low, high) = pixels(np.array([lon, lon + away]), np.array([lat, lat]))
@@ -45,22 +45,22 @@ def levels_of(pixels: Pixels, middle: tuple[float, float]) -> range:
     return range(max(finest - COARSER, 0), finest + 1)
 
 
-def laid(image: Colours, nodes: Points) -> Colours:
-    """Return a tile of a picture; `nodes` are px of it, as `tile_nodes` returns them."""
+def warp_tile(image: Colours, nodes: Points) -> Colours:
+    """Return a tile of a picture; `nodes` are its px, as from `tile_nodes`."""
     columns, rows = (_between(each) for each in nodes)
     tile = cv2.remap(image, columns - 0.5, rows - 0.5, cv2.INTER_LINEAR, borderValue=(0, 0, 0, 0))
     return np.asarray(tile, np.uint8)
 
 
 def _between(nodes: Points) -> NDArray[np.float32]:
-    """Return values at the middles of a tile's pixels from those at its nodes."""
+    """Return the values at the centres of a tile's pixels from those at its nodes."""
     at = ((np.arange(SIDE_PX) + 0.5) / SIDE_PX * (_NODES - 1)).astype(np.float32)
     found = cv2.remap(nodes.astype(np.float32), *np.meshgrid(at, at), cv2.INTER_LINEAR)
     return np.asarray(found, np.float32)
 
 
-def encoded(tile: Colours) -> bytes | None:
-    """Return a tile as JPEG, with gaps as PNG; None where it shows nothing."""
+def encode_tile(tile: Colours) -> bytes | None:
+    """Return a tile as JPEG, or as PNG if it has gaps; None if it shows no ground."""
     there = tile[..., 3]
     if not there.any():
         return None

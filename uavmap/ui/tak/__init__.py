@@ -1,1 +1,1 @@
-"""The live map for TAK (Team Awareness Kit): a process that sends it as Cursor on Target."""
+"""The live map for TAK (Team Awareness Kit): a process sends it as Cursor on Target."""

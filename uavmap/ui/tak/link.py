@@ -1,8 +1,7 @@
-"""The link to a TAK server or to a multicast group, by pytak. It is tried for ever.
+"""The link to a TAK server or to a multicast group, by pytak. It reconnects without end.
 
-Marks are written one by one: what has not gone out yet is replaced by what is newer. A connection
-that is new gets the newest state of everything: whatever the old one lost, nothing stays out of
-date on the other side.
+Marks are written one by one, so a newer mark replaces one that was not sent yet. A new connection
+gets the newest state of all marks: marks that the old connection lost do not stay out of date.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from xml.etree import ElementTree as ET
 from uavmap.ui.tak.marks import Mark
 from uavmap.ui.tak.outbox import Outbox
 
-with warnings.catch_warnings():  # of packages that only other kinds of links need
+with warnings.catch_warnings():  # about packages for other kinds of links
     warnings.simplefilter("ignore")
     import pytak
     from pytak.client_functions import get_ssl_ctx, get_tls_config
@@ -31,20 +30,20 @@ with warnings.catch_warnings():  # of packages that only other kinds of links ne
 CONNECT_S: Final = 10.0
 """Maximum time to connect, s."""
 WAIT_S: Final = (1.0, 30.0)
-"""Time before the next attempt to connect, s: the first, which doubles, and the longest."""
+"""Minimum and maximum time before the next attempt to connect, s; it doubles each time."""
 HELD_S: Final = 1.0
-"""Time after which a connection counts as a link, s: a relay in front of a dead server connects."""
+"""Time after which a connection counts as a link, s: relays accept it even for a dead server."""
 SILENT_MS: Final = 20_000
 """Time without an acknowledgement after which a connection is lost, ms."""
 BUFFER_BYTES: Final = 1 << 15
-"""Size of the system's buffer: marks in it cannot be replaced by newer ones."""
+"""Size of the system's buffer, bytes: newer marks cannot replace those in it."""
 SCHEMES: Final = ("tcp", "tls", "udp")
 
 
 def config_of(url: str) -> dict[str, str]:
     """Return the configuration of pytak: the URL, and certificates from the environment.
 
-    Raises `ValueError` for another URL, or without a usable certificate.
+    Raises `ValueError` for a wrong URL, or without a usable certificate.
     """
     parts = urlsplit(url)
     scheme, port = parts.scheme.replace("ssl", "tls"), parts.netloc.rpartition(":")[2]
@@ -54,7 +53,7 @@ def config_of(url: str) -> dict[str, str]:
         )
     known = {name: value for name, value in os.environ.items() if name.startswith("PYTAK_")}
     if scheme == "udp":
-        scheme = "udp+wo"  # else pytak binds the port of the other side here
+        scheme = "udp+wo"  # else pytak binds the port of the receiver on this computer
     config = {**known, "COT_URL": f"{scheme}://{parts.netloc}"}
     if scheme == "tls":
         try:
@@ -68,8 +67,8 @@ def _is_port(text: str) -> bool:
     return text.isascii() and text.isdigit() and 0 < int(text) < 65536
 
 
-def encoded(mark: Mark) -> bytes:
-    """Return the event of a mark that is sent now. The height above the ellipsoid is unknown."""
+def encode_event(mark: Mark) -> bytes:
+    """Return the event of a mark that is sent now. Its height above the ellipsoid is unknown."""
     times = {}
     if mark.fix_utc_s is not None:
         fix = datetime.fromtimestamp(mark.fix_utc_s, UTC)
@@ -93,7 +92,10 @@ def _written(moment: datetime) -> str:
 
 
 class Link:
-    """Sends the marks of an outbox; `report` gets a line when it is lost, and when it is back."""
+    """A link that sends the marks of an outbox.
+
+    `report` gets a line when the link is lost, and when it is back.
+    """
 
     def __init__(self, url: str, outbox: Outbox, report: Callable[[str], None]) -> None:
         self._url = url
@@ -101,13 +103,13 @@ class Link:
         self._outbox = outbox
         self._report = report
         self._up: bool | None = None
-        """Whether there is a link; None before the first attempt."""
+        """True if there is a link; None before the first attempt."""
         self._was_up = False
         self._news = asyncio.Event()
         self._ending = asyncio.Event()
 
     def wake(self) -> None:
-        """The outbox has something new."""
+        """Wake the sender: the outbox has new marks."""
         self._news.set()
 
     async def run(self) -> None:
@@ -118,7 +120,7 @@ class Link:
             try:
                 await self._stay()
                 return
-            except Exception as error:  # whatever pytak raises: the flight goes on
+            except Exception as error:  # pytak raises errors of any class: the flight continues
                 self._lost(error)
             if time.monotonic() - begin_s > WAIT_S[1]:
                 wait_s = WAIT_S[0]
@@ -129,19 +131,17 @@ class Link:
             wait_s = min(2.0 * wait_s, WAIT_S[1])
 
     async def finish(self, running: asyncio.Task[None], most_s: float) -> None:
-        """Send what is left, and end; report it where that is impossible."""
+        """Send the remaining marks, and end; report it if that is impossible."""
         self._outbox.hurry()
         self._ending.set()
         self._news.set()
         await asyncio.wait({running}, timeout=most_s)
         running.cancel()
         if not self._outbox.done:
-            self._report(
-                f"TAK: the end of the flight was not sent to {self._url}: there is no link"
-            )
+            self._report(f"TAK: no link to {self._url}: the end of the flight was not sent")
 
     async def _stay(self) -> None:
-        """Connect, and send until the flight has ended. Raises where the link is lost."""
+        """Connect, and send until the flight ends. Raises an error when the link is lost."""
         async with asyncio.timeout(CONNECT_S):
             reader, writer = await pytak.protocol_factory(self._config)
         self._outbox.renew()
@@ -164,7 +164,7 @@ class Link:
             if not self._up and now_s - since_s >= HELD_S:
                 self._linked()
             if (mark := self._outbox.next(now_s)) is not None:
-                await _send(writer, encoded(mark))
+                await _send(writer, encode_event(mark))
                 self._outbox.sent(mark, time.monotonic())
                 continue
             if self._ending.is_set():
@@ -177,20 +177,20 @@ class Link:
                 return_when=asyncio.FIRST_COMPLETED,
             )
             news.cancel()
-        raise ConnectionResetError("the other side has closed it")
+        raise ConnectionResetError("the receiver has closed the connection")
 
     def _linked(self) -> None:
-        back = "the link is back" if self._was_up else "linked"
+        news = "the link is back" if self._was_up else "linked"
         self._up = self._was_up = True
-        self._report(f"TAK: {back}: {self._url}")
+        self._report(f"TAK: {news}: {self._url}")
 
     def _lost(self, error: Exception) -> None:
         if self._up is False:
             return
         before, self._up = self._up, False
-        what = "the link is lost" if before else "no link yet"
+        news = "the link is lost" if before else "no link yet"
         why = "no answer" if isinstance(error, TimeoutError) else str(error) or repr(error)
-        self._report(f"TAK: {what}: {self._url} ({why}); it is tried again, the flight goes on")
+        self._report(f"TAK: {news}: {self._url} ({why}); the flight continues, and it tries again")
 
 
 async def _send(writer: Any, data: bytes) -> None:
@@ -202,12 +202,12 @@ async def _send(writer: Any, data: bytes) -> None:
         try:
             await writer.send(data)
             return
-        except ConnectionRefusedError:  # of an earlier datagram: nothing listens, or not yet
+        except ConnectionRefusedError:  # for an earlier datagram: no receiver yet
             continue
 
 
 async def _discard(reader: asyncio.StreamReader | None) -> None:
-    """Read what the other side sends; return when it has closed the connection."""
+    """Discard the messages of the receiver; return when it closes the connection."""
     if reader is None:  # datagrams have no connection
         await asyncio.Event().wait()
         return
@@ -217,10 +217,10 @@ async def _discard(reader: asyncio.StreamReader | None) -> None:
 
 
 def _tune(writer: Any) -> None:
-    """Let no more than one mark wait to be written, and notice a peer that is gone."""
+    """Allow one mark at most in the write buffer, and detect a receiver that is gone."""
     if hasattr(writer, "send"):
         return
-    writer.transport.set_write_buffer_limits(1)  # with 0 that of TLS pauses for good
+    writer.transport.set_write_buffer_limits(1)  # with 0, a TLS transport pauses for good
     connection = writer.get_extra_info("socket")
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)

@@ -1,7 +1,7 @@
 """The live map as marks of Cursor on Target (CoT): aircraft, areas, lines. Pure but for a clock.
 
-Shapes are those of ATAK: type `u-d-f`, a `link` a point; a ring whose last point is its first is
-closed. CoT has no holes: the hole of an area is a ring of its own, and such an area is not filled.
+Shapes are those of ATAK: type `u-d-f` with a `link` for each point; a ring ends with its first
+point. CoT has no holes: a hole is a separate ring, and an area with a hole is not filled.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ DELETES: Final = "t-x-d-d"
 AIRCRAFT_STALE_S: Final = 15
 """Time after which the place of an aircraft is out of date, s."""
 LANDED_STALE_S: Final = 60
-"""Time for which an aircraft that has landed is shown after the flight, s."""
+"""Time for which a landed aircraft is shown after the flight, s."""
 AREA_STALE_S: Final = 24 * 3600
 """Time for which region and unsure ground are shown, s."""
 LINE_STALE_S: Final = 300
@@ -39,13 +39,13 @@ LINE_STALE_S: Final = 300
 MOST_RINGS: Final = 40
 """Maximum number of rings of an area; the largest are sent."""
 MOST_POINTS: Final = 200
-"""Maximum number of points of a ring, which is simplified, or a line, of which the end is sent."""
+"""Maximum number of points: a ring is simplified, and of a line the end is sent."""
 TRACK_M: Final = 1.0
-"""Maximum distance of a track from its thinned line, m."""
+"""Maximum distance of a track from its simplified line, m."""
 SLOW_M_S: Final = 0.5
-"""Speed below which the course is that of before, m/s."""
+"""Speed below which the last course is kept, m/s."""
 GAP_S: Final = 5.0
-"""Maximum time between two places of which a speed is computed, s."""
+"""Maximum time between two fixes from which a speed is computed, s."""
 _SOLID, _DOTTED, _DASHED = "solid", "dotted", "dashed"
 
 
@@ -54,10 +54,10 @@ class Mark:
     """One object on a map of TAK.
 
     Attributes:
-        how: How its place was obtained, as CoT writes it.
+        how: The origin of its place, as a code of CoT.
         detail: The element `detail`, XML.
-        repeats: Whether it is sent again now and then though it has not changed.
-        fix_utc_s: When its place was received; None where it is as of when it is sent.
+        repeats: True if it is sent again at times without a change.
+        fix_utc_s: Time at which its place was received; None for the time of sending.
     """
 
     uid: str
@@ -80,23 +80,23 @@ class Mark:
 
 
 class Marks:
-    """Makes the marks of one mission; their UIDs depend on its name and start alone."""
+    """The source of the marks of one mission; their UIDs depend only on its name and start."""
 
     def __init__(self, *, simulated: bool, utc_s: Callable[[], float] = time.time) -> None:
         self._simulated = simulated
         self._utc_s = utc_s
         self._moved: dict[int, tuple[float, float, float]] = {}
-        """Of each vehicle the mission time and the place of its last fix..."""
+        """Mission time and place of each vehicle's last fix."""
         self._received_utc_s: dict[int, float] = {}
-        """... and when it was received."""
+        """Time at which each vehicle's last fix was received."""
         self._motion: dict[int, tuple[float, float]] = {}
-        """Of each vehicle the course, degrees, and the speed, m/s."""
+        """Course, degrees, and speed, m/s, of each vehicle."""
 
     def unit(self, live: LiveMap) -> Mark:
         """Return the mark of the sender, at the start of the mission.
 
-        It is sent first: FreeTAKServer takes the first event of a connection for its client, and
-        deletes that mark when the connection ends.
+        It is sent first: FreeTAKServer identifies its client with the first event of a connection,
+        and deletes that mark when the connection ends.
         """
         detail, place = self._detail(live.mission, ["uavmap"]), live.start
         return Mark(
@@ -109,21 +109,21 @@ class Marks:
 
     # --- aircraft --------------------------------------------------------------------------
     def aircraft(self, live: LiveMap, ended: str | None = None) -> Iterator[Mark]:
-        """Yield the aircraft that have answered; `ended`: why nothing more will come."""
+        """Yield the aircraft that have answered; `ended` is the reason for the end."""
         for one in live.aircraft():
-            record, words = one.record, [str(one.record["doing"])]
+            record, remarks = one.record, [str(one.record["doing"])]
             if record["phase"] == "offline" and not record["at_s"]:
-                continue  # its place is the mission's, not its own
+                continue  # its place is from the mission file
             self._move(one, live)
             stale_s = AIRCRAFT_STALE_S
             if ended is not None:
-                words = [f"landed; {ended}" if record["landed"] else f"last known place; {ended}"]
+                remarks = [f"landed; {ended}" if record["landed"] else f"last known place; {ended}"]
                 stale_s = LANDED_STALE_S if record["landed"] else AIRCRAFT_STALE_S
-            words.append(f"{record['up']:.0f} m above home")
+            remarks.append(f"{record['up']:.0f} m above home")
             if record["amsl_m"] is not None:
-                words.append(f"{record['amsl_m']:.0f} m above mean sea level")
-            words.append(f"battery {record['battery']:.0f} %")
-            detail = self._detail(f"{live.mission} {one.number}", words)
+                remarks.append(f"{record['amsl_m']:.0f} m above mean sea level")
+            remarks.append(f"battery {record['battery']:.0f} %")
+            detail = self._detail(f"{live.mission} {one.number}", remarks)
             if one.number in self._motion and not record["landed"]:
                 course_deg, speed_m_s = self._motion[one.number]
                 motion = {"course": f"{course_deg:.1f}", "speed": f"{speed_m_s:.1f}"}
@@ -243,7 +243,7 @@ def argb(colour: Colour, alpha: int = 255) -> int:
 
 
 def _thinned(line: LineString) -> LineString:
-    """Return the line, or one near it that has few enough points."""
+    """Return the line, simplified if it has too many points."""
     thinned, most_m = line, 0.5
     while len(thinned.coords) > MOST_POINTS:
         thinned, most_m = _simpler(line, most_m), 1.25 * most_m
@@ -255,7 +255,7 @@ def _simpler(line: LineString, most_m: float) -> LineString:
 
 
 def _turned(lon_deg: float) -> float:
-    """Return a longitude within 180 degrees.
+    """Return a longitude from -180 to 180 degrees.
 
     >>> _turned(180.5), _turned(-180.0)
     (-179.5, -180.0)

@@ -1,6 +1,7 @@
-"""The process that sends a flight to TAK, started by `uavmap.ui.tak.tak_feed`; it ends with it.
+"""The process that sends a flight to TAK; `uavmap.ui.tak.tak_feed` starts it.
 
-Messages of the flight come by standard input, reports go by standard output.
+It reads the messages of the flight from standard input, writes reports to standard output, and ends
+with the flight.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def main() -> None:
     """Send until the flight ends."""
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_serve(back()))
-    os._exit(0)  # nothing is left to write, and a flight waits
+    os._exit(0)  # at once: all is written, and a flight waits
 
 
 async def _serve(send: Callable[[Words], None]) -> None:
@@ -59,10 +60,10 @@ async def _serve(send: Callable[[Words], None]) -> None:
 
 
 class Sender:
-    """Makes the marks of what the flight sends, and puts them into an outbox.
+    """Converter of the messages of a flight to marks in an outbox.
 
-    `config` has `simulated`, and `aircraft_s` and `shapes_s`, the least times between two events of
-    one aircraft or shape.
+    `config` has `simulated`, and the minimum times between two events of an aircraft, `aircraft_s`,
+    and of a shape, `shapes_s`.
     """
 
     def __init__(
@@ -88,7 +89,7 @@ class Sender:
                 self._ended = OVER
 
     def end(self) -> None:
-        """Nothing more will come: mark the aircraft as landed, or as last seen."""
+        """Mark the aircraft as landed, or as last seen: the flight sends no more."""
         self._shapes_due_s = float("-inf")
         self._put(self._ended)
 

@@ -1,4 +1,4 @@
-"""The TAK link of a flight, from the side of the flight, which never waits for it."""
+"""The TAK link of a flight, on the side of the flight, which never waits for it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.live_board import log_reports
 
 UPDATE_S: Final = 0.5
-"""Minimum time between two messages to the process of the link, real seconds."""
+"""Minimum time between two messages to the process of the link, real s."""
 AIRCRAFT_S: Final = 1.0
-"""Minimum time between two events of an aircraft, real seconds."""
+"""Minimum time between two events of an aircraft, real s."""
 SHAPES_S: Final = 5.0
-"""Minimum time between two events of an area, a track or a path, real seconds."""
+"""Minimum time between two events of an area, a track or a path, real s."""
 
 
 @contextlib.contextmanager
 def linked(
     url: str, *, simulated: bool, aircraft_s: float = AIRCRAFT_S, shapes_s: float = SHAPES_S
 ) -> Iterator[Feed]:
-    """Send to a TAK server in the context, whether it answers or not.
+    """Send to a TAK server in the context, even if it does not answer.
 
-    Raises `UavmapError` without pytak, for another URL, and for certificates that cannot be used.
+    Raises `UavmapError` without pytak, for a wrong URL, and for unusable certificates.
     """
     if importlib.util.find_spec("pytak") is None:
         raise UavmapError(f"--tak needs pytak: {install_command('tak')}")

@@ -86,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {line}")
     print(f"  box {box_line(setting)}; UTM zone {zone_name(setting.grid)}")
     reason, rows = figures.pop("altitude_set_by"), figures.pop("layers")
-    print(f"  height and speed of each layer; the height is set by {reason}:")
+    print(f"  height and speed of each layer; {reason} sets the height:")
     _print_layers(rows)
     if rows := figures.pop("search_layers"):
         print("  layers for the search of the box:")
@@ -113,7 +113,7 @@ def _print_layers(rows: Iterable[Mapping[str, Any]]) -> None:
         print(
             f"    {layer['altitude_m']:g} m: a picture shows {across_m:g} m x {along_m:g} m, "
             f"{100 * layer['gsd_m']:.1f} cm a pixel, {layer['pixels_per_cell']:g} pixels a cell; "
-            f"speed without a stop up to {layer['speed_m_s']:g} m/s ({layer['speed_set_by']})"
+            f"without stopping up to {layer['speed_m_s']:g} m/s ({layer['speed_set_by']})"
         )
 
 

@@ -124,7 +124,7 @@ def test_wpml_and_plan_are_written_together_or_not_at_all(tmp_path, refused):
     plan, wpml = tmp_path / "field.plan", tmp_path / "field.kmz"
     plan.write_text("mine")
     line = refused("export", file, "--plan", plan, "--wpml", wpml)
-    assert "field.plan: is there already" in line
+    assert "field.plan: already exists" in line
     assert not wpml.exists()
     assert "is given twice" in refused("export", file, "--plan", wpml, "--wpml", wpml)
     assert "above the take-off" in refused("export", file, "--wpml", wpml, "--above-sea")

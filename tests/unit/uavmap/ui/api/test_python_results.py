@@ -142,7 +142,7 @@ def test_damaged_map_is_named(folder, text):
 
 
 def test_folder_without_results_is_named(tmp_path):
-    with pytest.raises(uavmap.ResultsError, match=r"holds no map\.geojson"):
+    with pytest.raises(uavmap.ResultsError, match=r"has no map\.geojson"):
         uavmap.open_results(tmp_path)
     with pytest.raises(uavmap.ResultsError, match="no such folder"):
         uavmap.open_results(tmp_path / "other")

@@ -8,7 +8,7 @@ import socket
 from pathlib import Path
 
 from tests.e2e import rig
-from uavmap.ui.app.flights import flown_in, free_ports
+from uavmap.ui.app.flights import fly_in, free_ports
 from uavmap.ui.app.jobs import Jobs
 from uavmap.ui.app.visitor import App
 from uavmap.ui.app.workspace import Workspace
@@ -22,7 +22,7 @@ def test_flight_and_simulator_continue_when_the_page_ends(tmp_path: Path) -> Non
     flight = ["fly", "speck.toml", "--speedup", "5", "--yes", "--out", "flown"]
 
     async def page() -> None:
-        flying = asyncio.create_task(flown_in(app, simulator, flight, 1))
+        flying = asyncio.create_task(fly_in(app, simulator, flight, 1))
         while len(app.jobs.all) < 2:
             assert not flying.done(), simulator.lines()
             await asyncio.sleep(0.05)

@@ -37,7 +37,7 @@ def test_missions_pictures_detectors_and_results_are_listed(tmp_path: Path) -> N
     verdicts = {flown.name: verdict(flown.summary()) for flown in workspace.results()}
     assert verdicts == {
         "results/old": "complete, 1,200 m2",
-        "results/new": "no end yet: under way, or interrupted",
+        "results/new": "under way, or interrupted",
     }
 
 
@@ -63,7 +63,7 @@ def test_files_from_a_browser_stay_in_the_folder(tmp_path: Path) -> None:
         with pytest.raises(UavmapError):
             workspace.place_for(folder, name)
     (tmp_path / "field.kml").write_text("")
-    with pytest.raises(UavmapError, match="is there already"):
+    with pytest.raises(UavmapError, match="already exists"):
         workspace.place_for("", "field.kml")
 
 
@@ -72,10 +72,10 @@ def test_names_of_new_missions_are_checked(tmp_path: Path) -> None:
     assert workspace.new_name("Fläche 1", ".toml") == "Fläche 1.toml"
     assert workspace.new_name("field.toml", ".toml") == "field.toml"
     for bad in ("", "../x", "-x", ".x", "a/b", "x" * 61):
-        with pytest.raises(UavmapError, match="give letters"):
+        with pytest.raises(UavmapError, match="use letters"):
             workspace.new_name(bad, ".toml")
     (tmp_path / "field.toml").write_text("")
-    with pytest.raises(UavmapError, match="is there already"):
+    with pytest.raises(UavmapError, match="already exists"):
         workspace.new_name("field", ".toml")
 
 

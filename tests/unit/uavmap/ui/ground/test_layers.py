@@ -19,7 +19,7 @@ from missions.geo.grid import Grid
 from missions.geo.web_mercator import share_of
 from missions.units import LatLon
 from uavmap.output.drawing.mosaic_file import MOSAIC, utm_transform, write_mosaic
-from uavmap.ui.app.flights import beneath
+from uavmap.ui.app.flights import tiles_option
 from uavmap.ui.app.grounds import Grounds
 from uavmap.ui.app.visitor import App
 from uavmap.ui.app.workspace import Workspace
@@ -174,9 +174,9 @@ def test_files_that_show_no_ground_are_refused_in_a_line(tmp_path: Path) -> None
     for name in ("text.tif", "text.mbtiles", "text.pmtiles", "mosaic.webp", "drawing.kml"):
         (tmp_path / name).write_text("no map")
     for name, said in (("heights.tif", "float32"), ("text.tif", "GeoTIFF"), ("none.tif", "GeoTIFF"),
-                       ("photograph.tif", "not where it lies"),
+                       ("photograph.tif", "has no place"),
                        ("text.mbtiles", "MBTiles"), ("text.pmtiles", "PMTiles"),
-                       ("mosaic.webp", "no mosaic"), ("drawing.kml", "no map")):  # fmt: skip
+                       ("mosaic.webp", "the mosaic"), ("drawing.kml", "not a map")):  # fmt: skip
         with pytest.raises(UavmapError, match=said) as refusal:
             opened(tmp_path / name)
         assert str(tmp_path / name) in str(refusal.value)
@@ -215,8 +215,8 @@ def test_maps_of_a_folder_are_listed_and_the_one_of_a_place_is_found(tmp_path: P
             f"[start]\nposition = [{at.lat_deg}, {at.lon_deg}]\n[search]\nbox = {box}\n"
             f"[fence]\npolygon = {fence}\n"
         )
-    assert asyncio.run(beneath(app, "here.toml")) == ["--tiles", "field.tif"]
-    assert asyncio.run(beneath(app, "away.toml")) == []
+    assert asyncio.run(tiles_option(app, "here.toml")) == ["--tiles", "field.tif"]
+    assert asyncio.run(tiles_option(app, "away.toml")) == []
     zoom = grounds.facts("field.tif").zooms[-1]
     x, y = map(math.floor, place_in_tiles(place(100, 100), zoom))
     assert grounds.tile("field.tif", zoom, x, y)
