@@ -16,7 +16,15 @@ from pydantic_core import PydanticSerializationError
 
 from missions.classes import ClassShare
 from missions.errors import EventError
-from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
+from missions.fleet_events import (
+    AirLeased,
+    AirRequested,
+    FactsShared,
+    MemberApart,
+    MemberReport,
+    OfVehicle,
+    PartsAllotted,
+)
 from missions.traffic import Track
 from missions.units import Cell, GridPoint
 
@@ -100,7 +108,7 @@ class FrameSeen(OfVehicle):
 
 
 @dataclass(frozen=True, slots=True)
-class Weighed(OfVehicle):
+class FrameWeighed(OfVehicle):
     """Weights of the votes of the last judged picture, 0 to 1 each, in their order.
 
     It is a recorded picture, whose cells are decided by evidence (`missions.mapping.evidence`).
@@ -177,7 +185,7 @@ class BatterySwapped(OfVehicle):
     kind: Literal["battery_swapped"] = "battery_swapped"
 
 
-UNTOLD: Final = "a failsafe; the autopilot has not reported which"
+CAUSE_NOT_REPORTED: Final = "a failsafe; the autopilot has not reported which"
 """Cause of an `Overridden` whose vehicle reports only that a failsafe flies it."""
 
 
@@ -273,7 +281,7 @@ class CellSkipped(OfVehicle):
 
 
 @dataclass(frozen=True, slots=True)
-class Told(OfVehicle):
+class AutopilotText(OfVehicle):
     """A text of a vehicle (STATUSTEXT). No decision depends on it."""
 
     severity: int
@@ -310,7 +318,7 @@ VehicleEvent = (
     | Tracked
     | Arrived
     | FrameSeen
-    | Weighed
+    | FrameWeighed
     | FrameLost
     | LookEnded
     | Landed
@@ -325,13 +333,13 @@ VehicleEvent = (
     | OrderFailed
     | VehicleRecalled
     | CellSkipped
-    | Told
-    | Heard
-    | Shared
-    | Allotted
-    | Apart
-    | Asked
-    | Leased
+    | AutopilotText
+    | MemberReport
+    | FactsShared
+    | PartsAllotted
+    | MemberApart
+    | AirRequested
+    | AirLeased
 )
 Event = VehicleEvent | Recalled | Paused | Continued | TrafficSeen | Resumed
 AnyEvent = Annotated[Event, Field(discriminator="kind")]

@@ -41,7 +41,7 @@ class OfVehicle:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard(OfVehicle):
+class MemberReport(OfVehicle):
     """Another member's report on its vehicle: where it is, and what it will do."""
 
     position: GridPoint
@@ -84,7 +84,7 @@ class Fact(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Shared(OfVehicle):
+class FactsShared(OfVehicle):
     """Decisions of another member, in facts numbered from `first` on."""
 
     first: int
@@ -100,7 +100,7 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Allotted(OfVehicle):
+class PartsAllotted(OfVehicle):
     """A member of a fleet has assigned the parts of the map: cells near to the places of each."""
 
     parts: tuple[Part, ...]
@@ -108,14 +108,14 @@ class Allotted(OfVehicle):
 
 
 @dataclass(frozen=True, slots=True)
-class Apart(OfVehicle):
+class MemberApart(OfVehicle):
     """Another member of a fleet is out of contact: each continues alone."""
 
     kind: Literal["apart"] = "apart"
 
 
 @dataclass(frozen=True, slots=True)
-class Asked(OfVehicle):
+class AirRequested(OfVehicle):
     """Another member requests the air above and below a place: it is closed to us from now on.
 
     It is open again after `until_s`, or at the next request of the same member. A request that ends
@@ -130,7 +130,7 @@ class Asked(OfVehicle):
 
 
 @dataclass(frozen=True, slots=True)
-class Leased(OfVehicle):
+class AirLeased(OfVehicle):
     """All others have closed to themselves the air that our vehicle requested."""
 
     place: GridPoint

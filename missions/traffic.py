@@ -14,15 +14,15 @@ from typing import Final, NamedTuple
 
 from missions.units import GridPoint
 
-STALE_S: Final = 30.0
+MAX_TRACK_AGE_S: Final = 30.0
 """Age of a position from which a track counts no more, s."""
-AHEAD_S: Final = 60.0
+LOOK_AHEAD_S: Final = 60.0
 """Time for which a track is followed straight ahead, s."""
 CLOSE_SHARE: Final = 0.5
 """Share of the distance, within which a track must not lead if the team is to stay out."""
-CALM_S: Final = 10.0
+CLEAR_AFTER_S: Final = 10.0
 """Time without the cause after which the team goes on, s."""
-MOST_TRACKS: Final = 50
+MAX_TRACKS: Final = 50
 """Maximum number of tracks that are remembered: the nearest to the start."""
 
 
@@ -106,7 +106,7 @@ class Traffic:
                 known[track.ident] = track
         start = GridPoint(0.0, 0.0)
         nearest = sorted(known.values(), key=lambda track: track.place.distance_to(start))
-        return replace(self, tracks=tuple(nearest[:MOST_TRACKS]))
+        return replace(self, tracks=tuple(nearest[:MAX_TRACKS]))
 
     def ignoring(self) -> Traffic:
         """Return this traffic after the operator has let the team go on in spite of it."""
@@ -119,13 +119,13 @@ class Traffic:
         """Return this traffic at a time, with what the team does; itself where nothing changes."""
         if not self.tracks and self.answer is Answer.GO_ON:
             return self
-        fresh = tuple(track for track in self.tracks if t_s - track.seen_s <= STALE_S)
+        fresh = tuple(track for track in self.tracks if t_s - track.seen_s <= MAX_TRACK_AGE_S)
         counts = rule.distance_m > 0.0
         counted = [track for track in fresh if counts and track.ident not in self.ignored]
         places = list(team)
         answers = [(_answer(rule, track, places, t_s), track.name) for track in counted]
         worst, name = max(answers, default=(Answer.GO_ON, ""))
-        until_s = t_s + CALM_S
+        until_s = t_s + CLEAR_AFTER_S
         hold_until_s = until_s if worst >= Answer.HOLD else self.hold_until_s
         home_until_s = until_s if worst >= Answer.COME_HOME else self.home_until_s
         answer = Answer.HOLD if t_s < hold_until_s else Answer.GO_ON
@@ -140,7 +140,7 @@ NO_TRAFFIC: Final = Traffic()
 
 def _answer(rule: Rule, track: Track, team: Iterable[Place], t_s: float) -> Answer:
     """Return what a track asks of the team."""
-    worst, now, ahead = Answer.GO_ON, track.at(t_s), track.at(t_s + AHEAD_S)
+    worst, now, ahead = Answer.GO_ON, track.at(t_s), track.at(t_s + LOOK_AHEAD_S)
     for vehicle in team:
         if track.height_m is not None:
             apart_m = abs(track.height_m - vehicle.level_m)

@@ -101,10 +101,10 @@ def parameters_page() -> str:
     """Return the page with the parameters that are read and set on autopilots."""
     lines = [_PARAMETERS]
     for title, wishes in (
-        ("ArduPilot", (*checked.ARDUPILOT_WISHES, *checked.ARDUPILOT_CLIMB_WISHES)),
-        ("ArduPilot without satellites", checked.ARDUPILOT_FLOW_WISHES),
-        ("PX4", (*checked.PX4_WISHES, *checked.PX4_CLIMB_WISHES)),
-        ("PX4 without satellites", checked.PX4_FLOW_WISHES),
+        ("ArduPilot", (*checked.ARDUPILOT_CHECKS, *checked.ARDUPILOT_CLIMB_CHECKS)),
+        ("ArduPilot without satellites", checked.ARDUPILOT_FLOW_CHECKS),
+        ("PX4", (*checked.PX4_CHECKS, *checked.PX4_CLIMB_CHECKS)),
+        ("PX4 without satellites", checked.PX4_FLOW_CHECKS),
     ):
         lines += [f"### {title}", "", "| parameter | value | otherwise |", "|---|---|---|"]
         lines += [

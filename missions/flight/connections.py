@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from missions.events import Connected, LinkLost, Overridden, Released
 from missions.flight.lane_progress import lane_left, set_free
-from missions.flight.return_home import BESIDE_M
+from missions.flight.return_home import LANDING_BESIDE_M
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import BRAKING_S, Phase, ReturnReason, VehicleState
 from missions.guardian import PAD_M
@@ -14,9 +14,9 @@ from missions.mission.energy import FRESH
 from missions.orders import Land, StandDown, TakeOff
 
 RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
-LIFTED_M = 1.0
+LIFT_OFF_M = 1.0
 """Height above home beyond which a vehicle has left the ground, m."""
-GAINED = 0.05
+MIN_CHARGE_GAIN = 0.05
 """Minimum gain of charge that counts as a battery swap, share of the capacity."""
 
 
@@ -78,7 +78,7 @@ def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> Vehi
     )
     if phase is not Phase.AIRBORNE:
         return _found_on_the_ground(taken_up, vehicle, setting)
-    return _on_its_way_home(taken_up, event, vehicle)
+    return _continue_return(taken_up, event, vehicle)
 
 
 def _found_on_the_ground(
@@ -89,13 +89,13 @@ def _found_on_the_ground(
     away_m = connected.position.distance_to(connected.home)
     has_flown = before.was_down or not (before.landed and before.cleared)
     # a vehicle that people have moved starts with a new home; one beside a blocked pad is close
-    beside_m = BESIDE_M if before.landed and not before.was_down else PAD_M
+    beside_m = LANDING_BESIDE_M if before.landed and not before.was_down else PAD_M
     if not connected.landed or not has_flown:
         return connected
     fell = before.was_down and not before.landed_away_m
     lies_there = fell and connected.position.distance_to(before.position) <= PAD_M
     capacity_wh, charge_wh = setting.energy.capacity_wh, connected.remaining_wh
-    gained = charge_wh - before.remaining_wh >= GAINED * capacity_wh
+    gained = charge_wh - before.remaining_wh >= MIN_CHARGE_GAIN * capacity_wh
     if away_m > beside_m:
         note = f"it came down {away_m:.0f} m from its pad, and is still there"
     elif lies_there and not (gained and charge_wh >= FRESH * capacity_wh):
@@ -107,7 +107,7 @@ def _found_on_the_ground(
     return connected.stood_down(Phase.DOWN, note)
 
 
-def _on_its_way_home(
+def _continue_return(
     connected: VehicleState, event: Connected, before: VehicleState
 ) -> VehicleState:
     """Return a vehicle that continues the return that it had begun when its link was lost."""
@@ -146,10 +146,10 @@ def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> Ve
     """Return the vehicle that a pilot or a failsafe flies; no command is sent to it."""
     returns = event.mode.startswith(RETURN_MODES) or "failsafe" in event.mode
     note = f"yielded to {event.mode}" + (f": {event.cause}" if event.cause else "")
-    return taken_away(vehicle, setting, Phase.YIELDED, note, returns=returns)
+    return control_lost(vehicle, setting, Phase.YIELDED, note, returns=returns)
 
 
-def taken_away(
+def control_lost(
     vehicle: VehicleState, setting: Setting, phase: Phase, note: str, *, returns: bool
 ) -> VehicleState:
     """Return the vehicle that a pilot, a failsafe or its guardian flies. `returns` means that its
@@ -171,7 +171,7 @@ def released(event: Released, vehicle: VehicleState, setting: Setting) -> Vehicl
         return vehicle
     if vehicle.was_down:
         return vehicle.stood_down(Phase.DOWN, vehicle.note)
-    airborne = event.height_m > LIFTED_M or not vehicle.landed
+    airborne = event.height_m > LIFT_OFF_M or not vehicle.landed
     return replace(
         vehicle,
         phase=Phase.AIRBORNE if airborne else Phase.GROUNDED,

@@ -10,12 +10,12 @@ from missions.events import FrameSeen
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
-from missions.planning.search.lanes import along_m, number_among, offset_m, unseen
+from missions.planning.search.lanes import along_m, number_among, offset_m, unseen_parts
 from missions.units import Cell, GridPoint
 
-BESIDE_CELLS = 1.5
+MAX_LANE_OFFSET_CELLS = 1.5
 """Maximum distance of a frame from the lane that it shows, cells."""
-KNOWN_CELLS = 0.25
+MIN_COLUMN_GAP_CELLS = 0.25
 """Minimum distance of two columns that differ by more than the drift, cells."""
 STEP_S = 0.25
 PASSED_M = 2.0 * LANE_CUTS_M[0]
@@ -29,7 +29,7 @@ def lane_seen(state: State, vehicle: VehicleState, event: FrameSeen, vantage: Ce
     if not vehicle.on_lane or not vehicle.lanes:
         return vehicle
     lane, place = vehicle.lanes[0], setting.where(vantage, event.t_s)
-    if offset_m(lane, place) > BESIDE_CELLS * setting.grid.cell_m:
+    if offset_m(lane, place) > MAX_LANE_OFFSET_CELLS * setting.grid.cell_m:
         return vehicle
     strip = setting.strip(lane, event.t_s)
     column = vantage.east if strip.eastward else vantage.north
@@ -60,18 +60,18 @@ def lane_passed(
     lanes_s = setting.lane_time_s(t_s)
     middle = grid.to_fixed(GridPoint(east * cell_m, north * cell_m), lanes_s)
     for k, lane in enumerate(vehicle.lanes[:2]):
-        if offset_m(lane, middle) > BESIDE_CELLS * cell_m:
+        if offset_m(lane, middle) > MAX_LANE_OFFSET_CELLS * cell_m:
             continue
         known_m = () if k else vehicle.lane_seen_m
         new_m = [
             along
             for along in setting.strip(lane, t_s).judged_m(judged, shown)
-            if not any(abs(along - other) < KNOWN_CELLS * cell_m for other in known_m)
+            if not any(abs(along - other) < MIN_COLUMN_GAP_CELLS * cell_m for other in known_m)
         ]
         if not new_m or (k and not _is_behind(setting, vehicle, t_s)):
             continue
         if k:
-            rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
+            rest = unseen_parts(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
             vehicle = replace(vehicle, lanes=(*vehicle.lanes[1:], *rest), lane_seen_m=())
         return replace(vehicle, lane_seen_m=(*vehicle.lane_seen_m, *new_m))
     return vehicle
@@ -97,7 +97,7 @@ def lane_left(vehicle: VehicleState, cell_m: float) -> VehicleState:
     """Have a vehicle leave its lane; the unseen rest stays to be flown."""
     if not vehicle.on_lane or not vehicle.lanes:
         return vehicle
-    rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
+    rest = unseen_parts(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
     return replace(vehicle, lanes=(*rest, *vehicle.lanes[1:]), on_lane=False, lane_seen_m=())
 
 
@@ -109,7 +109,7 @@ def set_free(vehicle: VehicleState, cell_m: float) -> VehicleState:
 
 def lane_flown(vehicle: VehicleState, cell_m: float) -> VehicleState:
     """End a vehicle's first lane; it flies back along the unseen parts, nearest first."""
-    rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
+    rest = unseen_parts(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
     back = tuple((end, start) for start, end in reversed(rest))
     empty = 0 if vehicle.lane_seen_m else vehicle.empty_passes + 1
     return replace(

@@ -7,22 +7,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.events import UNTOLD, CellSkipped, Told, VehicleRecalled
+from missions.events import CAUSE_NOT_REPORTED, AutopilotText, CellSkipped, VehicleRecalled
 from missions.flight.lane_progress import lane_left
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath, FlyTo, Look, Sweep
 from missions.traffic import Place, Rule
 
-CALLED_HOME = "called home by the operator"
+RECALL_NOTE = "called home by the operator"
 
 
-def stopped(state: State) -> State:
+def stop_all(state: State) -> State:
     """Have working vehicles stop and hold; take-offs under way continue."""
     return state.with_all(lambda v: _stopped(state, v) if v.works else v)
 
 
-def minded(state: State) -> State:
+def respond_to_traffic(state: State) -> State:
     """Return the state with the team's response to traffic at its time."""
     if not state.traffic.tracks and not state.traffic.answer:
         return state
@@ -31,12 +31,14 @@ def minded(state: State) -> State:
     team = (Place(v.position, v.level_m) for v in state.ours)
     traffic = state.traffic.judged(rule, team, state.t_s)
     after = state if traffic is state.traffic else replace(state, traffic=traffic)
-    return stopped(after) if after.held and not state.held else after
+    return stop_all(after) if after.held and not state.held else after
 
 
-def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting) -> VehicleState:
+def vehicle_recalled(
+    event: VehicleRecalled, vehicle: VehicleState, setting: Setting
+) -> VehicleState:
     """Recall a vehicle once it is under our control; it stays on the ground until a resume."""
-    return replace(vehicle, called_home=True, note=vehicle.note or CALLED_HOME)
+    return replace(vehicle, called_home=True, note=vehicle.note or RECALL_NOTE)
 
 
 def skip(state: State, event: CellSkipped) -> State:
@@ -53,10 +55,10 @@ def skip(state: State, event: CellSkipped) -> State:
             other = other.interrupted(state.t_s)
         dropped = replace(other, candidate=None, at_target=state.tree is not None)
         state = state.with_vehicle(replace(dropped, fruitless_sorties=0))
-    return skipped_for_good(replace(state, skipped=state.skipped | {cell}))
+    return finish_skipped_cells(replace(state, skipped=state.skipped | {cell}))
 
 
-def skipped_for_good(state: State) -> State:
+def finish_skipped_cells(state: State) -> State:
     """Return the state with skipped cells done, including those that became region later."""
     tree = state.tree
     for cell in state.skipped if tree is not None else ():
@@ -65,12 +67,12 @@ def skipped_for_good(state: State) -> State:
     return state if tree is state.tree else replace(state, tree=tree)
 
 
-def explained(state: State, event: Told) -> State:
+def failsafe_explained(state: State, event: AutopilotText) -> State:
     """Add the cause of a failsafe that the autopilot reports only afterwards."""
     vehicle = state.vehicles[event.vehicle]
     if event.cause is None or vehicle.phase is not Phase.YIELDED or event.cause in vehicle.note:
         return state
-    note = vehicle.note.replace(f": {UNTOLD}", "")
+    note = vehicle.note.replace(f": {CAUSE_NOT_REPORTED}", "")
     return state.with_vehicle(replace(vehicle, note=f"{note}: {event.cause}"))
 
 

@@ -1,8 +1,8 @@
 """Paths that are flown without stopping: their limits, and when they end early.
 
 A path is given only if the fence allows all of it, and the air of its next
-`missions.flight.airspace.needs.AHEAD_S` seconds is clear. Every report repeats that check: a
-vehicle brakes along its path before it meets air that another has reserved (`keep_clear`).
+`missions.flight.airspace.needs.RESERVED_AHEAD_S` seconds is clear. Every report repeats that check:
+a vehicle brakes along its path before it meets air that another has reserved (`keep_clear`).
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from missions.geo.trajectory import LANE_CUTS_M, Trajectory, at_rest, rounded_pa
 from missions.orders import FlyPath
 from missions.units import GridPoint
 
-NOTICE_S: Final = 1.0
+PLAN_LEAD_S: Final = 1.0
 """Time from a plan to its beginning, s: setpoints are streamed up to 0.75 s ahead."""
 CORNER_CUT_M: Final = 0.005
 """Cut of a corner of the fence, m; a vehicle nearly stops there."""
-DEPTH_M: Final = 1.5
+REENTRY_DEPTH_M: Final = 1.5
 """Distance inside the margin to which a vehicle returns that was outside, m."""
 
 
@@ -92,7 +92,7 @@ def descent(setting: Setting, vehicle: VehicleState, begin_s: float) -> Trajecto
 
 def fly_route(state: State, vehicle: VehicleState, route: Sequence[GridPoint]) -> State:
     """Give an idle vehicle a path along a route inside the fence."""
-    path = along_route(state.setting, vehicle, route, state.t_s + NOTICE_S)
+    path = along_route(state.setting, vehicle, route, state.t_s + PLAN_LEAD_S)
     return give_path(state, vehicle, path)
 
 
@@ -101,7 +101,7 @@ def come_inside(state: State, vehicle: VehicleState) -> State | None:
     fence = state.setting.fence
     if not is_outside(fence, vehicle.position):
         return None
-    route = fence.route(vehicle.position, fence.nearest(vehicle.position, DEPTH_M))
+    route = fence.route(vehicle.position, fence.nearest(vehicle.position, REENTRY_DEPTH_M))
     if route is None:
         return None
     return Airspace(state).reserve_or_wait(vehicle, vehicle.leg(route))
@@ -116,7 +116,7 @@ def on_paths(state: State, for_s: float) -> list[tuple[VehicleState, FlyPath]]:
 
 def keep_clear(state: State) -> State:
     """Have vehicles brake whose paths lead into air that others reserve."""
-    for vehicle, order in on_paths(state, NOTICE_S):
+    for vehicle, order in on_paths(state, PLAN_LEAD_S):
         if not Airspace(state).is_clear(vehicle, order):
             state = brake(state, vehicle, order)
     return state
@@ -125,7 +125,7 @@ def keep_clear(state: State) -> State:
 def brake(state: State, vehicle: VehicleState, order: FlyPath) -> State:
     """Have a vehicle stop along its path, unless it does so anyway."""
     path = order.trajectory
-    stop = braked(path, max(path.begin_s, state.t_s + NOTICE_S), state.setting.energy.accel_m_s2)
+    stop = braked(path, max(path.begin_s, state.t_s + PLAN_LEAD_S), state.setting.energy.accel_m_s2)
     if stop.end_s >= path.end_s - 0.5:
         return state
     return state.with_vehicle(replace(vehicle, order=replace(order, trajectory=stop)))

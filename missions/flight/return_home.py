@@ -12,25 +12,25 @@ from missions.flight.path_orders import brake
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import OFF_LAYER_M, Phase, ReturnReason, VehicleState
 from missions.geo.braking import braked
-from missions.geo.fence import beginning_of, route_length_m
+from missions.geo.fence import first_part, route_length_m
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import FlyPath, Hold, Land, Order, TakeOff
 from missions.traffic import Answer
 from missions.units import GridPoint
 
-NEARER_SHARES = (0.75, 0.5, 0.25)
+PARTIAL_RETURN_SHARES = (0.75, 0.5, 0.25)
 """Shares of a return path that are tried if it is blocked farther on."""
-NEARER_M = 40.0
+MIN_PARTIAL_RETURN_M = 40.0
 """Shortest part of a return path that is worth flying, m."""
 REACTION_S = 3.0
 """Time between two battery reports, and until a vehicle has turned round, s."""
-HEARD_S = 1.0
+ORDER_DELAY_S = 1.0
 """Time that a vehicle stays on its path before it receives the order to return, s."""
 REST_S = 2.0
 """Time until a vehicle is seen to be at rest and has turned round, s."""
 HOMEWARD_M = 10.0
 """Maximum distance from its pad to the end of a path that leads home, m."""
-BESIDE_M = 20.0
+LANDING_BESIDE_M = 20.0
 """Distance of a landing beside the pad, m; its energy is reserved while the pad is blocked."""
 
 
@@ -103,7 +103,7 @@ def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool
     path = vehicle.path
     if path is None:
         return has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S)
-    stop = braked(path, max(path.begin_s, t_s + HEARD_S), setting.energy.accel_m_s2)
+    stop = braked(path, max(path.begin_s, t_s + ORDER_DELAY_S), setting.energy.accel_m_s2)
     place = stop.at(stop.end_s).place
     return has_energy_for(setting, vehicle, place, hover_s=REST_S)
 
@@ -116,7 +116,7 @@ def has_energy_for(
     there = () if target == vehicle.position else fence.route(vehicle.position, target) or (target,)
     out_m = route_length_m(vehicle.position, there)
     layer_m = vehicle.cruise_height_m
-    back = way_home(setting, target, vehicle.pad)
+    back = return_route(setting, target, vehicle.pad)
     home_m = route_length_m(target, back)
     need_wh = energy.hover_wh(hover_s, vehicle.drawn_w)
     if setting.ground is not None:
@@ -131,7 +131,7 @@ def has_energy_for(
     return vehicle.remaining_wh >= need_wh
 
 
-def way_home(setting: Setting, start: GridPoint, pad: GridPoint) -> tuple[GridPoint, ...]:
+def return_route(setting: Setting, start: GridPoint, pad: GridPoint) -> tuple[GridPoint, ...]:
     """Return the way to a pad inside the margin; to a pad in the margin the end is straight."""
     return setting.fence.route(start, pad) or setting.fence.route_near(start, pad) or (pad,)
 
@@ -164,12 +164,12 @@ def fly_home(state: State, vehicle: VehicleState) -> State:
 def _come_nearer(state: State, waiting: State, vehicle: VehicleState) -> State:
     """Fly a part of a return path whose air is reserved farther on. A vehicle that waited where it
     is would use up the energy for its own return."""
-    route = way_home(state.setting, vehicle.position, vehicle.pad)
+    route = return_route(state.setting, vehicle.position, vehicle.pad)
     length_m = route_length_m(vehicle.position, route)
-    for share in NEARER_SHARES:
-        if share * length_m < NEARER_M:
+    for share in PARTIAL_RETURN_SHARES:
+        if share * length_m < MIN_PARTIAL_RETURN_M:
             break
-        order = vehicle.leg(beginning_of(vehicle.position, route, share * length_m))
+        order = vehicle.leg(first_part(vehicle.position, route, share * length_m))
         nearer = Airspace(state).reserve(vehicle, order)
         if nearer is not None:
             return nearer
@@ -192,7 +192,7 @@ def _stalls(state: State, vehicle: VehicleState) -> bool:
 def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
     """Return whether the energy allows to wait, and to land beside the pad with the reserve."""
     energy = setting.energy.in_wind(vehicle.wind_m_s)
-    need_wh = energy.home_wh(BESIDE_M, vehicle.height_m, vehicle.drawn_w)
+    need_wh = energy.home_wh(LANDING_BESIDE_M, vehicle.height_m, vehicle.drawn_w)
     need_wh += energy.hover_wh(REACTION_S, vehicle.drawn_w)
     return vehicle.remaining_wh >= need_wh
 
@@ -227,4 +227,4 @@ def home_order(setting: Setting, vehicle: VehicleState) -> Order:
     """Return the order to fly over the pad, or to land if the vehicle is there."""
     if vehicle.over_home:
         return Land()
-    return vehicle.leg(way_home(setting, vehicle.position, vehicle.pad))
+    return vehicle.leg(return_route(setting, vehicle.position, vehicle.pad))

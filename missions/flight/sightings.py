@@ -41,7 +41,7 @@ def frame_seen(state: State, event: FrameSeen) -> State:
     state = state.with_vehicle(vehicle)
     if isinstance(vehicle.order, Look) and vehicle.order.cell == event.vantage:
         if state.belief.fully_voted(event.vantage):
-            return _looked(state, vehicle, event.vantage)
+            return _count_observation(state, vehicle, event.vantage)
     elif (tree := state.tree) is not None:
         # a frame that arrives after its observation may still make a neighbour region
         if event.vantage in tree and tree.has_looked(event.vantage):
@@ -98,7 +98,7 @@ def look_ended(state: State, event: LookEnded) -> State:
     if state.belief.frames_taken(cell) == 0:
         silent = replace(vehicle, order=None, return_reason=ReturnReason.FAULT)
         return state.with_vehicle(replace(silent, note="the camera is silent"))
-    return _looked(replace(state, undecided=state.undecided | {cell}), vehicle, cell)
+    return _count_observation(replace(state, undecided=state.undecided | {cell}), vehicle, cell)
 
 
 def follow_no_farther(state: State, vehicle: VehicleState) -> State:
@@ -114,10 +114,10 @@ def follow_no_farther(state: State, vehicle: VehicleState) -> State:
     cell = order.cell
     if state.belief.frames_taken(cell) == 0:
         return give_up(state, vehicle, cell)
-    return _looked(replace(state, undecided=state.undecided | {cell}), vehicle, cell)
+    return _count_observation(replace(state, undecided=state.undecided | {cell}), vehicle, cell)
 
 
-def _looked(state: State, vehicle: VehicleState, cell: Cell) -> State:
+def _count_observation(state: State, vehicle: VehicleState, cell: Cell) -> State:
     """Grow the tree after an observation, or end the search if it has found a root."""
     roi = [c for c in cell.cross() if c in state.belief.roi]
     vehicle = replace(vehicle, order=None, fruitless_sorties=0)
@@ -132,10 +132,10 @@ def _looked(state: State, vehicle: VehicleState, cell: Cell) -> State:
             if other.candidate == cell:  # two vehicles had the same suspicion
                 state = state.with_vehicle(replace(other, candidate=None, at_target=False))
         return state.with_vehicle(vehicle)
-    return _found(state, vehicle, cell, roi)
+    return _root_found(state, vehicle, cell, roi)
 
 
-def _found(state: State, vehicle: VehicleState, looked_from: Cell, roi: list[Cell]) -> State:
+def _root_found(state: State, vehicle: VehicleState, looked_from: Cell, roi: list[Cell]) -> State:
     """Have all vehicles leave the search for the root of the region."""
     root = roi[0]
     tree = Tree.rooted(root)

@@ -28,10 +28,10 @@ from missions.orders import Hold
 from missions.planning.search.lanes import Blocks, Lane, share_out
 from missions.planning.search.search_order import Pace, soonest
 from missions.planning.stepwise import Explorer, Memory
-from missions.planning.sweep.chart import Known
+from missions.planning.sweep.chart import KnownMap
 from missions.planning.sweep.open_work import OpenWork, Work
 from missions.planning.sweep.plan_memo import PlanMemo
-from missions.planning.sweep.strategies import About
+from missions.planning.sweep.strategies import StrategyInfo
 from missions.traffic import NO_TRAFFIC, Answer, Traffic
 from missions.units import Cell, GridPoint
 
@@ -50,7 +50,7 @@ class Fences(NamedTuple):
 class Strategy(ABC):
     """A way to find a region and map it."""
 
-    about: About | Explorer
+    about: StrategyInfo | Explorer
     """The name of the strategy, and its texts for users."""
     stops: bool
     """True if vehicles stop over cells to observe them."""
@@ -216,7 +216,7 @@ class Team(ABC):
     def share_work(self, state: State, work: OpenWork) -> tuple[State, Work]:
         """Close the cells of the chart that others are to observe."""
 
-    def mark_unreported(self, state: State, known: Known) -> bool:
+    def mark_unreported(self, state: State, known: KnownMap) -> bool:
         """Mark undecided cells that others may take for observed; return whether there are any."""
         return False
 

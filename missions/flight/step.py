@@ -13,9 +13,9 @@ from dataclasses import replace
 
 from shapely.geometry import Point
 
-from missions.events import Event, Told, Weighed
+from missions.events import AutopilotText, Event, FrameWeighed
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.operator_orders import explained, minded
+from missions.flight.operator_orders import failsafe_explained, respond_to_traffic
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import drop_seen
@@ -37,11 +37,11 @@ CLIMB_ROOM_M = 0.5
 def step(state: State, event: Event) -> tuple[State, Orders]:
     """Return the state after an event, and the new orders by vehicle. An order holds until it ends
     or until another replaces it."""
-    if isinstance(event, Told):  # texts move no vehicle, and no plan depends on their time
-        return explained(state, event), ()
-    if isinstance(event, Weighed):  # for maps of recorded pictures; no flight plans with it
+    if isinstance(event, AutopilotText):  # texts move no vehicle, and no plan depends on their time
+        return failsafe_explained(state, event), ()
+    if isinstance(event, FrameWeighed):  # for maps of recorded pictures; no flight plans with it
         return state, ()
-    after = assign(minded(apply(state, event)))
+    after = assign(respond_to_traffic(apply(state, event)))
     orders = tuple(
         (number, vehicle.order)
         for number, vehicle in after.vehicles.items()

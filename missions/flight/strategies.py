@@ -13,7 +13,7 @@ from missions.flight.strategy.stepwise import Stepwise
 from missions.flight.strategy.sweep import FIRST
 from missions.mission.schema import Mission
 from missions.planning.stepwise import EXPLORERS
-from missions.planning.sweep.strategies import ON_PATHS, About
+from missions.planning.sweep.strategies import ON_PATHS, StrategyInfo
 
 CHOICES: Final[dict[str, Callable[[Mission], Strategy]]] = {
     FIRST.about.name: lambda mission: ALL if mission.search.find == "all" else FIRST,
@@ -32,8 +32,8 @@ def chosen(mission: Mission) -> Strategy:
 def register(strategy: Strategy) -> None:
     """Register a strategy by the name in its `about`. Raises `StrategyError` if that is taken."""
     about = strategy.about
-    if not isinstance(about, About):
-        raise StrategyError(f"{about.name}: its texts are no `About`")
+    if not isinstance(about, StrategyInfo):
+        raise StrategyError(f"{about.name}: its texts are no `StrategyInfo`")
     if about.name in EXPLORERS or ON_PATHS.setdefault(about.name, about) is not about:
         raise StrategyError(f"{about.name}: another strategy has this name; choose a new one")
     CHOICES.setdefault(about.name, lambda mission: strategy)

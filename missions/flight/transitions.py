@@ -7,14 +7,29 @@ from dataclasses import replace
 from typing import Any, Final
 
 from missions import events as ev
-from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
+from missions.fleet_events import (
+    AirLeased,
+    AirRequested,
+    FactsShared,
+    MemberApart,
+    MemberReport,
+    OfVehicle,
+    PartsAllotted,
+)
 from missions.flight import connections
-from missions.flight.connections import LIFTED_M, taken_away
+from missions.flight.connections import LIFT_OFF_M, control_lost
 from missions.flight.lane_progress import lane_flown, lane_left, set_free
-from missions.flight.operator_orders import called_home, skip, skipped_for_good, stopped
+from missions.flight.operator_orders import finish_skipped_cells, skip, stop_all, vehicle_recalled
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.flight.state import Setting, State
-from missions.flight.team.members import allotted, apart, asked, heard, leased, shared
+from missions.flight.team.members import (
+    air_leased,
+    air_requested,
+    facts_shared,
+    member_apart,
+    member_reported,
+    parts_allotted,
+)
 from missions.flight.vehicle_state import OFF_LAYER_M, Phase, ReturnReason, VehicleState
 from missions.guardian import PAD_M, corners_home
 from missions.orders import AwaitBattery, FlyTo, StandDown, TakeOff
@@ -75,13 +90,13 @@ REST_M_S = 0.5
 """Speed below which a vehicle is at rest, m/s."""
 MOST_FRAMES_LOST = 5
 """Number of lost pictures in a row after which a vehicle returns."""
-MOST_SILENT_S = 10.0
+MIN_PICTURE_GAP_S = 10.0
 """Minimum time without a picture on a path before that return, s."""
-NOTHING_S = 25.0
+MAX_REPORT_GAP_S = 25.0
 """Time without any report on pictures before that return, besides two camera intervals, s."""
-MOST_HOME_REFUSED = 2
+MAX_RETURN_ATTEMPTS = 2
 """Number of attempts at the return path before the autopilot returns by itself."""
-MOST_HOME_REFUSED_AROUND = 10
+MAX_RETURN_ATTEMPTS_AROUND_HOLE = 10
 """The same if the straight return leads over a hole of the fence: about 15 s."""
 MOST_BEHIND = 3
 """Number of times in a row that a vehicle behind its path continues from its place."""
@@ -140,7 +155,7 @@ def _tracked(event: ev.Tracked, vehicle: VehicleState, setting: Setting) -> Vehi
         vehicle = _comes_home(vehicle, event.t_s, setting, note)
     return replace(
         vehicle,
-        landed=vehicle.landed and not (climbing and event.height_m > LIFTED_M),
+        landed=vehicle.landed and not (climbing and event.height_m > LIFT_OFF_M),
         tracked_s=event.t_s,
         position=event.position,
         height_m=event.height_m,
@@ -180,7 +195,7 @@ def _arrived(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> Vehi
     if flown.empty_passes < MOST_EMPTY_PASSES:
         return flown
     note = "the camera is silent: no frame of its lanes was judged"
-    if event.t_s - vehicle.judged_s < MOST_SILENT_S:
+    if event.t_s - vehicle.judged_s < MIN_PICTURE_GAP_S:
         note = "its frames do not show the rows of its lanes: it leans, or is blown off them"
     return replace(flown, return_reason=ReturnReason.FAULT, note=note)
 
@@ -190,7 +205,7 @@ def _frame_lost(event: ev.FrameLost, vehicle: VehicleState, setting: Setting) ->
     # an observation has that many frames, seconds apart; on a path several are lost in a second, or
     # one in several
     silent_s, on_path = event.t_s - vehicle.judged_s, vehicle.path is not None
-    soon = on_path and silent_s < MOST_SILENT_S
+    soon = on_path and silent_s < MIN_PICTURE_GAP_S
     nothing = on_path and silent_s >= _nothing_s(setting)
     if not vehicle.works or soon or (lost.frames_lost < MOST_FRAMES_LOST and not nothing):
         return lost
@@ -200,7 +215,7 @@ def _frame_lost(event: ev.FrameLost, vehicle: VehicleState, setting: Setting) ->
 
 def _nothing_s(setting: Setting) -> float:
     """Return the maximum time without a report of a camera on a path, s."""
-    return NOTHING_S + 2.0 * setting.mission.camera.interval_s
+    return MAX_REPORT_GAP_S + 2.0 * setting.mission.camera.interval_s
 
 
 def _comes_home(vehicle: VehicleState, t_s: float, setting: Setting, note: str) -> VehicleState:
@@ -212,7 +227,7 @@ def _comes_home(vehicle: VehicleState, t_s: float, setting: Setting, note: str) 
 def _guarded(event: ev.Guarded, vehicle: VehicleState, setting: Setting) -> VehicleState:
     does = "landing" if event.action == "land" else "returning"
     note = f"{does} by its guardian: {event.reason}"
-    return taken_away(vehicle, setting, Phase.GUARDED, note, returns=event.action == "rtl")
+    return control_lost(vehicle, setting, Phase.GUARDED, note, returns=event.action == "rtl")
 
 
 def _battery_swapped(
@@ -243,7 +258,7 @@ def _order_failed(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting
     if vehicle.works:  # it cannot stay there
         return _comes_home(vehicle, event.t_s, setting, note)
     around = bool(corners_home(setting.fence, vehicle.position, vehicle.home))
-    most_refused = MOST_HOME_REFUSED_AROUND if around else MOST_HOME_REFUSED
+    most_refused = MAX_RETURN_ATTEMPTS_AROUND_HOLE if around else MAX_RETURN_ATTEMPTS
     if vehicle.phase is Phase.AIRBORNE and vehicle.home_refused < most_refused:
         # a path of ours stays inside the fence; an autopilot's return is straight
         again = replace(vehicle.interrupted(event.t_s), over_home=False, note=note)
@@ -258,21 +273,21 @@ def _order_failed(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting
 
 _OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
     ev.Recalled: lambda state, event: replace(state, recalled=True, paused=False),
-    ev.Paused: lambda state, event: stopped(replace(state, paused=True)),
+    ev.Paused: lambda state, event: stop_all(replace(state, paused=True)),
     ev.Continued: lambda state, event: replace(
         state, paused=False, traffic=state.traffic.ignoring()
     ),
     ev.TrafficSeen: lambda state, event: replace(state, traffic=state.traffic.heard(event.tracks)),
     ev.Resumed: lambda state, event: connections.resume(state),
-    ev.FrameSeen: lambda state, event: skipped_for_good(frame_seen(state, event)),
-    ev.LookEnded: lambda state, event: skipped_for_good(look_ended(state, event)),
+    ev.FrameSeen: lambda state, event: finish_skipped_cells(frame_seen(state, event)),
+    ev.LookEnded: lambda state, event: finish_skipped_cells(look_ended(state, event)),
     ev.CellSkipped: skip,
-    Heard: heard,
-    Shared: shared,
-    Apart: apart,
-    Allotted: allotted,
-    Asked: asked,
-    Leased: leased,
+    MemberReport: member_reported,
+    FactsShared: facts_shared,
+    MemberApart: member_apart,
+    PartsAllotted: parts_allotted,
+    AirRequested: air_requested,
+    AirLeased: air_leased,
 }
 """Rules for events that change more than one vehicle, or more than vehicles."""
 
@@ -284,7 +299,7 @@ _OF_ONE: Final[Mapping[type, Callable[[Any, VehicleState, Setting], VehicleState
     ev.Released: connections.released,
     ev.Landed: landed,
     ev.Crashed: crashed,
-    ev.VehicleRecalled: called_home,
+    ev.VehicleRecalled: vehicle_recalled,
     ev.LiftedOff: _lifted_off,
     ev.Airborne: _airborne,
     ev.Tracked: _tracked,

@@ -72,7 +72,7 @@ def cut_short(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
     return Trajectory(path.begin_s, stop.end_s, (*before, *stop.pieces), path.drift_m_s)
 
 
-KEPT_S: Final = 2.0
+KEPT_PAST_S: Final = 2.0
 """Kept part of the past, s: telemetry is older than now, and the stream is smoothed."""
 
 
@@ -111,11 +111,11 @@ class Course:
     def then(self, plan: Trajectory, now_s: float) -> Course:
         """Return this course with a new plan from its beginning on.
 
-        Parts that were to begin later are dropped, and those that ended `KEPT_S` ago.
+        Parts that were to begin later are dropped, and those that ended `KEPT_PAST_S` ago.
         """
         parts = [part for part in self.parts if part.begin_s < plan.begin_s]
-        while len(parts) > 1 and parts[1].begin_s <= now_s - KEPT_S:
+        while len(parts) > 1 and parts[1].begin_s <= now_s - KEPT_PAST_S:
             del parts[0]
-        if plan.begin_s <= now_s - KEPT_S:
+        if plan.begin_s <= now_s - KEPT_PAST_S:
             parts.clear()
         return Course((*parts, plan))

@@ -22,7 +22,7 @@ _TOLERANCE_M = 0.01
 _REMEMBERED = 10_000
 """Number of kept answers: rules ask for a route several times in one step of a mission."""
 
-Way = tuple[GridPoint, ...]
+Waypoints = tuple[GridPoint, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,14 +84,14 @@ class Fence:
         forgiven = self.shrunk(-_TOLERANCE_M)
         return bool(shapely.covers(forgiven, leg)) and self.allows(start) and self.allows(end)
 
-    def route(self, start: GridPoint, end: GridPoint) -> Way | None:
+    def route(self, start: GridPoint, end: GridPoint) -> Waypoints | None:
         """Return the points of the shortest route to `end` inside the margin; None without one.
 
         A start outside the margin (blown there) goes to the nearest allowed point first.
         """
         return _route(self, start, end)
 
-    def route_near(self, start: GridPoint, end: GridPoint) -> Way | None:
+    def route_near(self, start: GridPoint, end: GridPoint) -> Waypoints | None:
         """Return the route to an `end` in the margin, straight from the nearest allowed place.
 
         None if that cannot be reached or `end` lies outside the fence.
@@ -113,13 +113,13 @@ class Fence:
         near = nearest_points(self.inner if shapely.is_empty(deep) else deep, Point(point))[0]
         return GridPoint(float(near.x), float(near.y))
 
-    def _shortest(self, start: GridPoint, end: GridPoint) -> Way | None:
+    def _shortest(self, start: GridPoint, end: GridPoint) -> Waypoints | None:
         """Return the shortest route by A* over the corners with clear lines between them."""
         if self.allows_leg(start, end):
             return (end,)
         counter = itertools.count()
         # lower bound of the total, distance so far, the place, the route to it
-        queue: list[tuple[float, int, float, GridPoint, Way]] = [
+        queue: list[tuple[float, int, float, GridPoint, Waypoints]] = [
             (start.distance_to(end), next(counter), 0.0, start, ())
         ]
         done: set[GridPoint] = set()
@@ -163,7 +163,7 @@ def _allows(fence: Fence, point: GridPoint) -> bool:
 
 
 @lru_cache(_REMEMBERED)
-def _route(fence: Fence, start: GridPoint, end: GridPoint) -> Way | None:
+def _route(fence: Fence, start: GridPoint, end: GridPoint) -> Waypoints | None:
     if not fence.allows(end):
         return None
     entry = fence.inside(start)
@@ -176,10 +176,10 @@ def route_length_m(start: GridPoint, route: Sequence[GridPoint]) -> float:
     return sum(a.distance_to(b) for a, b in itertools.pairwise((start, *route)))
 
 
-def beginning_of(start: GridPoint, route: Way, length_m: float) -> Way:
+def first_part(start: GridPoint, route: Waypoints, length_m: float) -> Waypoints:
     """Return the first `length_m` of the way from `start` through the points of a route.
 
-    >>> beginning_of(GridPoint(0, 0), (GridPoint(10, 0), GridPoint(10, 10)), 15.0)
+    >>> first_part(GridPoint(0, 0), (GridPoint(10, 0), GridPoint(10, 10)), 15.0)
     (GridPoint(east_m=10, north_m=0), GridPoint(east_m=10.0, north_m=5.0))
     """
     part: list[GridPoint] = []

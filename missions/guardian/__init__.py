@@ -21,21 +21,27 @@ The guardian sends no command to a vehicle that a pilot or a failsafe flies (`mo
 from __future__ import annotations
 
 from missions.geo.fence import corners_home
-from missions.guardian.guardian_state import Action, Guard, Limits, Mode, Seen, Task
+from missions.guardian.guardian_state import Action, Guard, Limits, Mode, Snapshot, Task
 from missions.guardian.rules import quick_aim_m, watch
-from missions.guardian.thresholds import DOWN_M, HARD_M_S, HASTE_M_S, PAD_M, SPENT_S
+from missions.guardian.thresholds import (
+    DOWN_M,
+    HARD_LANDING_M_S,
+    LOW_CHARGE_S,
+    PAD_M,
+    QUICK_DESCENT_M_S,
+)
 
 __all__ = [
     "DOWN_M",
-    "HARD_M_S",
-    "HASTE_M_S",
+    "HARD_LANDING_M_S",
+    "LOW_CHARGE_S",
     "PAD_M",
-    "SPENT_S",
+    "QUICK_DESCENT_M_S",
     "Action",
     "Guard",
     "Limits",
     "Mode",
-    "Seen",
+    "Snapshot",
     "Task",
     "corners_home",
     "quick_aim_m",

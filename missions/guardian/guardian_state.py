@@ -49,7 +49,7 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class Snapshot:
     """The vehicle's state by telemetry at an instant. Heights are above the vehicle's home."""
 
     t_s: float
@@ -128,7 +128,7 @@ class Guard:
     """True if it is outside the fence, or soon will be at its present motion."""
     low_since_s: float | None = None
     lowest_m: float = float("inf")
-    """Lowest height above the sea in its landing, by steps of `SINKS_M`, m."""
+    """Lowest height above the sea in its landing, by steps of `LANDING_DESCENT_M`, m."""
     lowest_s: float = 0.0
     sunk_since_s: float | None = None
     spent_since_s: float | None = None

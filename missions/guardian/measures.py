@@ -11,14 +11,17 @@ import shapely
 from shapely.geometry import LineString, Point
 from shapely.ops import substring
 
-from missions.guardian.guardian_state import Guard, Limits, Seen, Task
+from missions.guardian.guardian_state import Guard, Limits, Snapshot, Task
 from missions.guardian.thresholds import (
     BEHIND_S,
     BEHIND_STEP_S,
-    FALL_M_S,
+    CARRIED_AWAY_M_S,
+    CARRIED_AWAY_SHARE,
+    FALLING_M_S,
+    FENCE_LOOK_AHEAD_S,
     HEIGHT_LOST_M,
     HEIGHT_LOST_SHARE,
-    LEAVES_S,
+    MAX_CALL_GAP_S,
     OFF_PATH_M,
     OFF_PLAN_M,
     OFF_PLAN_WIND_S,
@@ -26,9 +29,6 @@ from missions.guardian.thresholds import (
     REACH_M,
     REACH_M_S,
     RECEDING_M_S,
-    SWEPT_M_S,
-    SWEPT_SHARE,
-    UNSEEN_S,
     UP_M,
 )
 from missions.units import GridPoint
@@ -37,27 +37,27 @@ _REMEMBERED: Final = 32
 """Number of remembered paths of vehicles: each is needed many times during its flight."""
 
 
-def near_height(task: Task, seen: Seen) -> bool:
+def near_height(task: Task, seen: Snapshot) -> bool:
     """Return whether a vehicle on a leg or in a hover has reached the height of its task."""
     return (
         task.doing in ("leg", "path", "hold") and seen.height_m >= task.height_m - HEIGHT_LOST_M / 2
     )
 
 
-def falling(guard: Guard, seen: Seen) -> Guard:
+def falling(guard: Guard, seen: Snapshot) -> Guard:
     """Return the guard with the height, and with whether the vehicle falls."""
     fell = guard.fell
     if guard.last_s is not None and seen.t_s > guard.last_s:
         sink_m_s = (guard.amsl_m - seen.amsl_m) / (seen.t_s - guard.last_s)
         climbs = guard.task.doing == "climb" and not guard.hurries
-        limit_m_s = FALL_M_S / 2 if climbs else FALL_M_S
+        limit_m_s = FALLING_M_S / 2 if climbs else FALLING_M_S
         # above the sea: a home that moves makes no fall
         in_air = guard.was_up or seen.airborne
         fell = in_air and (sink_m_s > limit_m_s or (fell and sink_m_s > -UP_M))
     return replace(guard, amsl_m=seen.amsl_m, fell=fell)
 
 
-def _goal(guard: Guard, seen: Seen, place: GridPoint | None) -> tuple[GridPoint, ...]:
+def _goal(guard: Guard, seen: Snapshot, place: GridPoint | None) -> tuple[GridPoint, ...]:
     """Return the path that it should be on, its goal last; empty in a landing or on ground."""
     if guard.action == "rtl":
         return (seen.position, seen.home)
@@ -66,12 +66,12 @@ def _goal(guard: Guard, seen: Seen, place: GridPoint | None) -> tuple[GridPoint,
     return guard.task.path if place is None else (place,)
 
 
-def planned(task: Task, seen: Seen) -> GridPoint | None:
+def planned(task: Task, seen: Snapshot) -> GridPoint | None:
     """Return the planned position by its course; None without a course."""
     return None if task.course is None else task.course.at(seen.t_s).place
 
 
-def is_behind(guard: Guard, seen: Seen) -> bool:
+def is_behind(guard: Guard, seen: Snapshot) -> bool:
     """Return whether a vehicle is where its path was a while ago, inside the fence.
 
     It is slower than planned against the wind, or got no setpoints for some seconds.
@@ -89,12 +89,12 @@ def is_behind(guard: Guard, seen: Seen) -> bool:
     return any(gap_m <= min(allowed_m, now_m / 2.0) for gap_m in before_m)
 
 
-def off_plan_m(seen: Seen) -> float:
+def off_plan_m(seen: Snapshot) -> float:
     """Return the maximum distance from its planned position, m."""
     return OFF_PLAN_M + OFF_PLAN_WIND_S * (seen.wind_m_s or 0.0)
 
 
-def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
+def measured(limits: Limits, guard: Guard, seen: Snapshot) -> Guard:
     """Return the guard with new distances to the goal, the path and the fence."""
     task = guard.task
     place = None if guard.action else planned(task, seen)
@@ -107,7 +107,7 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         leaves_fence=outside_m > 0.0 or not fence.contains(_soon(guard, seen)),
         outside_since_s=since(guard.outside_since_s, outside_m > 0.0, seen.t_s),
     )
-    swept_m_s = max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
+    swept_m_s = max(CARRIED_AWAY_M_S, CARRIED_AWAY_SHARE * limits.energy.speed_m_s)
     if guard.landing:  # straight down: any motion is away
         swept = _speed_m_s(guard, seen) > swept_m_s and not seen.slews
         guard = replace(guard, swept_since_s=since(guard.swept_since_s, swept, seen.t_s))
@@ -119,7 +119,7 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         # the place moves on: only the vehicle's own motion counts
         guard = replace(guard, last_gap_m=guard.last_position.distance_to(place))
     # a new order does not stop it; after a long gap its motion is unknown
-    recent = guard.last_s is None or seen.t_s - guard.last_s <= UNSEEN_S
+    recent = guard.last_s is None or seen.t_s - guard.last_s <= MAX_CALL_GAP_S
     receding = guard.receding_since_s is not None and recent
     swept = guard.swept_since_s is not None and recent
     away_m_s = _away_m_s(guard, seen, guard.last_gap_m, gap_m)
@@ -151,26 +151,26 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     )
 
 
-def _soon(guard: Guard, seen: Seen) -> GridPoint:
-    """Return its position in `LEAVES_S` at its motion since the last call."""
+def _soon(guard: Guard, seen: Snapshot) -> GridPoint:
+    """Return its position in `FENCE_LOOK_AHEAD_S` at its motion since the last call."""
     before = guard.last_position
     if before is None or guard.last_s is None or seen.t_s <= guard.last_s:
         return seen.position
-    share = LEAVES_S / (seen.t_s - guard.last_s)
+    share = FENCE_LOOK_AHEAD_S / (seen.t_s - guard.last_s)
     east_m, north_m = seen.position
     return GridPoint(
         east_m + share * (east_m - before.east_m), north_m + share * (north_m - before.north_m)
     )
 
 
-def _away_m_s(guard: Guard, seen: Seen, before_m: float | None, gap_m: float) -> float | None:
+def _away_m_s(guard: Guard, seen: Snapshot, before_m: float | None, gap_m: float) -> float | None:
     """Return the growth of the way to the goal since the last call, m/s; None if not known."""
     if before_m is None or guard.last_s is None or seen.t_s <= guard.last_s:
         return None
     return (gap_m - before_m) / (seen.t_s - guard.last_s)
 
 
-def _speed_m_s(guard: Guard, seen: Seen) -> float:
+def _speed_m_s(guard: Guard, seen: Snapshot) -> float:
     """Return its speed over ground since the last call, m/s; 0 at the first."""
     if guard.last_position is None:
         return 0.0
@@ -199,7 +199,7 @@ def _line(path: tuple[GridPoint, ...]) -> LineString | None:
     return LineString(path) if len(set(path)) > 1 else None
 
 
-def _along_m(guard: Guard, seen: Seen, path: Sequence[GridPoint]) -> float:
+def _along_m(guard: Guard, seen: Snapshot, path: Sequence[GridPoint]) -> float:
     """Return the distance along its path, m, near the last one: a path may cross itself."""
     line = _line(tuple(path))
     if line is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.geo.fence import route_length_m
-from missions.guardian.guardian_state import Guard, Limits, Seen, Verdict
+from missions.guardian.guardian_state import Guard, Limits, Snapshot, Verdict
 from missions.guardian.measures import (
     falling,
     is_behind,
@@ -17,17 +17,21 @@ from missions.guardian.measures import (
     since,
 )
 from missions.guardian.thresholds import (
-    AT_ONCE_S,
-    BLOWN_S,
+    BLOWN_AWAY_S,
+    CARRIED_AWAY_M_S,
+    CARRIED_AWAY_S,
     DOWN_M,
     DOWN_M_S,
     DOWN_S,
-    HARD_M_S,
+    HARD_LANDING_M_S,
     HEIGHT_LOST_S,
-    HOPELESS,
-    LAST_MARGIN,
+    LAND_AT_ONCE_WIND_FACTOR,
+    LANDING_DESCENT_M,
+    LANDING_ENERGY_FACTOR,
     LEG_FACTOR,
     LEG_SLACK_S,
+    LOW_CHARGE_S,
+    MOTORS_OFF_WAIT_S,
     NO_PROGRESS_S,
     OFF_PATH_HOME_S,
     OFF_PATH_S,
@@ -37,19 +41,15 @@ from missions.guardian.thresholds import (
     PROGRESS_M,
     QUICK_AIM_M,
     QUICK_M,
+    QUICK_VERDICT_S,
     RECEDING_S,
     RECOVERY_S,
-    SINKS_M,
-    SPENT_S,
-    STANDS_S,
-    SWEPT_M_S,
-    SWEPT_S,
     UP_M,
 )
 from missions.mission.energy import EnergyModel
 
 
-def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
+def crashed(limits: Limits, guard: Guard, seen: Snapshot) -> tuple[Guard, Verdict | None]:
     """Return a verdict on a vehicle that is down without a landing.
 
     It fell, struck the ground, stopped its motors away from home, or has no height.
@@ -58,7 +58,7 @@ def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | 
         return guard, None
     if guard.fell and low(seen):
         return replace(guard, down=True), Verdict("crashed", f"it fell, {_off_home(seen)}")
-    if seen.struck_m_s > HARD_M_S:
+    if seen.struck_m_s > HARD_LANDING_M_S:
         reason = f"it struck the ground at {seen.struck_m_s:.1f} m/s, {_off_home(seen)}"
         return replace(guard, down=True), Verdict("crashed", reason)
     at_home = seen.position.distance_to(seen.home) <= PAD_M
@@ -74,33 +74,33 @@ def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | 
     expected = expected or guard.task.doing in ("ground", "climb")
     lies = low(seen) and (guard.was_up or seen.airborne)
     guard = replace(guard, low_since_s=since(guard.low_since_s, lies, seen.t_s))
-    if lasted(limits, guard.low_since_s, seen.t_s, STANDS_S if expected else DOWN_S):
+    if lasted(limits, guard.low_since_s, seen.t_s, MOTORS_OFF_WAIT_S if expected else DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
-    moves = seen.amsl_m < guard.lowest_m - SINKS_M or seen.ground_speed_m_s > DOWN_M_S
+    moves = seen.amsl_m < guard.lowest_m - LANDING_DESCENT_M or seen.ground_speed_m_s > DOWN_M_S
     if seen.mode != "land" or moves:
         return replace(guard, lowest_m=seen.amsl_m, lowest_s=seen.t_s), None
-    if guard.was_up and lasted(limits, guard.lowest_s, seen.t_s, STANDS_S):
+    if guard.was_up and lasted(limits, guard.lowest_s, seen.t_s, MOTORS_OFF_WAIT_S):
         # the ground there can be higher than at its home
         return replace(guard, down=True), Verdict("crashed", f"it sinks no more, {_off_home(seen)}")
     return guard, None
 
 
-def _off_home(seen: Seen) -> str:
+def _off_home(seen: Snapshot) -> str:
     return f"{seen.position.distance_to(seen.home):.0f} m from home"
 
 
-def low(seen: Seen) -> bool:
+def low(seen: Snapshot) -> bool:
     """Return whether it has no height, and does not move."""
     return seen.height_m < DOWN_M and seen.ground_speed_m_s < DOWN_M_S
 
 
-def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
+def watch(limits: Limits, guard: Guard, seen: Snapshot) -> tuple[Guard, Verdict | None]:
     """Return the guard after a new report of the vehicle, and its verdict; call it at 1 to 2 Hz.
 
     A verdict of `rtl` or `land` is in force at once, as the guard's action.
     """
     guard = falling(guard, seen)
-    is_down = (guard.fell and low(seen)) or seen.struck_m_s > HARD_M_S
+    is_down = (guard.fell and low(seen)) or seen.struck_m_s > HARD_LANDING_M_S
     if seen.mode == "other" and seen.armed and not is_down:
         free = guard.released()
         return replace(free, amsl_m=guard.amsl_m, fell=guard.fell, last_s=seen.t_s), None
@@ -142,24 +142,24 @@ def landing_wh(energy: EnergyModel, height_m: float) -> float:
     return energy.hover_wh(energy.descent_s(max(height_m, 0.0)) + 8.0)
 
 
-def _is_spent(limits: Limits, seen: Seen) -> bool:
+def _is_spent(limits: Limits, seen: Snapshot) -> bool:
     if seen.remaining_wh is None:
         return False
-    return seen.remaining_wh <= LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
+    return seen.remaining_wh <= LANDING_ENERGY_FACTOR * landing_wh(limits.energy, seen.height_m)
 
 
-def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
-    spent = lasted(limits, guard.spent_since_s, seen.t_s, SPENT_S)
+def _last_reserve(limits: Limits, guard: Guard, seen: Snapshot) -> Verdict | None:
+    spent = lasted(limits, guard.spent_since_s, seen.t_s, LOW_CHARGE_S)
     landing = guard.action == "land" or seen.mode == "land"
     if seen.remaining_wh is None or landing or not spent:
         return None
-    need_wh = LAST_MARGIN * landing_wh(limits.energy, seen.height_m)
+    need_wh = LANDING_ENERGY_FACTOR * landing_wh(limits.energy, seen.height_m)
     return Verdict(
         "land", f"{seen.remaining_wh:.1f} Wh are left, and landing from here takes {need_wh:.1f}"
     )
 
 
-def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
+def _trouble(limits: Limits, guard: Guard, seen: Snapshot) -> Verdict | None:
     """Return the next rung of the ladder, if something has been wrong for too long."""
     if _carried_off_landing(limits, guard, seen):
         return Verdict("land", "it is carried off while it lands", hurry=True)
@@ -175,12 +175,12 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
         # it did not take the command, or received another one
         due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
         return Verdict("land", "it does not return by its autopilot") if due else None
-    swept_s = AT_ONCE_S if guard.leaves_fence else SWEPT_S
+    swept_s = QUICK_VERDICT_S if guard.leaves_fence else CARRIED_AWAY_S
     if lasted(limits, guard.swept_since_s, seen.t_s, swept_s):
         # no control helps, and a climb would cost time for a landing nearby
         return Verdict("land", "it is carried off faster than it flies", hurry=True)
-    climbs = guard.task.doing == "climb" and seen.ground_speed_m_s > SWEPT_M_S
-    if climbs and lasted(limits, guard.receding_since_s, seen.t_s, AT_ONCE_S):
+    climbs = guard.task.doing == "climb" and seen.ground_speed_m_s > CARRIED_AWAY_M_S
+    if climbs and lasted(limits, guard.receding_since_s, seen.t_s, QUICK_VERDICT_S):
         return Verdict("land", "it is carried off while it climbs", hurry=True)
     blown = _blown_away(limits, guard, seen)
     if blown is not None:
@@ -203,25 +203,25 @@ def _trouble(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
     return None
 
 
-def _carried_off_landing(limits: Limits, guard: Guard, seen: Seen) -> bool:
+def _carried_off_landing(limits: Limits, guard: Guard, seen: Snapshot) -> bool:
     """Return whether it is carried away during a landing at normal descent rate."""
     if guard.hurries or not guard.landing or seen.height_m <= 2.0 * QUICK_M:
         return False
-    return lasted(limits, guard.swept_since_s, seen.t_s, BLOWN_S)
+    return lasted(limits, guard.swept_since_s, seen.t_s, BLOWN_AWAY_S)
 
 
-def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
+def _blown_away(limits: Limits, guard: Guard, seen: Snapshot) -> str | None:
     """Return a reason if the airframe cannot hold the wind: a return would carry it farther."""
     limit_m_s = limits.energy.max_airspeed_m_s
     if seen.wind_m_s is None or seen.wind_m_s < limit_m_s:
         return None
-    hopeless = seen.wind_m_s >= HOPELESS * limit_m_s
-    if not hopeless and not lasted(limits, guard.receding_since_s, seen.t_s, BLOWN_S):
+    hopeless = seen.wind_m_s >= LAND_AT_ONCE_WIND_FACTOR * limit_m_s
+    if not hopeless and not lasted(limits, guard.receding_since_s, seen.t_s, BLOWN_AWAY_S):
         return None
     return f"the wind of {seen.wind_m_s:.0f} m/s carries it away"
 
 
-def _wrong(limits: Limits, guard: Guard, seen: Seen) -> str | None:
+def _wrong(limits: Limits, guard: Guard, seen: Snapshot) -> str | None:
     t_s, task = seen.t_s, guard.task
     if lasted(limits, guard.outside_since_s, t_s, OUTSIDE_S) and not _coming_back(
         limits, guard, seen
@@ -241,14 +241,14 @@ def _wrong(limits: Limits, guard: Guard, seen: Seen) -> str | None:
     return _too_long(limits, guard, seen)
 
 
-def _coming_back(limits: Limits, guard: Guard, seen: Seen) -> bool:
+def _coming_back(limits: Limits, guard: Guard, seen: Snapshot) -> bool:
     """Return whether a vehicle outside the fence is on its way back, with progress."""
     homeward = guard.action == "rtl" or guard.task.homeward
     recent = seen.t_s - guard.best_s < RECOVERY_S + limits.slack_s
     return homeward and recent and guard.receding_since_s is None
 
 
-def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
+def _too_long(limits: Limits, guard: Guard, seen: Snapshot) -> str | None:
     task, t_s = guard.task, seen.t_s
     if guard.action == "rtl":
         returns_m = max(30.0, task.height_m) + limits.relief_m

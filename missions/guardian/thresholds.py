@@ -26,19 +26,19 @@ BEHIND_STEP_S: Final = 0.25
 RECEDING_M_S: Final = 2.0
 RECEDING_S: Final = 4.0
 """A vehicle that moves away from its goal at `RECEDING_M_S` for `RECEDING_S` is carried away."""
-UNSEEN_S: Final = 3.0
+MAX_CALL_GAP_S: Final = 3.0
 """Maximum time between two calls over which a motion counts as continuous, s."""
-SWEPT_M_S: Final = 6.0
-SWEPT_SHARE: Final = 1.2
-SWEPT_S: Final = 3.0
-"""A vehicle carried away faster than `SWEPT_M_S`, and than it can fly, has no control."""
-AT_ONCE_S: Final = 1.0
+CARRIED_AWAY_M_S: Final = 6.0
+CARRIED_AWAY_SHARE: Final = 1.2
+CARRIED_AWAY_S: Final = 3.0
+"""A vehicle carried away faster than `CARRIED_AWAY_M_S`, and than it can fly, has no control."""
+QUICK_VERDICT_S: Final = 1.0
 """Time for that verdict in a climb and at the fence, s: a longer climb makes a longer descent."""
-LEAVES_S: Final = 4.0
-"""Look-ahead of the prediction that it leaves the fence, s: soon after `SWEPT_S`."""
-BLOWN_S: Final = 2.0
+FENCE_LOOK_AHEAD_S: Final = 4.0
+"""Look-ahead of the prediction that it leaves the fence, s: soon after `CARRIED_AWAY_S`."""
+BLOWN_AWAY_S: Final = 2.0
 """Time of being carried away for a verdict in a wind beyond its limit or in a landing, s."""
-HOPELESS: Final = 1.5
+LAND_AT_ONCE_WIND_FACTOR: Final = 1.5
 """Multiple of its wind limit at which it lands before it is carried away."""
 OUTSIDE_S: Final = 2.0
 RECOVERY_S: Final = 6.0
@@ -50,14 +50,14 @@ DOWN_M: Final = 0.8
 DOWN_S: Final = 4.0
 DOWN_M_S: Final = 0.7
 """Below `DOWN_M` and slower than `DOWN_M_S` for `DOWN_S`, a vehicle lies on the ground."""
-FALL_M_S: Final = 4.0
+FALLING_M_S: Final = 4.0
 """Sink rate above which a vehicle is falling, m/s."""
-HARD_M_S: Final = 2.5
+HARD_LANDING_M_S: Final = 2.5
 """Touch-down speed above which a vehicle has struck the ground, m/s."""
-STANDS_S: Final = 20.0
+MOTORS_OFF_WAIT_S: Final = 20.0
 """Time after a touch-down beyond which only the crew will stop motors that still run, s."""
-SINKS_M: Final = 0.5
-"""Height that a landing loses within `STANDS_S` in the air, m: autopilots land at >= 0.3 m/s."""
+LANDING_DESCENT_M: Final = 0.5
+"""Minimum descent of a landing within `MOTORS_OFF_WAIT_S`, m: autopilots land at >= 0.3 m/s."""
 UP_M: Final = 2.0
 REACH_M: Final = 5.0
 REACH_M_S: Final = 15.0
@@ -71,12 +71,12 @@ It does so again that far below home, where the ground is lower.
 """
 QUICK_AIM_M: Final = 2.0
 """Distance of its target below that height, m: it would slow down near a target."""
-HASTE_M_S: Final = 3.0
+QUICK_DESCENT_M_S: Final = 3.0
 """Descent rate for a vehicle that is carried away, m/s; the usual one is 1.5.
 
 A faster one looks like a fall. At 15 m/s over ground it breaks anyway, so distance counts.
 """
-LAST_MARGIN: Final = 1.25
+LANDING_ENERGY_FACTOR: Final = 1.25
 """Multiple of the energy of a landing below which it lands at once."""
-SPENT_S: Final = 2.5
+LOW_CHARGE_S: Final = 2.5
 """Time for which such a low charge must be reported, s: one wrong message is no empty battery."""

@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.events import Event, FrameSeen, Vote, Weighed
+from missions.events import Event, FrameSeen, FrameWeighed, Vote
 from missions.units import Cell
 
 PRIOR_WEIGHT: Final = 0.15
@@ -202,7 +202,7 @@ def evidence_of(events: Iterable[Event]) -> Evidence | None:
     for event in events:
         if isinstance(event, FrameSeen):
             seen = event
-        elif isinstance(event, Weighed) and seen is not None:
+        elif isinstance(event, FrameWeighed) and seen is not None:
             found = found or Evidence()
             found.add(seen.votes, event.weights)
     return found

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from missions.classes import ClassShare
 from missions.events import FrameSeen
-from missions.fleet_events import Fact, Shared
+from missions.fleet_events import Fact, FactsShared
 from missions.mapping.evidence import Cells, CellSums
 from missions.units import Cell
 
@@ -70,13 +70,13 @@ class FrameSums:
         self._doubts = Doubts() if doubts is None else doubts
         self._classes: dict[int, CellSums] = {}
 
-    def note(self, event: FrameSeen | Shared) -> None:
+    def note(self, event: FrameSeen | FactsShared) -> None:
         """Count a frame; a frame from search height only raises suspicions and does not count.
 
         A fact of another member with classes counts as one frame, which knows its cells. Cells that
         a member leaves unsure are unsure.
         """
-        if isinstance(event, Shared):
+        if isinstance(event, FactsShared):
             for fact in event.frames:
                 self._doubts.note(event.vehicle, fact)
                 if fact.classes:

@@ -11,7 +11,7 @@ from collections.abc import Container, Mapping
 from typing import NamedTuple
 
 from missions.events import Event, FrameSeen, Tracked
-from missions.fleet_events import Fact, Shared
+from missions.fleet_events import Fact, FactsShared
 from missions.mapping.belief import Ballot, Belief, FrameId, Verdicts
 from missions.mapping.frame_sums import Doubts
 from missions.mapping.overview import with_plain
@@ -52,9 +52,9 @@ class Facts:
 
     def take(self, event: Event) -> list[Fact]:
         """Add what an event reports of cells; return the new facts."""
-        if not isinstance(event, Shared | FrameSeen | Tracked):
+        if not isinstance(event, FactsShared | FrameSeen | Tracked):
             return []
-        if isinstance(event, Shared):
+        if isinstance(event, FactsShared):
             facts = list(event.frames)
         else:
             none = OwnCells(self._none, self._none, self._explored)

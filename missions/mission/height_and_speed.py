@@ -212,7 +212,7 @@ def picture_warnings(mission: Mission) -> Iterator[str]:
 # --- ground that is not flat -----------------------------------------------------------------
 STEEPEST: Final = 0.6
 """Maximum slope that is followed: on steeper ground targets would be less than 2 m apart."""
-WORTH_TELLING: Final = 0.1
+FLAT_GROUND_WARNING_SHARE: Final = 0.1
 """Error of cells by flat ground, as a share of their edge, from which on a warning is due."""
 
 
@@ -313,7 +313,7 @@ def terrain_warnings(mission: Mission) -> Iterator[str]:
     if relief is None or mission.flight.height_above == "ground":
         return
     off_m = off_if_flat_m(mission, relief)
-    if off_m > WORTH_TELLING * mission.grid.cell_m:
+    if off_m > FLAT_GROUND_WARNING_SHARE * mission.grid.cell_m:
         yield (
             f'flight.height_above = "home": the ground in the fence lies {relief.lowest_m:+.1f} to '
             f"{relief.highest_m:+.1f} m from the start, with slopes up to {relief.steepest:.0%}; "

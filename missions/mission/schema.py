@@ -50,7 +50,7 @@ from missions.mission.sim_section import Sim
 from missions.units import LatLon
 
 MAX_VEHICLES = 50
-WANDERS_M = 1.5
+MAX_OVERSHOOT_M = 1.5
 """Maximum height of a vehicle above its layer, m."""
 
 
@@ -315,7 +315,7 @@ class Mission(Section):
         if low_m is None:
             return None
         fine_m = self.camera.optics.height_m(self.grid.cell_m, self.camera.pixels_per_cell)
-        return min(max(fine_m, top_m + WANDERS_M), (top_m + low_m) / 2.0)
+        return min(max(fine_m, top_m + MAX_OVERSHOOT_M), (top_m + low_m) / 2.0)
 
     def altitude_m(self, vehicle: int) -> float:
         """Return the layer of a vehicle (from 0) above home, or above the ground.

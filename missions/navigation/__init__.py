@@ -5,7 +5,7 @@ them that their pictures show. Both give the error of the reported position, and
 satellites can be trusted. docs/explanation/own-map.md describes purpose and method.
 """
 
-from missions.navigation.network import Disagreement, Estimate, ToldErrors
+from missions.navigation.network import Disagreement, Estimate, ReportedErrors
 from missions.navigation.track import Track
 
-__all__ = ["Disagreement", "Estimate", "ToldErrors", "Track"]
+__all__ = ["Disagreement", "Estimate", "ReportedErrors", "Track"]

@@ -14,12 +14,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-UNEASE_M: Final = 0.3
+UNSUPPORTED_STEP_ERROR_M: Final = 0.3
 """Error of an unsupported step beyond that of dead reckoning, m."""
 
 
 @dataclass(frozen=True, slots=True)
-class ToldErrors:
+class ReportedErrors:
     """Errors of reported positions; standard deviations in one direction.
 
     Attributes:
@@ -94,7 +94,7 @@ class Disagreement:
 
         A jump is known far better than the error: it does not depend on the quality of the map.
         """
-        return max(self.least_m, self.leap_m - 2.5 * UNEASE_M) > tolerated_m
+        return max(self.least_m, self.leap_m - 2.5 * UNSUPPORTED_STEP_ERROR_M) > tolerated_m
 
 
 Reals = NDArray[np.float64]
@@ -227,7 +227,7 @@ def solve(
     sides = np.column_stack([border, pull])
     solved = (inverse @ sides.view(np.float64)).view(np.complex128)  # all real but the sides
     lean, alone = solved[:, :-1], solved[:, -1]
-    stiffness, known = _of_turns(links, turns)
+    stiffness, known = _turn_constraints(links, turns)
     stiffness = stiffness - border.conj().T @ lean
     turns_variance: Complexes = np.asarray(np.linalg.inv(stiffness), dtype=np.complex128)
     found = turns_variance @ (known - border.conj().T @ alone)
@@ -240,7 +240,7 @@ def solve(
     return Solution(errors, found, inverse, lean, turns_variance, evidence)
 
 
-def _of_turns(links: Links, turns: Turns) -> tuple[Complexes, Complexes]:
+def _turn_constraints(links: Links, turns: Turns) -> tuple[Complexes, Complexes]:
     """Return the constraints of the turns if no error changes: a matrix, and a right side."""
     knots = len(turns.prior)
     matrix = turns.prior.copy()

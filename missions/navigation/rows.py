@@ -11,13 +11,13 @@ from typing import Final, Literal
 import numpy as np
 
 from missions.navigation.network import (
-    UNEASE_M,
+    UNSUPPORTED_STEP_ERROR_M,
     Links,
     Numbers,
     Reals,
+    ReportedErrors,
     Solution,
     Steps,
-    ToldErrors,
     Turns,
 )
 
@@ -79,7 +79,7 @@ class Knots:
         return knots, share
 
 
-def knots_of(keys: Sequence[Key], errors: ToldErrors) -> Knots:
+def knots_of(keys: Sequence[Key], errors: ReportedErrors) -> Knots:
     """Return knots that are far enough apart to be few."""
     times = np.array([key.t_s for key in keys])
     span_s = float(times[-1] - times[0])
@@ -132,7 +132,7 @@ def links_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Link
     return Links(begin, to, moved, excess, variance + turned, at, share)
 
 
-def steps_of(keys: Sequence[Key], errors: ToldErrors, trusted_until_s: float) -> Steps:
+def steps_of(keys: Sequence[Key], errors: ReportedErrors, trusted_until_s: float) -> Steps:
     """Return the steps: each error by itself, or after the one before it.
 
     Satellites are trusted before `trusted_until_s` at most.
@@ -154,7 +154,7 @@ def steps_of(keys: Sequence[Key], errors: ToldErrors, trusted_until_s: float) ->
     return Steps(of, np.maximum(of - 1, 0), keep, variance)
 
 
-def sparse_steps_of(keys: Sequence[Key], errors: ToldErrors, every_s: float) -> Steps:
+def sparse_steps_of(keys: Sequence[Key], errors: ReportedErrors, every_s: float) -> Steps:
     """Return the same if satellites count only every `every_s`: their errors are then independent.
 
     Keyframes between are treated as if nothing supported them.
@@ -175,14 +175,14 @@ def sparse_steps_of(keys: Sequence[Key], errors: ToldErrors, every_s: float) -> 
     )  # fmt: skip
 
 
-def _wander_m2(before: Key, key: Key, errors: ToldErrors) -> float:
+def _wander_m2(before: Key, key: Key, errors: ReportedErrors) -> float:
     """Return the possible change of the error between two keyframes without support, m^2."""
     if key.leapt:
         return _LEAP_M**2
     way_m = key.way_m - before.way_m  # includes removed keyframes in between
     share = errors.reckoned_share**2 * way_m * max(way_m, errors.reckoned_over_m)
     at_rest = errors.reckoned_m_sqrt_s**2 * (key.t_s - before.t_s)
-    return share + at_rest + UNEASE_M**2
+    return share + at_rest + UNSUPPORTED_STEP_ERROR_M**2
 
 
 _GATE: Final = 13.8  # chi-square, two degrees of freedom, 99.9 %
@@ -211,7 +211,7 @@ def judged(ties: Sequence[Tie], keys: dict[int, Key], loose: Solution, knots: Kn
             suspects.append((tie, miss))
     for (a, miss_a), (b, miss_b) in itertools.combinations(suspects, 2):
         after, until = max(a.begin, b.begin), min(a.to, b.to)
-        noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * UNEASE_M**2
+        noise = a.sigma_m**2 + b.sigma_m**2 + 2.0 * UNSUPPORTED_STEP_ERROR_M**2
         # two agree on one step: the links are not wrong
         if after < until and abs(miss_a - miss_b) ** 2 <= _GATE * noise:
             a.state = b.state = "held"

@@ -23,8 +23,8 @@ from missions.navigation.network import (
     Disagreement,
     Estimate,
     Links,
+    ReportedErrors,
     Solution,
-    ToldErrors,
     Turns,
     solve,
 )
@@ -52,7 +52,7 @@ _FEWEST: Final = 10
 _MOST: Final = 80  # keyframes, the newest of those that count
 
 
-def learned_m(keys: dict[int, Key], ties: Sequence[Tie], errors: ToldErrors) -> float:
+def learned_m(keys: dict[int, Key], ties: Sequence[Tie], errors: ReportedErrors) -> float:
     """Return the standard deviation of satellites in one direction: at most that of `errors`.
 
     It is the mean over several candidates, weighted by their probability given pictures and
@@ -97,7 +97,7 @@ class Track:
     True
     """
 
-    errors: ToldErrors = field(default_factory=ToldErrors)
+    errors: ReportedErrors = field(default_factory=ReportedErrors)
     _keys: dict[int, Key] = field(default_factory=dict)
     _links: list[Tie] = field(default_factory=list)
     _next: int = 0

@@ -22,7 +22,7 @@ _LIFTS_OFF_M = 0.3  # height of a setpoint above a vehicle on the ground that le
 _OFFBOARD_CLIMB_M = 1.0
 _HOME_SEED = 43
 
-Wish = tuple[float | None, float | None, float | None]
+PartialPlace = tuple[float | None, float | None, float | None]
 """East, north, up; None for a free coordinate."""
 
 
@@ -49,7 +49,7 @@ class Px4Autopilot(Aircraft):
         self.setpoints = Setpoints()
         self.correction = HomeCorrection((*device.seed, _HOME_SEED), device.quirks.home_moves_m)
         self._after_disarming = self._intended = Px4Mode.HOLD
-        self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
+        self._take_off_to: PartialPlace = (None, None, None)  # asked for with NAV_TAKEOFF
         self._has_flown = False  # since it was armed
         self._climbs_first = False  # a mission that does not begin with a take-off
         self._hangs = False  # its return has nowhere to go
@@ -203,7 +203,7 @@ class Px4Autopilot(Aircraft):
 
     # --- take-off -------------------------------------------------------------------------------
 
-    def take_off(self, place: Wish) -> str | None:
+    def take_off(self, place: PartialPlace) -> str | None:
         """Execute NAV_TAKEOFF: up from here, or to a place, to a height or MIS_TAKEOFF_ALT.
 
         Arming may come later.
@@ -235,7 +235,7 @@ class Px4Autopilot(Aircraft):
 
     # --- targets --------------------------------------------------------------------------------
 
-    def reposition(self, place: Wish, yaw_rad: float | None) -> str | None:
+    def reposition(self, place: PartialPlace, yaw_rad: float | None) -> str | None:
         """Execute DO_REPOSITION in Hold; None keeps a coordinate, or the heading.
 
         In another mode, or on the ground, it has no effect; the returned text is of a fence only.

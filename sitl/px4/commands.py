@@ -23,8 +23,8 @@ from sitl.mavlink.commands import (
     Reply,
     Request,
 )
-from sitl.px4.autopilot import Px4Autopilot, Wish
-from sitl.px4.modes import Px4Mode, wanted
+from sitl.px4.autopilot import PartialPlace, Px4Autopilot
+from sitl.px4.modes import Px4Mode, requested_mode
 from sitl.px4.telemetry import DEFAULT_S
 
 _NAN_AS_INT = 0x7FF80000
@@ -64,13 +64,13 @@ class Px4Commands(Commands):
         base, main, sub = request.integer(1), request.integer(2), request.integer(3)
         mode = None
         if base is not None and base & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and main is not None:
-            mode = wanted(main & 0xFF, (sub or 0) & 0xFF)
+            mode = requested_mode(main & 0xFF, (sub or 0) & 0xFF)
         # the receiver of the message accepts it before the commander checks it
         return replace(self._mode(mode), before=(ACCEPTED,))
 
     def set_mode(self, number: int) -> Reply:
         """Execute SET_MODE: main mode and sub-mode in one number."""
-        return self._mode(wanted(number >> 16 & 0xFF, number >> 24 & 0xFF))
+        return self._mode(requested_mode(number >> 16 & 0xFF, number >> 24 & 0xFF))
 
     def _mode(self, mode: Px4Mode | None) -> Reply:
         return self.answer("Unsupported mode" if mode is None else self.ap.set_mode(mode))
@@ -95,7 +95,7 @@ class Px4Commands(Commands):
         # without the flag it flies there in Hold, and answers that it does not
         return Reply(ACCEPTED if changes_mode else UNSUPPORTED)
 
-    def _wish(self, request: Request) -> Wish:
+    def _wish(self, request: Request) -> PartialPlace:
         """Return the place of a command, None where it has no coordinate."""
         where, amsl_m = request.lat_lon_e7, request.p[6]
         up = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None

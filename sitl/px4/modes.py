@@ -36,10 +36,10 @@ LEVEL = tuple(mode for mode in BY_HAND if mode != Px4Mode.POSITION)
 UNARMABLE = (Px4Mode.RTL, Px4Mode.LAND)
 
 
-def wanted(main: int, sub: int) -> Px4Mode | None:
+def requested_mode(main: int, sub: int) -> Px4Mode | None:
     """Return the mode that DO_SET_MODE requests; AUTO without a sub-mode is the mission.
 
-    >>> wanted(4, 0).name, wanted(6, 0).name, wanted(4, 99)
+    >>> requested_mode(4, 0).name, requested_mode(6, 0).name, requested_mode(4, 99)
     ('MISSION', 'OFFBOARD', None)
     """
     sub = (sub or SUB_MISSION) if main == MAIN_AUTO else 0

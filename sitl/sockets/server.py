@@ -210,7 +210,7 @@ def _check_prefix(prefix: str, http_port: int) -> None:
         )
 
 
-_PATIENCE_S = 20.0
+_ANSWER_WAIT_S = 20.0
 
 T = TypeVar("T")
 
@@ -230,7 +230,7 @@ class Background:
         self._transport: Transport = "tcp" if tcp else "udp"
         self._thread = threading.Thread(target=self._run, name="sitl", daemon=True)
         self._thread.start()
-        if not self._ready.wait(_PATIENCE_S):
+        if not self._ready.wait(_ANSWER_WAIT_S):
             raise OSError("the simulator did not open its sockets")
         if self._failed is not None:
             self._thread.join()
@@ -249,7 +249,7 @@ class Background:
                 answer.set_exception(error)
 
         self._loop.call_soon_threadsafe(put)
-        return answer.result(_PATIENCE_S)
+        return answer.result(_ANSWER_WAIT_S)
 
     def check(self) -> None:
         """Raise `RuntimeError` if the thread has died."""
@@ -260,7 +260,7 @@ class Background:
         """End the thread and close every socket."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._task.cancel)
-            self._thread.join(_PATIENCE_S)
+            self._thread.join(_ANSWER_WAIT_S)
 
     def _run(self) -> None:
         try:

@@ -27,7 +27,7 @@ from tests.benchmarks.frame import asked, flown, head, row, spread
 from tests.support.ground.true_ground import seams_m, shifts_m, true_ground
 from tests.support.plans import named_text, plan_of
 from tests.unit.vision.scene import nadir_pose
-from uavmap.aircraft.imaging.classifier import PictureJudge, Taken
+from uavmap.aircraft.imaging.classifier import PictureJudge, PosedPicture
 from uavmap.base.image_files import decoded
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.mavlink.session import Session
@@ -84,7 +84,7 @@ def delay(setting: Setting, jpeg: bytes) -> None:
                 for number, kept in enumerate(pictures(setting)):
                     time.sleep(max(0.0, begin_s + number / 20.0 - time.monotonic()))
                     at_s = time.perf_counter()
-                    taken = Taken(1, kept.t_s, kept.pose, None, True, "picture", jpeg)
+                    taken = PosedPicture(1, kept.t_s, kept.pose, None, True, "picture", jpeg)
                     judge.verdict(taken)
                     found.append(1e3 * (time.perf_counter() - at_s))
                 share = (time.process_time() - spent_s) / (time.monotonic() - begin_s)

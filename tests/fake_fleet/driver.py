@@ -35,7 +35,16 @@ from missions.events import (
     Vote,
 )
 from missions.geo.braking import Course
-from missions.guardian import HASTE_M_S, Guard, Mode, Seen, Task, corners_home, quick_aim_m, watch
+from missions.guardian import (
+    QUICK_DESCENT_M_S,
+    Guard,
+    Mode,
+    Snapshot,
+    Task,
+    corners_home,
+    quick_aim_m,
+    watch,
+)
 from missions.orders import (
     AwaitBattery,
     FlyPath,
@@ -592,7 +601,7 @@ class Driver:
         craft, now_s = self.craft, self.fleet.now_s
         mode: Mode = "other" if self.overridden else craft.mode
         wind_m_s = self._measured_m_s()
-        seen = Seen(
+        seen = Snapshot(
             now_s, self.position, self.height_m, craft.ground_speed_m_s, craft.home, craft.armed,
             craft.flying or (craft.crashed and craft.armed), mode, self.remaining_wh, wind_m_s,
         )  # fmt: skip
@@ -624,7 +633,7 @@ class Driver:
         if aim_m is not None:
             self._switch("follow")
             craft.aim(craft.believed, aim_m + self.lift_m(craft.believed))
-            craft.descent_m_s = HASTE_M_S
+            craft.descent_m_s = QUICK_DESCENT_M_S
         elif named[action] not in self.refuses:
             self._switch(action)
 

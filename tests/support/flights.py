@@ -19,7 +19,7 @@ from missions.units import Cell, GridPoint
 from tests.support.small_missions import CELL_M, START, mission, square
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Poses
-from uavmap.aircraft.imaging.classifier import Classifier, PictureJudge, Taken
+from uavmap.aircraft.imaging.classifier import Classifier, PictureJudge, PosedPicture
 from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import VirtualClock, run
@@ -188,7 +188,7 @@ class Flight:
     async def taken_in(self) -> None:
         """What was reported is taken in at once."""
 
-    async def judge(self, taken: Taken) -> bool:
+    async def judge(self, taken: PosedPicture) -> bool:
         """What a picture says is taken in at once."""
         verdict = self._judge.verdict(taken)
         self.report(verdict)

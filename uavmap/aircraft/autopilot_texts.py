@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from missions.events import UNTOLD, Told
+from missions.events import CAUSE_NOT_REPORTED, AutopilotText
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.status_texts import CAUSELESS, DUE, Text
 
@@ -72,15 +72,15 @@ REPEAT_S: Final = 60.0
 """Interval after which the same text is shown again, with its count, s."""
 BURST: Final = 10
 """Number of texts of each class (grave, other) that are shown at once."""
-EVERY_S: Final = 2.0
-GRAVE: Final = 3
+TEXT_INTERVAL_S: Final = 2.0
+GRAVE_SEVERITY: Final = 3
 """Severity up to which a text is grave and does not wait behind others: MAV_SEVERITY_ERROR."""
-LEAST: Final = 6
+SHOWN_SEVERITY: Final = 6
 """Severity up to which texts are shown: MAV_SEVERITY_INFO; later ones are for debugging."""
-MOST_TOLD: Final = 5000
+MAX_RECORDED: Final = 5000
 """Maximum number of a vehicle's texts in the journal of one run."""
-MOST_KNOWN: Final = 200
-EXPLAINS_S: Final = 5.0
+MAX_REMEMBERED: Final = 200
+MAX_CAUSE_AGE_S: Final = 5.0
 """Maximum time between a text and a change of mode that it explains, s."""
 _SEVERITIES: Final = (
     "emergency", "alert", "critical", "error", "warning", "notice", "info", "debug",
@@ -88,7 +88,7 @@ _SEVERITIES: Final = (
 
 
 @dataclass(slots=True)
-class _Known:
+class _EarlierText:
     """A text that came before."""
 
     told_s: float
@@ -105,7 +105,7 @@ class _Allowance:
 
     def take(self, now_s: float) -> bool:
         """Return whether one more may be shown."""
-        self.left = min(self.left + max(now_s - self.at_s, 0.0) / EVERY_S, float(BURST))
+        self.left = min(self.left + max(now_s - self.at_s, 0.0) / TEXT_INTERVAL_S, float(BURST))
         self.at_s = now_s
         if self.left < 1.0:
             return False
@@ -119,7 +119,7 @@ class AutopilotTexts:
     def __init__(self, reporter: Reporter) -> None:
         self._reporter = reporter
         self._view = reporter.view
-        self._known: dict[tuple[int, str], _Known] = {}
+        self._known: dict[tuple[int, str], _EarlierText] = {}
         self._allowed = {True: _Allowance(), False: _Allowance()}
         self._untold = 0
         self._kept = 0
@@ -128,44 +128,46 @@ class AutopilotTexts:
         reporter.view.hear = self.hear
 
     def why(self, mode_name: str) -> str | None:
-        """Return the cause of a mode, by the texts up to `EXPLAINS_S` before; later ones may
+        """Return the cause of a mode, by the texts up to `MAX_CAUSE_AGE_S` before; later ones may
         follow."""
         self._open_s = float("-inf")
         if not may_be_a_failsafe(mode_name):
             return None
         now_s = self._reporter.loop_s()
-        cause = failsafe_of(self._view.words_since(now_s - EXPLAINS_S))
+        cause = failsafe_of(self._view.words_since(now_s - MAX_CAUSE_AGE_S))
         if cause is not None:
             return cause
         self._open_s = now_s
-        return UNTOLD if self._view.critical else None
+        return CAUSE_NOT_REPORTED if self._view.critical else None
 
     def hear(self, text: Text) -> None:
         """Handle a complete text."""
         now_s = self._reporter.loop_s()
         cause = None
-        if now_s - self._open_s <= EXPLAINS_S:
+        if now_s - self._open_s <= MAX_CAUSE_AGE_S:
             cause = failsafe_of([text.words])
         if cause is not None:
             self._open_s = float("-inf")
-        elif not text.words or text.severity > LEAST:
+        elif not text.words or text.severity > SHOWN_SEVERITY:
             return
         known = self._known.get((text.severity, text.words))
         if known is not None:
             known.times += 1
         if cause is None and known is not None and now_s - known.told_s < REPEAT_S:
             return
-        if cause is None and not self._allowed[text.severity <= GRAVE].take(now_s):
+        if cause is None and not self._allowed[text.severity <= GRAVE_SEVERITY].take(now_s):
             self._untold += 1
             return
         times = 1 if known is None else known.times
-        while len(self._known) >= MOST_KNOWN:
+        while len(self._known) >= MAX_REMEMBERED:
             del self._known[next(iter(self._known))]
-        self._known[text.severity, text.words] = _Known(now_s)
+        self._known[text.severity, text.words] = _EarlierText(now_s)
         self._say(text, times)
-        if self._kept < MOST_TOLD or cause is not None:
+        if self._kept < MAX_RECORDED or cause is not None:
             self._kept += 1
-            self._reporter.happened(Told, text.severity, text.words, times=times, cause=cause)
+            self._reporter.happened(
+                AutopilotText, text.severity, text.words, times=times, cause=cause
+            )
 
     def _say(self, text: Text, times: int) -> None:
         number, line = self._reporter.number, self._reporter.line

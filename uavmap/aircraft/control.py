@@ -21,17 +21,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from uavmap.mavlink.autopilots import Autopilot
 from uavmap.mavlink.vehicle_view import OFF_GROUND, OFF_GROUND_M
 
-MODE_KNOWN_S: Final = 0.3
+MAX_MODE_AGE_S: Final = 0.3
 """Maximum age of the reported mode when another mode is commanded, s."""
 HEARTBEAT_WAIT_S: Final = 1.2
 """Maximum wait for the next heartbeat before a mode is commanded, s."""
-LATE_S: Final = 3.0
+LATE_REQUEST_S: Final = 3.0
 """Time for which an earlier request, never confirmed, may still be carried out, s."""
-PUT_BACK_S: Final = 0.5
+EARLIER_MODE_AFTER_S: Final = 0.5
 """Time after an acknowledged request from which the mode before it is the pilot's, s."""
-ARMED_S: Final = 1.0
+MOTORS_OFF_AFTER_S: Final = 1.0
 """Time after NAV_TAKEOFF from which a heartbeat without motors ends the take-off, s."""
-LIFT_S: Final = 12.0
+MAX_LIFT_OFF_S: Final = 12.0
 """Maximum time from an accepted take-off to leaving the ground, s."""
 
 FlownMode = Literal["follow", "rtl", "land", "other"]
@@ -77,16 +77,18 @@ class Request:
     before: int | None = None
     """Mode at the request; under our control until the requested mode is reported."""
     late: tuple[int, ...] = ()
-    """Modes of earlier requests that may still be carried out until `LATE_S` after this one."""
+    """Modes of earlier requests that may take effect until `LATE_REQUEST_S` after this one."""
     confirmed: bool = False
     acknowledged_s: float | None = None
     """Time of the autopilot's first acknowledgement, s; None again if it then refused it."""
 
     def allows(self, mode: int, now_s: float) -> bool:
         """Return whether another mode than the requested one follows from our requests."""
-        if mode in self.late and now_s - self.since_s <= LATE_S:
+        if mode in self.late and now_s - self.since_s <= LATE_REQUEST_S:
             return True
-        put_back = self.acknowledged_s is not None and now_s - self.acknowledged_s > PUT_BACK_S
+        put_back = (
+            self.acknowledged_s is not None and now_s - self.acknowledged_s > EARLIER_MODE_AFTER_S
+        )
         return mode == self.before and not self.confirmed and not put_back
 
 
@@ -177,7 +179,7 @@ class Control:
 
     def knows_mode(self, now_s: float) -> bool:
         """Return whether the mode is known well enough to command another."""
-        return now_s - self.heard_s <= MODE_KNOWN_S
+        return now_s - self.heard_s <= MAX_MODE_AGE_S
 
     def flown(self, kind: Autopilot) -> FlownMode:
         """Return the mode by the guardian's name."""
@@ -300,7 +302,7 @@ class Control:
         if old is not None and old.mode == mode:
             return replace(self, request=replace(old, acknowledged_s=None))
         late: tuple[int, ...] = ()
-        if old is not None and not old.confirmed and now_s - old.since_s <= LATE_S:
+        if old is not None and not old.confirmed and now_s - old.since_s <= LATE_REQUEST_S:
             late = (*old.late, old.mode)
         there = mode == self.mode and not late
         request = Request(mode, now_s, None if there else self.mode, late, there)
@@ -342,8 +344,8 @@ def _air_after(control: Control, ground: Ground, kind: Autopilot, now_s: float) 
         return AirState.LANDING if lands else AirState.AIRBORNE
     if air is AirState.TAKING_OFF:
         # its arming may be reported later than it was acknowledged
-        stands = ground.stands and control.heard_s - control.took_off_s > ARMED_S
-        down = ground.on and now_s - control.took_off_s > LIFT_S
+        stands = ground.stands and control.heard_s - control.took_off_s > MOTORS_OFF_AFTER_S
+        down = ground.on and now_s - control.took_off_s > MAX_LIFT_OFF_S
         return AirState.ON_GROUND if stands or down else air
     if ground.stands:
         return AirState.ON_GROUND

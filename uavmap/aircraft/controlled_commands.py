@@ -26,9 +26,9 @@ from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import VehicleView
 
-PAUSE_S: Final = 0.1
+RESEND_PAUSE_S: Final = 0.1
 """Pause before a command without an acknowledgement, or unsent, is sent again, s."""
-MODE_S: Final = 2.5
+MAX_MODE_CHANGE_S: Final = 2.5
 """Maximum time until a new mode is reported, s."""
 _STAMP_WRAPS_S: Final = 250.0
 """Time after which a time of transmission restarts, s: a float would lose its milliseconds."""
@@ -41,7 +41,7 @@ _PLACE_ALONE: Final = 0b1101_1111_1000
 """The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
 
-class NotOursError(CommandRefusedError):
+class NotInControlError(CommandRefusedError):
     """The vehicle is not under our control: no command is sent."""
 
 
@@ -68,7 +68,7 @@ def position_target(
 class ControlledCommands:
     """Commands, each repeated until it is acknowledged, or `done`: the vehicle is seen to do it.
 
-    Each raises `NotOursError`, `CommandRefusedError` if the vehicle refuses, and `LinkError`
+    Each raises `NotInControlError`, `CommandRefusedError` if the vehicle refuses, and `LinkError`
     without an answer.
     """
 
@@ -183,8 +183,8 @@ class ControlledCommands:
             self._view.aided_until_s = asyncio.get_running_loop().time() + _LEAPS_WITHIN_S
 
     # --- control -----------------------------------------------------------------------------
-    def _not_ours(self) -> NotOursError:
-        return NotOursError(f"the vehicle is {self.monitor.control.holder.value} now")
+    def _not_ours(self) -> NotInControlError:
+        return NotInControlError(f"the vehicle is {self.monitor.control.holder.value} now")
 
     @contextlib.asynccontextmanager
     async def _while_ours(self) -> AsyncIterator[None]:
@@ -204,7 +204,7 @@ class ControlledCommands:
     ) -> None:
         """Command a mode, noted before each copy. Raises `LinkError` if none is reported."""
         copy: Copy = mode if callable(mode) else lambda control, now_s: control.asking(mode, now_s)
-        permit = _KnownMode(self, self.session, self.monitor, copy)
+        permit = _ModePermit(self, self.session, self.monitor, copy)
         async with self._while_ours():
             try:
                 await self.session.command(command, *params, done=done, permit=permit)
@@ -214,7 +214,7 @@ class ControlledCommands:
 
 
 @dataclass(frozen=True, slots=True)
-class _KnownMode:
+class _ModePermit:
     """Permits a copy of a command while the vehicle is under our control by a recent mode.
 
     It notes the copy in the control before each send.

@@ -36,21 +36,21 @@ STRAYS_M: Final = 1.5
 """Distance from its stop beyond which a vehicle hovers elsewhere, m."""
 SEARCH_M: Final = 1.0
 """Maximum error of a hovering vehicle's reported place since it stopped, m."""
-HELD_RAD: Final = math.radians(0.1)
+HOVER_TILT_CHANGE_RAD: Final = math.radians(0.1)
 """Change of the attitude's error while a vehicle hovers, rad."""
 ERRORS: Final = SightingErrors(tilt_rad=math.radians(0.2), heading_rad=math.radians(0.1))
 """Errors of the camera from one picture to the next; constant errors are unknowns of their own."""
-TOLD_TILT_RAD: Final = math.radians(1.5)
+REPORTED_TILT_RAD: Final = math.radians(1.5)
 """Standard deviation of the mapper's reported tilt at the exposure, rad."""
 TIMING_S: Final = 0.03
 """Difference in time of exposure and telemetry, s: the error of a moving vehicle's sighting."""
-LOOK_S: Final = 0.9
+SEARCH_INTERVAL_S: Final = 0.9
 """Interval between two searches for the marker, s: close sightings err alike."""
-GAP_S: Final = 0.5
+MAX_TELEMETRY_GAP_S: Final = 0.5
 """Maximum gap between telemetry and exposure for the mapper's place, s."""
-APART_TIMES: Final = 5
+CONTRADICTIONS: Final = 5
 """Number of sightings in a row that must contradict satellites."""
-BY_SATELLITES_M: Final = 1.0
+MAX_SATELLITE_DIFFERENCE_M: Final = 1.0
 """Allowed difference of two places by satellites besides a sighting's error, m."""
 
 
@@ -121,7 +121,9 @@ class Member:
             return
         found = match(self.ground, ground, told, SEARCH_M)
         if found is not None:
-            sigma_m = math.hypot(found.sigma_m, frame.pose.height_m * math.tan(HELD_RAD))
+            sigma_m = math.hypot(
+                found.sigma_m, frame.pose.height_m * math.tan(HOVER_TILT_CHANGE_RAD)
+            )
             self.leapfrog.offsets.held(self.role, told, found.moved_m, sigma_m)
 
 
@@ -143,7 +145,7 @@ class Leapfrog:
 
     def look_for_mapper(self, tracker: Member, frame: Frame) -> None:
         """Search the mapper in a picture of the tracker, at intervals."""
-        due = frame.t_s - self._looked_s >= LOOK_S
+        due = frame.t_s - self._looked_s >= SEARCH_INTERVAL_S
         if tracker.role is not Role.TRACKER or len(self._members) < len(Role) or not due:
             return
         self._looked_s = frame.t_s
@@ -153,7 +155,7 @@ class Leapfrog:
         found = next((tag for tag in tags if tag.tag_id == number), None)
         loop_s = tracker.reporter.loop_s() - (tracker.reporter.now_s() - frame.t_s)
         place = mapper.reporter.view.place_at(loop_s)
-        if found is None or place is None or place.gap_s > GAP_S:
+        if found is None or place is None or place.gap_s > MAX_TELEMETRY_GAP_S:
             return
         seen = sight(
             found, frame.camera, frame.pose.attitude, self._wanted.tag_m,
@@ -190,8 +192,10 @@ class Leapfrog:
                 self._sighted_s = t_s
             return
         off_m = math.dist(told, apart)
-        self._apart = self._apart + 1 if off_m > self._wanted.tolerated_m + BY_SATELLITES_M else 0
-        if self._apart == APART_TIMES:
+        self._apart = (
+            self._apart + 1 if off_m > self._wanted.tolerated_m + MAX_SATELLITE_DIFFERENCE_M else 0
+        )
+        if self._apart == CONTRADICTIONS:
             number = self._members[Role.MAPPER].reporter.number
             self._say(
                 f"vehicle {number} is seen {off_m:.1f} m from its place by both reports: "
@@ -204,7 +208,7 @@ class Leapfrog:
         if turned is None:
             return Carrier()
         roll, pitch, _ = euler(turned)
-        return Carrier(roll, pitch, TOLD_TILT_RAD)
+        return Carrier(roll, pitch, REPORTED_TILT_RAD)
 
 
 def _tilts_m(frame: Frame, below_m: float, up_rad: float) -> NDArray[np.float64]:

@@ -21,10 +21,10 @@ OTHER_LAYER_M: Final = 1.5
 FULL_SPEED_S: Final = 5.0
 """Time after which a leg is at its full speed, s."""
 ACCEL_M_S2: Final = 2.0
-FAR_SHARE: Final = 0.3
-FAR_M_S: Final = 1.0
+MAX_SPEED_ERROR_SHARE: Final = 0.3
+MAX_SPEED_ERROR_M_S: Final = 1.0
 """Limits of a speed's deviation from the order; both must be exceeded."""
-MOST_RESENT: Final = 2
+MAX_SPEED_RESENDS: Final = 2
 """Maximum number of times in a leg that the speed is sent again: a strong wind persists."""
 
 
@@ -75,12 +75,18 @@ class SpeedWatch:
         """
         braking_m = self._speed_m_s**2 / (2.0 * ACCEL_M_S2)
         soon_m = braking_m + self._speed_m_s * FULL_SPEED_S
-        if now_s - self._begin_s < FULL_SPEED_S or left_m < soon_m or self._sent >= MOST_RESENT:
+        if (
+            now_s - self._begin_s < FULL_SPEED_S
+            or left_m < soon_m
+            or self._sent >= MAX_SPEED_RESENDS
+        ):
             return ""
         flown_m_s = self._view.ground_speed_m_s
         if self._view.ground is not None and flown_m_s < self._speed_m_s:
             return ""  # over ground it flies to near targets
-        if abs(flown_m_s - self._speed_m_s) <= max(FAR_M_S, FAR_SHARE * self._speed_m_s):
+        if abs(flown_m_s - self._speed_m_s) <= max(
+            MAX_SPEED_ERROR_M_S, MAX_SPEED_ERROR_SHARE * self._speed_m_s
+        ):
             return ""
         self._begin_s = now_s
         self._sent += 1

@@ -30,7 +30,7 @@ from missions.orders import (
 )
 from missions.units import Cell, GridPoint
 from uavmap.aircraft.control import AirState
-from uavmap.aircraft.controlled_commands import MODE_S, ControlledCommands
+from uavmap.aircraft.controlled_commands import MAX_MODE_CHANGE_S, ControlledCommands
 from uavmap.aircraft.imaging.frames import Frames
 from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.legs import OTHER_LAYER_M, SpeedWatch, aim_over_ground, at_height
@@ -39,11 +39,11 @@ from uavmap.aircraft.pad import Crew, Pad, insist
 from uavmap.aircraft.path_stream import PathStream, StreamTimeout
 from uavmap.aircraft.reporter import Reporter
 
-FIND_WAY_S: Final = 0.5
+NAVIGATION_INTERVAL_S: Final = 0.5
 """Interval between two pictures on a leg, if a vehicle may need them to navigate, s."""
-LIE_M_S: Final = 1.0
+SATELLITE_ERROR_M_S: Final = 1.0
 """Speed of a satellites' error that a map follows, m/s."""
-SINK_S: Final = 12.0
+MAX_DESCENT_S: Final = 12.0
 """Maximum time of a descent to that height, s; after it the vehicle lands from its place."""
 LOW_M: Final = 4.0
 """Height below which pictures show too little for navigation, m."""
@@ -129,7 +129,7 @@ class Manoeuvres:
     async def _find_way(self) -> None:
         """Take pictures for navigation, until cancelled; no map depends on them."""
         with contextlib.suppress(LinkError):
-            async with self._camera.to_navigate(FIND_WAY_S) as frames:
+            async with self._camera.to_navigate(NAVIGATION_INTERVAL_S) as frames:
                 async for _ in frames.judged(None):
                     pass
 
@@ -160,7 +160,7 @@ class Manoeuvres:
         def there() -> bool:
             off_m = self._reporter.position().distance_to(target())
             # false satellites report a movement that does not exist
-            lie_m_s = LIE_M_S if self._goes_by_map else 0.0
+            lie_m_s = SATELLITE_ERROR_M_S if self._goes_by_map else 0.0
             rests = not stop or (
                 self._view.ground_speed_m_s <= slow_m_s + lie_m_s
                 and at_height(self._view, height_m, always=layer_too)
@@ -327,7 +327,7 @@ class Manoeuvres:
         # touch-down and disarming are watched all the time; a take-off that was cancelled in time
         # never left the ground
         if stood:
-            await self._session.until(landing, MODE_S)
+            await self._session.until(landing, MAX_MODE_CHANGE_S)
             if not monitor.control.armed and monitor.control.air is AirState.ON_GROUND:
                 monitor.landed()
 
@@ -339,7 +339,7 @@ class Manoeuvres:
         with contextlib.suppress(CommandRefusedError):
             async with asyncio.TaskGroup() as tasks:
                 looking = tasks.create_task(self._find_way())
-                for _ in range(round(SINK_S / DRIFT_RESEND_S)):
+                for _ in range(round(MAX_DESCENT_S / DRIFT_RESEND_S)):
                     await insist(lambda: self._aim(here, LOW_M))
                     low = self._view.height_m <= LOW_M + OTHER_LAYER_M
                     if low or not self._goes_by_map:

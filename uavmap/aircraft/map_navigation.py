@@ -44,16 +44,16 @@ LOST_S: Final = 1.5
 """Time for which a filter reports no position on Earth before it counts as lost, s."""
 LEAP_S: Final = 2.0
 """Time that a navigation filter takes to show a jump of its satellites, s."""
-BACK_S: Final = 5.0
+SATELLITES_BACK_S: Final = 5.0
 """Time after which satellites that are back are used again, s."""
 COMPARE_S: Final = 0.5
 """Interval between two comparisons of satellites and pictures, s."""
 AGREE_S: Final = 30.0
 """Time for which satellites that were false must agree with the pictures, s."""
 AGREE_M: Final = 1.0
-TELL_S: Final = 5.0
+REPORT_INTERVAL_S: Final = 5.0
 """Interval between two events while satellites are not used, s."""
-UNSURE_S: Final = 10.0
+MAX_UNKNOWN_POSITION_S: Final = 10.0
 """Time for which a vehicle's position may be unknown before it is sent home, s."""
 UNSEEN_S: Final = 1.0
 """Time without a picture after which the position becomes less certain with the distance, s."""
@@ -141,7 +141,7 @@ class Navigation:
             self._since_s = None
         else:
             self._since_s = now_s if self._since_s is None else self._since_s
-            if now_s - self._since_s >= (LOST_S if lost else BACK_S):
+            if now_s - self._since_s >= (LOST_S if lost else SATELLITES_BACK_S):
                 self._changed("lost" if lost else "good", now_s)
         self._hear_partner(now_s)
         if self.gnss != "good":
@@ -312,7 +312,7 @@ class Navigation:
         if self._own is not None and now_s - self._pictured_s > UNSEEN_S:
             known_m = self._own.track.estimate().sigma_m if self._own.keyframes else math.inf
             self.sigma_m = math.hypot(known_m, self._own.errors.reckoned_share * self._flown_m)
-        if now_s - self._told_s >= TELL_S:
+        if now_s - self._told_s >= REPORT_INTERVAL_S:
             self._say(now_s)
         if self._wanted.gnss_loss not in ("map", "leapfrog") or self._failed:
             return
@@ -320,7 +320,7 @@ class Navigation:
             self._unsure_s = None
             return
         self._unsure_s = now_s if self._unsure_s is None else self._unsure_s
-        if now_s - self._unsure_s >= UNSURE_S:
+        if now_s - self._unsure_s >= MAX_UNKNOWN_POSITION_S:
             self._failed = True
             what = "mutual sightings" if self._by_partner else "its own map"
             self.fail(f"{what} gives its position to ±{self.sigma_m:.0f} m only")

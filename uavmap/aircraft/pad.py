@@ -12,8 +12,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Airborne, BatterySwapped
 from missions.orders import TakeOff
-from uavmap.aircraft.control import LIFT_S, AirState
-from uavmap.aircraft.controlled_commands import MODE_S, PAUSE_S, ControlledCommands, NotOursError
+from uavmap.aircraft.control import MAX_LIFT_OFF_S, AirState
+from uavmap.aircraft.controlled_commands import (
+    MAX_MODE_CHANGE_S,
+    RESEND_PAUSE_S,
+    ControlledCommands,
+    NotInControlError,
+)
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import Session
 
@@ -78,7 +83,7 @@ async def insist(ask: Callable[[], Awaitable[None]]) -> None:
         except CommandRefusedError:
             raise
         except LinkError:
-            await asyncio.sleep(PAUSE_S)
+            await asyncio.sleep(RESEND_PAUSE_S)
 
 
 class Pad:
@@ -125,7 +130,7 @@ class Pad:
             await insist(lambda: self._commands.take_off(order.height_m, lifted))
         except CommandRefusedError:
             # its first copy may have been carried out, and only the answer was lost
-            if not await session.until(lifted, LIFT_S):
+            if not await session.until(lifted, MAX_LIFT_OFF_S):
                 raise
         reached = order.height_m - CLIMB_TOLERANCE_M
         if not await session.until(
@@ -143,10 +148,12 @@ class Pad:
             try:
                 await self._commands.follow()
                 # a PX4 acknowledges it unseen: only a heartbeat confirms it
-                await self._session.until(lambda: self._view.mode == kind.follows, MODE_S)
+                await self._session.until(
+                    lambda: self._view.mode == kind.follows, MAX_MODE_CHANGE_S
+                )
                 await self._commands.arm()
                 break
-            except NotOursError:
+            except NotInControlError:
                 raise
             except LinkError:
                 if attempt == ARM_TRIES - 1:

@@ -23,9 +23,9 @@ from missions.geo.braking import Course
 from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
 from uavmap.aircraft.controlled_commands import (
-    MODE_S,
+    MAX_MODE_CHANGE_S,
     ControlledCommands,
-    NotOursError,
+    NotInControlError,
     position_target,
 )
 from uavmap.aircraft.reporter import Reporter
@@ -37,7 +37,7 @@ INTERVAL_S: Final = 0.1
 SMOOTH_S: Final = 0.5
 """Time over which the course is averaged, s: no vehicle changes its acceleration at once."""
 SAMPLES: Final = 10
-FIRST_S: Final = 0.6
+OFFBOARD_LEAD_S: Final = 0.6
 """Time of the stream before the change to OFFBOARD, s: PX4 requires half a second."""
 MODE_TRIES: Final = 4
 BRAKE_S: Final = 6.0
@@ -143,7 +143,7 @@ class PathStream:
             return
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._send_on())
-            await asyncio.sleep(FIRST_S)
+            await asyncio.sleep(OFFBOARD_LEAD_S)
             kind = self._view.kind
             await self._into(kind.stream_mode, self._commands.follow_stream)
 
@@ -238,12 +238,12 @@ class PathStream:
         for _ in range(MODE_TRIES):
             try:
                 await ask()
-            except NotOursError:
+            except NotInControlError:
                 raise
             except LinkError as error:  # refused, or not answered: it may have come anyway
                 refusal = error
             seen = lambda: view.mode == mode or not monitor.control.is_ours  # noqa: E731
-            if await self._session.until(seen, MODE_S):
+            if await self._session.until(seen, MAX_MODE_CHANGE_S):
                 return
         name = view.kind.mode_names[mode]
         raise refusal or LinkError(f"the vehicle does not change to {name}{view.recent_texts()}")
@@ -290,7 +290,7 @@ class PathStream:
 
 TIMEOUT_S: Final = 1.0
 """Timeout of a stream, s: from 6 m/s a real ArduCopter stops after 15 m, by default after 27 m."""
-LEAST_S: Final = 0.5
+MIN_TIMEOUT_S: Final = 0.5
 """Minimum timeout, s: a link that loses some setpoints must not look like a dead one."""
 
 
@@ -318,7 +318,7 @@ class StreamTimeout:
         if found is None:
             self._note(f"the vehicle does not report its {parameter}")
             return
-        if LEAST_S <= found.value <= TIMEOUT_S:
+        if MIN_TIMEOUT_S <= found.value <= TIMEOUT_S:
             self._settled = True
             return
         if await self._parameters.write(parameter, Parameter(TIMEOUT_S, found.type)):

@@ -11,7 +11,7 @@ from missions.events import Event, Tracked
 from uavmap.aircraft.process.messages import Telemetry
 from uavmap.mavlink.session import Session
 
-EVERY_S: Final = 1.0
+REPORT_INTERVAL_S: Final = 1.0
 """Minimum time between two reports of a vehicle, mission seconds."""
 LOSS_REPORTS: Final = 10
 """Number of reports over which the loss of a link is measured."""
@@ -35,7 +35,7 @@ class TelemetryReports:
         """Send a report after a position of a vehicle, if the last one is old enough."""
         if not isinstance(event, Tracked) or event.t_s < self._due_s.get(event.vehicle, 0.0):
             return
-        self._due_s[event.vehicle] = event.t_s + EVERY_S
+        self._due_s[event.vehicle] = event.t_s + REPORT_INTERVAL_S
         session = self._sessions.get(event.vehicle)
         if session is not None:
             self._send(self._report(event.vehicle, session))

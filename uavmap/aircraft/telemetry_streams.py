@@ -15,9 +15,9 @@ SILENT_S: Final = 5.0
 """Silence of a stream after which it is requested, and interval to request it again, s."""
 TRIES: Final = 10
 """Maximum number of requests: an autopilot may not have the stream."""
-LOOKED_AT: Final = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0}
+ONLOOKER_STREAMS: Final = {mav.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0}
 """Streams for onlookers only, Hz by message id: requested in flight, without waiting."""
-ASK_S: Final = 120.0
+MAX_REQUEST_S: Final = 120.0
 """Maximum time for all streams to be acknowledged, s."""
 
 
@@ -53,7 +53,7 @@ class Streams:
                     break
                 except LinkError as error:
                     waited_s = asyncio.get_running_loop().time() - begin_s
-                    if not hears() or waited_s > ASK_S:
+                    if not hears() or waited_s > MAX_REQUEST_S:
                         raise LinkError(
                             f"{self._name}: {error} in {waited_s:.0f} s: the link loses too much, "
                             "or it carries nothing towards the vehicle"
@@ -86,7 +86,7 @@ class Streams:
         if loop_s - self._asked_s < SILENT_S:
             return
         self._asked_s = loop_s
-        for message_id, rate_hz in {**LOOKED_AT, **self._rates}.items():
+        for message_id, rate_hz in {**ONLOOKER_STREAMS, **self._rates}.items():
             if self._silent_s(message_id) < SILENT_S:
                 self._tried[message_id] = 0
             elif (tried := self._tried.get(message_id, 0)) < TRIES:

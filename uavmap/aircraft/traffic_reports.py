@@ -13,12 +13,12 @@ from missions.events import Event, Tracked, TrafficSeen
 from missions.mission.layout import Layout
 from missions.traffic import Track
 from missions.units import GridPoint
+from uavmap.mavlink.link_traffic import TrafficReport
 from uavmap.mavlink.session import Session
-from uavmap.mavlink.traffic_heard import Heard
 
-EVERY_S: Final = 1.0
+REPORT_INTERVAL_S: Final = 1.0
 """Minimum time between two events, mission seconds."""
-MOST_TRACKS: Final = 20
+MAX_TRACKS: Final = 20
 """Maximum number of tracks in an event, the nearest to the start."""
 
 
@@ -58,8 +58,8 @@ class TrafficReports:
             key=lambda track: (track.place.distance_to(start), track.ident),
         )
         if tracks:
-            self._due_s = event.t_s + EVERY_S
-            self._report(TrafficSeen(event.t_s, tuple(tracks[:MOST_TRACKS])))
+            self._due_s = event.t_s + REPORT_INTERVAL_S
+            self._report(TrafficSeen(event.t_s, tuple(tracks[:MAX_TRACKS])))
 
     def _heard(self, known_s: dict[str, float]) -> Iterator[tuple[float, Track]]:
         """Yield the reports since the last event, but for our own vehicles; note their times in
@@ -73,7 +73,7 @@ class TrafficReports:
                 with contextlib.suppress(GeodesyError):
                     yield heard.heard_s, self._track(number, session, heard)
 
-    def _track(self, number: int, session: Session, heard: Heard) -> Track:
+    def _track(self, number: int, session: Session, heard: TrafficReport) -> Track:
         grid = self._grid
         place = grid.fixed(heard.position)
         age_s = asyncio.get_running_loop().time() - heard.heard_s

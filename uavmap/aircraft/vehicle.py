@@ -25,7 +25,7 @@ from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.planning.leapfrog_geometry import Role
 from missions.units import LatLon
 from uavmap.aircraft.autopilot_texts import AutopilotTexts
-from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
+from uavmap.aircraft.controlled_commands import ControlledCommands, NotInControlError
 from uavmap.aircraft.guarded_tasks import GuardedTasks
 from uavmap.aircraft.guardian.guardian import Guardian
 from uavmap.aircraft.guardian.monitor import Monitor
@@ -37,16 +37,16 @@ from uavmap.aircraft.pad import READY_S, Crew, Waiting
 from uavmap.aircraft.reporter import BATTERY_STALE_S, Report, Reporter
 from uavmap.aircraft.telemetry_streams import Streams
 from uavmap.base.clock import ClockRate
-from uavmap.mavlink.identity import answered
+from uavmap.mavlink.identity import wait_for_autopilot
 from uavmap.mavlink.session import Session
 from uavmap.mavlink.vehicle_view import GroundBelow, VehicleView
 
 LINK_LOST_S: Final = 5.0
-HEARD_ANEW_S: Final = 2.5
+MAX_RECONNECTION_S: Final = 2.5
 """Maximum wait for a heartbeat and a position of a vehicle that is back, s."""
-AFTER_ENDURANCE_S: Final = 60.0
+SILENCE_AFTER_BATTERY_S: Final = 60.0
 """Wait after its battery must be empty before a silent vehicle is given up, s."""
-ON_GROUND_S: Final = 120.0
+SILENCE_ON_GROUND_S: Final = 120.0
 """Maximum wait for a silent vehicle on the ground without a crew beside it, s."""
 
 
@@ -69,7 +69,7 @@ class MavlinkVehicle:
         link_lost_s: float = LINK_LOST_S,
         *,
         battery_stale_s: float = BATTERY_STALE_S,
-        ground_patience_s: float | None = ON_GROUND_S,
+        ground_patience_s: float | None = SILENCE_ON_GROUND_S,
         slack_s: float = 0.0,
         by_places: bool = False,
         tell: Callable[[str], None] = lambda text: None,
@@ -149,7 +149,7 @@ class MavlinkVehicle:
     async def connect(self) -> None:
         """Wait for the vehicle and request the mission's telemetry. Raises `LinkError`."""
         session = self._session
-        await answered(session, self.name)
+        await wait_for_autopilot(session, self.name)
         begin_s = asyncio.get_running_loop().time()
         await self._streams.ask(self._hears)
         session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
@@ -227,7 +227,7 @@ class MavlinkVehicle:
         except* LinkError as group:
             errors = leaves(group)
             # its monitor has reported the loss of control
-            if not any(isinstance(error, NotOursError) for error in errors):
+            if not any(isinstance(error, NotInControlError) for error in errors):
                 self._order_failed("; ".join(str(error) for error in errors))
 
     def _aid(self, place: LatLon, sigma_m: float) -> None:
@@ -293,7 +293,7 @@ class MavlinkVehicle:
         """Wait for the next position and heartbeat, where orders begin. Raises `LinkError`."""
         begin_s, view = asyncio.get_running_loop().time(), self._view
         if not await self._session.until(
-            lambda: min(view.position_s, view.heard_s) >= begin_s, HEARD_ANEW_S
+            lambda: min(view.position_s, view.heard_s) >= begin_s, MAX_RECONNECTION_S
         ):
             raise LinkError(f"{self.name}: it does not report its place and its mode")
 
@@ -304,7 +304,7 @@ class MavlinkVehicle:
         battery = self._setting.mission.battery
         charge_wh = self._view.remaining_wh(battery.capacity_wh)
         left_wh = battery.capacity_wh if charge_wh is None else charge_wh
-        return left_wh * 3600.0 / battery.hover_power_w + AFTER_ENDURANCE_S
+        return left_wh * 3600.0 / battery.hover_power_w + SILENCE_AFTER_BATTERY_S
 
     def _silence(self) -> str:
         place = self._setting.grid.position(self._reporter.position())

@@ -11,15 +11,15 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from missions.events import Event
-from missions.fleet_events import Asked, Leased
+from missions.fleet_events import AirLeased, AirRequested
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Column
 from missions.units import GridPoint
-from uavmap.fleet.codec import Ask
+from uavmap.fleet.codec import AirRequest
 from uavmap.fleet.peer import Peer
 
-MOST_ASK_S: Final = 600.0
+MAX_REQUEST_S: Final = 600.0
 """Maximum time for which airspace is requested, or kept clear, s."""
 
 
@@ -61,16 +61,16 @@ class AirspaceLeases:
         self._hurry()
 
     @property
-    def question(self) -> Ask | None:
+    def question(self) -> AirRequest | None:
         """Return the present request."""
         column = self._column
         if column is None:
             return None
-        return Ask(
+        return AirRequest(
             self._question, column.place, column.low_m, column.high_m, math.floor(column.until_s)
         )
 
-    def hear(self, sender: int, ask: Ask | None, its_s: float, now_s: float) -> None:
+    def hear(self, sender: int, ask: AirRequest | None, its_s: float, now_s: float) -> None:
         """Close the air that another requests to our vehicles, for its time by its own clock."""
         peer = self._peers[sender]
         if ask == peer.ask:
@@ -79,11 +79,11 @@ class AirspaceLeases:
         t_s = round(now_s, 3)
         # (the message's delay adds to that: the air is closed longer here, never shorter)
         for_s = 0.0 if ask is None else ask.until_s - its_s
-        if ask is None or not 0.0 < for_s <= MOST_ASK_S:
-            self._post(Asked(sender, t_s, GridPoint(0.0, 0.0), 0.0, 0.0, t_s))
+        if ask is None or not 0.0 < for_s <= MAX_REQUEST_S:
+            self._post(AirRequested(sender, t_s, GridPoint(0.0, 0.0), 0.0, 0.0, t_s))
             return
         until_s = round(now_s + for_s, 3)
-        self._post(Asked(sender, t_s, ask.place, ask.low_m, ask.high_m, until_s))
+        self._post(AirRequested(sender, t_s, ask.place, ask.low_m, ask.high_m, until_s))
         self._hurry()
 
     def promises(self, state: State | None) -> dict[int, int]:
@@ -122,4 +122,4 @@ class AirspaceLeases:
         if all(p is not None and (p.done or p.promised == self._question) for p in peers):
             self._leased = self._question
             t_s = round(self._now_s(), 3)
-            self._post(Leased(self._number, t_s, column.place, column.until_s))
+            self._post(AirLeased(self._number, t_s, column.place, column.until_s))

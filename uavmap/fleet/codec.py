@@ -61,7 +61,7 @@ Order = Literal["recall", "pause", "continue"]
 ORDERS: Final[tuple[Order, ...]] = get_args(Order)
 
 
-class Ask(NamedTuple):
+class AirRequest(NamedTuple):
     """The air above and below a place that a member requests; its requests are numbered."""
 
     number: int
@@ -71,7 +71,7 @@ class Ask(NamedTuple):
     until_s: float
 
 
-class Word(NamedTuple):
+class OperatorOrder(NamedTuple):
     """An operator's order; the one with the highest stamp holds, and every member repeats it."""
 
     stamp: int
@@ -91,10 +91,10 @@ class Message:
     have: dict[int, Holding] = field(default_factory=dict)
     """Facts of each member that the sender knows."""
     batches: tuple[Batch, ...] = ()
-    words: tuple[Word, ...] = ()
+    words: tuple[OperatorOrder, ...] = ()
     begun: bool = False
     """True if the sender's clock is that of the fleet, and moves no more."""
-    ask: Ask | None = None
+    ask: AirRequest | None = None
     promised: dict[int, int] = field(default_factory=dict)
     """Requests to which the sender agrees, by vehicle: the number of the request."""
     parts: tuple[Part, ...] = ()
@@ -156,7 +156,7 @@ def decode(data: bytes) -> Message:
     pad = PadHeight(inp.signed() * STEP_M, inp.count() * STEP_M) if flags & 8 else None
     presence = _presence(inp, DOES[does - 1]) if does else None
     have = {inp.count(): _holding(inp) for _ in range(_few(inp.count()))}
-    words = tuple(_word(inp) for _ in range(_few(inp.count())))
+    words = tuple(_operator_order(inp) for _ in range(_few(inp.count())))
     ask = _ask(inp) if flags & 2 else None
     promised = {inp.count(): inp.count() for _ in range(_few(inp.count()))}
     parts = _parts(inp) if flags & 4 else ()
@@ -296,7 +296,7 @@ def _holding(inp: Reader) -> Holding:
     return Holding(upto, tuple(beyond))
 
 
-def _put_ask(out: Writer, ask: Ask) -> None:
+def _put_ask(out: Writer, ask: AirRequest) -> None:
     out.count(ask.number)
     _put_places(out, (ask.place,), STEP_M)
     out.signed(math.floor(ask.low_m / STEP_M))
@@ -304,11 +304,11 @@ def _put_ask(out: Writer, ask: Ask) -> None:
     out.count(math.ceil(ask.until_s))
 
 
-def _ask(inp: Reader) -> Ask:
+def _ask(inp: Reader) -> AirRequest:
     number = inp.count()
     (place,), _ = _places(inp, 1, STEP_M)
     low_m, high_m = inp.signed() * STEP_M, inp.signed() * STEP_M
-    return Ask(number, place, low_m, high_m, float(inp.count()))
+    return AirRequest(number, place, low_m, high_m, float(inp.count()))
 
 
 def _put_parts(out: Writer, parts: Sequence[Part]) -> None:
@@ -331,11 +331,11 @@ def _parts(inp: Reader) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def _word(inp: Reader) -> Word:
+def _operator_order(inp: Reader) -> OperatorOrder:
     stamp, vehicle, order = inp.count(), inp.count(), inp.count()
     if order >= len(ORDERS):
         raise BytesError("no such order")
-    return Word(stamp, vehicle, ORDERS[order])
+    return OperatorOrder(stamp, vehicle, ORDERS[order])
 
 
 def _few(number: int) -> int:

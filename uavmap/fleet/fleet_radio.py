@@ -28,7 +28,7 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FleetNetwork, FlightPlan
 from uavmap.mavlink.links.signing import read_key
 
-TOLD_AT_END: Final = {
+REFUSAL_HINTS: Final = {
     "not sealed with our key": " (another --fleet-key, or another mission file, or a stranger)",
     "from another with our number": " (give every vehicle a number of its own with --vehicle)",
     "damaged": "",
@@ -56,8 +56,8 @@ async def joined_fleet(
     async with opened_radio(network, mission) as radio:
         yield SealedRadio(radio, seal)
     for reason, count in sorted(seal.refused.items()):
-        if reason in TOLD_AT_END:
-            _LOG.info(f"{count} datagrams were refused: {reason}{TOLD_AT_END[reason]}")
+        if reason in REFUSAL_HINTS:
+            _LOG.info(f"{count} datagrams were refused: {reason}{REFUSAL_HINTS[reason]}")
 
 
 def check_network(network: FleetNetwork | None) -> None:
@@ -147,7 +147,9 @@ LINGER_APART_S: Final = 120.0
 
 
 @contextlib.asynccontextmanager
-async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIterator[None]:
+async def fleet_communication(
+    member: Member | None, *, may_leave: bool = False
+) -> AsyncIterator[None]:
     """Let a member communicate in the context, and after it until the others know all of it.
 
     With `may_leave` an operator may end that wait; its cancellation is no failure.

@@ -2,8 +2,8 @@
 
 About every `BEAT_S` it sends its number, place, reservations, and the number of known facts of each
 member. Then it sends facts not sent yet, then those that others lack, within its budget of bytes.
-Received messages become events for its service (`Shared`, `Heard`, `Apart`), and so are in its
-journal.
+Received messages become events for its service (`FactsShared`, `MemberReport`, `MemberApart`), and
+so are in its journal.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from missions.events import (
     Tracked,
     VehicleRecalled,
 )
-from missions.fleet_events import Allotted, Apart, Part, Shared
+from missions.fleet_events import FactsShared, MemberApart, Part, PartsAllotted
 from missions.flight.state import Setting, State
 from missions.mapping.belief import Belief
 from missions.mapping.own_cells import OwnCells
@@ -33,16 +33,16 @@ from missions.units import PadHeight
 from uavmap.base import messages
 from uavmap.fleet.airspace_leases import AirspaceLeases
 from uavmap.fleet.bits import BytesError
-from uavmap.fleet.codec import Message, Order, Presence, Word, decode, encode
+from uavmap.fleet.codec import Message, OperatorOrder, Order, Presence, decode, encode
 from uavmap.fleet.knowledge import NOTHING, Knowledge
-from uavmap.fleet.peer import FleetClock, Peer, Telling, heard_of, presence_of
+from uavmap.fleet.peer import FactSender, FleetClock, Peer, member_report, presence_of
 from uavmap.fleet.radio import Radio
 from uavmap.fleet.sealing import CODE_BYTES, Seal
 
 BEAT_S: Final = 2.0
-QUIET_S: Final = 6.0
+MAX_SILENCE_S: Final = 6.0
 """Maximum silence of a member that saves bytes for its next messages, s."""
-HAVE_EVERY: Final = 2
+KNOWLEDGE_INTERVAL: Final = 2
 """Number of messages from one report of the sender's knowledge to the next."""
 APART_S: Final = 12.0
 """Silence after which a member is out of contact, s."""
@@ -65,12 +65,12 @@ _OF_ALL: Final[Mapping[Order, type[Recalled | Paused | Continued]]] = {
 }  # fmt: skip
 
 
-def _carried_out(event: Event) -> Word | None:
+def _carried_out(event: Event) -> OperatorOrder | None:
     if isinstance(event, VehicleRecalled) and event.stamp is not None:
-        return Word(event.stamp, event.vehicle, "recall")
+        return OperatorOrder(event.stamp, event.vehicle, "recall")
     for order, kind in _OF_ALL.items():
         if isinstance(event, kind) and event.stamp is not None:
-            return Word(event.stamp, 0, order)
+            return OperatorOrder(event.stamp, 0, order)
     return None
 
 
@@ -101,11 +101,11 @@ class Member:
         self._airspace = AirspaceLeases(
             setting, self._number, self.peers, now_s, post, hurry=self.beat_soon
         )
-        self._telling = Telling(self._number, self.peers)
+        self._telling = FactSender(self._number, self.peers)
         self._budget = float(BURST_BYTES)
         self._budget_s = now_s()
         self._state: State | None = None
-        self._words: dict[int, Word] = {}
+        self._words: dict[int, OperatorOrder] = {}
         self._beaten_s = -math.inf
         self._messages = 0
         self._urgent = False
@@ -119,7 +119,7 @@ class Member:
         """Add the events in the journal of an earlier start."""
         for event in events:
             self._note(event)
-            if isinstance(event, Shared):
+            if isinstance(event, FactsShared):
                 self.knowledge.take(event.vehicle, event.first, event.frames)
             elif (word := _carried_out(event)) is not None:
                 self._words[word.vehicle] = word
@@ -165,9 +165,9 @@ class Member:
     def command(self, order: Order, vehicle: int = 0) -> None:
         """Send an order of the operator here, newer than all others, by any clock."""
         newest = max((word.stamp for word in self._words.values()), default=0)
-        self.order(Word(max(newest + 1, int(time.time())), vehicle, order))
+        self.order(OperatorOrder(max(newest + 1, int(time.time())), vehicle, order))
 
-    def order(self, word: Word) -> None:
+    def order(self, word: OperatorOrder) -> None:
         """Send an operator's order, and carry it out."""
         known = self._words.get(word.vehicle)
         if known is not None and known.stamp >= word.stamp:
@@ -219,7 +219,7 @@ class Member:
         for number, peer in sorted(self.peers.items()):
             if not peer.apart and now_s - peer.heard_s > APART_S:
                 peer.apart = True
-                self._post(Apart(number, round(now_s, 3)))
+                self._post(MemberApart(number, round(now_s, 3)))
         self._budget += (now_s - self._budget_s) * BYTES_A_MINUTE / 60.0
         self._budget = min(self._budget, BURST_BYTES)
         self._budget_s = now_s
@@ -228,7 +228,7 @@ class Member:
         message = self._message(now_s)
         sealed_bytes = HEADER_BYTES + len(encode(message))
         spare = int(self._budget) - self._radio.overhead_bytes - sealed_bytes
-        if spare < 0 and not self._urgent and now_s - self._beaten_s < QUIET_S - 1e-6:
+        if spare < 0 and not self._urgent and now_s - self._beaten_s < MAX_SILENCE_S - 1e-6:
             return
         self._beaten_s, self._urgent = now_s, False
         if message.parts and self._state is not None and self._state.allotment is not None:
@@ -245,7 +245,7 @@ class Member:
         return Message(
             now_s,
             self._presence(),
-            self.knowledge.have if self._messages % HAVE_EVERY == 0 else {},
+            self.knowledge.have if self._messages % KNOWLEDGE_INTERVAL == 0 else {},
             words=tuple(self._words[vehicle] for vehicle in sorted(self._words)),
             begun=self._clock.begun or self._clock.agreed,
             ask=self._airspace.question,
@@ -299,11 +299,11 @@ class Member:
             if batch.origin == self._number:
                 continue
             for run in self.knowledge.take(batch.origin, batch.first, batch.facts):
-                self._post(Shared(batch.origin, round(now_s, 3), run.first, run.facts))
+                self._post(FactsShared(batch.origin, round(now_s, 3), run.first, run.facts))
         if latest and message.presence is not None and self._is_vehicle(sender):
-            self._post(heard_of(self._setting, sender, now_s, message.presence))
+            self._post(member_report(self._setting, sender, now_s, message.presence))
             if message.parts:
-                self._post(Allotted(sender, round(now_s, 3), message.parts))
+                self._post(PartsAllotted(sender, round(now_s, 3), message.parts))
 
     def _hear_state(self, sender: int, peer: Peer, message: Message, now_s: float) -> None:
         before = peer.have

@@ -14,14 +14,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from missions.fleet_events import Heard
+from missions.fleet_events import MemberReport
 from missions.flight.lane_progress import lanes_held
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath
 from missions.units import GridPoint, PadHeight
 from uavmap.base import messages
-from uavmap.fleet.codec import Ask, Batch, Does, Message, Presence, encode
+from uavmap.fleet.codec import AirRequest, Batch, Does, Message, Presence, encode
 from uavmap.fleet.knowledge import NOTHING, Holding, Knowledge, runs_of
 
 
@@ -42,7 +42,7 @@ class Peer:
     """True if it has sent its knowledge since it was done."""
     begun: bool = False
     """True if its clock moves no more."""
-    ask: Ask | None = None
+    ask: AirRequest | None = None
     promised: int = -1
     """Number of our request for air to which it has agreed."""
     pad: PadHeight | None = None
@@ -77,10 +77,10 @@ def presence_of(state: State, vehicle: VehicleState) -> Presence:
     )
 
 
-def heard_of(setting: Setting, sender: int, now_s: float, said: Presence) -> Heard:
+def member_report(setting: Setting, sender: int, now_s: float, said: Presence) -> MemberReport:
     """Return another's report on its vehicle, for our service."""
     capacity_wh = setting.mission.battery.capacity_wh
-    return Heard(
+    return MemberReport(
         sender, round(now_s, 3), said.position, said.height_m,
         round(said.charge * capacity_wh, 2), said.does, setting.pad_of(sender),
         said.lanes, said.path, said.layer_m,
@@ -113,7 +113,7 @@ def _places_ahead(vehicle: VehicleState, t_s: float) -> tuple[GridPoint, ...]:
 
 
 # --- the clock -----------------------------------------------------------------------------------
-AGREE_S: Final = 15.0
+LISTEN_S: Final = 15.0
 """Time to listen for others before a first take-off, s."""
 _STEP_S: Final = 0.5
 ELSEWHERE_CELLS: Final = 0.25
@@ -191,11 +191,11 @@ class FleetClock:
 # --- facts to send -------------------------------------------------------------------------------
 RELAY_S: Final = 8.0
 """Time without news of a third member, after which others relay its facts, s."""
-UNDERWAY_S: Final = 1.0
+MAX_TRANSIT_S: Final = 1.0
 """Maximum time of a datagram and its acknowledgement, s."""
 
 
-class Telling:
+class FactSender:
     """The sending of one member's facts to the others, which are in `peers`."""
 
     def __init__(self, number: int, peers: Mapping[int, Peer]) -> None:
@@ -275,7 +275,7 @@ class Telling:
                     continue
                 told_s = self._told_s.get(origin, {})
                 never_s = math.inf if ours else -math.inf
-                due_s = peer.have_s - UNDERWAY_S
+                due_s = peer.have_s - MAX_TRANSIT_S
                 lost.setdefault(origin, set()).update(
                     number for number in numbers if told_s.get(number, never_s) < due_s
                 )

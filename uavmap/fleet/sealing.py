@@ -40,7 +40,7 @@ class _RefusedError(Exception):
 
 
 @dataclass(slots=True)
-class _Heard:
+class _SenderWindow:
     start: int
     last: int = -1
     window: int = 0
@@ -61,7 +61,7 @@ class Seal:
     """True if a later one of the same sender was opened before the last one."""
     _counter: int = 0
     _nonce: bytes = field(default_factory=lambda: secrets.token_bytes(NONCE_BYTES))
-    _heard: dict[int, _Heard] = field(default_factory=dict)
+    _heard: dict[int, _SenderWindow] = field(default_factory=dict)
     _asked: deque[bytes] = field(default_factory=lambda: deque(maxlen=16))
     """Random numbers of others that are not answered yet."""
     _ask: bool = False
@@ -110,7 +110,7 @@ class Seal:
         answers = (body[k : k + NONCE_BYTES] for k in range(0, len(body), NONCE_BYTES))
         room = heard is not None or len(self._heard) < MOST_SENDERS
         if kind == ANSWERS and self._nonce in answers and not known and room:
-            heard = self._heard[sender] = _Heard(start)
+            heard = self._heard[sender] = _SenderWindow(start)
         if heard is None or start > heard.start:
             self._ask = True
             raise _RefusedError("not known to be alive yet")
@@ -136,7 +136,7 @@ class Seal:
         return blake2s(head, key=self.key, digest_size=CODE_BYTES, person=b"uavmap 1").digest()
 
 
-def _is_new(heard: _Heard, counter: int) -> bool:
+def _is_new(heard: _SenderWindow, counter: int) -> bool:
     ahead = counter - heard.last
     if ahead > 0:
         heard.window = (

@@ -42,7 +42,9 @@ def link_model(text: str) -> LinkModel:
     >>> link_model("meeting").range_m
     20.0
     """
-    words = link_words(text, ("free", "meeting"), "METRES", ("loss", "delay", "jitter", "rate"))
+    words = parse_link_spec(
+        text, ("free", "meeting"), "METRES", ("loss", "delay", "jitter", "rate")
+    )
     values = words.numbers
     far_m = MEETING_M if words.kind == "meeting" else values.get(RANGE, math.inf)
     none = LinkModel()
@@ -148,7 +150,7 @@ _MEANT: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class LinkWords:
+class LinkSpec:
     """A parsed text: a kind, numbers by key, and the texts of other keys as often as they came."""
 
     kind: str
@@ -156,9 +158,9 @@ class LinkWords:
     others: tuple[tuple[str, str], ...] = ()
 
 
-def link_words(
+def parse_link_spec(
     text: str, kinds: Sequence[str], unit: str, keys: Sequence[str], others: Sequence[str] = ()
-) -> LinkWords:
+) -> LinkSpec:
     """Parse `KIND[,KEY:VALUE...]`, where the kind is a name or `range:NUMBER`.
 
     Args:
@@ -171,9 +173,9 @@ def link_words(
 
     Raises ValueError for anything else, with what to write.
 
-    >>> link_words("range:200,loss:0.1", ["free"], "METRES", ["loss"]).numbers
+    >>> parse_link_spec("range:200,loss:0.1", ["free"], "METRES", ["loss"]).numbers
     {'range': 200.0, 'loss': 0.1}
-    >>> link_words("fre", ["free"], "METRES", ["loss"])
+    >>> parse_link_spec("fre", ["free"], "METRES", ["loss"])
     Traceback (most recent call last):
     ValueError: 'fre' is none of free, range:METRES
     """
@@ -195,7 +197,7 @@ def link_words(
             raise ValueError(f"{key} stands there twice; leave one out")
         else:
             numbers[key] = _number(key, value, _MEANT[key])
-    return LinkWords(kind, numbers, tuple(kept))
+    return LinkSpec(kind, numbers, tuple(kept))
 
 
 def _number(key: str, text: str, meant: str) -> float:

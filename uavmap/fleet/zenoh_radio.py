@@ -163,7 +163,7 @@ class ZenohRadio:
                 session = self._zenoh.open(config)
                 self.opened += 1
             except Exception as error:
-                self._tell(_told(error))
+                self._tell(_error_text(error))
                 self._stop.wait(retry_s)
                 retry_s = min(1.5 * retry_s, RETRY_S[1])
                 continue
@@ -172,7 +172,7 @@ class ZenohRadio:
             try:
                 self._live(session, silent_s)
             except Exception as error:
-                self._tell(_told(error))
+                self._tell(_error_text(error))
             finally:
                 self._publisher = None
                 with contextlib.suppress(Exception):
@@ -255,7 +255,7 @@ def imported_zenoh() -> Any:
     return zenoh
 
 
-def _told(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     """Return Zenoh's error text, without the place in its sources."""
     words = " ".join(_WHERE.sub("", str(error)).split())
     return f"the network of the fleet: {words}; tried again"

@@ -219,7 +219,7 @@ def last_mark(meta: Mapping[str, object]) -> Mark | None:
         return None
 
 
-def taken_up_at(
+def resume_time_s(
     found: MissionTime, say: Callable[[str], None], ask: Callable[[str], bool] | None
 ) -> float:
     """Return the mission time at which a flight with real clocks continues.

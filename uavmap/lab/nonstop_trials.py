@@ -10,7 +10,7 @@ from missions.lab.arena.nonstop import Flown, Team, flown
 from missions.lab.arena.roi import Roi
 from missions.lab.arena.survey import surveyed
 from missions.lab.arena.time_bounds import lower_bound_s, reference
-from missions.planning.sweep.strategies import SURVEY, About
+from missions.planning.sweep.strategies import SURVEY, StrategyInfo
 from uavmap.lab.trials import Figures, Trial, means_of, ratio
 
 
@@ -26,7 +26,9 @@ class FlightTerms:
     seed: int = 1
 
 
-def flown_under(roi: Roi, strategy: About, terms: FlightTerms, *, record: bool = False) -> Flown:
+def flown_under(
+    roi: Roi, strategy: StrategyInfo, terms: FlightTerms, *, record: bool = False
+) -> Flown:
     """Fly in the arena. Raises `StrategyError` for a footprint too small for cells or speed."""
     if strategy is SURVEY:
         return surveyed(
@@ -36,7 +38,7 @@ def flown_under(roi: Roi, strategy: About, terms: FlightTerms, *, record: bool =
 
 
 def nonstop_trials(
-    rois: Sequence[Roi], strategies: Sequence[About], terms: FlightTerms
+    rois: Sequence[Roi], strategies: Sequence[StrategyInfo], terms: FlightTerms
 ) -> Iterator[Trial]:
     """Yield every strategy on every ROI, one ROI after the other; raises as `flown_under`."""
     for roi in rois:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 from missions.fleet_events import Partition
 from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
-from uavmap.fleet.simulated_radio import RANGE, link_words
+from uavmap.fleet.simulated_radio import RANGE, parse_link_spec
 
 MOST_ROBOTS = 1000
 _SPEED_M_S = 6.0
@@ -223,7 +223,7 @@ def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
     >>> simulated_links("range:8,loss:0.2,apart:10-30:1+2", 3, 1).apart
     (Partition(begin=10.0, end=30.0, groups=(frozenset({0, 1}),)),)
     """
-    words = link_words(text, KINDS, "CELLS", _KEYS, ("apart",))
+    words = parse_link_spec(text, KINDS, "CELLS", _KEYS, ("apart",))
     if words.kind == Comms.MEETING and (words.numbers or words.others):
         raise ValueError("who talks only at a vertex needs no radio; write meeting alone, or range")
     if words.kind == Comms.MEETING:

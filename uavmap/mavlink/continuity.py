@@ -17,7 +17,7 @@ REBOOT_CONFIRMED_S: Final = 1.0
 JUMP_CONFIRMED_S: Final = 3.0
 STANDSTILL_S: Final = 2.0
 """Time with the same stamp after which a clock stands still, s: old messages are repeated."""
-LATE_S: Final = 5.0
+MAX_DELAY_S: Final = 5.0
 """Delay of messages from which on a link counts as lost, s."""
 MOST_AHEAD_S: Final = 10.0
 FASTEST_CLOCK: Final = 30.0
@@ -134,7 +134,7 @@ class BootClock:
 
     boot_s: float | None = None
     reboots: int = 0
-    limit_s: float = LATE_S
+    limit_s: float = MAX_DELAY_S
     late: bool = False
     """True while the link delivers old messages."""
     _asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=10))

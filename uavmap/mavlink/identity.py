@@ -13,12 +13,12 @@ from uavmap.mavlink.vehicle_view import VehicleView
 ANSWER_S: Final = 10.0
 
 
-async def answered(session: Session, name: str) -> None:
+async def wait_for_autopilot(session: Session, name: str) -> None:
     """Wait for the heartbeat of an autopilot that this version flies. Raises `LinkError`."""
     view = session.view
     wait_s = max(ANSWER_S, 4.0 * session.ack_wait_s)  # longer where time runs faster
     if not await session.until(lambda: view.autopilot is not None, wait_s):
-        raise LinkError(f"{name}: no vehicle answered within {wait_s:g} s; {_why_silent(view)}")
+        raise LinkError(f"{name}: no vehicle answered within {wait_s:g} s; {_silence_reason(view)}")
     if view.autopilot not in AUTOPILOTS:
         flown = " and ".join(kind.name for kind in AUTOPILOTS.values())
         raise LinkError(
@@ -27,7 +27,7 @@ async def answered(session: Session, name: str) -> None:
         )
 
 
-def _why_silent(view: VehicleView) -> str:
+def _silence_reason(view: VehicleView) -> str:
     refused = [(n, why) for (kind, why), n in view.gate.refused.items() if kind == "frames"]
     if not refused:
         return "is it switched on, and is this the URL that it sends to?"

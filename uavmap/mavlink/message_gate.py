@@ -213,7 +213,7 @@ RULES: Final[Mapping[str, Rule]] = {
 }
 
 
-TELL_EVERY_S: Final = 10.0
+LOG_INTERVAL_S: Final = 10.0
 AREA_M: Final = 100_000.0
 """Distance from the mission beyond which no position is accepted, m."""
 HOME_M: Final = 50_000.0
@@ -264,7 +264,7 @@ class Gate:
         """Count and log a refused message. `reason` holds no value of the message."""
         self.refused[kind, reason] += 1
         told_s = self._told_s.get(kind, float("-inf"))
-        if reason in _EXPECTED or now_s - told_s < TELL_EVERY_S:
+        if reason in _EXPECTED or now_s - told_s < LOG_INTERVAL_S:
             return
         self._told_s[kind] = now_s
         count = self.refused[kind, reason]

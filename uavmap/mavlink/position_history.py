@@ -14,7 +14,7 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 from missions.units import LatLon, Quaternion
 
-KEPT_S: Final = 30.0
+HISTORY_S: Final = 30.0
 """Maximum age of a picture that is judged, s."""
 MOST_KEPT: Final = 1000
 _M_PER_DEG: Final = 111_195.0
@@ -53,7 +53,7 @@ class Place(NamedTuple):
 
 
 class _History(Generic[T]):
-    """The values of the last `KEPT_S`, each with its time on the vehicle's clock."""
+    """The values of the last `HISTORY_S`, each with its time on the vehicle's clock."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[float, T]] = deque(maxlen=MOST_KEPT)
@@ -67,7 +67,7 @@ class _History(Generic[T]):
         if boot_s < self.last_s:  # old values mean nothing after a restart of the clock
             self._kept.clear()
         self._kept.append((boot_s, value))
-        while self._kept[0][0] < boot_s - KEPT_S:
+        while self._kept[0][0] < boot_s - HISTORY_S:
             self._kept.popleft()
 
     def _around(self, boot_s: float) -> tuple[tuple[float, T] | None, tuple[float, T] | None]:
@@ -81,7 +81,7 @@ class _History(Generic[T]):
 
 
 class Whereabouts(_History[Fix]):
-    """The positions of the last `KEPT_S`."""
+    """The positions of the last `HISTORY_S`."""
 
     def take(self, fix: Fix) -> None:
         """Add a position."""
@@ -117,7 +117,7 @@ _NEARLY_SAME: Final = 0.9995
 
 
 class Attitudes(_History[Quaternion]):
-    """The attitudes of the last `KEPT_S`."""
+    """The attitudes of the last `HISTORY_S`."""
 
     def take(self, boot_s: float, attitude: Quaternion) -> None:
         """Add an attitude, the first of each time."""

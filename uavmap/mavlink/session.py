@@ -17,10 +17,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon
+from uavmap.mavlink.link_traffic import KINDS, LinkTraffic
 from uavmap.mavlink.links.framing import Losses
 from uavmap.mavlink.links.signing import Signing
 from uavmap.mavlink.status_texts import event_text
-from uavmap.mavlink.traffic_heard import KINDS, TrafficHeard
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.mavlink.view_updates import update
 
@@ -81,7 +81,7 @@ class Session:
         self.heard_s: dict[int, float] = {}
         """Time of the autopilot's last message of a kind, by its id, on our clock."""
         self.view = VehicleView()
-        self.traffic = TrafficHeard(self.view.gate)
+        self.traffic = LinkTraffic(self.view.gate)
         self.losses = Losses()
         self.signing: Signing | None = None
         """With a key, unsigned messages are ignored, and sent ones are signed."""

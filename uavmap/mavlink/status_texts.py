@@ -23,7 +23,7 @@ CHUNK_BYTES: Final = 50
 MOST_CHUNKS: Final = 16
 MOST_OPEN: Final = 4
 """Maximum number of a vehicle's texts that may be incomplete at a time."""
-LATE_S: Final = 2.0
+MAX_CHUNK_WAIT_S: Final = 2.0
 """Maximum wait for the other chunks of a text, s; then it is passed on incomplete."""
 TEXT_LENGTH: Final = 400
 _GAP: Final = "[...]"
@@ -64,7 +64,7 @@ class Texts:
     def take(self, component: int, message: Any, now_s: float) -> list[Text]:
         """Add a STATUSTEXT; return the texts that are whole, or given up."""
         done = self.late(now_s)
-        words, full = _words(message)
+        words, full = _chunk_text(message)
         number, chunk = int(message.id), int(message.chunk_seq)
         if number == 0 or (chunk == 0 and not full):  # in one piece
             return [*done, _harmless(message.severity, words)]
@@ -83,11 +83,11 @@ class Texts:
 
     def late(self, now_s: float) -> list[Text]:
         """Return the texts whose other chunks are not waited for any longer."""
-        keys = [key for key, part in self._open.items() if now_s - part.begun_s > LATE_S]
+        keys = [key for key, part in self._open.items() if now_s - part.begun_s > MAX_CHUNK_WAIT_S]
         return [self._open.pop(key).text() for key in keys]
 
 
-def _words(message: Any) -> tuple[str, bool]:
+def _chunk_text(message: Any) -> tuple[str, bool]:
     """Return the text of one chunk, and whether it is full: then another follows."""
     text = message.text
     raw = text if isinstance(text, bytes) else str(text).encode("utf-8", "replace")
@@ -138,7 +138,7 @@ _ARGUMENTS: Final = {
         ("_generic_hold", "<IBH", ("mode", "action", "delay_s")),
     )
 }
-_WORDS: Final = {
+_EVENT_TEXTS: Final = {
     number_of(name): words
     for name, words in (
         ("commander_failsafe_enter_generic_warn", "Failsafe warning"),
@@ -164,7 +164,7 @@ def event_text(event: Any, *, numbered: bool) -> Text | None:
     With `numbered` an unknown event is returned as its number.
     """
     number = event.id & 0xFFFFFF
-    words = _WORDS.get(number)
+    words = _EVENT_TEXTS.get(number)
     if number in _ARGUMENTS:
         layout, fields = _ARGUMENTS[number]
         values = layout.unpack_from(bytes(event.arguments))

@@ -25,7 +25,14 @@ from missions.events import (
     TrafficSeen,
     to_json,
 )
-from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
+from missions.fleet_events import (
+    AirLeased,
+    AirRequested,
+    FactsShared,
+    MemberApart,
+    MemberReport,
+    PartsAllotted,
+)
 from missions.flight.team.members import facts_of
 from missions.mission.fleet_checks import with_vehicles
 from uavmap.fleet.knowledge import Knowledge
@@ -38,7 +45,15 @@ from uavmap.output.results import flown_flight, write_results
 
 MERGED: Final = "merged"
 """Key of the journal's meta: the folders of its sources."""
-NOT_OWN: Final = (Heard, Shared, Allotted, Apart, Asked, Leased, TrafficSeen)
+NOT_OWN: Final = (
+    MemberReport,
+    FactsShared,
+    PartsAllotted,
+    MemberApart,
+    AirRequested,
+    AirLeased,
+    TrafficSeen,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,12 +147,12 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
     return replace(plan, epoch_utc_s=zero_s), [event for *_, event in dated]
 
 
-def _only_heard(sources: Sequence[Source]) -> list[Shared]:
+def _only_heard(sources: Sequence[Source]) -> list[FactsShared]:
     known, counted = Knowledge(), dict[int, int]()
     for source in sources:
         own = facts_of(source.plan.known_setting())
         for event in source.events:
-            if isinstance(event, Shared):
+            if isinstance(event, FactsShared):
                 known.take(event.vehicle, event.first, event.frames)
             elif isinstance(event, FrameSeen | Tracked) and event.vehicle == source.plan.member:
                 number = event.vehicle
@@ -145,7 +160,7 @@ def _only_heard(sources: Sequence[Source]) -> list[Shared]:
     shared = []
     for origin in sorted(known.facts):
         for first, facts in known.runs(origin, counted.get(origin, 0)):
-            shared.append(Shared(origin, facts[-1].t_s, first, facts))
+            shared.append(FactsShared(origin, facts[-1].t_s, first, facts))
     return shared
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from missions.events import Event, FrameSeen, Tracked, Vote, Weighed
+from missions.events import Event, FrameSeen, FrameWeighed, Tracked, Vote
 from missions.flight.state import Setting, State
 from missions.mapping.belief import Tally
 from missions.mapping.evidence import Evidence
@@ -341,7 +341,7 @@ def _replayed(
                 taken.append((event.t_s, grid.position(place.position), place.height_m))
             if evidence is None and event.vantage is not None:
                 votes.add(event.vantage, event.votes)
-        elif isinstance(event, Weighed) and evidence is not None and frame is not None:
+        elif isinstance(event, FrameWeighed) and evidence is not None and frame is not None:
             evidence.add(frame.votes, event.weights)
     table, undecided = votes.counted()
     if evidence is not None:

@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
+from missions.events import FrameLost, FrameSeen, FrameWeighed, Tracked, Vote
 from missions.flight.state import Setting
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
@@ -208,7 +208,7 @@ class Looked:
 
     def _events(
         self, votes: Votes, evidence: Evidence | None, sums: FrameSums
-    ) -> Iterator[Tracked | FrameSeen | Weighed | FrameLost]:
+    ) -> Iterator[Tracked | FrameSeen | FrameWeighed | FrameLost]:
         """Yield the events of a journal; count, or weigh, the votes on the way."""
         grid, share = self.setting.grid, self.setting.mission.detector.share
         for number, shot in enumerate(self.shots):
@@ -238,7 +238,7 @@ class Looked:
                 continue
             weights = kept.weights[rated].round(3)
             evidence.add_columns(cells, positive, shares, weights)
-            yield Weighed(VEHICLE, shot.t_s, tuple(weights.tolist()))
+            yield FrameWeighed(VEHICLE, shot.t_s, tuple(weights.tolist()))
         for picture, reason in self.gathered.aside:
             yield FrameLost(VEHICLE, self.shots[-1].t_s, f"{printable(picture.name)}: {reason}")
 

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import LinkError, UavmapError
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process import messages as msg
 from uavmap.aircraft.process.port import ended_by
 from uavmap.base.atomic_write import write_text
 from uavmap.base.clock import MissionClock, ScaledClock, run, wall_timeout
@@ -37,7 +37,7 @@ from uavmap.runner.flight_links import cameras_of, opened_links
 
 _READ_BYTES: Final = 1 << 16
 GONE: Final = "the mission process has ended"
-ASKED_TO_END: Final = "the process of the aircraft is asked to end"
+END_REQUESTED: Final = "the process of the aircraft is asked to end"
 
 
 class AircraftChild:
@@ -53,11 +53,11 @@ class AircraftChild:
         self._clock = MissionClock(0.0)
         self._token = secrets.token_hex(16)
         self._writer: asyncio.StreamWriter | None = None
-        self._early: list[say.Message] = []
+        self._early: list[msg.Message] = []
         """Messages from before the mission connected."""
-        self._waiting: list[say.Message] = []
+        self._waiting: list[msg.Message] = []
         """Messages of the mission from before the links were open."""
-        self._unkept: deque[say.Happened] = deque()
+        self._unkept: deque[msg.EventReport] = deque()
         """Events that were sent and are, as far as known, not in the journal."""
         self._gone = asyncio.Event()
         """Set while no mission is connected."""
@@ -98,7 +98,7 @@ class AircraftChild:
 
     def show(self, text: str) -> None:
         """Send a line for the operator, as a display does."""
-        self._send(say.Line(text))
+        self._send(msg.Line(text))
 
     async def _flown(self) -> None:
         plan = self._plan
@@ -124,7 +124,7 @@ class AircraftChild:
                 async with wall_timeout(START_WALL_S):
                     await self._met.wait()
         except asyncio.CancelledError:
-            self._send(ended_by(LinkError(ASKED_TO_END), {}, ASKED_TO_END))
+            self._send(ended_by(LinkError(END_REQUESTED), {}, END_REQUESTED))
         finally:
             watching.cancel()
 
@@ -140,17 +140,17 @@ class AircraftChild:
     # --- the mission ----------------------------------------------------------------------------
     async def _attached(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Exchange messages with a connected mission until it is gone."""
-        decoder = say.Decoder(known=False)
+        decoder = msg.Decoder(known=False)
         try:
             while data := await reader.read(_READ_BYTES):
                 for message in decoder.feed(data):
-                    if isinstance(message, say.Attach):
+                    if isinstance(message, msg.Attach):
                         if not self._meets(message, writer):
                             return
                         decoder.known = True
                     elif writer is self._writer:
                         self._heard_s = time.monotonic()
-                        if isinstance(message, say.Beat):
+                        if isinstance(message, msg.Beat):
                             while self._unkept and self._unkept[0].serial <= message.kept:
                                 self._unkept.popleft()
                         elif self._side is None:
@@ -167,25 +167,25 @@ class AircraftChild:
             if writer is self._writer:
                 self._writer = None
                 for unkept in self._unkept:
-                    self._record(say.encode(unkept))
+                    self._record(msg.encode(unkept))
                 self._unkept.clear()
                 self._gone.set()
                 self._hold()
 
-    def _meets(self, message: say.Attach, writer: asyncio.StreamWriter) -> bool:
+    def _meets(self, message: msg.Attach, writer: asyncio.StreamWriter) -> bool:
         """Return whether this mission has the aircraft from now on."""
         if not secrets.compare_digest(message.token, self._token):
             return False
         state = "new" if self._side is None else self._side.host.state
-        answer = say.Attached(state)
-        if message.version != say.VERSION:
-            answer = say.Attached("refused", "the aircraft are flown by another version of uavmap")
+        answer = msg.Attached(state)
+        if message.version != msg.VERSION:
+            answer = msg.Attached("refused", "the aircraft are flown by another version of uavmap")
         elif self._writer is not None:
-            answer = say.Attached("refused", "another process of uavmap flies this mission")
+            answer = msg.Attached("refused", "another process of uavmap flies this mission")
         elif self._side is not None and state == "returning":
             reason = f"{GONE}: the vehicles return and land"
-            answer = say.Attached("returning", reason, self._side.beat().fates)
-        writer.write(say.encode(answer))
+            answer = msg.Attached("returning", reason, self._side.beat().fates)
+        writer.write(msg.encode(answer))
         if answer.state in ("refused", "returning"):
             return False
         self._writer, self._heard_s = writer, time.monotonic()
@@ -198,17 +198,17 @@ class AircraftChild:
             self._send(self._side.ready(self._clock.start_s))
         return True
 
-    def _send(self, message: say.Message) -> None:
-        self._over = self._over or isinstance(message, say.Ended)
+    def _send(self, message: msg.Message) -> None:
+        self._over = self._over or isinstance(message, msg.Ended)
         if self._writer is not None:
-            if isinstance(message, say.Happened):
+            if isinstance(message, msg.EventReport):
                 self._unkept.append(message)
             if not self._writer.is_closing():
-                self._writer.write(say.encode(message))
+                self._writer.write(msg.encode(message))
         elif not self._met.is_set():
             self._early.append(message)
-        elif not self._over and isinstance(message, say.Happened | say.Line):
-            self._record(say.encode(message))
+        elif not self._over and isinstance(message, msg.EventReport | msg.Line):
+            self._record(msg.encode(message))
 
     def _record(self, data: bytes) -> None:
         """Write a message to the record, whole or not at all."""
@@ -229,12 +229,12 @@ class AircraftChild:
             silent_s = time.monotonic() - self._heard_s
             side = self._side
             if self._writer is not None:
-                self._send(say.Beat() if side is None else side.beat())
+                self._send(msg.Beat() if side is None else side.beat())
                 if silent_s > SILENT_WALL_S and not (side is None or side.host.end.done()):
                     # it connects again if it lives; one that reads nothing gets nothing more
                     self._writer.transport.abort()
             elif side is not None and silent_s > SILENT_WALL_S + self._hold_s:
-                side.host.receive(say.Finish(GONE))
+                side.host.receive(msg.Finish(GONE))
 
     def _hold(self) -> None:
         self._heard_s = time.monotonic() - SILENT_WALL_S
@@ -252,9 +252,9 @@ class AircraftChild:
             if self._running is not None:
                 self._running.cancel()
         elif self._writer is None or asked_before or self._side.host.state != "flying":
-            self._side.host.receive(say.Finish(ASKED_TO_END))
+            self._side.host.receive(msg.Finish(END_REQUESTED))
         else:
-            self._send(say.Recall())
+            self._send(msg.Recall())
 
     async def _closed(self) -> None:
         """Send the rest, and wait until the mission has kept it."""

@@ -19,14 +19,14 @@ from typing import Final
 from pydantic import ValidationError
 
 from missions.errors import LinkError
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process import messages as msg
 from uavmap.aircraft.process.port import Port, ended_by
 from uavmap.base.child_process import Child
 from uavmap.base.clock import wall_timeout
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address, Attachment, attach, recorded
 
-Connection = Callable[[Port, Callable[[], say.Begin]], AbstractAsyncContextManager[None]]
+Connection = Callable[[Port, Callable[[], msg.Begin]], AbstractAsyncContextManager[None]]
 """Connects a port to aircraft; the function makes the first message of each connection."""
 
 MODULE: Final = "uavmap.runner.aircraft_child"
@@ -36,7 +36,7 @@ SILENT_WALL_S: Final = 5.0
 """Maximum silence of the other process that a busy machine explains, real seconds."""
 END_WALL_S: Final = 5.0
 START_WALL_S: Final = 30.0
-TAKEN_IN_WALL_S: Final = 2.0
+RECORD_WAIT_WALL_S: Final = 2.0
 """Maximum wait until the record is in the journal, real seconds."""
 STARTS: Final = 3
 """Number of times in a row that the process is started before the mission gives up."""
@@ -63,7 +63,7 @@ class AircraftProcess:
         self._heard_s = 0.0
 
     @contextlib.asynccontextmanager
-    async def connected(self, port: Port, begin: Callable[[], say.Begin]) -> AsyncIterator[None]:
+    async def connected(self, port: Port, begin: Callable[[], msg.Begin]) -> AsyncIterator[None]:
         """Connect the port to the aircraft, again and again, until the end of the context."""
         line = await self._start(self._found)
         port.connect(line.send)
@@ -128,7 +128,7 @@ class AircraftProcess:
             f"the process of the aircraft does not {what}: {child.last_words() or 'it has ended'}"
         )
 
-    async def _keep(self, port: Port, line: _Line, begin: Callable[[], say.Begin]) -> None:
+    async def _keep(self, port: Port, line: _Line, begin: Callable[[], msg.Begin]) -> None:
         """Pass messages on; whenever the process is gone, find it again, or start it."""
         try:
             while True:
@@ -136,7 +136,7 @@ class AircraftProcess:
                     await self._pass_on(port, line)
                 finally:
                     await asyncio.sleep(0)  # the port notes the kept events
-                    line.send(say.Beat(kept=port.kept))
+                    line.send(msg.Beat(kept=port.kept))
                     line.writer.close()
                     with contextlib.suppress(OSError):
                         await line.writer.wait_closed()
@@ -147,7 +147,7 @@ class AircraftProcess:
             text = "".join(traceback.format_exception(error))
             port.receive(ended_by(error, {}, str(error) if isinstance(error, LinkError) else text))
 
-    async def _again(self, port: Port, begin: say.Begin) -> _Line:
+    async def _again(self, port: Port, begin: msg.Begin) -> _Line:
         answer = None
         if self._address is not None:
             with contextlib.suppress(TimeoutError):
@@ -168,7 +168,7 @@ class AircraftProcess:
         for message in recorded(self._folder):
             port.receive(message)
         with contextlib.suppress(TimeoutError):
-            async with wall_timeout(TAKEN_IN_WALL_S):
+            async with wall_timeout(RECORD_WAIT_WALL_S):
                 await port.taken_in()
         with contextlib.suppress(OSError):
             (self._folder / RECORD).unlink()
@@ -192,7 +192,7 @@ class AircraftProcess:
 
     async def _pass_on(self, port: Port, line: _Line) -> None:
         """Pass messages on until the process is silent, or gone. Raises `LinkError` for others."""
-        decoder = say.Decoder()
+        decoder = msg.Decoder()
         beating = asyncio.create_task(self._beat(port, line))
         try:
             while data := await line.reader.read(_READ_BYTES):
@@ -206,7 +206,7 @@ class AircraftProcess:
 
     async def _beat(self, port: Port, line: _Line) -> None:
         while True:
-            line.send(say.Beat(kept=port.kept))
+            line.send(msg.Beat(kept=port.kept))
             if time.monotonic() - self._heard_s > 2.0 * SILENT_WALL_S:
                 line.writer.close()
             await asyncio.sleep(BEAT_WALL_S * self._speedup)
@@ -242,7 +242,7 @@ class _Line:
         self.reader = reader
         self.writer = writer
 
-    def send(self, message: say.Message) -> None:
+    def send(self, message: msg.Message) -> None:
         """Send a message; if the other end is gone, the message is dropped."""
         if not self.writer.is_closing():
-            self.writer.write(say.encode(message))
+            self.writer.write(msg.encode(message))

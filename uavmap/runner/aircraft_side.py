@@ -19,11 +19,11 @@ from missions.mission.layout import Layout
 from uavmap.aircraft.guardian.last_watch import (
     NOT_HOME,
     Guardians,
-    in_words,
+    failure_text,
     is_defect,
-    unless_failed,
+    run_beside_keeper,
 )
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process import messages as msg
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.process.port import Port, ended_by
 from uavmap.aircraft.telemetry_reports import TelemetryReports
@@ -51,7 +51,7 @@ class AircraftSide:
         folder: Path,
         links: Sequence[Link],
         clock: MissionClock,
-        send: Callable[[say.Message], None],
+        send: Callable[[msg.Message], None],
     ) -> None:
         self._plan = plan
         self._setting = setting
@@ -67,9 +67,9 @@ class AircraftSide:
         self._vehicles: Mapping[int, MavlinkVehicle] = {}
         self._guardians = Guardians({})
 
-    def _pass_on(self, message: say.Message) -> None:
+    def _pass_on(self, message: msg.Message) -> None:
         self._send(message)
-        if isinstance(message, say.Happened):
+        if isinstance(message, msg.EventReport):
             self._reports.follow(message.event)
             self._traffic.follow(message.event)
 
@@ -79,11 +79,11 @@ class AircraftSide:
         first = next(iter(self._vehicles.values()), None)
         return None if first is None else first.view.since_boot_s
 
-    def beat(self) -> say.Beat:
+    def beat(self) -> msg.Beat:
         """Return the heartbeat: the knowledge that the mission needs if nothing more arrives."""
-        return say.Beat(self.since_boot_s, fates=self._guardians.fates())
+        return msg.Beat(self.since_boot_s, fates=self._guardians.fates())
 
-    def ready(self, start_s: float | None = None) -> say.Ready:
+    def ready(self, start_s: float | None = None) -> msg.Ready:
         """Return the report on vehicles that are ready; `start_s` if it has begun."""
         views = {number: vehicle.view for number, vehicle in self._vehicles.items()}
         standing = {
@@ -92,7 +92,7 @@ class AircraftSide:
             if view.position is not None and not view.armed
         }
         pads = {number: views[number].pad_height for number in standing if views[number].home}
-        return say.Ready(self.since_boot_s, start_s, standing, pads)
+        return msg.Ready(self.since_boot_s, start_s, standing, pads)
 
     async def run(self) -> None:
         """Fly, take care of the aircraft however that ends, and report the result."""
@@ -124,9 +124,9 @@ class AircraftSide:
         failure: Exception | None = None
         try:
             try:
-                end = await unless_failed(self._mission(vehicles, begin, before), keeping)
+                end = await run_beside_keeper(self._mission(vehicles, begin, before), keeping)
             except Exception as error:
-                failure, end = error, say.Finish(f"the mission failed ({in_words(error)})")
+                failure, end = error, msg.Finish(f"the mission failed ({failure_text(error)})")
             try:
                 await self._looked_after(guardians, end)
             except Exception as error:
@@ -142,9 +142,9 @@ class AircraftSide:
     async def _mission(
         self,
         vehicles: Mapping[int, MavlinkVehicle],
-        begin: say.Begin,
+        begin: msg.Begin,
         before_flight: BeforeFlight | None,
-    ) -> say.Finish | say.Leave:
+    ) -> msg.Finish | msg.Leave:
         if await self._unless_ended(self._prepared(vehicles, begin, before_flight)) and (
             fly := await self._unless_ended(self.host.fly(vehicles, self.ready()))
         ):
@@ -155,11 +155,11 @@ class AircraftSide:
     async def _prepared(
         self,
         vehicles: Mapping[int, MavlinkVehicle],
-        begin: say.Begin,
+        begin: msg.Begin,
         before_flight: BeforeFlight | None,
     ) -> bool:
         """Connect to the vehicles, examine and set them; return True when that is done."""
-        flew = {number: begin.before.get(number, say.Before()) for number in vehicles}
+        flew = {number: begin.before.get(number, msg.EarlierFlight()) for number in vehicles}
         for number, vehicle in vehicles.items():
             if flew[number].flew:
                 vehicle.was_flying()
@@ -183,8 +183,8 @@ class AircraftSide:
         task.cancel()
         return None
 
-    async def _looked_after(self, guardians: Guardians, end: say.Finish | say.Leave) -> None:
-        if isinstance(end, say.Finish):
+    async def _looked_after(self, guardians: Guardians, end: msg.Finish | msg.Leave) -> None:
+        if isinstance(end, msg.Finish):
             home = asyncio.create_task(guardians.bring_home(end.reason))
             left = self.host.left
             either: list[asyncio.Future[Any]] = [home, left]
@@ -208,7 +208,7 @@ def _text(failure: Exception | None) -> str:
         return ""
     if is_defect(failure):
         return "".join(traceback.format_exception(failure))
-    return in_words(failure)
+    return failure_text(failure)
 
 
 @contextlib.asynccontextmanager
@@ -217,9 +217,9 @@ async def in_this_process(
 ) -> AsyncIterator[None]:
     """Connect the aircraft in the process of their mission: the same messages, as the same
     bytes."""
-    to_mission = say.as_bytes(port.receive)
+    to_mission = msg.as_bytes(port.receive)
     side = AircraftSide(plan, setting, folder, links, MissionClock(0.0), to_mission)
-    port.connect(say.as_bytes(side.host.receive))
+    port.connect(msg.as_bytes(side.host.receive))
     running = asyncio.create_task(side.run())
     try:
         yield

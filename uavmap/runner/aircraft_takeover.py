@@ -19,14 +19,14 @@ from pydantic import TypeAdapter, ValidationError
 
 from missions.errors import AircraftError, LinkError
 from missions.events import Event, to_json
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process import messages as msg
 from uavmap.journal.event_log import Journal
 
 ADDRESS: Final = "aircraft.json"
 RECORD: Final = "aircraft.log"
 """Record of the aircraft process without a mission: messages as they would be sent."""
 ATTACH_WALL_S: Final = 5.0
-ASK_AGAIN_WALL_S: Final = 0.5
+POLL_INTERVAL_WALL_S: Final = 0.5
 """Time between two questions whether the vehicles are home, real seconds."""
 _LOG: Final = logging.getLogger("uavmap.flight")
 
@@ -69,17 +69,17 @@ class Attachment:
     socket: socket.socket
 
 
-def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
+def attach(address: Address) -> tuple[msg.Attached, Attachment] | None:
     """Connect to an aircraft process; None if it is gone. Raises `TimeoutError`."""
     with contextlib.ExitStack() as failed:
         try:
             where = ("127.0.0.1", address.port)
             line = failed.enter_context(socket.create_connection(where, ATTACH_WALL_S))
-            line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
-            decoder = say.Decoder()
+            line.sendall(msg.encode(msg.Attach(msg.VERSION, address.token)))
+            decoder = msg.Decoder()
             while data := line.recv(1):
                 for message in decoder.feed(data):
-                    if isinstance(message, say.Attached):
+                    if isinstance(message, msg.Attached):
                         failed.pop_all()
                         return message, Attachment(address, line)
         except TimeoutError:
@@ -89,7 +89,7 @@ def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
     return None
 
 
-def taken_over(folder: Path, journal: Journal) -> Attachment | None:
+def take_over_aircraft(folder: Path, journal: Journal) -> Attachment | None:
     """Take over the aircraft of a mission process that died, once they are home.
 
     None if none fly. Events of the meantime go into the journal. Raises `LinkError` if another
@@ -103,7 +103,7 @@ def taken_over(folder: Path, journal: Journal) -> Attachment | None:
 
 
 def _attached(folder: Path) -> Attachment | None:
-    returning: say.Attached | None = None
+    returning: msg.Attached | None = None
     try:
         while (address := Address.read(folder)) is not None:
             answer = _answer(folder, address)
@@ -119,15 +119,15 @@ def _attached(folder: Path) -> Attachment | None:
             first, returning = returning is None, attached
             if first:
                 _LOG.info(f"{attached.reason}; the flight goes on when that is done")
-            time.sleep(ASK_AGAIN_WALL_S)
+            time.sleep(POLL_INTERVAL_WALL_S)
     except KeyboardInterrupt:
         if returning is not None:
-            _say_fates(folder, returning)
+            _require_home(folder, returning)
         raise
     return None
 
 
-def _answer(folder: Path, address: Address) -> tuple[say.Attached, Attachment] | None:
+def _answer(folder: Path, address: Address) -> tuple[msg.Attached, Attachment] | None:
     try:
         return attach(address)
     except TimeoutError:
@@ -140,7 +140,7 @@ def _answer(folder: Path, address: Address) -> tuple[say.Attached, Attachment] |
     return None
 
 
-def _say_fates(folder: Path, attached: say.Attached) -> None:
+def _require_home(folder: Path, attached: msg.Attached) -> None:
     """Raise `AircraftError` if a vehicle that returns without us is not home yet."""
     fates = [f"vehicle {n}: {fate}" for n, fate in sorted(attached.fates.items()) if fate]
     if fates:
@@ -153,18 +153,18 @@ def _keep_record(folder: Path, journal: Journal) -> None:
     # the last message that the mission had is recorded as well: it may not have kept it
     kept = set(journal.bodies())
     for message in recorded(folder):
-        if isinstance(message, say.Happened):
+        if isinstance(message, msg.EventReport):
             if to_json(message.event) not in kept:
                 events.append(message.event)
-        elif isinstance(message, say.Line):
+        elif isinstance(message, msg.Line):
             _LOG.info(f"meanwhile: {message.text}")
     journal.append_all(events)
     (folder / RECORD).unlink(missing_ok=True)
 
 
-def recorded(folder: Path) -> list[say.Message]:
+def recorded(folder: Path) -> list[msg.Message]:
     """Return the messages of the aircraft without a mission; a truncated last one is left out."""
-    decoder, found = say.Decoder(), list[say.Message]()
+    decoder, found = msg.Decoder(), list[msg.Message]()
     with contextlib.suppress(OSError, LinkError):
         found.extend(decoder.feed((folder / RECORD).read_bytes()))
     return found

@@ -12,14 +12,14 @@ from missions.errors import LinkError, NotFlownError, OutputError, PreflightErro
 from missions.mission.layout import Layout
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.aircraft.imaging.classifier import detector_of
-from uavmap.aircraft.process.messages import Asked
+from uavmap.aircraft.process.messages import PreflightOptions
 from uavmap.base.clock import ScaledClock, run
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner.flight_links import Link
-from uavmap.runner.preflight.autopilot_setup import AutopilotSetup, Kept
-from uavmap.runner.preflight.examination import Examination, connect, spoken_with
-from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, of_vehicle, warn
+from uavmap.runner.preflight.autopilot_setup import AutopilotSetup, SettingsFile
+from uavmap.runner.preflight.examination import Examination, connect, open_answering_links
+from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, for_vehicle, warn
 from uavmap.runner.preflight.vehicle_check import pad_heights
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
@@ -36,7 +36,7 @@ class BeforeFlight:
 
     def __init__(
         self,
-        wanted: Asked | None,
+        wanted: PreflightOptions | None,
         setting: Layout,
         folder: Path,
         links: Sequence[Link],
@@ -98,7 +98,7 @@ class BeforeFlight:
         standing = {n: self._view(n).pad_height for n in self._links if not self._view(n).armed}
         heights = pad_heights(self._setting, standing)
         found = [finding for part in parts for finding in part]
-        return [*found, *(f for n, height in heights.items() for f in of_vehicle(n, [height]))]
+        return [*found, *(f for n, height in heights.items() for f in for_vehicle(n, [height]))]
 
     async def _examined(self, number: int) -> list[Finding]:
         setting, examination = self._setting, self._examinations[number]
@@ -112,13 +112,13 @@ class BeforeFlight:
             where = f"armed, {view.height_m:.0f} m up, in {view.mode_name}"
             wanted = "on the ground, motors off"
             remedy = "say yes only if the mission is to take it over as it flies"
-            found += of_vehicle(number, [warn("vehicle", where, wanted, remedy)])
+            found += for_vehicle(number, [warn("vehicle", where, wanted, remedy)])
         if self._keep_fence:
-            found += of_vehicle(number, await self._setups[number].keep_fence())
+            found += for_vehicle(number, await self._setups[number].keep_fence())
         return found
 
     # --- ask ----------------------------------------------------------------------------------
-    async def _ask(self, wanted: Asked, found: Sequence[Finding]) -> None:
+    async def _ask(self, wanted: PreflightOptions, found: Sequence[Finding]) -> None:
         if wanted.dry_run:
             return
         self._refuse(found)
@@ -164,7 +164,7 @@ class BeforeFlight:
         return [
             finding
             for number, part in zip(standing, parts, strict=True)
-            for finding in of_vehicle(number, part)
+            for finding in for_vehicle(number, part)
         ]
 
     # --- words --------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ class BeforeFlight:
 # --- what a flight left set: a vehicle was silent at its end, `uavmap resume` puts it back --------
 def is_left_set(folder: Path) -> bool:
     """Return whether a flight of this folder has left something set on an autopilot."""
-    return not Kept(folder).empty
+    return not SettingsFile(folder).empty
 
 
 def put_back(plan: FlightPlan, setting: Layout, folder: Path) -> bool:
@@ -190,7 +190,7 @@ def put_back(plan: FlightPlan, setting: Layout, folder: Path) -> bool:
 
 async def _put_back(plan: FlightPlan, setting: Layout, folder: Path) -> None:
     cameras = [parse_camera("mavlink")] * len(plan.urls)
-    async with spoken_with(plan, cameras, setting.mission.camera) as links:
+    async with open_answering_links(plan, cameras, setting.mission.camera) as links:
         numbered = enumerate(links, start=setting.member or 1)
         await asyncio.gather(*(_one(n, link, setting, folder) for n, link in numbered))
 

@@ -39,7 +39,7 @@ from uavmap.journal.flight_plan import (
 from uavmap.load.detector_source import drop_detector, keep_detector, region_in_words
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
-from uavmap.runner.aircraft_takeover import taken_over
+from uavmap.runner.aircraft_takeover import take_over_aircraft
 from uavmap.runner.before_flight import KEEP_FENCE, is_left_set, put_back
 from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results
@@ -198,7 +198,7 @@ def resume(
         check_urls(plan.urls)
         _refuse_network(plan, folder)
         setting = plan.setting(_LOG.info)
-        found = None if plan.simulated or plan.member == 0 else taken_over(folder, journal)
+        found = None if plan.simulated or plan.member == 0 else take_over_aircraft(folder, journal)
         if found is not None and (urls or driver or cameras or key_file or forward is not None):
             _LOG.info("it goes on with the links that it has; options for links are left out")
         left_set = not plan.simulated and found is None and is_left_set(folder)

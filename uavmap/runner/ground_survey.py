@@ -23,9 +23,9 @@ from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.journal.flight_plan import PYMAVLINK, FlightPlan
 from uavmap.load.dem import MOST_STEP_M, FenceLattice, with_lattice
 from uavmap.mavlink.autopilots import PX4
-from uavmap.mavlink.identity import answered
+from uavmap.mavlink.identity import wait_for_autopilot
 from uavmap.mavlink.session import Message, Session
-from uavmap.runner.preflight.examination import spoken_with
+from uavmap.runner.preflight.examination import open_answering_links
 
 LEAST_STEP_M: Final = 10.0
 """Minimum distance of two requested places, m: databases of autopilots have 30 to 100 m."""
@@ -72,12 +72,12 @@ async def _simulated(
 
 async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
     options = replace(plan, urls=plan.urls[:1], driver=PYMAVLINK, forward=())
-    async with spoken_with(options, [parse_camera("mavlink")], mission.camera) as (link,):
+    async with open_answering_links(options, [parse_camera("mavlink")], mission.camera) as (link,):
         return await _lattice(link.session, link.name, mission)
 
 
 async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:
-    await answered(session, name)
+    await wait_for_autopilot(session, name)
     lattice = FenceLattice.around(mission, LEAST_STEP_M, MOST_PLACES / 1.2)
     if lattice.step_m > MOST_STEP_M:
         raise LinkError(
@@ -96,7 +96,7 @@ AT_ONCE: Final = 8
 """Number of places that are requested at a time: a slow radio holds no more."""
 WAIT_S: Final = 1.0
 """Time until places without an answer are requested again, s."""
-PATIENCE_S: Final = 30.0
+MAX_ANSWER_WAIT_S: Final = 30.0
 """Maximum time without a new answer, s: an autopilot reads its card or asks a ground station."""
 _INSTEAD: Final = 'give terrain.dem = "FILE.tif" instead'
 
@@ -129,12 +129,12 @@ async def _heights(session: Session, name: str, places: Sequence[LatLon]) -> lis
         await session.until(lambda a=asked: set(a) <= known.keys(), WAIT_S)  # type: ignore[misc]
         if len(known) > before:
             came_s = loop.time()
-        elif loop.time() - came_s > PATIENCE_S and pending is None:
+        elif loop.time() - came_s > MAX_ANSWER_WAIT_S and pending is None:
             raise LinkError(
                 f"{name}: the autopilot does not answer TERRAIN_CHECK (is TERRAIN_ENABLE 1?); "
                 f"{_INSTEAD}"
             )
-        elif loop.time() - came_s > PATIENCE_S:
+        elif loop.time() - came_s > MAX_ANSWER_WAIT_S:
             raise LinkError(
                 f"{name}: the autopilot knows no ground at {len(missing)} of {len(wanted)} places, "
                 f"and waits for {pending} blocks of it; put terrain data on its card, connect a "

@@ -18,15 +18,15 @@ from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase
 from missions.orders import TakeOff
 from missions.units import PadHeight
-from uavmap.aircraft.guardian.last_watch import watched_over
-from uavmap.aircraft.process.messages import Before, Begin
+from uavmap.aircraft.guardian.last_watch import run_with_keeper
+from uavmap.aircraft.process.messages import Begin, EarlierFlight
 from uavmap.aircraft.process.port import Port
 from uavmap.base import messages
 from uavmap.base.clock import Clock, MissionClock, ScaledClock, VirtualClock, run
 from uavmap.base.opencv_threads import ONE_THREAD_EACH
-from uavmap.fleet.fleet_radio import joined_fleet, talking
+from uavmap.fleet.fleet_radio import fleet_communication, joined_fleet
 from uavmap.fleet.member import Member
-from uavmap.fleet.peer import AGREE_S
+from uavmap.fleet.peer import LISTEN_S
 from uavmap.fleet.radio import SealedRadio
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import TLOG, FlightPlan
@@ -37,7 +37,7 @@ from uavmap.journal.mission_time import (
     last_mark,
     mission_time,
     read_clocks,
-    taken_up_at,
+    resume_time_s,
 )
 from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.output.facts.figures import Figures, FlightRecord, figures
@@ -55,9 +55,9 @@ from uavmap.runner.operator.ground_crew import (
     Operator,
     all_wait,
     doubts,
-    say_last_known,
+    log_last_positions,
 )
-from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
+from uavmap.runner.operator.interrupts import hold_signals, interrupts, leave_map, like_control_c
 from uavmap.runner.operator.judged_picture import JudgedPicture
 from uavmap.runner.operator.keyboard import Keys, keyboard
 from uavmap.runner.preflight.vehicle_check import pad_heights
@@ -126,12 +126,12 @@ class Flight:
             try:
                 truth = self._flown()
             except BaseException as failure:
-                with patiently():
+                with hold_signals():
                     with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                         if len(self._journal):
                             _LOG.info(f"to go on: uavmap resume {self.folder}")
                         if self._resumed and len(self._journal) == self._events_before:
-                            say_last_known(self._state)
+                            log_last_positions(self._state)
                     if self._again or len(self._journal) > self._events_before:
                         leave_map(lambda: self._write_results(None), failure, self.folder)
                 raise
@@ -246,7 +246,7 @@ class Flight:
         begin = partial(self._begin, waits_on_ground=waits)
         try:
             with self._hands(service, enter, keeper):
-                async with talking(member, may_leave=real):
+                async with fleet_communication(member, may_leave=real):
                     if connection is None:
                         self._state = await self._fly(None, begin, service, member, crew)
                     else:
@@ -285,7 +285,7 @@ class Flight:
         real = not self._plan.simulated
         async with connected:
             try:
-                return await watched_over(port, flying, leave=real)
+                return await run_with_keeper(port, flying, leave=real)
             finally:
                 # a simulated flight is flown again instead, event by event
                 if real and self._service is not None:  # and the aircraft may drop kept events
@@ -297,7 +297,7 @@ class Flight:
         for number in numbers_of(self.setting):
             left = self.state.vehicles[number]
             flew = not left.landed or isinstance(left.order, TakeOff)
-            before[number] = Before(
+            before[number] = EarlierFlight(
                 begun and flew and left.phase is not Phase.YIELDED,
                 begun and left.phase in (Phase.AIRBORNE, Phase.GUARDED),
             )
@@ -348,7 +348,7 @@ class Flight:
             speedup=self._plan.speedup or 1.0,
             drift_m_s=self.setting.mission.drift.speed_m_s,
         )
-        self.clock.set(await asyncio.to_thread(taken_up_at, found, _LOG.info, self._company.ask))
+        self.clock.set(await asyncio.to_thread(resume_time_s, found, _LOG.info, self._company.ask))
 
     async def _agree(self, member: Member, pad: PadHeight | None) -> None:
         """Adopt the time of the other members of a fleet; time never runs backwards.
@@ -357,7 +357,7 @@ class Flight:
         the ground.
         """
         # on a fast clock, the others' processes begin as late as on a slow one
-        wait_s = AGREE_S * (1.0 if self._plan.simulated else max(self._plan.speedup or 1.0, 1.0))
+        wait_s = LISTEN_S * (1.0 if self._plan.simulated else max(self._plan.speedup or 1.0, 1.0))
         by_s = await member.agree(wait_s, pad)
         heights = pad_heights(self.setting, member.pads) if pad is not None else {}
         if wrong := [replace(f, vehicle=n) for n, f in heights.items() if f.binding]:

@@ -51,7 +51,7 @@ def fly_fleet(plan: FlightPlan, folder: Path) -> dict[str, Any]:
             raise
         raise leaves(refused)[0] from None  # each member raises it
     for number, flight in fleet.flights.items():
-        with of_member(number):
+        with prefixed_lines(number):
             flight.finish()
     folders = [flight.folder for flight in fleet.flights.values()]
     return merged_results(folders, folder, _LOG.info, truth)
@@ -107,12 +107,12 @@ class SimulatedFleet:
     async def live(self, number: int) -> None:
         """Run one member's program from its start to its end."""
         flight = self.flights[number]
-        with of_member(number):
+        with prefixed_lines(number):
             await flight.fly_member(self.world, self.radio(flight, number))
         self.air.silence(number)
 
 
-def of_member(number: int) -> AbstractContextManager[None]:
+def prefixed_lines(number: int) -> AbstractContextManager[None]:
     """Begin the lines of a member with its number."""
     return prefixed(f"vehicle {number}: ")
 

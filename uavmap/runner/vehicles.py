@@ -21,7 +21,7 @@ from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.leapfrog_sight import Leapfrog
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.reporter import BATTERY_STALE_S
-from uavmap.aircraft.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
+from uavmap.aircraft.vehicle import LINK_LOST_S, SILENCE_ON_GROUND_S, MavlinkVehicle
 from uavmap.base.clock import WINDOW_WALL_S, ClockRate
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import Keeper
@@ -101,7 +101,7 @@ def vehicles_of(
             host.swap,
             link_lost_s,
             battery_stale_s=stale_s,
-            ground_patience_s=None if waits_on_ground else ON_GROUND_S,
+            ground_patience_s=None if waits_on_ground else SILENCE_ON_GROUND_S,
             slack_s=slack_s,
             by_places=not plan.simulated and speedup > STREAMED_SPEEDUP,
             tell=host.line,

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from missions.navigation import Estimate, ToldErrors, Track
+from missions.navigation import Estimate, ReportedErrors, Track
 from vision.own_map.ground_match import Match, compare, match, resized
 from vision.own_map.ground_patch import Patch, coarser, mosaic, overlaps, side_m
 
@@ -131,7 +131,7 @@ class OwnMap:
         track: Keyframes and links: reports the disagreement, receives distrust.
     """
 
-    errors: ToldErrors = field(default_factory=ToldErrors)
+    errors: ReportedErrors = field(default_factory=ReportedErrors)
     most_keyframes: int = 250
     track: Track = field(init=False)
     _patches: dict[int, Patch] = field(default_factory=dict)

@@ -20,7 +20,7 @@ from itertools import chain
 from typing import Final
 
 from missions.flight.airspace.needs import (
-    AHEAD_S,
+    RESERVED_AHEAD_S,
     column_air,
     hover_air,
     needed_air,
@@ -41,13 +41,13 @@ SEPARATION_BUFFER_M: Final = 2.0
 """Distance by which two vehicles may stray towards each other and still keep apart, m."""
 RING_TIMES: Final = (1.5, 2.5, 4.0)
 """Distances that a vehicle flies to make way, as multiples of the separation; nearest first."""
-CLOSED_S: Final = 3.0
+CLOCK_MARGIN_S: Final = 3.0
 """Time that air stays closed beyond the request, s, because members' clocks differ a little."""
-ASK_S: Final = 12.0
+MAX_LEASE_WAIT_S: Final = 12.0
 """Maximum time that a member waits for the air that it has requested, s."""
-SLOW_TIMES: Final = 2.0
+MIN_LEASE_FACTOR: Final = 2.0
 """Minimum duration of such a reservation, as a multiple of the time of the change of layer."""
-_CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
+_UNCONTROLLED_PHASES: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
 """Phases of a vehicle that its member does not control, or of which no report arrives."""
 
 
@@ -56,7 +56,7 @@ class Airspace:
     """The air that each vehicle may use at an instant of a mission."""
 
     state: State
-    ahead_s: float = AHEAD_S
+    ahead_s: float = RESERVED_AHEAD_S
     """Reserved part of a path, s."""
 
     # --- reservations ---------------------------------------------------------------------------
@@ -202,7 +202,7 @@ class Airspace:
         return [
             column_air(column)
             for _, column in sorted(self.state.closed.items())
-            if column.until_s + CLOSED_S > self.state.t_s
+            if column.until_s + CLOCK_MARGIN_S > self.state.t_s
         ]
 
     def _reserved_by_others(self, asking: VehicleState, order: Order) -> list[Volume]:
@@ -259,7 +259,7 @@ class Airspace:
         if asks is None or asks.place.distance_to(vehicle.position) > OVER_PAD_M:
             return False
         holds = asks.low_m - OFF_LAYER_M <= layer_m <= asks.high_m + OFF_LAYER_M
-        return holds and vehicle.leased_until_s >= self.state.t_s + SLOW_TIMES * change_s
+        return holds and vehicle.leased_until_s >= self.state.t_s + MIN_LEASE_FACTOR * change_s
 
     def ask_for_column(
         self, vehicle: VehicleState, layer_m: float
@@ -269,7 +269,7 @@ class Airspace:
         Returns:
             The vehicle with its request, and the answer. It is True if granted, None while it
             waits,
-            False if a member cannot be asked or does not answer within `ASK_S`.
+            False if a member cannot be asked or does not answer within `MAX_LEASE_WAIT_S`.
         """
         if self.has_column(vehicle, layer_m):
             return vehicle, True
@@ -286,12 +286,12 @@ class Airspace:
             v for v in self.state.vehicles.values() if v.vehicle not in self.state.our_numbers
         )
         waited_s = 0.0 if asks is None else t_s - asks.asked_s
-        if waited_s > ASK_S or any(v.phase in _CANNOT_PROMISE for v in others):
+        if waited_s > MAX_LEASE_WAIT_S or any(v.phase in _UNCONTROLLED_PHASES for v in others):
             return vehicle, False
         if asks is None:
             low_m, high_m = sorted((vehicle.level_m, layer_m))
             change_s = (high_m - low_m) / CLIMB_SPEED_M_S
-            until_s = round(t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
+            until_s = round(t_s + MAX_LEASE_WAIT_S + 2.0 * MIN_LEASE_FACTOR * change_s, 1)
             asks = Column(vehicle.position, low_m, high_m, t_s, until_s)
             vehicle = replace(vehicle, leased_until_s=-math.inf)  # the old lease was for other air
         return replace(vehicle, asks=asks), None

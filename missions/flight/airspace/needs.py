@@ -17,7 +17,7 @@ from missions.units import GridPoint
 
 RTL_HEIGHT_M = 30.0
 """Maximum expected height of an autopilot's return above home, m (PX4: 30 m, ArduCopter: 15 m)."""
-AHEAD_S = 8.0
+RESERVED_AHEAD_S = 8.0
 """Reserved part of a path, s: longer than the stop before another vehicle's air takes."""
 SILENT_AHEAD_S = 12.0
 """Reserved part of a silent vehicle's path from its last report on, s. Five until its link counts
@@ -36,7 +36,7 @@ def column_air(column: Column) -> Volume:
 
 
 def needed_air(
-    state: State, vehicle: VehicleState, order: Order | None, ahead_s: float = AHEAD_S
+    state: State, vehicle: VehicleState, order: Order | None, ahead_s: float = RESERVED_AHEAD_S
 ) -> Volume:
     """Return the air that an order needs now; of a path, the next `ahead_s` seconds."""
     top_m = max(vehicle.cruise_altitude_m, vehicle.level_m)

@@ -17,7 +17,7 @@ from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
-from missions.planning.sweep.chart import BEHIND, Chart, Known
+from missions.planning.sweep.chart import BEHIND, Chart, KnownMap
 from missions.planning.sweep.paths import Flyer, Route
 from missions.units import Cell, GridPoint
 
@@ -93,7 +93,7 @@ def chart_of(
     begin_s: float,
     team: Mapping[int, VehicleState],
     home_s: float | None = None,
-) -> Known:
+) -> KnownMap:
     """Return the known map around the region at a time; without a `root`, of the box. `home_s` is
     the time when our vehicle of a fleet will be over its pad. Lanes that are still to be flown are
     closed; the ground behind their vehicles is `BEHIND`."""
@@ -101,7 +101,7 @@ def chart_of(
     belief, cell_m = state.belief, setting.mission.grid.cell_m
     tallies = belief.open_tallies.as_dict()
     box = setting.box_cells if root is None else ()
-    ways = _ways(setting, begin_s, team)
+    ways = _end_cells(setting, begin_s, team)
     chart = Chart.around([*((root,) if root else box), *tallies, *ways], cell_m)
     if tallies:
         index = chart.indices(tallies.keys())
@@ -112,7 +112,7 @@ def chart_of(
     chart.yes[region], chart.no[region] = belief.positive, 0
     _fence(setting, chart, begin_s, begin_s if home_s is None else home_s, team)
     if root is not None:
-        return Known(chart, chart.index(root))
+        return KnownMap(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
     wanted[chart.indices(list(setting.strategy.asked_for(state)))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
@@ -121,10 +121,10 @@ def chart_of(
     unflown = {part for v in state.vehicles.values() for part in lane_left(v, cell_m).lanes}
     for lane in sorted(unflown):
         chart.close(setting.strip(lane, state.t_s))
-    return Known(chart, -1, wanted, patches=setting.strategy.patches)
+    return KnownMap(chart, -1, wanted, patches=setting.strategy.patches)
 
 
-def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) -> list[Cell]:
+def _end_cells(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) -> list[Cell]:
     """Return the cells where vehicles are and will end; the chart must contain them."""
     grid, cell_m = setting.grid, setting.mission.grid.cell_m
     cells = []

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
-from missions.flight.path_orders import NOTICE_S, along_route
+from missions.flight.path_orders import PLAN_LEAD_S, along_route
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
-from missions.planning.sweep.chart import Known
+from missions.planning.sweep.chart import KnownMap
 from missions.planning.sweep.memo import valued
 from missions.planning.sweep.paths import Tuning
 from missions.units import Cell, GridPoint
@@ -33,7 +33,7 @@ class Fetch(NamedTuple):
 
 
 def fetch(
-    state: State, team: Mapping[int, VehicleState], known: Known, tried: Collection[Cell]
+    state: State, team: Mapping[int, VehicleState], known: KnownMap, tried: Collection[Cell]
 ) -> Fetch | None:
     """Return the shortest flight of a team to a needed cell, not to places that were tried."""
     needed, mission = _needed(state.setting, known), state.setting.mission
@@ -48,14 +48,14 @@ def fetch(
                 length_m = route_length_m(vehicle.position, route)
                 found = sorted([*found, (length_m, number, cell, route)])
     for _, number, cell, route in found:
-        path = along_route(state.setting, team[number], route, state.t_s + NOTICE_S)
+        path = along_route(state.setting, team[number], route, state.t_s + PLAN_LEAD_S)
         path = path.resting((mission.votes.frames + 1) * mission.camera.interval_s)
         if allowed(state.setting.fence, path):
             return Fetch(number, cell, path)
     return None
 
 
-def _needed(setting: Setting, known: Known) -> list[Cell]:
+def _needed(setting: Setting, known: KnownMap) -> list[Cell]:
     """Return the undecided cells that have to be decided."""
     votes = setting.mission.votes
     worth, need, candidates, _ = valued(known, votes.frames, votes.positive)
@@ -66,7 +66,7 @@ def _needed(setting: Setting, known: Known) -> list[Cell]:
 def _vantages(
     state: State,
     vehicle: VehicleState,
-    known: Known,
+    known: KnownMap,
     needed: Collection[Cell],
     tried: Collection[Cell],
 ) -> list[tuple[float, Cell, GridPoint]]:
@@ -84,7 +84,7 @@ def _vantages(
     for cell in cells.difference(tried):
         if chart.holds(cell) and chart.allowed[chart.index(cell)]:
             now = grid.to_fixed(grid.centre_of(cell), state.t_s)
-            by_s = state.t_s + NOTICE_S + vehicle.position.distance_to(now) / flown.speed_m_s
+            by_s = state.t_s + PLAN_LEAD_S + vehicle.position.distance_to(now) / flown.speed_m_s
             place = grid.to_fixed(grid.centre_of(cell), by_s)
             places.append((vehicle.position.distance_to(place), cell, place))
     return sorted(places)

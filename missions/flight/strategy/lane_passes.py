@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.path_orders import NOTICE_S, brake, give_path, on_paths, through
+from missions.flight.path_orders import PLAN_LEAD_S, brake, give_path, on_paths, through
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
@@ -34,7 +34,7 @@ def search_passes(state: State, vehicle: VehicleState) -> State:
         vehicle = replace(vehicle, lanes=lanes, on_lane=False, lane_seen_m=())
     if not lanes:
         return state.holding(vehicle)
-    points, corners = _way_along(state, vehicle)
+    points, corners = _points_along_lanes(state, vehicle)
     if not points:  # no path inside the fence leads to this part of the box
         return give_up_lane(state, vehicle)
     first = setting.over_ground(points[0], state.t_s)
@@ -43,7 +43,7 @@ def search_passes(state: State, vehicle: VehicleState) -> State:
 
     def along(count: int) -> Trajectory:
         return through(
-            setting, vehicle, points[:count], corners[:count], state.t_s + NOTICE_S,
+            setting, vehicle, points[:count], corners[:count], state.t_s + PLAN_LEAD_S,
             drifts=setting.lanes_drift, cuts_m=setting.heights.cuts_m(setting),
         )  # fmt: skip
 
@@ -71,7 +71,7 @@ def give_up_lane(state: State, vehicle: VehicleState) -> State:
     return state.holding(left)
 
 
-def _way_along(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], list[bool]]:
+def _points_along_lanes(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], list[bool]]:
     """Return the points of a way along a vehicle's lanes, and which of them are corners of the
     fence. A way round an obstacle is planned for the time when the vehicle will be there."""
     setting = state.setting
@@ -79,7 +79,7 @@ def _way_along(state: State, vehicle: VehicleState) -> tuple[list[GridPoint], li
     corners: list[bool] = []
     speed_m_s = setting.path_speed_m_s(vehicle.cruise_height_m, vehicle.wind_m_s)
     pause_s = speed_m_s / setting.energy.accel_m_s2  # at a corner it nearly stops
-    t_s = state.t_s + NOTICE_S
+    t_s = state.t_s + PLAN_LEAD_S
     at = setting.to_lanes(vehicle.position, t_s)
     for lane in vehicle.lanes:
         start, end = flown_along(state, vehicle, lane)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.path_orders import NOTICE_S, give_path, through
+from missions.flight.path_orders import PLAN_LEAD_S, give_path, through
 from missions.flight.return_home import send_home
 from missions.flight.state import Setting, State
 from missions.flight.strategy.every_patch import Survey
@@ -40,7 +40,7 @@ REST_S: Final = 1.5
 """Time at rest between two moves, s; pictures of a moving vehicle are less exact."""
 STALLED_S: Final = 60.0
 """Time without a move after which the rest is given up, s."""
-BESIDES_S: Final = 4.0
+STEP_OVERHEAD_S: Final = 4.0
 """Time of a step besides its flight, about, s."""
 
 
@@ -105,7 +105,9 @@ def _next_round(state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
     left = len(setting.strategy.open_cells(state))
     lanes = () if memory.open == left else lanes_left(state)
     view = tracker_view(setting.mission)
-    steps = steps_along(setting.fence, view, _way(state, mapper, lanes)) if lanes else ()
+    steps = (
+        steps_along(setting.fence, view, _points_along_lanes(state, mapper, lanes)) if lanes else ()
+    )
     if steps:
         return LeapfrogMemory(steps, open=left)
     home = setting.fence.route(mapper.position, mapper.pad) or ()
@@ -127,7 +129,7 @@ def _move(state: State, memory: LeapfrogMemory) -> State:
         mover = state.vehicles[MAPPER]
         if mover.position.distance_to(places[0]) < LEAST_M and len(places) > 1:
             places = places[1:]
-        begin_s = round(state.t_s + NOTICE_S, 3)
+        begin_s = round(state.t_s + PLAN_LEAD_S, 3)
         path = through(state.setting, mover, places, [False] * len(places), begin_s)
         state = give_path(state, mover, path)
     if state.vehicles[mover.vehicle].idle:  # its air is not clear, or the fence does not allow it
@@ -148,7 +150,9 @@ def lanes_left(state: State) -> tuple[Lane, ...]:
     return tuple(part for lane, strip in strips for part in strip.parts_left(lane, done))
 
 
-def _way(state: State, mapper: VehicleState, lanes: Iterable[Lane]) -> list[GridPoint]:
+def _points_along_lanes(
+    state: State, mapper: VehicleState, lanes: Iterable[Lane]
+) -> list[GridPoint]:
     """Return the way from the mapper along lanes, inside the fence; others are left out."""
     places, fence = [mapper.position], state.setting.fence
     for lane in turned(mapper.position, lanes, keep=state.setting.aimed_lanes):
@@ -166,11 +170,11 @@ def steps_left_s(state: State) -> float:
     steps = memory.steps[memory.index :]
     if not memory.steps:
         mapper = state.vehicles[MAPPER]
-        way = _way(state, mapper, lanes_left(state))
+        way = _points_along_lanes(state, mapper, lanes_left(state))
         way.extend(setting.fence.route(way[-1], mapper.pad) or ())
         steps = steps_along(setting.fence, tracker_view(setting.mission), way)
     speed_m_s = setting.path_speed_m_s(setting.mission.altitude_m(0), 0.0)
-    return sum(least_s(s.length_m, speed_m_s, ACCELERATION_M_S2) + BESIDES_S for s in steps)
+    return sum(least_s(s.length_m, speed_m_s, ACCELERATION_M_S2) + STEP_OVERHEAD_S for s in steps)
 
 
 class Leapfrog(Survey):

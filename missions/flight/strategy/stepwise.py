@@ -37,7 +37,7 @@ def explore_moves(explorer: Explorer, state: State) -> State:
         waiting = state.last_wait[2]
     asked = tuple(n for n in sorted(at) if n not in waiting and _decides(state.vehicles[n], tree))
     if not asked:
-        return _end_in_vain(explorer, state, waiting)
+        return _end_stalled(explorer, state, waiting)
 
     def passable(*cells: Cell) -> bool:
         places = (state.setting.where(cell, state.t_s) for cell in cells)
@@ -57,7 +57,7 @@ def explore_moves(explorer: Explorer, state: State) -> State:
     return replace(state, last_wait=(tree, places, waiting | stay, state.t_s))
 
 
-def _end_in_vain(explorer: Explorer, state: State, waiting: frozenset[int]) -> State:
+def _end_stalled(explorer: Explorer, state: State, waiting: frozenset[int]) -> State:
     """Send all vehicles home that the strategy leaves waiting: they would hover for ever."""
     still = [v for v in state.vehicles.values() if not v.ended]
     if not waiting or state.last_wait is None or state.t_s - state.last_wait[3] < WAIT_S:

@@ -2,7 +2,7 @@
 
 A path is an exact function of time, so a vehicle's place at the beginning of the next plan is known
 without telemetry. The planner (`missions.planning.sweep.sweep_planner`) is asked again whenever
-frames were judged. Every plan begins `NOTICE_S` in the future, on the present path.
+frames were judged. Every plan begins `PLAN_LEAD_S` in the future, on the present path.
 
 A vehicle that has nothing to fly, or may not fly its plan, is planned for again after `RETRY_S`.
 When no frame has added a vote for longer than the paths took, the rest is given up.
@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from missions.flight.path_orders import NOTICE_S, descent, fly_route, give_path
+from missions.flight.path_orders import PLAN_LEAD_S, descent, fly_route, give_path
 from missions.flight.return_home import flies_home
 from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.charting import chart_of, flyer_of, over_home_s
@@ -27,7 +27,7 @@ from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
 from missions.mapping.tree import left_out
 from missions.orders import FlyPath
-from missions.planning.sweep.chart import Known
+from missions.planning.sweep.chart import KnownMap
 from missions.planning.sweep.memo import plan_once, valued
 from missions.planning.sweep.open_work import OpenWork, TourMemory, Work
 from missions.planning.sweep.paths import Flyer, Plan, Route, Tuning, Waypoints
@@ -46,7 +46,7 @@ MOST_PRIORITY: Final = 3
 """Maximum number of rises of priority for undone work, before a direct flight."""
 PRIORITY: Final = 4.0
 """Factor of the penalty of work left undone for each step of its priority."""
-ALONE_TIMES: Final = 2.0
+OWN_PART_FACTOR: Final = 2.0
 """Factor of that penalty for a member's own part: no other vehicle maps it on its way."""
 DETOUR_S: Final = 3.0
 """Excess over the straight path home that stays allowed once all is explored, s."""
@@ -100,12 +100,12 @@ def explore_passes(strategy: Strategy, state: State) -> State:
     due = state.t_s >= memory.planned_s + replan_s - 1e-6
     if not ours or not due or not (news or retry):
         return state
-    begin_s = round(state.t_s + NOTICE_S, 3)
+    begin_s = round(state.t_s + PLAN_LEAD_S, 3)
     able = {n: v for n, v in state.vehicles.items() if _able(v)}
     home_s = max(over_home_s(team[n].path, memory.paths.get(n), begin_s) for n in ours)
     known = chart_of(state, None if tree is None else tree.root, begin_s, able, home_s)
     memory = replace(memory, frames=frames, priority=0 if fresh else memory.priority)
-    memory = _gone_on(memory, state, team)
+    memory = _note_progress(memory, state, team)
     if tree is not None and memory.flown_s > patience_s(state):
         return fall_back(state)
     stalls = memory.stalled_s > STALLED_S + STALLED_SHARE * memory.longest_s
@@ -127,7 +127,7 @@ def explore_passes(strategy: Strategy, state: State) -> State:
     if others_part is not None:  # they plan for themselves
         team = {n: team[n] for n in sorted(ours)}
         flyers = {n: flyers[n] for n in team}
-    times = 1.0 if others_part is None else ALONE_TIMES
+    times = 1.0 if others_part is None else OWN_PART_FACTOR
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and lanes_left and known.chart.open_behind():
         # without other work it maps behind the vehicles that still fly lanes
@@ -168,7 +168,7 @@ def _homeward(state: State, waiting: frozenset[int]) -> State:
     return state
 
 
-def _fetch(state: State, memory: PassMemory, known: Known, idle: frozenset[int]) -> State:
+def _fetch(state: State, memory: PassMemory, known: KnownMap, idle: frozenset[int]) -> State:
     """Have the nearest waiting vehicle fly to the rest; give it up if none can."""
     waiting = {n: state.vehicles[n] for n in idle}
     found = fetch(state, waiting, known, memory.tried)
@@ -192,7 +192,7 @@ def go_straight_home(state: State) -> State:
     setting, memory = state.setting, pass_memory(state)
     if state.t_s < memory.planned_s + REPLAN_S:
         return state
-    begin_s, memory = round(state.t_s + NOTICE_S, 3), replace(memory, planned_s=state.t_s)
+    begin_s, memory = round(state.t_s + PLAN_LEAD_S, 3), replace(memory, planned_s=state.t_s)
     for number, vehicle in sorted(state.vehicles.items()):
         path = vehicle.path
         if path is None or number not in state.our_numbers or not flies_home(vehicle):
@@ -201,7 +201,7 @@ def go_straight_home(state: State) -> State:
         if path.end_s - begin_s < home_s + DETOUR_S:
             continue
         chart = chart_of(state, None, begin_s, {number: vehicle}).chart
-        known = Known(chart, -1, np.zeros_like(chart.closed))
+        known = KnownMap(chart, -1, np.zeros_like(chart.closed))
         flyer = flyer_of(setting, vehicle, memory.paths.get(number), None, begin_s)
         plan = _plan(setting, known, {number: flyer}, memory, begin_s, (), 1.0)
         state, memory, _ = _fly(state, {number: vehicle}, plan, memory)
@@ -219,7 +219,9 @@ def _able(vehicle: VehicleState) -> bool:
     return here and vehicle.return_reason in (None, ReturnReason.BATTERY, ReturnReason.TRAFFIC)
 
 
-def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState]) -> PassMemory:
+def _note_progress(
+    memory: PassMemory, state: State, team: Mapping[int, VehicleState]
+) -> PassMemory:
     """Return the memory at a new plan: whether the last plans have added a vote."""
     votes = sum(total for _, total in state.belief.open_tallies.values())
     since_s = min(state.t_s - memory.planned_s, RETRY_S)
@@ -255,7 +257,7 @@ def _takes_part(
 
 def _plan(
     setting: Setting,
-    known: Known,
+    known: KnownMap,
     flyers: Mapping[int, Flyer],
     memory: PassMemory,
     begin_s: float,

@@ -19,11 +19,11 @@ from missions.geo.trajectory import LANE_CUTS_M
 from missions.planning.search.lanes import Lane, point_on
 from missions.units import Cell
 
-MOST_OFF: Final = 0.4
+MAX_LANE_CUT_SHARE: Final = 0.4
 """Maximum share of a lane that is left out at either end: frames show it before it is reached."""
-ROUND: Final = 0.05
+CORNER_CUT_SHARE: Final = 0.05
 """Cut of corners between lanes at search height, share of a lane's width."""
-ON_THE_WAY: Final = 0.8
+CLIMB_ON_PATH_SHARE: Final = 0.8
 """Share of the possible climb on the way to the first lane that is left at take-off."""
 
 
@@ -54,7 +54,7 @@ class TwoHeights(OneHeight):
         """Return the height of a take-off; the rest is climbed on the way, m. It is never lower
         than the layer in which the vehicle maps."""
         low_m = state.setting.mission.altitude_m(vehicle.vehicle - 1) - vehicle.home_level_m
-        sure_m = ON_THE_WAY * climbed_on_the_way_m(state, vehicle)
+        sure_m = CLIMB_ON_PATH_SHARE * climbed_on_the_way_m(state, vehicle)
         return min(vehicle.cruise_height_m, max(low_m, vehicle.cruise_height_m - sure_m))
 
     def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
@@ -63,7 +63,7 @@ class TwoHeights(OneHeight):
 
     def cuts_m(self, setting: Setting) -> tuple[float, ...]:
         """Return larger cuts as well: from high up, pictures show a lane's edge from inside."""
-        return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
+        return (CORNER_CUT_SHARE * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
 
     def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
         """Return a lane without the ends that frames show before they are reached. At full speed
@@ -74,7 +74,7 @@ class TwoHeights(OneHeight):
         seen_s = (mission.votes.positive + 1) * mission.camera.interval_s
         short_m = ahead_m - seen_s * setting.path_speed_m_s(height_m, 0.0)
         length_m = lane[0].distance_to(lane[1])
-        short_m = min(max(short_m, 0.0), MOST_OFF * length_m)
+        short_m = min(max(short_m, 0.0), MAX_LANE_CUT_SHARE * length_m)
         return point_on(lane, short_m), point_on(lane, length_m - short_m)
 
 

@@ -1,12 +1,12 @@
 """Reports between members of a fleet: each member has a reducer that commands one vehicle.
 
 Each member runs the same rules on its own events and on the reports that it has received. Another
-member's vehicle is in the state as that member reports it (`Heard`). One of the members that are in
-contact lays out parts of the map (`missions.flight.team.work_shares`). A member out of contact
-(`Apart`) continues with its own share. It leaves the others theirs for as long as that should take,
-and then takes over the rest. Decisions of others (`Shared`) count as votes. The map of the results
-is made of all facts (`missions.mapping.joined_map`). Separation does not depend on any of this:
-`missions.geo.columns`.
+member's vehicle is in the state as that member reports it (`MemberReport`). One of the members that
+are in contact lays out parts of the map (`missions.flight.team.work_shares`). A member out of
+contact (`MemberApart`) continues with its own share. It leaves the others theirs for as long as
+that should take, and then takes over the rest. Decisions of others (`FactsShared`) count as votes.
+The map of the results is made of all facts (`missions.mapping.joined_map`). Separation does not
+depend on any of this: `missions.geo.columns`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
+from missions.fleet_events import (
+    AirLeased,
+    AirRequested,
+    FactsShared,
+    MemberApart,
+    MemberReport,
+    PartsAllotted,
+)
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import still_open
@@ -43,7 +50,7 @@ FLY_LANES: Final = ("stands", "flies", "returns")
 """Reported activities of members that will fly the lanes they hold; other lanes may be taken."""
 
 
-def heard(state: State, event: Heard) -> State:
+def member_reported(state: State, event: MemberReport) -> State:
     """Return the state after another member's report on its vehicle."""
     before = state.vehicles[event.vehicle]
     flies = event.does not in ON_GROUND
@@ -69,7 +76,7 @@ def heard(state: State, event: Heard) -> State:
     return _share_lanes(state.with_vehicle(vehicle), event)
 
 
-def apart(state: State, event: Apart) -> State:
+def member_apart(state: State, event: MemberApart) -> State:
     """Return the state with a member out of contact; its work stays reserved for it for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
@@ -86,13 +93,13 @@ def apart(state: State, event: Apart) -> State:
     return state.with_vehicle(gone)
 
 
-def allotted(state: State, event: Allotted) -> State:
+def parts_allotted(state: State, event: PartsAllotted) -> State:
     """Return the state after another member has assigned the parts of the map."""
     parts = {part.vehicle: part.places for part in event.parts}
     return replace(state, allotment=Allotment(event.vehicle, event.t_s, parts))
 
 
-def asked(state: State, event: Asked) -> State:
+def air_requested(state: State, event: AirRequested) -> State:
     """Return the state with air that another member closes to ours, or opens again."""
     closed = {n: c for n, c in state.closed.items() if n != event.vehicle and c.until_s > event.t_s}
     if event.until_s > event.t_s:
@@ -102,7 +109,7 @@ def asked(state: State, event: Asked) -> State:
     return replace(state, closed=closed)
 
 
-def leased(state: State, event: Leased) -> State:
+def air_leased(state: State, event: AirLeased) -> State:
     """Return the state in which our vehicle has the air that it requested, for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.asks is None or vehicle.asks.place != event.place:
@@ -110,7 +117,7 @@ def leased(state: State, event: Leased) -> State:
     return state.with_vehicle(replace(vehicle, leased_until_s=event.until_s))
 
 
-def shared(state: State, event: Shared) -> State:
+def facts_shared(state: State, event: FactsShared) -> State:
     """Return the state after the decisions of another member's frames."""
     votes = state.setting.mission.votes
     state = replace(state, shared_s=event.t_s)
@@ -125,7 +132,7 @@ def shared(state: State, event: Shared) -> State:
     return state
 
 
-def _path(setting: Setting, event: Heard) -> FlyPath | None:
+def _path(setting: Setting, event: MemberReport) -> FlyPath | None:
     """Return another vehicle's path, as nearly as its reported places allow; None without one."""
     places = [event.position]
     for place in event.path:
@@ -138,7 +145,7 @@ def _path(setting: Setting, event: Heard) -> FlyPath | None:
     return FlyPath(path, event.height_m, None, mission.camera.interval_s)
 
 
-def _share_lanes(state: State, event: Heard) -> State:
+def _share_lanes(state: State, event: MemberReport) -> State:
     """Give another member the lanes that it holds; it also keeps those of ours that it reaches
     sooner.
 

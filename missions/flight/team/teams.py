@@ -29,11 +29,11 @@ from missions.geo.columns import PAD_M, columns_over, fence_without
 from missions.geo.fence import Fence
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane
-from missions.planning.sweep.chart import Known
+from missions.planning.sweep.chart import KnownMap
 from missions.planning.sweep.open_work import OpenWork, Work
 from missions.units import GridPoint
 
-MAX_LATE_S: Final = 45.0
+MAX_DELAY_S: Final = 45.0
 """Maximum wait for a member beyond its estimated return, s; estimates ignore turns and wind."""
 SILENT_S: Final = 5.0
 """Time without news after which a member that is back in contact has reported all, s."""
@@ -148,7 +148,7 @@ class Member(Team):
         others = [other for number, other in state.vehicles.items() if number != vehicle.vehicle]
         # a third member may relay its sightings, long before it is in contact over its pad
         apart = (other for other in others if other.phase is Phase.APART)
-        if any(state.t_s < other.due_s + MAX_LATE_S for other in apart):
+        if any(state.t_s < other.due_s + MAX_DELAY_S for other in apart):
             return True
         if any(_reports(state, other) for other in others):
             return True
@@ -160,7 +160,7 @@ class Member(Team):
         others, memory, tours = own_part(self.number, state, work.known.chart, work.memory)
         return state, Work(memory, tours, others)
 
-    def mark_unreported(self, state: State, known: Known) -> bool:
+    def mark_unreported(self, state: State, known: KnownMap) -> bool:
         """Mark cells whose votes decide nothing: such votes are not reported to others."""
         return mark_unreported(self.number, state, known)
 

@@ -27,7 +27,7 @@ from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import flyer_of, in_map_layer
 from missions.flight.vehicle_state import Allotment, Phase, VehicleState
 from missions.planning.search.lanes import Lane, rest_ahead
-from missions.planning.sweep.chart import Bits, Chart, Known, nearest_place
+from missions.planning.sweep.chart import Bits, Chart, KnownMap, nearest_place
 from missions.planning.sweep.memo import tours_once
 from missions.planning.sweep.open_work import OpenWork, TourMemory
 from missions.planning.sweep.paths import CUT_M, Flyer, Tour, Tours, Waypoints
@@ -36,18 +36,18 @@ from missions.units import Cell, GridPoint
 Delayed = dict[int, tuple[Flyer, float]]
 """Vehicles, and the time from the beginning of the tours until they map, s."""
 
-EVERY_S: Final = 4.0
+SHARE_INTERVAL_S: Final = 4.0
 """Minimum time between two shares of the work, s."""
-KEEP_S: Final = 8.0
+MIN_SHARE_GAIN_S: Final = 8.0
 """Minimum gain of a new share over the last one, s. A vehicle whose part changes flies there, and
 knows later what the other has seen."""
 PARTS_VALID_S: Final = 30.0
 """Validity of parts while their member is in contact and reports nothing new, s."""
-SLOW_TIMES: Final = 1.3
+PART_HELD_FACTOR: Final = 1.3
 """Time that a member out of contact keeps its part, as a multiple of the estimate."""
-SPARE_S: Final = 30.0
+PART_HELD_SLACK_S: Final = 30.0
 """Additional time that it keeps its part, s."""
-AHEAD_S: Final = 5.0
+HEADING_LOOK_AHEAD_S: Final = 5.0
 """Time ahead at which the direction of a path is taken, s."""
 
 
@@ -61,7 +61,7 @@ def shared_out(state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
     known, team, memory, _ = work
     waypoints: Waypoints = ()
     numbers = frozenset(team)
-    if state.t_s >= memory.laid_s + EVERY_S or not numbers <= memory.team:
+    if state.t_s >= memory.laid_s + SHARE_INTERVAL_S or not numbers <= memory.team:
         everyone = _at_once(team) | _at_path_end(state, numbers)
         tours = _tours(state, work, everyone, memory.tours)
         laid = {} if tours is None else dict(zip(everyone, tours.waypoints, strict=True))
@@ -120,16 +120,16 @@ def share_parts(mine: int, state: State, work: OpenWork) -> State:
         return state
     before = {} if last is None else last.parts
     ours = last is not None and last.by == mine and flyers.keys() <= before.keys()
-    if ours and last is not None and state.t_s < last.made_s + EVERY_S:
+    if ours and last is not None and state.t_s < last.made_s + SHARE_INTERVAL_S:
         return state
     everyone = _at_once(flyers) | _later(state, frozenset(flyers))
     held = {n: part for n, part in before.items() if n not in everyone and _maps(state, n)}
     chart = work.known.chart
     open_ = chart.closed.copy()
     if held:
-        chart.closed[_of(chart, before, state, frozenset(held))] = 1
+        chart.closed[_cells_nearest_to(chart, before, state, frozenset(held))] = 1
     cuts = {number: _tour(places) for number, places in before.items()}
-    tours = _tours(state, work, everyone, cuts, least=1, keep_s=KEEP_S)
+    tours = _tours(state, work, everyone, cuts, least=1, keep_s=MIN_SHARE_GAIN_S)
     chart.closed[:] = open_
     if tours is None:
         return state
@@ -155,7 +155,7 @@ def own_part(
     if state.t_s >= found.made_s + PARTS_VALID_S:
         return None, memory, ()
     others = frozenset(n for n in found.parts if n != mine and _maps(state, n))
-    theirs = _of(chart, found.parts, state, others) & (chart.closed == 0)
+    theirs = _cells_nearest_to(chart, found.parts, state, others) & (chart.closed == 0)
     chart.closed[theirs] = 1
     tour = _tour(found.parts[mine])
     fresh = bool(tour) and found.made_s > memory.laid_s
@@ -167,7 +167,7 @@ def _tour(places: Sequence[GridPoint]) -> Tour:
     return tuple((place.east_m, place.north_m, CUT_M) for place in places)
 
 
-def mark_unreported(mine: int, state: State, known: Known) -> bool:
+def mark_unreported(mine: int, state: State, known: KnownMap) -> bool:
     """Mark undecided cells that are seen from the places of our part; return whether there are any.
     Votes that decide nothing are not reported. The member that lays the parts may miss such cells,
     and no other vehicle observes them."""
@@ -200,7 +200,7 @@ def held_until_s(state: State, vehicle: VehicleState, t_s: float) -> float:
     way_m = sum(a.distance_to(b) for a, b in pairwise((place, *places, vehicle.pad)))
     low = in_map_layer(setting, vehicle)
     map_s = way_m / setting.path_speed_m_s(low.cruise_height_m, 0.0)
-    return t_s + SPARE_S + SLOW_TIMES * (left_s + map_s)
+    return t_s + PART_HELD_SLACK_S + PART_HELD_FACTOR * (left_s + map_s)
 
 
 def back_from_lanes_s(setting: Setting, vehicle: VehicleState, t_s: float) -> float:
@@ -218,7 +218,7 @@ def _maps(state: State, number: int) -> bool:
     return vehicle.works
 
 
-def _of(
+def _cells_nearest_to(
     chart: Chart, parts: Mapping[int, tuple[GridPoint, ...]], state: State, whose: frozenset[int]
 ) -> Bits:
     """Return the cells whose nearest place belongs to one of `whose`, of all that map."""
@@ -251,7 +251,7 @@ def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoi
     for k, lane in enumerate(vehicle.lanes):
         if k == 0 and vehicle.path is not None:
             path, begin_s = vehicle.path, vehicle.path.begin_s
-            leads = path.place_at(begin_s), path.place_at(begin_s + AHEAD_S)
+            leads = path.place_at(begin_s), path.place_at(begin_s + HEADING_LOOK_AHEAD_S)
             ends: tuple[Lane, ...] = (rest_ahead(lane, at, *leads),)
         else:
             ends = (lane, (lane[1], lane[0]))

@@ -176,7 +176,7 @@ def offset_m(lane: Lane, place: GridPoint) -> float:
     return point_on(lane, along_m(lane, place)).distance_to(place)
 
 
-def unseen(lane: Lane, seen_m: Collection[float], cell_m: float) -> tuple[Lane, ...]:
+def unseen_parts(lane: Lane, seen_m: Collection[float], cell_m: float) -> tuple[Lane, ...]:
     """Return the stretches of a lane that no frame shows, in the direction of flight.
 
     A frame counts for a cell before it and a cell behind it. A stretch shorter than half a cell is
@@ -232,7 +232,7 @@ def search_length_m(block: Sequence[Lane], start: GridPoint) -> float:
     return sum(a.distance_to(b) for a, b in itertools.pairwise(stations))
 
 
-AS_SOON: Final = 1.02
+MAX_TIME_FACTOR: Final = 1.02
 """Maximum time of the slowest vehicle, as a multiple of the minimum, if all fly less for it."""
 
 _Way = Callable[[int, int, int], float]
@@ -287,7 +287,7 @@ def share_by_time(lanes: Sequence[Lane], pads: Sequence[GridPoint]) -> Blocks:
         return ways_m[key]
 
     most_m = _least_longest_m(len(row), len(lanes), way_m)
-    cuts = _least_together(len(row), len(lanes), most_m * AS_SOON, way_m)
+    cuts = _least_together(len(row), len(lanes), most_m * MAX_TIME_FACTOR, way_m)
     blocks: list[tuple[Lane, ...]] = [()] * len(pads)
     for k, (first, end) in enumerate(zip([0, *cuts], cuts, strict=False)):
         blocks[row[k]] = tour_m(pads[row[k]], lanes[first:end])[1]

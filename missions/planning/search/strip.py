@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from missions.geo.grid import Grid
-from missions.planning.search.lanes import Lane, unseen
+from missions.planning.search.lanes import Lane, unseen_parts
 from missions.units import Cell
 
 ON_ROW_M: Final = 0.01
@@ -88,7 +88,7 @@ class Strip:
     def parts_left(self, lane: Lane, judged: Callable[[Cell], bool]) -> tuple[Lane, ...]:
         """Return the parts of its lane with a column that is not judged in all rows."""
         seen_m = self.judged_m(judged)
-        return unseen(lane, seen_m, self.cell_m) if seen_m else (lane,)
+        return unseen_parts(lane, seen_m, self.cell_m) if seen_m else (lane,)
 
     def is_known(self, known: Callable[[Cell], bool]) -> bool:
         """Return whether that holds for all its cells; the end is checked first."""

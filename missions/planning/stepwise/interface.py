@@ -183,7 +183,7 @@ def refuse_impossible(name: str, situation: Situation, decision: Decision) -> No
         if cell is None:
             continue
         start = situation.at[robot]
-        way = f"from {_told(start)} to {_told(cell)}"
+        way = f"from {_cell_text(start)} to {_cell_text(cell)}"
         if cell not in situation.tree:
             raise StrategyError(f"{name}: robot {robot} moves {way}, which is not known")
         if cell == start:
@@ -192,7 +192,7 @@ def refuse_impossible(name: str, situation: Situation, decision: Decision) -> No
             raise StrategyError(f"{name}: robot {robot} jumps {way}")
 
 
-def _told(cell: Cell) -> str:
+def _cell_text(cell: Cell) -> str:
     return f"({cell.east}, {cell.north})"
 
 

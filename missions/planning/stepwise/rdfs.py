@@ -95,10 +95,10 @@ class Rdfs:
 def _homewards(situation: Situation) -> Decision:
     """Return moves home by shortest ways when all is explored; the ways are remembered."""
     tree, memory = situation.tree, situation.memory
-    if isinstance(memory, _Ways) and memory.cells == len(tree):
+    if isinstance(memory, _PathsToRoot) and memory.cells == len(tree):
         ways = memory
     else:
-        ways = _Ways(len(tree), distances(tree, tree.root))
+        ways = _PathsToRoot(len(tree), distances(tree, tree.root))
     moves: dict[int, Cell | None] = {}
     for robot in situation.robots:
         v = situation.at[robot]
@@ -108,7 +108,7 @@ def _homewards(situation: Situation) -> Decision:
 
 
 @dataclass(frozen=True, slots=True)
-class _Ways:
+class _PathsToRoot:
     """Steps to the root from every cell of a tree with `cells` cells."""
 
     cells: int

@@ -141,7 +141,7 @@ class Chart:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownMap:
     """A chart, and the cells of it to be decided: the region around a cell, or given cells."""
 
     chart: Chart

@@ -33,7 +33,7 @@ def path_of(
 
 
 @dataclass(frozen=True, slots=True)
-class Now:
+class PlaceOnPath:
     """The place of a vehicle on its path."""
 
     piece: int
@@ -44,7 +44,7 @@ class Now:
     y_m: float
 
 
-def within(path: Trajectory, t_s: float) -> Now | None:
+def within(path: Trajectory, t_s: float) -> PlaceOnPath | None:
     """Return the place of a vehicle on its path at a time; None after its end."""
     if t_s >= path.end_s or not path.pieces:
         return None
@@ -56,7 +56,7 @@ def within(path: Trajectory, t_s: float) -> Now | None:
             into_m = piece.way_m(dt_s)
             found = piece.after(dt_s)
             speed = piece.speed_m_s + piece.accel_m_s2 * dt_s
-            return Now(
+            return PlaceOnPath(
                 index, into_m, along_m + into_m, max(0.0, speed), found.east_m, found.north_m
             )
         along_m += piece.length_m

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import astuple
 from typing import TYPE_CHECKING, Final
 
-from missions.planning.sweep.chart import Chart, Known
+from missions.planning.sweep.chart import Chart, KnownMap
 from missions.planning.sweep.paths import (
-    KEEP_S,
     LEAST_WORK,
+    MIN_TOUR_GAIN_S,
     Flyer,
     Kinematics,
     Plan,
@@ -35,7 +35,7 @@ UNCOMPILED_MOVES: Final = 20
 safe."""
 
 
-def valued(known: Known, frames: int, majority: int, planner: Planner | None = None) -> Valued:
+def valued(known: KnownMap, frames: int, majority: int, planner: Planner | None = None) -> Valued:
     """Return the worth of a frame of each cell: `frames` votes of a cell count, `majority` elect
     it."""
     planner = planner or _planner(Tuning())
@@ -53,7 +53,7 @@ def _planner(tuning: Tuning) -> Planner:
 def plan_once(
     memo: PlanMemo,
     tuning: Tuning,
-    known: Known,
+    known: KnownMap,
     team: Sequence[Flyer],
     frames: int,
     majority: int,
@@ -82,7 +82,7 @@ def plan_once(
 
 def tours_once(
     memo: PlanMemo,
-    known: Known,
+    known: KnownMap,
     team: Sequence[Flyer],
     delays_s: Sequence[float],
     frames: int,
@@ -91,7 +91,7 @@ def tours_once(
     decision: int,
     before: Waypoints,
     least: int = LEAST_WORK,
-    keep_s: float = KEEP_S,
+    keep_s: float = MIN_TOUR_GAIN_S,
 ) -> Tours | None:
     """Return tours of a team past all cells to see; None if they are fewer than `least`."""
 
@@ -107,7 +107,7 @@ def tours_once(
     return memo.answer(_key("tours", known, team, *asked), tours)
 
 
-def _key(kind: str, known: Known, team: Sequence[Flyer], *others: object) -> bytes:
+def _key(kind: str, known: KnownMap, team: Sequence[Flyer], *others: object) -> bytes:
     made = hashlib.blake2b(digest_size=16)
     chart = known.chart
     if known.wanted is not None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from missions.planning.sweep.chart import Bits, Known
+from missions.planning.sweep.chart import Bits, KnownMap
 from missions.planning.sweep.paths import Flyer, Tour, Waypoints
 from missions.units import Cell
 
@@ -27,7 +27,7 @@ class TourMemory:
 class OpenWork(NamedTuple):
     """The rest of the map, and the vehicles that can map it now."""
 
-    known: Known
+    known: KnownMap
     flyers: Mapping[int, Flyer]
     memory: TourMemory
     decision: int

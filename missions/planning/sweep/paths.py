@@ -122,7 +122,7 @@ class Plan:
 
 LEAST_WORK: Final = 24
 """Minimum number of cells for a tour; fewer are left to annealing alone."""
-KEEP_S: Final = 2.0
+MIN_TOUR_GAIN_S: Final = 2.0
 """Minimum gain of new tours over the last ones, s."""
 CUT_M: Final = 5.0
 """First cut of a corner of a tour, m; pictures from a height tolerate it."""

@@ -7,7 +7,7 @@ from typing import Final
 
 
 @dataclass(frozen=True, slots=True)
-class About:
+class StrategyInfo:
     """The texts on a strategy whose vehicles do not stop."""
 
     name: str
@@ -16,20 +16,20 @@ class About:
     when: str
 
 
-SWATH = About(
+SWATH = StrategyInfo(
     "swath",
     "every ROI cell that hangs together with the first is decided, and its neighbours; in flight T "
     "<= twice the bound of rdfs in seconds, a leg and two minutes",
     "paths planned anew while they are flown: docs/explanation/strategies.md",
     "the shape is unknown and time counts",
 )
-SURVEY = About(
+SURVEY = StrategyInfo(
     "survey",
     "every cell of the box is decided where no frame errs; no bound",
     "lanes over the box: docs/explanation/strategies.md",
     "a box is known to hold the region; to compare with",
 )
-LEAPFROG = About(
+LEAPFROG = StrategyInfo(
     "leapfrog",
     "the mapper never leaves the tracker's picture; every cell of the box is decided where no "
     "frame errs; no bound",

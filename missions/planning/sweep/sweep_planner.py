@@ -40,7 +40,7 @@ _TURN_S: Final = 5.0
 """Additional duration of a detour, s."""
 
 
-def worth_the_way(tuning: Tuning, chart: Chart, team: Sequence[Flyer], valued: Valued) -> Valued:
+def worth_of_detours(tuning: Tuning, chart: Chart, team: Sequence[Flyer], valued: Valued) -> Valued:
     """Return the worth of frames, with each work cell worth the way of the nearest vehicle.
 
     Nothing changes if the least detour takes less than (penalty_s - 5 s) / 1.2; `valued` is
@@ -144,7 +144,7 @@ class Planner:
         better one is taken. The same arguments give the same plan.
         """
         tuning = self.tuning
-        valued = worth_the_way(tuning, chart, team, valued)
+        valued = worth_of_detours(tuning, chart, team, valued)
         rows = np.stack(
             [row_of(f.kinematics, tuning, s) for f, s in zip(team, next_frame_s, strict=True)]
         )

@@ -18,8 +18,8 @@ from missions.planning.kernels import tour_kernels as kernels
 from missions.planning.sweep.chart import Chart
 from missions.planning.sweep.paths import (
     CUT_M,
-    KEEP_S,
     LEAST_WORK,
+    MIN_TOUR_GAIN_S,
     Floats,
     Flyer,
     Ints,
@@ -45,7 +45,7 @@ def lay_tours(
     seed: int,
     before: Waypoints = (),
     least: int = LEAST_WORK,
-    keep_s: float = KEEP_S,
+    keep_s: float = MIN_TOUR_GAIN_S,
 ) -> Tours | None:
     """Return tours for a team past all work; None if it is less than `least` cells.
 

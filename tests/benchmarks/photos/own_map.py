@@ -26,7 +26,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.navigation import ToldErrors
+from missions.navigation import ReportedErrors
 from missions.units import LatLon, Pose
 from sitl.body.estimator import PositionError
 from sitl.camera.pinhole import Shot
@@ -181,7 +181,7 @@ class Outcome:
 def flown(told: Told, taken: tuple[Taken, ...], check_every: int = 5) -> Outcome:
     """One flight; ends at an alarm."""
     errors = told_errors(told, taken)
-    own = OwnMap(ToldErrors(satellites_m=max(0.3, told.gps_sigma_m), pointing_m=0.08))
+    own = OwnMap(ReportedErrors(satellites_m=max(0.3, told.gps_sigma_m), pointing_m=0.08))
     tolerated_m = max(ALARM_LEAST_M, SIGMAS_PER_TOLERATED * told.gps_sigma_m)
     out = Outcome()
     for k, (shot, error) in enumerate(zip(taken, errors, strict=True)):

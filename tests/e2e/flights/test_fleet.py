@@ -13,7 +13,7 @@ import pytest
 
 from missions.errors import PreflightError
 from missions.events import Event
-from missions.fleet_events import Apart, Heard, Shared
+from missions.fleet_events import FactsShared, MemberApart, MemberReport
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting
 from missions.geo.grid import Grid
@@ -34,7 +34,7 @@ from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner import simulated_fleet
 from uavmap.runner.one_flight import Flight
 from uavmap.runner.operator.company import folded
-from uavmap.runner.simulated_fleet import SimulatedFleet, fly_fleet, of_member
+from uavmap.runner.simulated_fleet import SimulatedFleet, fly_fleet, prefixed_lines
 
 TRUE = [(10.0, 18.0), (34.0, 16.0), (36.0, 28.0), (24.0, 31.0), (12.0, 29.0)]
 
@@ -82,9 +82,9 @@ def test_three_members_with_radio_map_a_region_together(tmp_path):
         assert sent < 5_000 * minutes, number
     for folder in members(out):
         _, events = journal(folder)
-        shared = [event for event in events if isinstance(event, Shared)]
+        shared = [event for event in events if isinstance(event, FactsShared)]
         assert {event.vehicle for event in shared} | {int(folder.name[-1])} == {1, 2, 3}
-        assert any(isinstance(event, Heard) and event.path for event in events)
+        assert any(isinstance(event, MemberReport) and event.path for event in events)
         assert json.loads((folder / "summary.json").read_text())["completed"]
 
 
@@ -95,7 +95,9 @@ def test_two_members_without_radio_map_the_whole_region_each(tmp_path):
     regions = [region(folder) for folder in (*members(out, 2), out)]
     for folder, found in zip(members(out, 2), regions, strict=False):
         _, events = journal(folder)
-        assert not any(isinstance(event, Shared | Heard | Apart) for event in events)
+        assert not any(
+            isinstance(event, FactsShared | MemberReport | MemberApart) for event in events
+        )
         assert len(found) > 0.9 * len(regions[-1])
 
 
@@ -134,7 +136,7 @@ class Beset(SimulatedFleet):
             return
         sealed, folder = self.radio(flight, number), self.folder(number)
         radios = [sealed.radio]
-        with of_member(number):
+        with prefixed_lines(number):
             speaking = SealedRadio(Radios(radios), sealed.seal)
             program = asyncio.create_task(flight.fly_member(self.world, speaking))
         await asyncio.wait([program], timeout=21.0 - loop.time())
@@ -150,7 +152,7 @@ class Beset(SimulatedFleet):
         state = folded(mine, opened.events())
         again = self.flights[number] = Flight(FlightPlan.read(opened), folder, opened, state)
         again.clock.set(clock_s + loop.time())
-        with of_member(number):
+        with prefixed_lines(number):
             await again.fly_member(self.world, self.radio(again, number, 2))
         self.air.silence(number)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.fleet_events import Heard, Shared
+from missions.fleet_events import FactsShared, MemberReport
 from tests.e2e.flights.test_fleet import journal, region
 from tests.e2e.rig import LOOPBACK, ended, free_ports, roi_cells, simulator, started, uavmap
 from tests.support.fleet_rig import field_text
@@ -54,9 +54,9 @@ def test_two_services_map_a_region_together_over_zenoh(tmp_path):
     assert regions[0]
     for folder, other in zip(folders, (2, 1), strict=True):
         _, events = journal(folder)
-        assert {e.vehicle for e in events if isinstance(e, Heard | Shared)} == {other}, [
-            r.err for r in done
-        ]
+        assert {e.vehicle for e in events if isinstance(e, MemberReport | FactsShared)} == {
+            other
+        }, [r.err for r in done]
         with Journal.open(folder / JOURNAL) as opened:
             assert opened.meta[START] > 1_600_000_000
 

@@ -22,7 +22,7 @@ from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.support.flights import UP_M, Flight, fly, small_mission, to
 from tests.support.small_missions import square
-from uavmap.aircraft.control import PUT_BACK_S
+from uavmap.aircraft.control import EARLIER_MODE_AFTER_S
 
 FLIGHTS = 25
 """For each flavour; with 150, 212 pilots turned a switch and none was crossed."""
@@ -175,7 +175,7 @@ async def turned_in(
     heard_s = flight.seen(Overridden)[0].t_s
     # the mode before a request is his only once the request must have been carried out
     back = asked is not None and asked.before == wanted
-    assert heard_s - turned_s <= HEARD_S + back * (PUT_BACK_S + HEARD_S), found
+    assert heard_s - turned_s <= HEARD_S + back * (EARLIER_MODE_AFTER_S + HEARD_S), found
     late = [sent_s for sent_s, message in flight.sent[index:]
             if sent_s > heard_s + 1e-6 and message in flight.commands_after(index)]  # fmt: skip
     assert not late, found

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.traffic import (
-    AHEAD_S,
-    CALM_S,
-    MOST_TRACKS,
-    STALE_S,
+    CLEAR_AFTER_S,
+    LOOK_AHEAD_S,
+    MAX_TRACK_AGE_S,
+    MAX_TRACKS,
     Answer,
     Place,
     Rule,
@@ -44,7 +44,7 @@ def test_traffic_that_leads_close_brings_the_team_home():
 
 
 def test_traffic_that_leads_close_only_after_a_minute_has_the_team_hold():
-    slow_m_s = 490.0 / (AHEAD_S + 1.0)
+    slow_m_s = 490.0 / (LOOK_AHEAD_S + 1.0)
     assert answer(track(0.0, 990.0, (0.0, -slow_m_s))) is Answer.HOLD
 
 
@@ -66,14 +66,14 @@ def test_traffic_that_is_silent_is_followed_then_expires():
     flies = track(0.0, 2500.0, (0.0, -100.0))
     assert answer(flies, t_s=10.0) is Answer.GO_ON
     assert answer(flies, t_s=16.0) is Answer.COME_HOME
-    assert answer(flies, t_s=STALE_S + 0.1) is Answer.GO_ON
+    assert answer(flies, t_s=MAX_TRACK_AGE_S + 0.1) is Answer.GO_ON
 
 
 def test_team_goes_on_some_time_after_the_traffic():
     held = Traffic().heard([track(0.0, 900.0, (0.0, 50.0))]).judged(RULE, TEAM, 0.0)
     gone = held.heard([track(0.0, 1100.0, (0.0, 50.0), seen_s=4.0)])
-    assert gone.judged(RULE, TEAM, CALM_S - 0.1).answer is Answer.HOLD
-    assert gone.judged(RULE, TEAM, CALM_S + 0.1).answer is Answer.GO_ON
+    assert gone.judged(RULE, TEAM, CLEAR_AFTER_S - 0.1).answer is Answer.HOLD
+    assert gone.judged(RULE, TEAM, CLEAR_AFTER_S + 0.1).answer is Answer.GO_ON
 
 
 def test_distance_of_zero_shows_traffic_and_does_nothing():
@@ -113,24 +113,24 @@ def test_any_traffic_is_answered_and_releases_the_team_afterwards(reports):
     traffic = Traffic()
     for t_s, tracks in sorted(reports, key=lambda report: report[0]):
         traffic = traffic.heard(tracks).judged(RULE, TEAM, t_s)
-        assert all(t_s - known.seen_s <= STALE_S for known in traffic.tracks)
+        assert all(t_s - known.seen_s <= MAX_TRACK_AGE_S for known in traffic.tracks)
         assert bool(traffic.because) <= bool(traffic.answer)
-    end_s = 60.0 + STALE_S + 0.1
-    last = traffic.judged(RULE, TEAM, end_s).judged(RULE, TEAM, end_s + CALM_S)
+    end_s = 60.0 + MAX_TRACK_AGE_S + 0.1
+    last = traffic.judged(RULE, TEAM, end_s).judged(RULE, TEAM, end_s + CLEAR_AFTER_S)
     assert last.answer is Answer.GO_ON
     assert last.judged(RULE, TEAM, math.inf) is last
 
 
 def test_flood_leaves_the_nearest():
-    many = [track(float(k), 0.0, ident=str(k)) for k in range(3 * MOST_TRACKS, 0, -1)]
+    many = [track(float(k), 0.0, ident=str(k)) for k in range(3 * MAX_TRACKS, 0, -1)]
     kept = Traffic().heard(many).tracks
-    assert [one.ident for one in kept] == [str(k) for k in range(1, MOST_TRACKS + 1)]
+    assert [one.ident for one in kept] == [str(k) for k in range(1, MAX_TRACKS + 1)]
 
 
 def test_traffic_that_was_ignored_and_comes_back_counts_anew():
     near = track(0.0, 900.0, None)
     ignored = Traffic().heard([near]).judged(RULE, TEAM, 0.0).ignoring()
     assert ignored.judged(RULE, TEAM, 1.0).answer is Answer.GO_ON
-    gone = ignored.judged(RULE, TEAM, STALE_S + 1.0)
+    gone = ignored.judged(RULE, TEAM, MAX_TRACK_AGE_S + 1.0)
     again = gone.heard([near._replace(seen_s=100.0)]).judged(RULE, TEAM, 100.0)
     assert again.answer is Answer.COME_HOME

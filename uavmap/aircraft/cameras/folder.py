@@ -164,9 +164,9 @@ class CardClock:
         return told_s + (self.lead.value or 0.0)
 
 
-MOST_UNSURE_S: Final = 0.25
+MAX_TIME_ERROR_S: Final = 0.25
 """Maximum uncertainty of a picture's time, +- s; beyond it its place is unknown."""
-_TELL_EVERY_S: Final = 10.0
+_LOG_INTERVAL_S: Final = 10.0
 
 T = TypeVar("T")
 Slowly = Callable[[Callable[[], T]], Awaitable[T]]
@@ -215,7 +215,7 @@ class Card:
                 for new, exif_s in await self._slowly(look):
                     found(self._picture(new, exif_s))
             except LinkError as error:
-                if loop.time() - self._told_s >= _TELL_EVERY_S:
+                if loop.time() - self._told_s >= _LOG_INTERVAL_S:
                     self._told_s = loop.time()
                     self._say(str(error))
             await asyncio.sleep(POLL_S)
@@ -225,7 +225,7 @@ class Card:
         if exif_s is not None:
             at_s = round(self._clock.taken_s(exif_s, new.appeared_s), 6)
         # its own clock gives a picture's time, however late the file is seen
-        vague = exif_s is None and new.unsure_s > MOST_UNSURE_S
+        vague = exif_s is None and new.unsure_s > MAX_TIME_ERROR_S
         fault = "its time is unknown: the folder is too slow" if vague else None
         return CardPicture(new.path, at_s - self._latency_s, fault)
 

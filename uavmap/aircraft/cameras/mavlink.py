@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon, Quaternion
-from uavmap.aircraft.cameras.source import Announcement, FrameSource, ToldPose, never
+from uavmap.aircraft.cameras.source import Announcement, FrameSource, ReportedPose, nothing_came
 from uavmap.base.image_files import MAX_PICTURE_BYTES
 from uavmap.base.printable import printable
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message, Session
@@ -214,7 +214,7 @@ class CommandedSource(FrameSource):
         self._idle = True
 
     async def start(
-        self, interval_s: float, count: int, coming: Callable[[], bool] = never
+        self, interval_s: float, count: int, coming: Callable[[], bool] = nothing_came
     ) -> None:
         """Send MAV_CMD_IMAGE_START_CAPTURE; a count of 0 continues until stopped.
 
@@ -286,13 +286,13 @@ class MavlinkSource(CommandedSource):
             taken_s=taken_s,
             load=lambda: self.fetch(url),
             index=message.image_index,
-            told=told_pose(message, view),
+            told=reported_pose(message, view),
             fault="its time cannot be right" if wrong else None,
             kind=message.get_type(),
         )
 
 
-def told_pose(message: Message, view: VehicleView) -> ToldPose:
+def reported_pose(message: Message, view: VehicleView) -> ReportedPose:
     """Return the pose in a CAMERA_IMAGE_CAPTURED; zeros and NaN mean that a camera lacks a
     value."""
     position = None
@@ -301,4 +301,4 @@ def told_pose(message: Message, view: VehicleView) -> ToldPose:
     attitude = None
     if any(message.q) and not all(map(math.isnan, message.q)):
         attitude = Quaternion(*message.q)
-    return ToldPose(position, view.height_of(message), attitude)
+    return ReportedPose(position, view.height_of(message), attitude)

@@ -26,7 +26,7 @@ from uavmap.aircraft.cameras.stream import StreamSource, ThreadReader
 from uavmap.aircraft.cameras.triggered import TriggeredSource
 from uavmap.mavlink.session import Session
 
-AGAIN_S: Final = 1.0
+RESTART_WAIT_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ async def _kept_running(spec: CameraSpec, run: Callable[[], Any], say: Say) -> N
             await run()
         except Exception as error:
             say(f"{spec.text}: {error or type(error).__name__}; it is restarted")
-        await asyncio.sleep(AGAIN_S)
+        await asyncio.sleep(RESTART_WAIT_S)
 
 
 def _capture(spec: CameraSpec, settings: Settings) -> Capture:

@@ -71,13 +71,13 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-APART_M: Final = 15.0
+MAX_POSITION_DIFFERENCE_M: Final = 15.0
 """Maximum distance of the camera's position from the autopilot's at that time, m."""
-SURE_S: Final = 1.0
+MAX_EXTRAPOLATION_S: Final = 1.0
 """Time from the nearest position within which the vehicle's speed gives its place, s."""
 RATE_HZ: Final = 10.0
 """Rate of the attitude, for a camera that does not report its own, Hz."""
-AFTER_S: Final = 0.6
+MAX_TELEMETRY_WAIT_S: Final = 0.6
 """Maximum wait for telemetry after an exposure, s."""
 _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 
@@ -111,7 +111,7 @@ class Poses:
         if told.position is None or told.attitude is None:
             self._tell(picture)
             self.need_telemetry()
-            await self._session.until(lambda: self._knows(picture.taken_s), AFTER_S)
+            await self._session.until(lambda: self._knows(picture.taken_s), MAX_TELEMETRY_WAIT_S)
         fault, pose = self._pose(picture)
         if pose is None or fault is not None:
             self._view.gate.refuse(
@@ -153,7 +153,7 @@ class Poses:
         position, height_m = told.position, told.height_m
         if position is None:
             place = self._view.place_at(picture.taken_s)
-            if self._view.position is None or place is None or place.gap_s > SURE_S:
+            if self._view.position is None or place is None or place.gap_s > MAX_EXTRAPOLATION_S:
                 return "it reports no position, and the vehicle's own at that time is unknown", None
             position, height_m = place.position, place.height_m
         pose = Pose(position, height_m, attitude)
@@ -175,7 +175,7 @@ def pose_fault(pose: Pose, view: VehicleView, grid: Grid | None, taken_s: float)
     place = view.place_at(taken_s)
     if view.position is None or place is None:
         return "the vehicle has not reported where it is"
-    most_m = APART_M + FASTEST_M_S * max(place.gap_s - SURE_S, 0.0)
+    most_m = MAX_POSITION_DIFFERENCE_M + FASTEST_M_S * max(place.gap_s - MAX_EXTRAPOLATION_S, 0.0)
     if distance_m(position, place.position) > most_m:
         return "the position is not where the vehicle was"
     if abs(height_m - place.height_m) > most_m:

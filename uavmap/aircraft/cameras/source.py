@@ -21,13 +21,13 @@ Loaded = bytes | Image
 """A picture as it was loaded: a file (JPEG, PNG), or decoded."""
 
 
-def never() -> bool:
+def nothing_came() -> bool:
     """Return False: no picture is known to have come."""
     return False
 
 
 @dataclass(frozen=True, slots=True)
-class ToldPose:
+class ReportedPose:
     """The pose of a picture as the camera reports it; None for missing values."""
 
     position: LatLon | None = None
@@ -50,7 +50,7 @@ class Announcement:
     invalid."""
     index: int | None = None
     """Its number, counted by the camera without a gap; None if it cannot be requested again."""
-    told: ToldPose = ToldPose()
+    told: ReportedPose = ReportedPose()
     fault: str | None = None
     """Reason why `taken_s` cannot be right, for a pose that depends on it."""
     kind: str = "picture"
@@ -72,7 +72,7 @@ class FrameSource(ABC):
 
     @abstractmethod
     async def start(
-        self, interval_s: float, count: int, coming: Callable[[], bool] = never
+        self, interval_s: float, count: int, coming: Callable[[], bool] = nothing_came
     ) -> None:
         """Take pictures at least `interval_s` apart; a count of 0 continues until stopped.
 
@@ -95,7 +95,7 @@ class FrameSource(ABC):
         """Have a lost announcement repeated, if that is possible."""
 
 
-EARLY: Final = 0.25
+EARLY_SHARE: Final = 0.25
 """Share of the interval by which a picture may be early: no camera keeps time exactly."""
 SLACK_S: Final = 0.05
 """Accuracy of a picture's time, s: one that seems older than the order by this is accepted."""
@@ -137,7 +137,7 @@ class Cadence:
         begins = self._first or next_s <= taken_s
         self._due_s = taken_s + self._interval_s if begins else next_s
         self._first = False
-        self._early_s = max(EARLY * self._interval_s, 2.0 * SLACK_S)
+        self._early_s = max(EARLY_SHARE * self._interval_s, 2.0 * SLACK_S)
         return True
 
 
@@ -153,7 +153,7 @@ class LocalSource(FrameSource):
         self._cadence = Cadence()
 
     async def start(
-        self, interval_s: float, count: int, coming: Callable[[], bool] = never
+        self, interval_s: float, count: int, coming: Callable[[], bool] = nothing_came
     ) -> None:
         """Select pictures from now on, an interval apart."""
         self._cadence.start(asyncio.get_running_loop().time(), interval_s, count)

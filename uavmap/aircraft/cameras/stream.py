@@ -21,7 +21,7 @@ STALL_SPACINGS: Final = 4.0
 """Duration of a stall in usual spacings; at least `SHORTEST_STALL_S`."""
 BURST_SHARE: Final = 0.5
 """Share of the usual spacing below which frames follow each other as a backlog."""
-LONGEST_S: Final = 3.0
+MAX_BACKLOG_S: Final = 3.0
 """Maximum duration of a backlog, for any spacing, s."""
 _SHARE: Final = 0.1
 
@@ -53,7 +53,7 @@ class Freshness:
             return False
         if self._stalled_s is not None:
             piled_up = gap_s < BURST_SHARE * self._usual_s
-            if piled_up and there_s - self._stalled_s < LONGEST_S:
+            if piled_up and there_s - self._stalled_s < MAX_BACKLOG_S:
                 return False
             self._stalled_s = None
         self._usual_s += _SHARE * (gap_s - self._usual_s)
@@ -64,13 +64,13 @@ REOPEN_S: Final = 1.0
 """Wait before a stream that ended is reopened, s."""
 SILENT_S: Final = 8.0
 """Maximum silence of a reader, s; then it hangs: it is abandoned, and another one is begun."""
-FIRST_S: Final = 20.0
+FIRST_PICTURE_WAIT_S: Final = 20.0
 """Maximum wait for the first picture, s."""
 JOIN_S: Final = 2.0
 """Maximum wait for a thread to end, s."""
-MOST_HELD: Final = 6
+MAX_HELD_PICTURES: Final = 6
 """Maximum number of pictures that wait to be judged; the oldest are dropped."""
-_TELL_EVERY_S: Final = 10.0
+_LOG_INTERVAL_S: Final = 10.0
 _WAITING: Final = 2
 
 Wants = Callable[[float], bool]
@@ -78,7 +78,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Grabbed:
+class RawFrame:
     """A frame of a stream, with the time of its arrival on the loop's clock."""
 
     there_s: float
@@ -93,7 +93,7 @@ class ThreadReader:
         self._capture: Capture | None = None
         self._thread: threading.Thread | None = None
         self._over = threading.Event()
-        self._frames: deque[Grabbed] = deque(maxlen=_WAITING)
+        self._frames: deque[RawFrame] = deque(maxlen=_WAITING)
         self._news = asyncio.Event()
         self._ended = False
         self._heard_s = 0.0
@@ -142,7 +142,7 @@ class ThreadReader:
         await opened
         self._heard_s = loop.time()
 
-    def _put(self, over: threading.Event, there_s: float, frame: Grabbed | None) -> None:
+    def _put(self, over: threading.Event, there_s: float, frame: RawFrame | None) -> None:
         if over is self._over:
             self._heard_s = there_s
             if frame is not None:
@@ -154,7 +154,7 @@ class ThreadReader:
             self._ended = True
             self._news.set()
 
-    async def next(self) -> Grabbed | None:
+    async def next(self) -> RawFrame | None:
         """Return the next wanted frame; None when the stream has ended."""
         while not self._frames:
             if self._ended:
@@ -178,11 +178,11 @@ class ThreadReader:
             await asyncio.to_thread(self._thread.join, JOIN_S)
 
 
-def _retrieved(capture: Capture, there_s: float) -> Grabbed:
+def _retrieved(capture: Capture, there_s: float) -> RawFrame:
     try:
-        return Grabbed(there_s, capture.retrieve())
+        return RawFrame(there_s, capture.retrieve())
     except ImageError as error:
-        return Grabbed(there_s, error)
+        return RawFrame(there_s, error)
 
 
 class StreamSource(LocalSource):
@@ -206,7 +206,7 @@ class StreamSource(LocalSource):
         self._first = True
         await self._reader.open(self._wants)
         try:
-            async with asyncio.timeout(FIRST_S):
+            async with asyncio.timeout(FIRST_PICTURE_WAIT_S):
                 frame = await self._reader.next()
         except TimeoutError:
             frame = None
@@ -251,18 +251,18 @@ class StreamSource(LocalSource):
 
     def _tell(self, text: str) -> None:
         now_s = asyncio.get_running_loop().time()
-        if now_s - self._told_s >= _TELL_EVERY_S:
+        if now_s - self._told_s >= _LOG_INTERVAL_S:
             self._told_s = now_s
             self._say(text)
 
-    def _take(self, frame: Grabbed) -> None:
+    def _take(self, frame: RawFrame) -> None:
         taken_s = frame.there_s - self._latency_s
         if not self._cadence.take(taken_s):
             return
         self._number += 1
         number, held = self._number, self._held
         held[number] = frame.loaded
-        if len(held) > MOST_HELD:
+        if len(held) > MAX_HELD_PICTURES:
             held.popitem(last=False)
         self._heard(
             Announcement(f"{self._name} frame {number}", taken_s, lambda: self._load(number))

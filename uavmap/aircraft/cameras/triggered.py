@@ -21,13 +21,13 @@ from missions.units import LatLon, Quaternion
 from uavmap.aircraft.cameras.folder import Card, CardClock, CardPicture, Say, Slowly
 from uavmap.aircraft.cameras.mavlink import CommandedSource
 from uavmap.aircraft.cameras.pose import Mount
-from uavmap.aircraft.cameras.source import Announcement, ToldPose, never
+from uavmap.aircraft.cameras.source import Announcement, ReportedPose, nothing_came
 from uavmap.mavlink.continuity import RecentLeast
 from uavmap.mavlink.session import Message, Session
 
-PATIENCE_S: Final = 5.0
+MAX_PARTNER_WAIT_S: Final = 5.0
 """Maximum wait of a picture for its feedback, and of a feedback for its picture, s."""
-MOST_APART: Final = 0.5
+MAX_DIFFERENCE_SHARE: Final = 0.5
 """Maximum difference in time of two partners, as a share of the interval."""
 _SHORTEST_S: Final = 0.4
 _LEAD_WINDOW_S: Final = 30.0
@@ -41,7 +41,7 @@ class _Shot:
 
     index: int
     taken_s: float
-    told: ToldPose
+    told: ReportedPose
 
 
 class TriggeredSource(CommandedSource):
@@ -73,7 +73,7 @@ class TriggeredSource(CommandedSource):
 
     # --- orders ------------------------------------------------------------------------------
     async def start(
-        self, interval_s: float, count: int, coming: Callable[[], bool] = never
+        self, interval_s: float, count: int, coming: Callable[[], bool] = nothing_came
     ) -> None:
         """Have the autopilot trigger. Raises `CommandRefusedError`, `LinkError`."""
         self._interval_s, self._active = interval_s, True
@@ -102,7 +102,7 @@ class TriggeredSource(CommandedSource):
             position = LatLon(message.lat / 1e7, message.lng / 1e7)
         angles = (math.radians(a) for a in (message.roll, message.pitch, message.yaw))
         attitude = self._mount.attitude(Quaternion.from_euler(*angles))
-        told = ToldPose(position, message.alt_rel, attitude)
+        told = ReportedPose(position, message.alt_rel, attitude)
         self._shots.append(_Shot(message.img_idx, taken_s, told))
         self._bring_together()
 
@@ -136,7 +136,7 @@ class TriggeredSource(CommandedSource):
 
         After a lost feedback, the next one belongs to the neighbour.
         """
-        most_s = MOST_APART * self._interval_s
+        most_s = MAX_DIFFERENCE_SHARE * self._interval_s
         for picture in list(self._pictures):
             near = min(
                 self._shots, key=lambda shot: abs(shot.taken_s - picture.taken_s), default=None
@@ -154,11 +154,11 @@ class TriggeredSource(CommandedSource):
     def _give_up(self) -> None:
         now_s = asyncio.get_running_loop().time()
         refuse = self._session.view.gate.refuse
-        for picture in [p for p in self._pictures if now_s - p.taken_s > PATIENCE_S]:
+        for picture in [p for p in self._pictures if now_s - p.taken_s > MAX_PARTNER_WAIT_S]:
             self._pictures.remove(picture)
             if self._active:
                 refuse("picture", "no CAMERA_FEEDBACK of its time; see camera.latency_s", now_s)
-        for shot in [s for s in self._shots if now_s - s.taken_s > PATIENCE_S]:
+        for shot in [s for s in self._shots if now_s - s.taken_s > MAX_PARTNER_WAIT_S]:
             self._shots.remove(shot)
             self._announce(shot, f"picture {shot.index}", partial(self._missing, shot))
 

@@ -15,12 +15,12 @@ from typing import Any, Final
 
 from missions.events import Crashed, Guarded
 from missions.guardian import (
-    HARD_M_S,
+    HARD_LANDING_M_S,
     PAD_M,
     Action,
     Guard,
     Limits,
-    Seen,
+    Snapshot,
     Task,
     corners_home,
     watch,
@@ -30,7 +30,12 @@ from missions.units import GridPoint
 from uavmap.aircraft.control import AirState, Holder
 from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
-from uavmap.aircraft.guardian.recovery import BRISK_M_S, LOOK_S, STOP_MOTORS_S, RecoveryFlight
+from uavmap.aircraft.guardian.recovery import (
+    BRISK_M_S,
+    CHECK_INTERVAL_S,
+    STOP_MOTORS_S,
+    RecoveryFlight,
+)
 from uavmap.aircraft.legs import leg_over_ground_s
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import Session
@@ -38,15 +43,15 @@ from uavmap.mavlink.session import Session
 HEARTBEAT_S: Final = 1.0
 SLEW_S: Final = 4.0
 """Time that a navigation filter takes to follow a jump, s."""
-STALE_S: Final = 3.0
+MAX_TELEMETRY_AGE_S: Final = 3.0
 """Maximum age of telemetry, s."""
-JUDGED_S: Final = 1.0
+MAX_POSITION_AGE_S: Final = 1.0
 """Maximum age of a position by which a vehicle is judged, s, by the vehicle's own clock."""
-PATIENCE_S: Final = 60.0
+SILENCE_AFTER_BATTERY_S: Final = 60.0
 """Wait for a silent vehicle beyond what its battery can have lasted, s."""
 CORNER_S: Final = 5.0
 """Time to start towards a corner, and to come to rest there, s."""
-LEAVE_S: Final = 15.0
+MAX_RETURN_WAIT_S: Final = 15.0
 """Wait, for an operator who leaves at once, to see that the autopilot returns, s."""
 
 _WORDS: Final = {"rtl": "return (RTL)", "land": "land where it is"}
@@ -141,9 +146,9 @@ class Guardian:
         """Check every new position, but not too often: by an old one it seems to stand still."""
         looked_s = seen_s = float("-inf")
         while True:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_INTERVAL_S)
             now_s, told_s = self._reporter.loop_s(), self._view.position_s
-            if told_s > seen_s or now_s - looked_s >= 2.0 * LOOK_S:
+            if told_s > seen_s or now_s - looked_s >= 2.0 * CHECK_INTERVAL_S:
                 looked_s, seen_s = now_s, told_s
                 self._look()
 
@@ -171,7 +176,7 @@ class Guardian:
             action: Action = "land" if verdict.rung == "land" else "rtl"
             self.take_over(action, verdict.reason, hurry=verdict.hurry)
 
-    def _look_for_leaps(self, seen: Seen) -> None:
+    def _look_for_leaps(self, seen: Snapshot) -> None:
         """End the mission of a vehicle whose position jumped: its positions mean nothing."""
         track, leaps = self._view.gate.track, self._monitor.leaps
         leapt, leaps.leapt = leaps.leapt, ""
@@ -187,15 +192,15 @@ class Guardian:
                 return
             self.order_failed(f"{leapt}: satellite navigation cannot be trusted", False)
 
-    def _seen(self) -> Seen | None:
+    def _seen(self) -> Snapshot | None:
         """Return the telemetry, None if it is too old."""
         view, reporter = self._view, self._reporter
         if not self._monitor.connected or view.position is None or view.home is None:
             return None
         age_s = view.age_s(reporter.loop_s())
-        if age_s > JUDGED_S + self._limits.slack_s:
+        if age_s > MAX_POSITION_AGE_S + self._limits.slack_s:
             return None
-        return Seen(
+        return Snapshot(
             t_s=reporter.now_s() - age_s,
             position=reporter.position(),
             height_m=view.height_m,
@@ -211,7 +216,7 @@ class Guardian:
             by_map=self._monitor.by_map,
         )
 
-    def _crashed(self, seen: Seen, reason: str) -> None:
+    def _crashed(self, seen: Snapshot, reason: str) -> None:
         """Report the place of a crash, and have motors stopped that still run."""
         reporter = self._reporter
         place = reporter.grid.position(seen.position)
@@ -222,7 +227,7 @@ class Guardian:
         self.stand_aside()
         reporter.happened(Crashed, seen.position, reason)
         self._monitor.control = self._monitor.control.acting(guardian=True).crashed()
-        struck = self._guard.fell or seen.struck_m_s > HARD_M_S
+        struck = self._guard.fell or seen.struck_m_s > HARD_LANDING_M_S
         self._begin(self._flight.stop_motors(struck=struck))
 
     def _let_go(self) -> None:
@@ -245,7 +250,7 @@ class Guardian:
             return
         # at its place the ground may be lower than at its home
         high = lambda: self._flight.descent_aim_m() is not None  # noqa: E731
-        if quickly and await self._session.until(high, PATIENCE_S):
+        if quickly and await self._session.until(high, SILENCE_AFTER_BATTERY_S):
             await self._pursue(action, hurry=True)
 
     # --- the end of a flight ----------------------------------------------------------------
@@ -288,7 +293,7 @@ class Guardian:
     def _take_up(self) -> None:
         """Reconnect a vehicle that was silent when the mission ended, and is received again."""
         monitor, view = self._monitor, self._view
-        heard = view.silent_s(self._reporter.loop_s()) <= STALE_S
+        heard = view.silent_s(self._reporter.loop_s()) <= MAX_TELEMETRY_AGE_S
         if monitor.met and not monitor.connected and heard:
             monitor.report_connected()
             self.heard_again()
@@ -336,11 +341,15 @@ class Guardian:
 
     def _flies_for_us(self) -> bool:
         late_s = self._reporter.loop_s() - self._view.position_s
-        heard = self._monitor.met and late_s <= STALE_S and not self._view.gate.clock.late
+        heard = (
+            self._monitor.met and late_s <= MAX_TELEMETRY_AGE_S and not self._view.gate.clock.late
+        )
         return self.responsible and heard and self._monitor.mode == "follow"
 
     def _endurance_left_s(self) -> float:
-        endurance_s = self._last_wh * 3600.0 / self._limits.energy.hover_power_w + PATIENCE_S
+        endurance_s = (
+            self._last_wh * 3600.0 / self._limits.energy.hover_power_w + SILENCE_AFTER_BATTERY_S
+        )
         return max(self._view.heard_s, 0.0) + endurance_s - self._reporter.loop_s()
 
     async def leave(self, reason: str) -> None:
@@ -351,7 +360,8 @@ class Guardian:
             self.take_over("rtl", reason)
         kind = self._view.kind
         await self._session.until(
-            lambda: self._view.mode in (kind.rtl, kind.land) or not self.responsible, LEAVE_S
+            lambda: self._view.mode in (kind.rtl, kind.land) or not self.responsible,
+            MAX_RETURN_WAIT_S,
         )
 
     def fate(self) -> str | None:
@@ -366,7 +376,7 @@ class Guardian:
         where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}, {view.height_m:.0f} m up"
         if self.responsible:
             silent_s = view.silent_s(reporter.loop_s())
-            if silent_s > STALE_S * 2:
+            if silent_s > MAX_TELEMETRY_AGE_S * 2:
                 return f"in the air at its last report, {silent_s:.0f} s ago, at {where}"
             return f"left to its autopilot in {view.mode_name} at {where}"
         if self._monitor.control.air.may_be_up:

@@ -1,6 +1,6 @@
 """The watch over aircraft after a mission: however it ends, they are taken care of.
 
-    watched_over(keeper, mission) -> what the mission returns
+    run_with_keeper(keeper, mission) -> what the mission returns
 
 The keeper of the aircraft surrounds the mission. If the mission fails, it returns every vehicle in
 the air. If the operator leaves at once, the autopilots do that, and the process ends only when it
@@ -79,7 +79,7 @@ class Guardians:
         }
 
 
-async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) -> T:
+async def run_with_keeper(keeper: Keeper, mission: Awaitable[T], *, leave: bool) -> T:
     """Run a mission with the keeper of its aircraft around it.
 
     `leave`: an operator's interrupt leaves real aircraft to their autopilots; simulated ones end
@@ -89,17 +89,17 @@ async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) ->
     """
     keeping = asyncio.create_task(keeper.run())
     try:
-        result = await unless_failed(mission, keeping)
+        result = await run_beside_keeper(mission, keeping)
         await keeper.bring_home("the mission is over")
         return result
     except asyncio.CancelledError:
         if not leave:
             raise
         await _left(keeper, "the operator left")
-        _say_fates(keeper, "interrupted")
+        _log_fates(keeper, "interrupted")
         raise
     except Exception as failure:
-        reason = f"the mission failed ({in_words(failure)})"
+        reason = f"the mission failed ({failure_text(failure)})"
         try:
             await keeper.bring_home(reason)
         except asyncio.CancelledError:  # the operator does not wait for it
@@ -110,14 +110,14 @@ async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) ->
             for fate in _not_home(keeper):
                 failure.add_note(fate)
             raise failure
-        _say_fates(keeper, in_words(failure))
+        _log_fates(keeper, failure_text(failure))
         raise failure
     finally:
         keeping.cancel()
         await asyncio.gather(keeping, return_exceptions=True)
 
 
-async def unless_failed(mission: Awaitable[T], keeping: asyncio.Task[None]) -> T:
+async def run_beside_keeper(mission: Awaitable[T], keeping: asyncio.Task[None]) -> T:
     """Return the mission's result; a keeper that fails ends the mission with its error."""
     flying = asyncio.ensure_future(mission)
     try:
@@ -147,13 +147,13 @@ def _not_home(keeper: Keeper) -> list[str]:
     return [f"vehicle {n}: {fate}" for n, fate in sorted(keeper.fates().items()) if fate]
 
 
-def _say_fates(keeper: Keeper, cause: str) -> None:
+def _log_fates(keeper: Keeper, cause: str) -> None:
     if fates := _not_home(keeper):
         raise AircraftError("\n".join([cause, *fates]))
 
 
-def in_words(failure: BaseException) -> str:
+def failure_text(failure: BaseException) -> str:
     """Return a failure as one line."""
     if isinstance(failure, BaseExceptionGroup):
-        return "; ".join(in_words(error) for error in leaves(failure))
+        return "; ".join(failure_text(error) for error in leaves(failure))
     return str(failure) or type(failure).__name__

@@ -11,7 +11,7 @@ from typing import Final, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Connected, Landed, LiftedOff, Overridden, Released, Tracked
-from missions.guardian import HARD_M_S
+from missions.guardian import HARD_LANDING_M_S
 from missions.units import GridPoint
 from uavmap.aircraft.control import AirState, Beat, Control, FlownMode, Ground, Holder
 from uavmap.aircraft.guardian.estimates import FALLS_S, Impact, Leaps, WindEstimate
@@ -188,7 +188,7 @@ class Monitor:
         stood = not before.armed and not before.air.may_be_up
         if stood or control.armed or control.air is not AirState.ON_GROUND:
             return
-        if before.air.is_flying and self.impact.speed_m_s > HARD_M_S:
+        if before.air.is_flying and self.impact.speed_m_s > HARD_LANDING_M_S:
             self.struck_m_s = self.impact.speed_m_s
             self.wind.forget()
             return

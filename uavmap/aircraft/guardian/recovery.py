@@ -10,13 +10,17 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
-from missions.guardian import DOWN_M, HASTE_M_S, Action, Limits, corners_home, quick_aim_m
+from missions.guardian import DOWN_M, QUICK_DESCENT_M_S, Action, Limits, corners_home, quick_aim_m
 from missions.units import GridPoint
-from uavmap.aircraft.controlled_commands import PAUSE_S, ControlledCommands, NotOursError
+from uavmap.aircraft.controlled_commands import (
+    RESEND_PAUSE_S,
+    ControlledCommands,
+    NotInControlError,
+)
 from uavmap.aircraft.legs import aim_over_ground
 from uavmap.aircraft.reporter import Reporter
 
-LOOK_S: Final = 0.5
+CHECK_INTERVAL_S: Final = 0.5
 """Interval between two targets while the place of home or the ground below changes, s."""
 RETRY_S: Final = 2.0
 """Interval between two commands for the same thing, s."""
@@ -28,7 +32,7 @@ OVER_HOME_M: Final = 1.0
 """Distance from the place above its home within which a vehicle lands there, m."""
 BRISK_M_S: Final = 1.0
 """Speed below which a vehicle turns on the spot, m/s."""
-LYING_S: Final = 5.0
+MOTORS_OFF_WAIT_S: Final = 5.0
 """Time that a vehicle which is down has to stop its motors by itself, s."""
 STOP_MOTORS_S: Final = 60.0
 """Time after a mission that is waited for the motors of a vehicle which is down, s."""
@@ -70,12 +74,12 @@ class RecoveryFlight:
                 await self._aim_or_point(self._reporter.position(), aim_m)
                 if slow:  # after the target: an ArduPilot drops its speeds at the first one
                     with contextlib.suppress(CommandRefusedError):
-                        await self._commands.descent_speed(HASTE_M_S)
+                        await self._commands.descent_speed(QUICK_DESCENT_M_S)
                     slow = False
             except CommandRefusedError:
                 return False
             except LinkError:
-                await asyncio.sleep(PAUSE_S)
+                await asyncio.sleep(RESEND_PAUSE_S)
                 continue
             await session.until(lambda: self.descent_aim_m() is None, RETRY_S)
         return True
@@ -84,7 +88,7 @@ class RecoveryFlight:
         """Send a target, if need be by a message if its command is refused."""
         try:
             await self.aim_at(point, height_m)
-        except NotOursError:
+        except NotInControlError:
             raise
         except CommandRefusedError:
             kind = self._view.kind
@@ -116,10 +120,10 @@ class RecoveryFlight:
             except CommandRefusedError:
                 return False
             except LinkError:
-                await asyncio.sleep(PAUSE_S)
+                await asyncio.sleep(RESEND_PAUSE_S)
                 continue
             # its autopilot's place of home changes with every picture
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_INTERVAL_S)
         return False
 
     async def ask_autopilot(self, action: Action) -> str:
@@ -133,7 +137,7 @@ class RecoveryFlight:
         while view.mode != wanted and view.armed and self._monitor.control.is_ours:
             try:
                 await ask()
-            except NotOursError:
+            except NotInControlError:
                 return ""
             except CommandRefusedError as refusal:
                 if action == "rtl":
@@ -158,7 +162,7 @@ class RecoveryFlight:
         if is_armed() and self._monitor.control.is_ours:
             asking = asyncio.ensure_future(self.ask_autopilot("land"))
             try:
-                await session.until(lambda: not view.armed, LYING_S)
+                await session.until(lambda: not view.armed, MOTORS_OFF_WAIT_S)
             finally:
                 asking.cancel()
         told = False
@@ -193,9 +197,9 @@ class RecoveryFlight:
             except CommandRefusedError:
                 return False
             except LinkError:
-                await asyncio.sleep(PAUSE_S)
+                await asyncio.sleep(RESEND_PAUSE_S)
                 continue
-            pause_s = RETRY_S if self._view.ground is None else LOOK_S
+            pause_s = RETRY_S if self._view.ground is None else CHECK_INTERVAL_S
             await self._session.until(lambda: there() or over(), pause_s)
             if there():
                 return not over()

@@ -148,7 +148,7 @@ def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:
     return detector_of_section(mission.detector, height_ratio)
 
 
-class Taken(NamedTuple):
+class PosedPicture(NamedTuple):
     """A picture, its pose, and the cell that it was ordered for (`vantage`, by default that below).
 
     `anywhere`: it is evidence of all that it shows.
@@ -173,7 +173,7 @@ class PictureJudge:
         self._classifiers = classifiers
         self._keepers = keepers
 
-    def verdict(self, taken: Taken) -> FrameSeen | FrameLost:
+    def verdict(self, taken: PosedPicture) -> FrameSeen | FrameLost:
         """Return a picture's verdict on the cells around its vantage, or on all whole cells."""
         classifier = self._classifiers[taken.vehicle]
         camera = classifier.camera

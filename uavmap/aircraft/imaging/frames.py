@@ -15,14 +15,14 @@ from uavmap.aircraft.cameras.source import Announcement, FrameSource
 PICTURE_WAIT_S: Final = 3.0
 """Delay of a picture, s; after twice this it is given up."""
 
-MOST_WAITING: Final = 4
+MAX_WAITING: Final = 4
 """Maximum number of pictures of a stream that wait to be judged; older ones are left out."""
 
-FIRST_ASK_S: Final = 1.5
-ASK_AGAIN_S: Final = 1.0
+FIRST_REQUEST_AGE_S: Final = 1.5
+REQUEST_INTERVAL_S: Final = 1.0
 """Age at which an announcement is requested, and interval to request it again, s."""
 
-MOST_MISSING: Final = 20
+MAX_REQUESTED: Final = 20
 """Maximum number of announcements that are requested at once: a camera's count may jump."""
 
 LookAt = Callable[[Announcement, Cell | None], Awaitable[bool]]
@@ -96,7 +96,7 @@ class Frames:
         if index in self._seen:
             return False
         if self._next_index is not None:
-            for missing in range(max(self._next_index, index - MOST_MISSING), index):
+            for missing in range(max(self._next_index, index - MAX_REQUESTED), index):
                 self._source.ask_again(missing)
         self._next_index = max(index + 1, self._next_index or 0)
         self._seen.add(index)
@@ -188,7 +188,7 @@ class Frames:
                 self._source.uncertain()
                 await self.start()
             return self._lost("the camera is silent: no picture was announced", None)
-        if self._anywhere and self._announced.qsize() >= MOST_WAITING:
+        if self._anywhere and self._announced.qsize() >= MAX_WAITING:
             picture = self._newest()
             if not self._left_out:
                 self._left_out = True
@@ -229,13 +229,13 @@ class Frames:
         clock = asyncio.get_running_loop()
         begin_s = clock.time()
         due_s = begin_s + 2.0 * (self.interval_s + PICTURE_WAIT_S)
-        wait_s, again = self.interval_s + FIRST_ASK_S, False
+        wait_s, again = self.interval_s + FIRST_REQUEST_AGE_S, False
         while (left_s := due_s - clock.time()) > 0.0:
             try:
                 async with asyncio.timeout(min(wait_s, left_s)):
                     picture = await self._announced.get()
             except TimeoutError:
-                wait_s = ASK_AGAIN_S
+                wait_s = REQUEST_INTERVAL_S
                 if self._next_index is not None:
                     self._source.ask_again(self._next_index)
                 elif not again and clock.time() - begin_s >= PICTURE_WAIT_S:

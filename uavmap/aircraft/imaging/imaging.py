@@ -1,6 +1,6 @@
 """The camera of a vehicle: its pictures are judged, requested again, or reported lost.
 
-    source -> announcement -> pose, picture -> Taken -> judge
+    source -> announcement -> pose, picture -> PosedPicture -> judge
 
 The judge belongs to the mission (`uavmap.aircraft.imaging.classifier.PictureJudge`).
 """
@@ -17,7 +17,7 @@ from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.aircraft.cameras.pose import Poses
 from uavmap.aircraft.cameras.source import Announcement, FrameSource
-from uavmap.aircraft.imaging.classifier import Taken, camera_of
+from uavmap.aircraft.imaging.classifier import PosedPicture, camera_of
 from uavmap.aircraft.imaging.frames import Frames
 from uavmap.aircraft.map_navigation import Navigation
 from uavmap.base.image_files import Image, decoded
@@ -26,7 +26,7 @@ from vision.plausible import implausible
 from vision.projection import Frame
 
 _Pictures = contextlib.AbstractAsyncContextManager[Frames]
-Judge = Callable[[Taken], Awaitable[bool]]
+Judge = Callable[[PosedPicture], Awaitable[bool]]
 """Judges a picture; returns, when its consequences are ordered, whether it counts."""
 
 
@@ -109,7 +109,9 @@ class CameraDriver:
         """Have a picture judged; return whether it counts. Raises `ImageError`, `LinkError`."""
         return await self._judge(await self._taken(picture, vantage, anywhere=anywhere))
 
-    async def _taken(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> Taken:
+    async def _taken(
+        self, picture: Announcement, vantage: Cell | None, *, anywhere: bool
+    ) -> PosedPicture:
         t_s = self._exposed_s(picture)
         pose = await self._poses.pose_of(picture)
         data = await picture.load()
@@ -122,7 +124,7 @@ class CameraDriver:
             self._last = image
             if not stalls:
                 pose = finder.placed(Frame(image, pose, t_s, camera)).pose
-        return Taken(self._number, t_s, pose, vantage, anywhere, picture.name, data)
+        return PosedPicture(self._number, t_s, pose, vantage, anywhere, picture.name, data)
 
     def lost(self, reason: str, picture: Announcement | None = None) -> FrameLost:
         """Return the event of a picture that never came (None), or cannot be used."""

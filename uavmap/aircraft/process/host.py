@@ -12,8 +12,8 @@ import numpy as np
 from missions.errors import ImageError
 from missions.events import Event
 from missions.orders import Hold, Order
-from uavmap.aircraft.imaging.classifier import Taken
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.imaging.classifier import PosedPicture
+from uavmap.aircraft.process import messages as msg
 from uavmap.aircraft.reporter import Report
 
 M = TypeVar("M")
@@ -38,7 +38,7 @@ class Vehicle(Protocol):
 class Host:
     """The host between the vehicles of a service and the mission; `send` takes its messages."""
 
-    def __init__(self, send: Callable[[say.Message], None]) -> None:
+    def __init__(self, send: Callable[[msg.Message], None]) -> None:
         loop = asyncio.get_running_loop()
         self._send = send
         self._vehicles: Mapping[int, Vehicle] = {}
@@ -46,57 +46,57 @@ class Host:
         self._events = itertools.count(1)
         self._pictures: dict[int, asyncio.Future[bool]] = {}
         self._swaps: dict[int, asyncio.Future[None]] = {}
-        self.ready: say.Ready | None = None
+        self.ready: msg.Ready | None = None
         """Message that was sent when the vehicles were ready."""
         self._answer: asyncio.Future[bool | None] | None = None
-        self._begun: asyncio.Future[say.Begin] = loop.create_future()
-        self._flown: asyncio.Future[say.Fly] = loop.create_future()
-        self.end: asyncio.Future[say.Finish | say.Leave] = loop.create_future()
+        self._begun: asyncio.Future[msg.Begin] = loop.create_future()
+        self._flown: asyncio.Future[msg.Fly] = loop.create_future()
+        self.end: asyncio.Future[msg.Finish | msg.Leave] = loop.create_future()
         """The mission's last message."""
-        self.left: asyncio.Future[say.Leave] = loop.create_future()
+        self.left: asyncio.Future[msg.Leave] = loop.create_future()
         """Message of an operator who does not wait."""
 
     # --- from the mission -----------------------------------------------------------------------
-    def receive(self, message: say.Message) -> None:
+    def receive(self, message: msg.Message) -> None:
         """Carry out a message."""
         match message:
-            case say.Give():
+            case msg.GiveOrder():
                 if message.vehicle in self._vehicles:
                     self._vehicles[message.vehicle].give(message.order)
-            case say.Judged():
+            case msg.PictureJudged():
                 _settle(self._pictures.pop(message.serial, None), message.seen)
-            case say.LandHere():
+            case msg.LandHere():
                 if message.vehicle in self._vehicles:
                     self._vehicles[message.vehicle].land_here(message.reason)
-            case say.Swapped():
+            case msg.SwapDone():
                 _settle(self._swaps.pop(message.vehicle, None), None)
-            case say.Answered():
+            case msg.Answered():
                 _settle(self._answer, message.yes)
-            case say.Begin():
+            case msg.Begin():
                 _settle(self._begun, message)
-            case say.Fly() if self._flown.done():  # the mission is back
+            case msg.Fly() if self._flown.done():  # the mission is back
                 for vehicle in self._vehicles.values():
                     vehicle.report_again()
-            case say.Fly():
+            case msg.Fly():
                 self._flown.set_result(message)
-            case say.Finish():
+            case msg.Finish():
                 _settle(self.end, message)
-            case say.Leave():
+            case msg.Leave():
                 _settle(self.end, message)
                 _settle(self.left, message)
 
-    async def begin(self) -> say.Begin:
+    async def begin(self) -> msg.Begin:
         """Wait for the first message of the mission."""
         return await self._begun
 
-    async def fly(self, vehicles: Mapping[int, Vehicle], ready: say.Ready) -> say.Fly:
+    async def fly(self, vehicles: Mapping[int, Vehicle], ready: msg.Ready) -> msg.Fly:
         """Report that the vehicles are ready, and wait until the mission has set its time."""
         self._vehicles = vehicles
         self.ready = ready
         self._send(ready)
         return await self._flown
 
-    async def carry_out(self) -> say.Finish | say.Leave:
+    async def carry_out(self) -> msg.Finish | msg.Leave:
         """Carry out orders until the mission's last message."""
         try:
             async with asyncio.TaskGroup() as tasks:
@@ -124,17 +124,17 @@ class Host:
     # --- for the vehicles -----------------------------------------------------------------------
     def report(self, event: Event) -> None:
         """Send an event."""
-        self._send(say.Happened(event, next(self._events)))
+        self._send(msg.EventReport(event, next(self._events)))
 
     def line(self, text: str) -> None:
         """Send a line for the operator."""
-        self._send(say.Line(text))
+        self._send(msg.Line(text))
 
-    async def judge(self, taken: Taken) -> bool:
+    async def judge(self, taken: PosedPicture) -> bool:
         """Have a picture judged by the mission. Raises `ImageError` for one that is too large."""
         size = len(taken.data) if isinstance(taken.data, bytes) else taken.data.nbytes
-        if size > say.MOST_PICTURE_BYTES:
-            most = say.MOST_PICTURE_BYTES
+        if size > msg.MOST_PICTURE_BYTES:
+            most = msg.MOST_PICTURE_BYTES
             raise ImageError(f"{taken.name}: {size} bytes; a picture has at most {most}")
         serial = next(self._serials)
         waiting: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
@@ -144,7 +144,7 @@ class Host:
             rows, columns, channels = data.shape
             shape, data = (rows, columns, channels), np.ascontiguousarray(data).tobytes()
         self._send(
-            say.Picture(
+            msg.Picture(
                 serial, taken.vehicle, taken.t_s, taken.pose, taken.vantage, taken.anywhere,
                 taken.name, shape, data,
             )
@@ -157,17 +157,17 @@ class Host:
     async def swap(self, vehicle: int) -> None:
         """Wait until the crew has swapped the battery of a vehicle."""
         swapped = self._swaps[vehicle] = asyncio.get_running_loop().create_future()
-        self._send(say.BatteryWanted(vehicle))
+        self._send(msg.SwapRequested(vehicle))
         try:
             await swapped
         finally:
             if self._swaps.pop(vehicle, None) is not None:
-                self._send(say.BatteryUnwanted(vehicle))
+                self._send(msg.SwapCancelled(vehicle))
 
     async def ask(self, question: str) -> bool | None:
         """Ask the operator; return None without one."""
         self._answer = asyncio.get_running_loop().create_future()
-        self._send(say.Question(question))
+        self._send(msg.Question(question))
         return await self._answer
 
 

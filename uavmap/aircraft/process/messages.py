@@ -1,7 +1,7 @@
 """The messages between the mission and the aircraft: orders one way, events the other.
 
-    mission  -> Begin, Fly, Give, ... -> aircraft
-    mission  <- Ready, Happened, Picture, Ended, ... <- aircraft
+    mission  -> Begin, Fly, GiveOrder, ... -> aircraft
+    mission  <- Ready, EventReport, Picture, Ended, ... <- aircraft
 
 A message is a value. On the wire it is eight bytes with the lengths of its parts, then its JSON,
 then the bytes of a picture. Simulated flights pass the same bytes inside one process.
@@ -46,7 +46,7 @@ class Attach:
 
 
 @dataclass(frozen=True, slots=True)
-class Before:
+class EarlierFlight:
     """The journal's knowledge of a vehicle when a flight is resumed."""
 
     flew: bool = False
@@ -56,7 +56,7 @@ class Before:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class PreflightOptions:
     """The operator's options for the examination before a flight."""
 
     lines: tuple[str, ...]
@@ -71,8 +71,8 @@ class Begin:
 
     t_s: float
     """Mission time at which the clock of the loop was zero, until `Fly` sets another, s."""
-    before: dict[int, Before]
-    preflight: Asked | None
+    before: dict[int, EarlierFlight]
+    preflight: PreflightOptions | None
     """None: a resumed flight, without questions."""
     keep_fence: bool
     waits_on_ground: bool
@@ -89,7 +89,7 @@ class Fly:
 
 
 @dataclass(frozen=True, slots=True)
-class Give:
+class GiveOrder:
     """Carry out an order instead of the present one."""
 
     vehicle: int
@@ -107,7 +107,7 @@ class LandHere:
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class PictureJudged:
     """A picture was judged, and its consequences are ordered."""
 
     serial: int
@@ -117,7 +117,7 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
-class Swapped:
+class SwapDone:
     """The battery of a vehicle is swapped, and it may take off."""
 
     vehicle: int
@@ -155,7 +155,7 @@ class Beat:
     boot_s: float | None = None
     """Time since the first vehicle was switched on, s, sent by the aircraft."""
     kept: int = 0
-    """Number of the last `Happened` that is in the journal, sent by the mission."""
+    """Number of the last `EventReport` that is in the journal, sent by the mission."""
     fates: dict[int, str] = field(default_factory=dict)
     """Fates as in `Ended`, if the flight ended now, sent by the aircraft."""
     kind: Literal["beat"] = "beat"
@@ -192,7 +192,7 @@ class Ready:
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
+class EventReport:
     """A vehicle reports."""
 
     event: AnyEvent
@@ -220,7 +220,7 @@ class Telemetry:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture to judge; the sender waits for `Judged`."""
+    """A picture to judge; the sender waits for `PictureJudged`."""
 
     serial: int
     vehicle: int
@@ -244,7 +244,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class BatteryWanted:
+class SwapRequested:
     """A vehicle has landed and waits for a fresh battery."""
 
     vehicle: int
@@ -252,7 +252,7 @@ class BatteryWanted:
 
 
 @dataclass(frozen=True, slots=True)
-class BatteryUnwanted:
+class SwapCancelled:
     """The vehicle does not wait any longer."""
 
     vehicle: int
@@ -296,9 +296,9 @@ class Ended:
 
 
 Message = (
-    Attach | Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
-    | Attached | Ready | Happened | Picture | BatteryWanted | BatteryUnwanted | Question | Line
-    | Recall | Ended | Telemetry
+    Attach | Begin | Fly | GiveOrder | LandHere | PictureJudged | SwapDone | Answered | Finish
+    | Leave | Beat | Attached | Ready | EventReport | Picture | SwapRequested | SwapCancelled
+    | Question | Line | Recall | Ended | Telemetry
 )  # fmt: skip
 _ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 

@@ -10,8 +10,8 @@ import missions.errors
 from missions.errors import LinkError, NotFlownError, UavmapError
 from missions.events import Event, FrameSeen, LinkLost, Recalled
 from missions.orders import Order
-from uavmap.aircraft.imaging.classifier import PictureJudge, Taken
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.imaging.classifier import PictureJudge, PosedPicture
+from uavmap.aircraft.process import messages as msg
 from uavmap.base import messages
 
 DEFECT: Final = "defect"
@@ -41,7 +41,7 @@ class Port:
         taken_in: Callable[[], Awaitable[None]],
         swap: Callable[[int], Awaitable[None]],
         ask: Callable[[str], Awaitable[bool | None]],
-        hear: Sequence[Callable[[say.Telemetry], None]] = (),
+        hear: Sequence[Callable[[msg.Telemetry], None]] = (),
     ) -> None:
         loop = asyncio.get_running_loop()
         self._log = messages.bound("uavmap.flight")
@@ -53,11 +53,11 @@ class Port:
         self._swap = swap
         self._ask = ask
         self._hear = hear
-        self._send: Callable[[say.Message], None] | None = None
+        self._send: Callable[[msg.Message], None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._swaps: dict[int, asyncio.Task[None]] = {}
-        self._fly: say.Fly | None = None
-        self._last: say.Finish | say.Leave | None = None
+        self._fly: msg.Fly | None = None
+        self._last: msg.Finish | msg.Leave | None = None
         """The mission's last message."""
         self._received = 0
         """Number of the last event of this process of the aircraft."""
@@ -68,14 +68,14 @@ class Port:
         """Time since the first vehicle was switched on, and the loop's time of that report, s."""
         self._fates: Mapping[int, str] = {}
         """Last reported fate of each vehicle."""
-        self.ready: asyncio.Future[say.Ready] = loop.create_future()
-        self.ended: asyncio.Future[say.Ended] = loop.create_future()
+        self.ready: asyncio.Future[msg.Ready] = loop.create_future()
+        self.ended: asyncio.Future[msg.Ended] = loop.create_future()
 
-    def connect(self, send: Callable[[say.Message], None]) -> None:
+    def connect(self, send: Callable[[msg.Message], None]) -> None:
         """Send messages by this function from now on."""
         self._send = send
 
-    def send(self, message: say.Message) -> None:
+    def send(self, message: msg.Message) -> None:
         """Send a message; drop it once the aircraft have ended."""
         if self._send is not None and not self.ended.done():
             self._send(message)
@@ -83,13 +83,13 @@ class Port:
     # --- to the aircraft ------------------------------------------------------------------------
     def give(self, vehicle: int, order: Order) -> None:
         """Have a vehicle carry out an order instead of the present one."""
-        self.send(say.Give(vehicle, order))
+        self.send(msg.GiveOrder(vehicle, order))
 
     def land_here(self, vehicle: int, reason: str) -> None:
         """Have a vehicle land in place."""
-        self.send(say.LandHere(vehicle, reason))
+        self.send(msg.LandHere(vehicle, reason))
 
-    async def begun(self, begin: say.Begin) -> say.Ready:
+    async def begun(self, begin: msg.Begin) -> msg.Ready:
         """Begin, and wait until the vehicles are ready. Raises the reason that prevents it."""
         self.send(begin)
         either: list[asyncio.Future[Any]] = [self.ready, self.ended]
@@ -100,7 +100,7 @@ class Port:
 
     def fly(self, start_s: float) -> None:
         """Have vehicles report and fly; the loop's clock was zero at mission time `start_s`."""
-        self._fly = say.Fly(start_s)
+        self._fly = msg.Fly(start_s)
         self.send(self._fly)
 
     def lost(self) -> None:
@@ -128,43 +128,43 @@ class Port:
         return boot_s + asyncio.get_running_loop().time() - at_s
 
     # --- from the aircraft ----------------------------------------------------------------------
-    def receive(self, message: say.Message) -> None:
+    def receive(self, message: msg.Message) -> None:
         """Handle a message."""
         match message:
-            case say.Happened() if message.serial > self._received:
+            case msg.EventReport() if message.serial > self._received:
                 self._received = message.serial
                 self._post(message.event)
                 if self._keeping is None or self._keeping.done():
                     self._keeping = self._begin(self._keep())
-            case say.Telemetry():
+            case msg.Telemetry():
                 for hear in self._hear:
                     hear(message)
-            case say.Picture():
+            case msg.Picture():
                 self._begin(self._judged(message))
-            case say.BatteryWanted():
+            case msg.SwapRequested():
                 self._swaps[message.vehicle] = self._begin(self._swapped(message.vehicle))
-            case say.BatteryUnwanted():
+            case msg.SwapCancelled():
                 if message.vehicle in self._swaps:
                     self._swaps.pop(message.vehicle).cancel()
-            case say.Question():
+            case msg.Question():
                 self._begin(self._asked(message.text))
-            case say.Line():
+            case msg.Line():
                 self._log.info(message.text)
-            case say.Ready() | say.Beat():
+            case msg.Ready() | msg.Beat():
                 if message.boot_s is not None:
                     self._boot = (message.boot_s, asyncio.get_running_loop().time())
-                if isinstance(message, say.Ready):
+                if isinstance(message, msg.Ready):
                     self._prepared(message)
                 else:
                     self._fates = {**self._fates, **message.fates}
-            case say.Recall():
+            case msg.Recall():
                 self._log.info("the process of the aircraft is asked to end: coming home, landing")
                 self._post(Recalled(round(self._now_s(), 3)))
-            case say.Ended():
+            case msg.Ended():
                 if not self.ended.done():
                     self.ended.set_result(message)
 
-    def _prepared(self, message: say.Ready) -> None:
+    def _prepared(self, message: msg.Ready) -> None:
         if not self.ready.done():
             self.ready.set_result(message)
         elif self._fly is not None:  # another process, or another connection
@@ -184,24 +184,24 @@ class Port:
             await self.taken_in()
             self.kept = received
 
-    async def _judged(self, picture: say.Picture) -> None:
+    async def _judged(self, picture: msg.Picture) -> None:
         verdict = self._judge.verdict(
-            Taken(
+            PosedPicture(
                 picture.vehicle, picture.t_s, picture.pose, picture.vantage, picture.anywhere,
                 picture.name, picture.content,
             )
         )  # fmt: skip
         self._post(verdict)
         await self.taken_in()
-        self.send(say.Judged(picture.serial, isinstance(verdict, FrameSeen)))
+        self.send(msg.PictureJudged(picture.serial, isinstance(verdict, FrameSeen)))
 
     async def _swapped(self, vehicle: int) -> None:
         await self._swap(vehicle)
         self._swaps.pop(vehicle, None)
-        self.send(say.Swapped(vehicle))
+        self.send(msg.SwapDone(vehicle))
 
     async def _asked(self, question: str) -> None:
-        self.send(say.Answered(await self._ask(question)))
+        self.send(msg.Answered(await self._ask(question)))
 
     def close(self) -> None:
         """Cancel all judging, waiting and questions."""
@@ -215,15 +215,15 @@ class Port:
 
     async def bring_home(self, reason: str) -> None:
         """Have every vehicle that is in the air return, and wait until all are down."""
-        self._end(say.Finish(reason))
+        self._end(msg.Finish(reason))
         await asyncio.shield(self.ended)
 
     async def leave(self, reason: str) -> None:
         """Have every autopilot return its vehicle, and wait only until that is seen."""
-        self._end(say.Leave(reason))
+        self._end(msg.Leave(reason))
         await asyncio.shield(self.ended)
 
-    def _end(self, last: say.Finish | say.Leave) -> None:
+    def _end(self, last: msg.Finish | msg.Leave) -> None:
         self._last = last
         self.send(last)
 
@@ -234,7 +234,7 @@ class Port:
         return {**last, **found}
 
 
-def error_of(ended: say.Ended) -> Exception:
+def error_of(ended: msg.Ended) -> Exception:
     """Return the error that ended the aircraft's part."""
     if ended.error == NotFlownError.__name__:
         return NotFlownError(ended.text, could_fly=ended.could_fly)
@@ -246,10 +246,10 @@ def error_of(ended: say.Ended) -> Exception:
     return RuntimeError(ended.text)
 
 
-def ended_by(failure: BaseException | None, fates: Mapping[int, str], text: str) -> say.Ended:
+def ended_by(failure: BaseException | None, fates: Mapping[int, str], text: str) -> msg.Ended:
     """Return the last message after a failure, described by `text`."""
     if failure is None:
-        return say.Ended(dict(fates))
+        return msg.Ended(dict(fates))
     name = type(failure).__name__ if isinstance(failure, UavmapError) else DEFECT
     could_fly = isinstance(failure, NotFlownError) and failure.could_fly
-    return say.Ended(dict(fates), name, text, could_fly)
+    return msg.Ended(dict(fates), name, text, could_fly)

@@ -10,7 +10,7 @@ from typing import Final
 from missions.errors import StrategyError, UavmapError
 from missions.lab.arena.nonstop import Camera, Team
 from missions.lab.arena.roi import Roi
-from missions.planning.sweep.strategies import About
+from missions.planning.sweep.strategies import StrategyInfo
 from uavmap.lab.commands.runs import (
     NONSTOP_DEFAULTS,
     Column,
@@ -32,7 +32,7 @@ _CELL_M: Final = 4.0
 def run_nonstop(
     options: argparse.Namespace,
     rois: Sequence[Roi],
-    strategies: Sequence[About],
+    strategies: Sequence[StrategyInfo],
     out: Path | None,
 ) -> int:
     """Simulate; return the exit code."""

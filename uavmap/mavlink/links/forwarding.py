@@ -18,7 +18,7 @@ from uavmap.mavlink.links.transports import Transport, open_transport
 from uavmap.mavlink.links.urls import parse_url
 
 
-class Way(Protocol):
+class VehicleLink(Protocol):
     """The link to one vehicle."""
 
     @property
@@ -35,10 +35,10 @@ class Forwarding:
 
     def __init__(self, record: Callable[[bytes], None]) -> None:
         self._record = record
-        self._ways: list[Way] = []
+        self._ways: list[VehicleLink] = []
         self._stations: list[Transport] = []
 
-    def add(self, way: Way) -> Callable[[bytes], None]:
+    def add(self, way: VehicleLink) -> Callable[[bytes], None]:
         """Add a vehicle; return a function that takes its bytes as they come."""
         self._ways.append(way)
         splitter = Splitter()

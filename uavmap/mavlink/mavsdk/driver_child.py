@@ -29,7 +29,7 @@ from mavsdk.plugins.action import Action
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 from mavsdk.system import System
 
-from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames, words
+from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames_piece, object_piece
 
 AT_ONCE: Final = 8
 """Maximum number of commands that may wait for their answers."""
@@ -66,10 +66,10 @@ class _Child:
         self._action: Action | None = None
         self._workers = ThreadPoolExecutor(AT_ONCE)
         self._mavsdk = Mavsdk(Configuration.create_manual(system, component, False))
-        self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: out.write(frames(data)))
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: out.write(frames_piece(data)))
         self._mavsdk.add_any_connection_with_handle("raw://")
         self._mavsdk.first_autopilot_async(-1.0, self._found)
-        out.write(words({"ready": self._mavsdk.version()}))
+        out.write(object_piece({"ready": self._mavsdk.version()}))
 
     def _found(self, vehicle: System | None) -> None:
         """Note a vehicle; called on a thread of MAVSDK, which accepts no requests there."""
@@ -80,11 +80,11 @@ class _Child:
         self._vehicle, self._direct = vehicle, MavlinkDirect(vehicle)
         self._action = Action(vehicle)
         self._direct.subscribe_message("", lambda message, _: self._tell(message))
-        self._out.write(words({"system": vehicle.get_system_id()}))
+        self._out.write(object_piece({"system": vehicle.get_system_id()}))
 
     def _tell(self, message: MavlinkMessage) -> None:
         self._out.write(
-            words(
+            object_piece(
                 {
                     "name": message.message_name,
                     "system": message.system_id,
@@ -116,7 +116,7 @@ class _Child:
             answer["result"] = getattr(getattr(error, "result", None), "name", str(error))
         except Exception as error:  # the service has to receive any error
             answer["result"] = f"{type(error).__name__}: {error}"
-        self._out.write(words(answer))
+        self._out.write(object_piece(answer))
 
     def _message(self, asked: dict[str, Any]) -> MavlinkMessage:
         fields = asked["fields"]

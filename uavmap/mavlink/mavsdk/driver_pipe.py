@@ -12,22 +12,22 @@ from typing import Any, Final
 
 FRAMES: Final = b"F"
 """Bytes of the link."""
-WORDS: Final = b"W"
+JSON_OBJECT: Final = b"W"
 """A JSON object."""
 _HEAD: Final = struct.Struct("<cI")
 MOST_BYTES: Final = 1 << 20
 """Maximum length of a piece: a longer one is an error of its writer."""
 
 
-def frames(data: bytes) -> bytes:
+def frames_piece(data: bytes) -> bytes:
     """Return a piece that holds bytes of the link."""
     return _HEAD.pack(FRAMES, len(data)) + data
 
 
-def words(what: dict[str, Any]) -> bytes:
+def object_piece(what: dict[str, Any]) -> bytes:
     """Return a piece that holds an object."""
     data = json.dumps(what).encode()
-    return _HEAD.pack(WORDS, len(data)) + data
+    return _HEAD.pack(JSON_OBJECT, len(data)) + data
 
 
 class Pieces:
@@ -42,7 +42,7 @@ class Pieces:
         self._unread += data
         while len(self._unread) >= _HEAD.size:
             letter, length = _HEAD.unpack_from(self._unread)
-            if letter not in (FRAMES, WORDS) or length > MOST_BYTES:
+            if letter not in (FRAMES, JSON_OBJECT) or length > MOST_BYTES:
                 raise ValueError(f"no piece begins with {bytes(self._unread[: _HEAD.size])!r}")
             end = _HEAD.size + length
             if len(self._unread) < end:

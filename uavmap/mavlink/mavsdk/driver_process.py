@@ -15,11 +15,11 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from missions.errors import LinkError
-from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames, words
+from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames_piece, object_piece
 
 START_S: Final = 20.0
 """Maximum time to load the library, real seconds."""
-AGAIN_S: Final = 1.0
+RESTART_WAIT_S: Final = 1.0
 """Wait before a restart, real seconds."""
 ANSWER_S: Final = 20.0
 """Maximum wait for an answer, real seconds; then it hangs: the library gives up at 2."""
@@ -30,7 +30,7 @@ MOST_UNREAD: Final = 1 << 20
 _READ_BYTES: Final = 1 << 16
 _END_S: Final = 2.0
 
-Words = dict[str, Any]
+JsonObject = dict[str, Any]
 
 
 class MavsdkProcess:
@@ -45,7 +45,7 @@ class MavsdkProcess:
         system: int,
         component: int,
         take_frames: Callable[[bytes], None],
-        take_message: Callable[[Words], None],
+        take_message: Callable[[JsonObject], None],
         say: Callable[[str], None],
         speedup: float = 1.0,
     ) -> None:
@@ -59,7 +59,7 @@ class MavsdkProcess:
         self._process: asyncio.subprocess.Process | None = None
         self._living: asyncio.Task[None] | None = None
         self._numbers = itertools.count()
-        self._answers: dict[int, asyncio.Future[Words]] = {}
+        self._answers: dict[int, asyncio.Future[JsonObject]] = {}
         self._ready: asyncio.Future[None] | None = None
         self._fed_s: float | None = None
         """Time since which its vehicle is received and it has passed nothing on, s."""
@@ -113,7 +113,7 @@ class MavsdkProcess:
                 )
                 return
             self._say(f"MAVSDK has ended ({why}) and is started again")
-            await asyncio.sleep(AGAIN_S * self._speedup)
+            await asyncio.sleep(RESTART_WAIT_S * self._speedup)
 
     async def _run_once(self) -> str:
         """Run it from its start to its end; return why it has ended."""
@@ -180,7 +180,7 @@ class MavsdkProcess:
             await process.stdin.wait_closed()
 
     # --- words ------------------------------------------------------------------------------
-    def _hear(self, told: Words) -> None:
+    def _hear(self, told: JsonObject) -> None:
         if "name" in told:
             self._fed_s = None
             self._take_message(told)
@@ -198,18 +198,18 @@ class MavsdkProcess:
         """Pass on bytes from the link; `ours`: our vehicle sent some of them."""
         if ours and self._knows and self._fed_s is None:
             self._fed_s = asyncio.get_running_loop().time()
-        self._write(frames(data))
+        self._write(frames_piece(data))
 
     def tell(self, answered: Callable[[str], None], **what: Any) -> None:
         """Request an action; `answered` gets MAVSDK's result."""
 
-        def heard(answer: asyncio.Future[Words]) -> None:
+        def heard(answer: asyncio.Future[JsonObject]) -> None:
             if not answer.cancelled():
                 answered("" if answer.exception() else str(answer.result()["result"]))
 
         self._begin(what).add_done_callback(heard)
 
-    async def ask(self, **what: Any) -> Words:
+    async def ask(self, **what: Any) -> JsonObject:
         """Request an action, and return MAVSDK's answer. Raises `LinkError` if it ends first."""
         answer = self._begin(what)
         try:
@@ -221,10 +221,10 @@ class MavsdkProcess:
                     process.kill()
             raise LinkError(f"MAVSDK did not answer within {ANSWER_S:g} s") from None
 
-    def _begin(self, what: Words) -> asyncio.Future[Words]:
-        answer: asyncio.Future[Words] = asyncio.get_running_loop().create_future()
+    def _begin(self, what: JsonObject) -> asyncio.Future[JsonObject]:
+        answer: asyncio.Future[JsonObject] = asyncio.get_running_loop().create_future()
         number = next(self._numbers)
-        if self._write(words({"id": number, **what})):
+        if self._write(object_piece({"id": number, **what})):
             self._answers[number] = answer
         else:
             answer.set_exception(LinkError("MAVSDK does not run"))

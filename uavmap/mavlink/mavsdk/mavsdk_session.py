@@ -24,7 +24,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.base.printable import printable
 from uavmap.mavlink.autopilots import PX4
-from uavmap.mavlink.mavsdk.driver_process import MavsdkProcess, Words
+from uavmap.mavlink.mavsdk.driver_process import JsonObject, MavsdkProcess
 from uavmap.mavlink.session import (
     ACK_TRIES,
     ACK_WAIT_S,
@@ -44,14 +44,14 @@ _FLOATS: Final = ("float", "double")
 
 def fields_of(message: Message) -> dict[str, Any]:
     """Return a message's fields for MAVSDK."""
-    return {name: _told(getattr(message, name)) for name in message.ordered_fieldnames}
+    return {name: _plain_value(getattr(message, name)) for name in message.ordered_fieldnames}
 
 
-def _told(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     if isinstance(value, bytes | bytearray):
         return value.rstrip(b"\0").decode("ascii", "replace")
     if isinstance(value, list | tuple):
-        return [_told(one) for one in value]
+        return [_plain_value(one) for one in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
@@ -173,7 +173,7 @@ class Outbox:
         return any(permit is None or permit.grants() for permit in self._asked[kind[1]])
 
 
-MODE_S: Final = 2.5
+MAX_MODE_CHANGE_S: Final = 2.5
 """Time in which a changed mode shows in a heartbeat, s."""
 _GROUND_SPEED: Final = 1
 _REFUSED: Final = frozenset(
@@ -222,7 +222,7 @@ class MavsdkSession(Session):
         wanted = self.view.wanted_system in (None, message.get_srcSystem())
         return wanted and message.get_type() == "HEARTBEAT" and is_autopilot(message)
 
-    def _hear(self, told: Words) -> None:
+    def _hear(self, told: JsonObject) -> None:
         message = message_of(told["name"], told["system"], told["component"], told["fields"])
         if message is not None:
             super()._take(message, asyncio.get_running_loop().time())
@@ -265,7 +265,7 @@ class MavsdkSession(Session):
             action = "hold"
         elif command == mav.MAV_CMD_COMPONENT_ARM_DISARM and params == (1,):
             # in some modes it would change the mode first
-            await self.until(lambda: self.view.mode == kind.follows, MODE_S)
+            await self.until(lambda: self.view.mode == kind.follows, MAX_MODE_CHANGE_S)
             action = "arm"
         elif command == mav.MAV_CMD_DO_CHANGE_SPEED and params[0] == _GROUND_SPEED:
             action, more = "set_current_speed", {"speed_m_s": params[1]}
@@ -290,7 +290,7 @@ class MavsdkSession(Session):
 
     async def asked(
         self, command: int, what: str, permit: Permit | None = None, **more: Any
-    ) -> Words:
+    ) -> JsonObject:
         """Have MAVSDK carry out a request; its command may pass meanwhile, by the permit."""
         if permit is not None:
             await permit.granted()

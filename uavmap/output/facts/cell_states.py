@@ -6,8 +6,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from missions.events import Event, FrameSeen, Weighed
-from missions.fleet_events import Shared
+from missions.events import Event, FrameSeen, FrameWeighed
+from missions.fleet_events import FactsShared
 from missions.flight.state import Setting, State
 from missions.mapping.evidence import Evidence
 from missions.mapping.frame_sums import FrameSums
@@ -36,10 +36,14 @@ class CellStates:
             self._frame = event
             self.sums.note(event)
             return [] if self._evidence is not None else [vote.cell for vote in event.votes]
-        if isinstance(event, Shared):
+        if isinstance(event, FactsShared):
             self.sums.note(event)
             return [cell for fact in event.frames if not fact.seen for cell, _ in fact.votes]
-        if isinstance(event, Weighed) and self._evidence is not None and self._frame is not None:
+        if (
+            isinstance(event, FrameWeighed)
+            and self._evidence is not None
+            and self._frame is not None
+        ):
             self._evidence.add(self._frame.votes, event.weights)
             return [vote.cell for vote in self._frame.votes]
         return []

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from missions.events import Event, FrameSeen
-from missions.fleet_events import Shared
+from missions.fleet_events import FactsShared
 from missions.flight.state import Setting, State
 from missions.flight.step import step
 from missions.flight.team.members import concluded, facts_of, with_map
@@ -89,7 +89,7 @@ class FlightRecord:
         self._counter.before(event, self._state)
         self._counter.after(event)
         self._log.note(event)
-        if isinstance(event, FrameSeen | Shared):
+        if isinstance(event, FrameSeen | FactsShared):
             self._sums.note(event)
         if isinstance(event, FrameSeen):
             self._shares.note(event)

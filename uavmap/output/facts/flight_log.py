@@ -8,7 +8,15 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 from missions import events as ev
-from missions.events import BatterySwapped, Connected, Event, Landed, Navigated, Told, Tracked
+from missions.events import (
+    AutopilotText,
+    BatterySwapped,
+    Connected,
+    Event,
+    Landed,
+    Navigated,
+    Tracked,
+)
 from missions.flight.state import State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.orders import FlyPath
@@ -187,7 +195,7 @@ def _trouble(event: Event) -> Trouble | None:
             kind, text = "pilot", f"taken by a pilot or a failsafe: {mode}{why}"
         case ev.Released():
             kind, text = "pilot", "given back"
-        case ev.Told(severity=severity, text=said, times=times) if severity <= WARNING:
+        case ev.AutopilotText(severity=severity, text=said, times=times) if severity <= WARNING:
             kind, text = "words", f"{said} ({times} times)" if times > 1 else said
         case ev.CellSkipped(cell=cell):
             kind, text = "operator", f"cell {cell.east}, {cell.north} skipped"
@@ -334,7 +342,7 @@ class Counter:
 
     def before(self, event: Event, state: State) -> None:
         """Count the time up to an event; `state` is that before it."""
-        if isinstance(event, Told):  # words are no part of a flight's times
+        if isinstance(event, AutopilotText):  # words are no part of a flight's times
             return
         for number, vehicle in state.vehicles.items():
             elapsed_s = max(event.t_s - self._before_s, 0.0)

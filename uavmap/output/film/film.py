@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 from shapely.geometry.base import BaseGeometry
 
-from missions.events import Connected, Event, Tracked, Weighed
+from missions.events import Connected, Event, FrameWeighed, Tracked
 from missions.flight.state import Setting, State
 from missions.flight.step import step
 from missions.mission.schema import Mission
@@ -199,7 +199,7 @@ def film_of_flight(
     """
     grid = setting.grid
     events = list(events)
-    weighed = any(isinstance(event, Weighed) for event in events)
+    weighed = any(isinstance(event, FrameWeighed) for event in events)
     cells = CellStates(setting, recorded=recorded, weighed=weighed)
     log = _Log(setting.initial_state(), cells)
     for event in events:

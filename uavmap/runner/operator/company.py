@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from missions.events import Event
 from missions.flight.state import Setting, State
 from missions.flight.step import step
-from uavmap.aircraft.process.messages import Asked, Telemetry
+from uavmap.aircraft.process.messages import PreflightOptions, Telemetry
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.preflight.plan_figures import plan_lines
@@ -61,9 +61,9 @@ class Preflight:
     keep_fence: bool = False
     """True to keep the autopilot's fence, and to fly no mission that leaves it."""
 
-    def asked(self, setting: Setting) -> Asked:
+    def asked(self, setting: Setting) -> PreflightOptions:
         """Return it as it is sent to the aircraft."""
-        return Asked(tuple(plan_lines(setting)), self.yes, self.dry_run)
+        return PreflightOptions(tuple(plan_lines(setting)), self.yes, self.dry_run)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -191,7 +191,7 @@ def doubts(
     return {number: why for number, why in found.items() if why}
 
 
-def say_last_known(state: State) -> None:
+def log_last_positions(state: State) -> None:
     """Log the last known places of aircraft that are not at home, if none has answered since."""
     for line in aircraft_down(state):
         _LOG.info(f"no contact in this run; at {state.t_s:.0f} s of the mission: {line}")

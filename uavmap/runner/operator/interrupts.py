@@ -182,7 +182,7 @@ def _signals(
 
 # --- the map of a flight that was left before its end ---------------------------------------
 def leave_map(write: Callable[[], object], failure: BaseException, folder: Path) -> None:
-    """Write the present map, unless the journal was the `failure`; call it `patiently`.
+    """Write the present map, unless the journal was the `failure`; use `hold_signals`.
 
     Raises nothing: without a map, a line has its command.
     """
@@ -201,7 +201,7 @@ def leave_map(write: Callable[[], object], failure: BaseException, folder: Path)
 
 
 @contextlib.contextmanager
-def patiently() -> Iterator[None]:
+def hold_signals() -> Iterator[None]:
     """Handle the first signal that would end the process; the second ends its work.
 
     Enter it before any line that asks the operator, who may press again at once.

@@ -23,7 +23,7 @@ from typing import Any, Final, TextIO
 from uavmap.runner.operator.ground_crew import EnterKey
 from uavmap.runner.service import Service
 
-FORGOTTEN_S: Final = 10.0
+KEY_TIMEOUT_S: Final = 10.0
 """Time after which a key that waits for a number, or for a second press, is dropped, real
 seconds."""
 HELP: Final = """\
@@ -52,7 +52,7 @@ class Keys:
         """Handle a key; return False for one without a meaning here, as Enter without a
         question."""
         now_s = self._now_s()
-        if now_s - self._pressed_s > FORGOTTEN_S:
+        if now_s - self._pressed_s > KEY_TIMEOUT_S:
             self._forget()
         self._pressed_s = now_s
         sure, self._sure = self._sure, ()
@@ -155,7 +155,7 @@ def _named(numbers: tuple[int, ...]) -> str:
     return f"vehicle{plural} {', '.join(map(str, numbers))}"
 
 
-LOOK_S: Final = 1.0
+CHECK_INTERVAL_S: Final = 1.0
 """Time between two checks whether a program in the background is back, s of the loop."""
 _SEQUENCE: Final = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]?|O.|.)?", re.DOTALL)
 """Codes of an arrow or a function key: several characters that are no keys."""
@@ -233,7 +233,7 @@ class _Terminal:
 
     def _wait(self) -> None:
         self._deaf()
-        self._looking = self._loop.call_later(LOOK_S, self._listen)
+        self._looking = self._loop.call_later(CHECK_INTERVAL_S, self._listen)
 
     def _deaf(self) -> None:
         if self._reading:

@@ -18,7 +18,8 @@ from rich.table import Table
 from rich.text import Text
 
 from missions.events import (
-    UNTOLD,
+    CAUSE_NOT_REPORTED,
+    AutopilotText,
     BatterySwapped,
     CellSkipped,
     Connected,
@@ -32,7 +33,6 @@ from missions.events import (
     OrderFailed,
     Overridden,
     Released,
-    Told,
 )
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
@@ -42,8 +42,8 @@ from uavmap.base.printable import printable
 from uavmap.base.terminal import Terminal
 from uavmap.output.facts.detector_fit import DetectorFit
 from uavmap.runner.operator.company import Onlooker
-from uavmap.runner.operator.time_left import Left, time_left
-from uavmap.runner.operator.traffic_words import DOING, traffic_news
+from uavmap.runner.operator.time_left import TimeLeft, time_left
+from uavmap.runner.operator.traffic_texts import DOING, traffic_news
 
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
@@ -52,7 +52,7 @@ CAUSE_S: Final = 0.5
 LEFT_S: Final = 1.0
 """Minimum time between two estimates of the rest, real seconds."""
 _NOTED: Final = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.GUARDED, Phase.DOWN, Phase.LOST)
-_OURS: Final = "GUIDED (a PX4: HOLD)"
+_FOLLOWING_MODES: Final = "GUIDED (a PX4: HOLD)"
 _ANSWERED: Final = (Overridden, Landed, FrameSeen)
 """Events whose lines wait for the mission's answer, which gives the next action.
 
@@ -79,7 +79,7 @@ class ProgressTable(Onlooker):
         self._live: Live | None = None
         self._setting: Setting | None = None
         self._drawn_s = self._reckoned_s = float("-inf")
-        self._left = Left()
+        self._left = TimeLeft()
         self._state: State | None = None
         self._t_s = float("-inf")
         """Mission time of the latest event that has arrived, s."""
@@ -101,7 +101,7 @@ class ProgressTable(Onlooker):
 
     def notice(self, event: Event) -> None:
         """Show the line of an event that does not wait for another."""
-        if not isinstance(event, Told):  # texts do not move the mission's time
+        if not isinstance(event, AutopilotText):  # texts do not move the mission's time
             self._t_s = max(self._t_s, event.t_s)
         if self._held or self._unexplained or isinstance(event, _ANSWERED):
             self._held.append(event)
@@ -135,7 +135,7 @@ class ProgressTable(Onlooker):
         waiting = self._unexplained
         for number, change in list(waiting.items()):
             its_own = getattr(event, "vehicle", None) == number
-            if its_own and isinstance(event, Told) and event.cause:
+            if its_own and isinstance(event, AutopilotText) and event.cause:
                 del waiting[number]
                 yield replace(change, cause=event.cause)
                 return
@@ -190,7 +190,7 @@ class ProgressTable(Onlooker):
                 f"{v.height_m:.1f}",
                 f"{self._battery(v):.0f} %",
             )
-        head = f"{phase(state)}  {cells_known(state)}  mission time {state.t_s:.0f} s"
+        head = f"{phase(state)}  {map_progress(state)}  mission time {state.t_s:.0f} s"
         if again:
             head += f"  ({again} recorded events to repeat)"
         lines = [Text(head, style="bold"), *([Text(self._left.text)] if self._left.text else [])]
@@ -226,7 +226,7 @@ def doing(vehicle: VehicleState) -> str:
     return _DOING.get(type(vehicle.order), "waiting")
 
 
-def cells_known(state: State) -> str:
+def map_progress(state: State) -> str:
     """Return the progress of the map."""
     if state.tree is None:
         return f"{state.belief.cells_searched} cells searched"
@@ -237,10 +237,10 @@ def cells_known(state: State) -> str:
 
 
 def _may_be_explained(event: Overridden) -> bool:
-    return event.cause in (None, UNTOLD) and may_be_a_failsafe(event.mode)
+    return event.cause in (None, CAUSE_NOT_REPORTED) and may_be_a_failsafe(event.mode)
 
 
-def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: State) -> str:
+def _outside_control_text(event: Overridden | Landed, vehicle: VehicleState, state: State) -> str:
     if isinstance(event, Landed):
         text = f"vehicle {event.vehicle} has landed, not under our control"
     else:
@@ -250,7 +250,7 @@ def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: St
     if vehicle.was_down:
         return f"{text}: it is down"
     then = "takes off at once" if vehicle.cleared else "waits for its crew"
-    return f"{text}: it stays there; once it is put into {_OURS}, it {then}"
+    return f"{text}: it stays there; once it is put into {_FOLLOWING_MODES}, it {then}"
 
 
 def remarkable(event: Event, state: State | None) -> str:
@@ -262,7 +262,7 @@ def remarkable(event: Event, state: State | None) -> str:
     if state is not None and isinstance(event, Overridden | Landed):
         vehicle = state.vehicles[event.vehicle]
         if vehicle.phase is Phase.YIELDED and vehicle.landed:
-            return _of_other_hands(event, vehicle, state)
+            return _outside_control_text(event, vehicle, state)
     match event:
         case Overridden(vehicle=number, mode="GUIDED" | "HOLD" as mode):
             by = "its pilot or its autopilot selected it"
@@ -270,8 +270,8 @@ def remarkable(event: Event, state: State | None) -> str:
         case Overridden(vehicle=number, mode=mode, cause=cause):
             by = f" ({cause})" if cause else ""
             text = f"vehicle {number} is in {mode}, not under our control{by}"
-            return f"{text}: hands off until it is in {_OURS}"
-        case Told(vehicle=number, cause=str(cause)):
+            return f"{text}: hands off until it is in {_FOLLOWING_MODES}"
+        case AutopilotText(vehicle=number, cause=str(cause)):
             return f"vehicle {number} flies by itself: {cause}"
         case CellSkipped(vehicle=number, cell=cell):
             return f"cell {cell.east}, {cell.north} is skipped: no vehicle observes it"

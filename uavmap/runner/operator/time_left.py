@@ -19,7 +19,7 @@ _OUT = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class TimeLeft:
     """The known rest of a mission.
 
     Attributes:
@@ -29,9 +29,9 @@ class Left:
         about_s: Mission time for the rest, s. Return paths begin at the vehicles' present places;
             battery swaps are not counted.
 
-    >>> Left("40 m of search lanes", "the search lanes", 0.756, 130.0).text
+    >>> TimeLeft("40 m of search lanes", "the search lanes", 0.756, 130.0).text
     '75 % of the search lanes, about 2 min left for 40 m of search lanes'
-    >>> Left().text
+    >>> TimeLeft().text
     ''
     """
 
@@ -70,29 +70,29 @@ def duration(seconds: float) -> str:
     return f"about {hours} h {minutes} min" if hours else f"about {minutes} min"
 
 
-def time_left(state: State) -> Left:
+def time_left(state: State) -> TimeLeft:
     """Return the known rest, shared among all vehicles that fly."""
     if state.over:
-        done = Left("nothing more to explore", "the mission", 1.0)
-        return done if state.exploration_finished else Left()
+        done = TimeLeft("nothing more to explore", "the mission", 1.0)
+        return done if state.exploration_finished else TimeLeft()
     if state.exploration_finished:
-        way_s = _way_home_s(state)
+        way_s = _return_s(state)
         what = "nothing more to explore" if way_s is None else "the way home"
-        return Left(what, "the mission", ALMOST, way_s)
+        return TimeLeft(what, "the mission", ALMOST, way_s)
     team = sum(v.phase not in _OUT and not v.called_home for v in state.vehicles.values())
     if state.recalled or not team:
-        return Left()
+        return TimeLeft()
     if state.setting.strategy.whole_box:
-        left = _of_a_survey(state, team)
+        left = _survey_left(state, team)
     else:
-        left = _of_the_search(state, team) or _of_the_region(state, team)
-    way_s = _way_home_s(state)
+        left = _search_left(state, team) or _region_left(state, team)
+    way_s = _return_s(state)
     if left.about_s is None or way_s is None:
         return left
     return replace(left, what=f"{left.what} and the way home", about_s=left.about_s + way_s)
 
 
-def _way_home_s(state: State) -> float | None:
+def _return_s(state: State) -> float | None:
     """Return the time until the last vehicle is down, s; None if none of ours is in the air."""
     energy = state.setting.energy
     ways = [
@@ -121,7 +121,7 @@ def _lanes_left_m(state: State) -> float:
     return left_m
 
 
-def _of_the_search(state: State, team: int) -> Left | None:
+def _search_left(state: State, team: int) -> TimeLeft | None:
     setting = state.setting
     if state.tree is not None:
         return None
@@ -129,11 +129,11 @@ def _of_the_search(state: State, team: int) -> Left | None:
     if setting.strategy.patches and not left_m:  # vehicles fly straight to the rest of the lanes
         left = len(setting.strategy.open_cells(state))
         cells = "1 cell" if left == 1 else f"{left} cells"
-        return Left(
+        return TimeLeft(
             f"{cells} to decide", "", None, left * setting.strategy.cell_s(setting) / team or None
         )
     whole_m = sum(a.distance_to(b) for a, b in setting.lanes)
-    return Left(
+    return TimeLeft(
         f"{left_m:.0f} m of search lanes",
         "the search lanes",
         _share(whole_m - left_m, left_m),
@@ -141,7 +141,7 @@ def _of_the_search(state: State, team: int) -> Left | None:
     )
 
 
-def _of_the_region(state: State, team: int) -> Left:
+def _region_left(state: State, team: int) -> TimeLeft:
     assert state.tree is not None
     vertices = state.tree.vertices
     left = sum(
@@ -151,12 +151,14 @@ def _of_the_region(state: State, team: int) -> Left:
     looked = sum(vertex.looked for vertex in vertices.values())
     cells = "1 known cell" if left == 1 else f"{left} known cells"
     about_s = left * state.setting.strategy.cell_s(state.setting) / team
-    return Left(f"{cells} to look from", "the known region", _share(looked, left), about_s or None)
+    return TimeLeft(
+        f"{cells} to look from", "the known region", _share(looked, left), about_s or None
+    )
 
 
-def _of_a_survey(state: State, team: int) -> Left:
+def _survey_left(state: State, team: int) -> TimeLeft:
     cells = state.setting.box_cells
     left = sum(state.belief.verdict(cell) is None for cell in cells)
     about_s = state.setting.strategy.rest_s(state, _lanes_left_m(state), left, team)
     what = "1 cell of the box" if left == 1 else f"{left} cells of the box"
-    return Left(what, "the box", _share(len(cells) - left, left), about_s or None)
+    return TimeLeft(what, "the box", _share(len(cells) - left, left), about_s or None)

@@ -38,7 +38,7 @@ _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 FILE: Final = "autopilot-before.json"
 RESTORE_S: Final = 60.0
 """Maximum time for the restore at the end of a flight, s."""
-HEARD_S: Final = 5.0
+MAX_SILENCE_S: Final = 5.0
 IDENTITY_TRIES: Final = 5
 IDENTITY_S: Final = 1.0
 """Wait for each answer to the request for the aircraft's identity, s."""
@@ -47,7 +47,7 @@ Items = tuple[Item, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Before:
+class EarlierSettings:
     """The old settings of one autopilot; None: its lists are not changed."""
 
     parameters: dict[str, Parameter]
@@ -55,7 +55,7 @@ class Before:
     rally: Items | None = None
 
 
-class Kept:
+class SettingsFile:
     """The file in a results folder, by the identity of the aircraft: a spare has its own entry."""
 
     def __init__(self, folder: Path) -> None:
@@ -66,13 +66,13 @@ class Kept:
         """True if nothing is to be restored."""
         return not self.path.exists()
 
-    def of(self, aircraft: str) -> Before | None:
+    def of(self, aircraft: str) -> EarlierSettings | None:
         """Return an aircraft's old settings, None once they are restored. Raises `OutputError`."""
         values = self._read().get(aircraft)
         if values is None:
             return None
         try:
-            return Before(
+            return EarlierSettings(
                 {name: Parameter(float(v), int(t)) for name, (v, t) in values["set"].items()},
                 _items(values["fence"]),
                 _items(values["rally"]),
@@ -80,7 +80,7 @@ class Kept:
         except (KeyError, TypeError, ValueError):
             raise self._unreadable() from None
 
-    def keep(self, aircraft: str, number: int, before: Before) -> None:
+    def keep(self, aircraft: str, number: int, before: EarlierSettings) -> None:
         """Save the settings of the aircraft of vehicle `number` before a change. Raises
         `OutputError`."""
         values = self._read()
@@ -156,14 +156,14 @@ class AutopilotSetup:
         self._view = session.view
         self._setting = setting
         self._folder = folder
-        self._kept = Kept(folder)
+        self._kept = SettingsFile(folder)
         self._parameters = Parameters(session)
         self._transfer = MissionTransfer(session)
         self._unnamed = False
         """True if it has reported no hardware number."""
 
     # --- as it is -----------------------------------------------------------------------------
-    async def look(self) -> tuple[Before, list[Finding]]:
+    async def look(self) -> tuple[EarlierSettings, list[Finding]]:
         """Return the present settings, with findings on them. Raises `LinkError`."""
         names = PX4_FENCE if self._view.kind is PX4 else ARDUPILOT_FENCE
         parameters = await self._parameters.read_many([*names, *self._timeout])
@@ -175,7 +175,7 @@ class AutopilotSetup:
             except LinkError as error:
                 lists[kind] = ()
                 found.append(warn(kind.words, str(error), "an answer", "is it an old firmware?"))
-        return Before(parameters, lists[Kind.FENCE], lists[Kind.RALLY]), found
+        return EarlierSettings(parameters, lists[Kind.FENCE], lists[Kind.RALLY]), found
 
     @property
     def _timeout(self) -> tuple[str, ...]:
@@ -197,13 +197,13 @@ class AutopilotSetup:
         ]  # fmt: skip
         return found if faults else [*found, ok("fence", f"kept: {self.in_words(before)}")]
 
-    def in_words(self, before: Before) -> str:
+    def in_words(self, before: EarlierSettings) -> str:
         """Return an autopilot's settings as text."""
         values = " ".join(f"{name}={p.value:g}" for name, p in before.parameters.items())
         points = f"{len(before.fence or ())} items, {len(before.rally or ())} rally points"
         return f"{points}, {values or 'no parameters reported'}"
 
-    def fence_of(self, before: Before) -> VehicleFence:
+    def fence_of(self, before: EarlierSettings) -> VehicleFence:
         """Return the fence for the mission, by the old settings."""
         values = {name: parameter.value for name, parameter in before.parameters.items()}
         return VehicleFence(self._setting, self._number, self._home, self._view.kind, values)
@@ -246,7 +246,7 @@ class AutopilotSetup:
         if self._kept.of(aircraft) is None and (
             found := await self._parameters.read_many(self._timeout)
         ):
-            self._kept.keep(aircraft, self._number, Before(found))
+            self._kept.keep(aircraft, self._number, EarlierSettings(found))
 
     async def _aircraft(self) -> str:
         """Return the hardware's number and system id (simulators side by side share the first).
@@ -264,7 +264,7 @@ class AutopilotSetup:
         self._unnamed = self._unnamed or not view.uid
         return f"vehicle {self._number}" if self._unnamed else f"{view.uid} {view.system_id}"
 
-    def _note(self, aircraft: str, before: Before, plan: FencePlan) -> None:
+    def _note(self, aircraft: str, before: EarlierSettings, plan: FencePlan) -> None:
         """Save the old settings on disk, once: later ones are our own."""
         kept = self._kept.of(aircraft)
         if kept is not None and kept.fence is not None:
@@ -277,9 +277,11 @@ class AutopilotSetup:
         changed = {name: p for name, p in before.parameters.items() if name in names}
         if kept is not None:
             changed |= kept.parameters
-        self._kept.keep(aircraft, self._number, Before(changed, before.fence, before.rally))
+        self._kept.keep(
+            aircraft, self._number, EarlierSettings(changed, before.fence, before.rally)
+        )
 
-    def _write_plan(self, before: Before, fence: Items, rally: Items) -> None:
+    def _write_plan(self, before: EarlierSettings, fence: Items, rally: Items) -> None:
         path = _unused(self._folder / f"fence-before-{self._number}.plan")
         firmware = Firmware.PX4 if self._view.kind is PX4 else Firmware.ARDUPILOT
         try:
@@ -332,7 +334,7 @@ class AutopilotSetup:
             )
         return not others
 
-    async def _put_back(self, before: Before) -> None:
+    async def _put_back(self, before: EarlierSettings) -> None:
         for name, parameter in before.parameters.items():
             if not await self._parameters.write(name, parameter):
                 raise LinkError(f"{name} could not be set back to {parameter.value:g}")
@@ -344,7 +346,7 @@ class AutopilotSetup:
         _LOG.info(f"vehicle {self._number}: {text}")
 
     async def _not_now(self) -> str:
-        view, patience_s = self._view, max(HEARD_S, 2.0 * self._session.ack_wait_s)
+        view, patience_s = self._view, max(MAX_SILENCE_S, 2.0 * self._session.ack_wait_s)
         if asyncio.get_running_loop().time() - view.heard_s > patience_s:
             return "it is silent"
         if view.armed:

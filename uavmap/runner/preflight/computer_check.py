@@ -20,7 +20,7 @@ import shapely
 from shapely.geometry import Point
 
 from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, LiftedOff, Tracked, Vote
-from missions.flight.path_orders import NOTICE_S
+from missions.flight.path_orders import PLAN_LEAD_S
 from missions.flight.state import Setting
 from missions.flight.step import step
 from missions.mission.height_and_speed import footprint_over
@@ -195,12 +195,12 @@ def longest_plan_s(setting: Setting, for_s: float = PLANS_S) -> float | None:
         return None
     ready_planner(setting.mission.strategy, lambda text: None)
     for _ in range(2):  # the first flight loads the planner
-        flight = _InThought(setting)
+        flight = _ComputedFlight(setting)
         flight.fly(for_s / 2.0)
     return flight.slowest_s
 
 
-class _InThought:
+class _ComputedFlight:
     """A computed flight whose vehicles are exactly on their paths, over a round region."""
 
     def __init__(self, setting: Setting) -> None:
@@ -291,8 +291,8 @@ def computer_findings(
         )  # fmt: skip
     if speed.plan_s is not None:
         yield _finding(
-            "plans", speed.plan_s, NOTICE_S, "for the slowest",
-            f"a path begins {NOTICE_S:g} s after it is asked for", _FREE,
+            "plans", speed.plan_s, PLAN_LEAD_S, "for the slowest",
+            f"a path begins {PLAN_LEAD_S:g} s after it is asked for", _FREE,
         )  # fmt: skip
 
 

@@ -23,12 +23,12 @@ from uavmap.base.image_files import decoded
 from uavmap.base.printable import printable
 from uavmap.journal.flight_plan import FlightOptions
 from uavmap.load.detector_source import region_in_words
-from uavmap.mavlink.identity import answered
+from uavmap.mavlink.identity import wait_for_autopilot
 from uavmap.mavlink.parameters import Parameters
 from uavmap.mavlink.session import Session
 from uavmap.runner.flight_links import Link, opened_links
 from uavmap.runner.preflight.autopilot_parameters import names_of, parameter_findings
-from uavmap.runner.preflight.finding import Finding, bad, of_vehicle, ok, warn
+from uavmap.runner.preflight.finding import Finding, bad, for_vehicle, ok, warn
 from uavmap.runner.preflight.vehicle_check import Measurement, state_findings
 from vision.detectors import Detector
 from vision.plausible import implausible
@@ -44,7 +44,7 @@ _REMEDY: Final = (
 
 
 @contextlib.asynccontextmanager
-async def spoken_with(
+async def open_answering_links(
     options: FlightOptions, cameras: Sequence[CameraSpec], section: CameraSection
 ) -> AsyncIterator[list[Link]]:
     """Open links as for a flight, and send heartbeats: a vehicle answers only to a sender."""
@@ -62,7 +62,7 @@ async def connect(session: Session, name: str) -> None:
     Raises `LinkError` if none answers.
     """
     view = session.view
-    await answered(session, name)
+    await wait_for_autopilot(session, name)
     try:
         for message_id, rate_hz in view.kind.streams.items():
             with contextlib.suppress(CommandRefusedError):  # a stream may come anyway
@@ -90,7 +90,7 @@ class Examination:
         parameters = await self._parameters.read_many(names_of(view.kind, setting))
         found = state_findings(view, measured, setting, self._number)
         told = parameter_findings(view.kind, parameters, setting, measured.volts)
-        return of_vehicle(self._number, [*found, *told])
+        return for_vehicle(self._number, [*found, *told])
 
     async def camera(self, setting: Layout, detector: Detector, folder: Path) -> list[Finding]:
         """Take a picture, judge it, and save it with the detector's marks as a PNG in a folder."""
@@ -103,7 +103,7 @@ class Examination:
         except (LinkError, ImageError) as error:
             wanted = f"a picture of {size_px[0]} x {size_px[1]} px"
             found = bad("camera", printable(str(error)), wanted, _REMEDY, binding=True)
-            return of_vehicle(self._number, [found])
+            return for_vehicle(self._number, [found])
         mask = detector.mask(image)
         overlay = folder / PICTURES.format(self._number)
         text = (
@@ -121,7 +121,7 @@ class Examination:
         if reason := implausible(image, noiseless=camera.noiseless):
             remedy = "take the lens cap off; lying on the ground it may see nothing"
             found = warn("camera", f"{text}; {reason}", "a picture of the ground", remedy)
-        return of_vehicle(self._number, [found])
+        return for_vehicle(self._number, [found])
 
 
 async def _picture(source: FrameSource, interval_s: float, patience_s: float) -> Announcement:

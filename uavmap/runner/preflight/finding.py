@@ -100,6 +100,6 @@ def binding(findings: Iterable[Finding]) -> Iterator[Finding]:
     return (f for f in findings if f.level is Level.BAD and f.binding)
 
 
-def of_vehicle(number: int, findings: Iterable[Finding]) -> list[Finding]:
+def for_vehicle(number: int, findings: Iterable[Finding]) -> list[Finding]:
     """Return the findings as those of a vehicle."""
     return [replace(finding, vehicle=number) for finding in findings]

@@ -120,11 +120,11 @@ def ground_lines(setting: Setting) -> list[str]:
     return lines
 
 
-def taken_lines(mission: Mission) -> list[str]:
+def default_lines(mission: Mission) -> list[str]:
     """Return lines on the defaults of tables that a flight depends on and the file leaves out.
 
     >>> from uavmap.load.mission_source import load
-    >>> taken_lines(load("runway"))
+    >>> default_lines(load("runway"))
     []
     """
     battery, camera, wind = mission.battery, mission.camera, mission.wind
@@ -160,7 +160,7 @@ def plan_lines(setting: Setting) -> list[str]:
         *(f"  {line}" for line in zone_lines(mission)),
         f"  fence: {setting.fence.outer.area:.0f} m2, {len(mission.fence.holes)} holes, legs stay "
         f"{mission.fence.margin_m:g} m inside",
-        *(f"  {line}" for line in taken_lines(mission)),
+        *(f"  {line}" for line in default_lines(mission)),
         *(f"  {line}" for line in far_homes(mission, setting.grid)),
         *(f"  {line}" for line in ground_lines(setting)),
     ]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from missions import events as ev
-from missions.flight.return_home import way_home
+from missions.flight.return_home import return_route
 from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.geo.fence import route_length_m
@@ -158,7 +158,7 @@ class VehicleFigures:
         if known.home is None or not 0.0 <= t_s - known.home.at_s < HOME_S:
             setting, here = self._setting, vehicle.position
             energy = setting.energy.in_wind(vehicle.wind_m_s)
-            way = way_home(setting, here, vehicle.pad)
+            way = return_route(setting, here, vehicle.pad)
             distance_m = route_length_m(here, way)
             needed_wh = energy.home_wh(distance_m, vehicle.height_m, vehicle.drawn_w)
             if setting.ground is not None:

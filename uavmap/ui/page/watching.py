@@ -14,7 +14,7 @@ from functools import partial
 from typing import Final
 
 from missions import events as ev
-from missions.fleet_events import Shared
+from missions.fleet_events import FactsShared
 from missions.flight.state import State
 from missions.mapping.tree import Tree
 from missions.units import Cell
@@ -24,9 +24,9 @@ from uavmap.output.facts.detector_fit import DetectorFit, no_verdict
 from uavmap.output.facts.figures import figures_of, finding
 from uavmap.output.facts.flight_log import LIFT_OFF_M, Counter
 from uavmap.output.facts.map_model import NOT_ROI
-from uavmap.runner.operator.progress import cells_known, phase, remarkable
+from uavmap.runner.operator.progress import map_progress, phase, remarkable
 from uavmap.runner.operator.time_left import time_left
-from uavmap.runner.operator.traffic_words import traffic_marks, traffic_news
+from uavmap.runner.operator.traffic_texts import traffic_marks, traffic_news
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.page_scene import STATES
 from uavmap.ui.page.paths_ahead import Ahead
@@ -108,13 +108,13 @@ class Watcher:
             if (news := self._fit.note(event)) and not self._recorded:
                 self.say(news.text, "warning" if news.warns else "event")
             self._mark(judged)
-        elif isinstance(event, ev.Weighed):
+        elif isinstance(event, ev.FrameWeighed):
             self._marked.update(dict.fromkeys(judged))
         elif isinstance(event, ev.FrameLost):
             self._lost += 1
         elif isinstance(event, ev.Tracked | ev.Connected):
             self._track(event)
-        elif isinstance(event, Shared):
+        elif isinstance(event, FactsShared):
             self._mark(judged)
             doubts = (fact for fact in event.frames if fact.doubt)
             self._marked.update((cell, None) for fact in doubts for cell, _ in fact.votes)
@@ -145,7 +145,7 @@ class Watcher:
             self.board.add_point(event.vehicle, round(place.east_m, 2), round(place.north_m, 2))
 
     def _tell(self, event: ev.Event, state: State) -> None:
-        if isinstance(event, ev.Told):
+        if isinstance(event, ev.AutopilotText):
             if self._words:
                 again = f" ({event.times} times)" if event.times > 1 else ""
                 self.say(
@@ -225,7 +225,7 @@ class Watcher:
             unsure = bool(self._counts[_CODES["unsure"]])
             board.set_field("alarms", self.figures.alarms(state, unsure=unsure))
         if state.tree is not None and state.belief.open_ballots:  # the same count in words
-            board.set_field("known", cells_known(state))
+            board.set_field("known", map_progress(state))
         board.set_field("frames", [self._judged, self._lost])
         if state.traffic.tracks or board.field("traffic"):
             board.set_field("traffic", traffic_marks(state))
@@ -254,7 +254,7 @@ class Watcher:
             about_s = None if left.about_s is None else round(left.about_s)
             words = {"what": left.what, "of": left.of, "share": left.share, "about_s": about_s}
             board.set_field("left", words)
-            board.set_field("known", cells_known(state))
+            board.set_field("known", map_progress(state))
 
     def _show_certificate(self) -> None:
         if self._recorded or self.state.tree is None:

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from missions.events import Arrived, Event
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.path_orders import NOTICE_S
-from missions.flight.return_home import HEARD_S, way_home
+from missions.flight.path_orders import PLAN_LEAD_S
+from missions.flight.return_home import ORDER_DELAY_S, return_route
 from missions.flight.setting_of import setting_of
 from missions.flight.vehicle_state import Phase
 from missions.geo.braking import Course, braked
@@ -65,7 +65,7 @@ class Watched(Fleet):
     def _given(self, number: int, path: Trajectory) -> None:
         setting, vehicle = self.setting, self.state.vehicles[number]
         now_s, course = self.state.t_s, self.courses.get(number)
-        if path.begin_s < now_s + NOTICE_S - 2e-3:
+        if path.begin_s < now_s + PLAN_LEAD_S - 2e-3:
             self._note(number, f"a path that begins at {path.begin_s}")
         first, drift_m_s = path.at(path.begin_s), setting.grid.drift_speed_m_s
         if course is None:  # from rest, where it is
@@ -73,7 +73,7 @@ class Watched(Fleet):
             if speed > drift_m_s + 1e-6:
                 self._note(number, f"a path that begins from rest at {speed:.2f} m/s")
             off_m = first.place.distance_to(vehicle.position)
-            if off_m > 0.05 + drift_m_s * NOTICE_S:
+            if off_m > 0.05 + drift_m_s * PLAN_LEAD_S:
                 self._note(number, f"a path that begins {off_m:.2f} m away")
             self.courses[number] = Course((path,))
         else:
@@ -112,15 +112,15 @@ class Watched(Fleet):
         """At each moment it can stop before others' air, and come home."""
         setting, state = self.setting, self.state
         vehicle, path, now_s = state.vehicles[number], order.trajectory, state.t_s
-        stop = braked(path, max(path.begin_s, now_s + NOTICE_S), ACCELERATION_M_S2)
+        stop = braked(path, max(path.begin_s, now_s + PLAN_LEAD_S), ACCELERATION_M_S2)
         if not Airspace(state).is_clear(vehicle, order) and path.end_s > stop.end_s + 0.6:
             self._note(number, "it flies on into air that is claimed")
         if vehicle.return_reason is not None:
             return
-        place = braked(path, max(path.begin_s, now_s + HEARD_S), ACCELERATION_M_S2)
+        place = braked(path, max(path.begin_s, now_s + ORDER_DELAY_S), ACCELERATION_M_S2)
         at = place.at(place.end_s).place
         energy = setting.energy.in_wind(vehicle.wind_m_s)
-        way = way_home(setting, at, vehicle.pad)
+        way = return_route(setting, at, vehicle.pad)
         need_wh = energy.home_wh(route_length_m(at, way), vehicle.height_m, vehicle.drawn_w)
         if vehicle.remaining_wh < need_wh:
             self._note(number, f"{vehicle.remaining_wh:.2f} Wh left, of {need_wh:.2f}")

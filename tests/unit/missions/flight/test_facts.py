@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from missions.classes import ClassShare
 from missions.events import Event, FrameSeen, Vote, from_json, to_json
-from missions.fleet_events import Fact, Shared
+from missions.fleet_events import Fact, FactsShared
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting
 from missions.flight.team.members import concluded
@@ -101,7 +101,7 @@ def test_facts_have_mean_shares_of_explored_classes_in_tenths_and_older_journals
     told += own.passed(2.0)
     decided = ((here, True), (beside, False))
     assert told == [Fact(0.0, decided, classes=(ClassShare(here, 2, 0.7),))]
-    event = Shared(1, 3.0, 0, (told[0], told[0]._replace(classes=())))
+    event = FactsShared(1, 3.0, 0, (told[0], told[0]._replace(classes=())))
     assert from_json(to_json(event)) == event
     before = to_json(event).replace(",[],false]", "]").replace("]],false]", "]]]")  # without both
     assert before != to_json(event)
@@ -119,7 +119,7 @@ def test_members_that_know_the_same_facts_have_the_same_region(
         setting = small_setting(member)
         own: list[Event] = [event for event in seen if event.vehicle == member]
         heard: list[Event] = [
-            Shared(vehicle, 0.0, k, (fact,))
+            FactsShared(vehicle, 0.0, k, (fact,))
             for vehicle in (1, 2, 3)
             if vehicle != member
             for k, fact in enumerate(facts_of(vehicle, seen))
@@ -154,13 +154,13 @@ def test_members_that_know_the_same_facts_have_the_same_unsure_cells(
         doubted |= {Cell(*cell) for cell in of_one.cells().tolist()}
     for member in (0, 1, 2, 3):
         heard = [
-            Shared(vehicle, 0.0, k, (fact,))
+            FactsShared(vehicle, 0.0, k, (fact,))
             for vehicle in (1, 2, 3)
             if vehicle != member
             for k, fact in enumerate(facts_of(vehicle, seen))
         ]
         own = [event for event in seen if event.vehicle == member]
-        events: list[FrameSeen | Shared] = [*data.draw(st.permutations(heard)), *own, *heard]
+        events: list[FrameSeen | FactsShared] = [*data.draw(st.permutations(heard)), *own, *heard]
         facts, live = facts_in_journal(small_setting(member)), FrameSums()
         for event in events:
             facts.take(event)
@@ -247,7 +247,7 @@ def test_who_came_home_early_tells_that_the_others_did_the_rest(missing: int) ->
     wide = {Cell(c.east + i, c.north + j) for c in region for i in (-1, 0, 1) for j in (-1, 0, 1)}
     cells = sorted({*setting.box_cells, *wide})
     told = Fact(250.0, tuple((c, c in region) for c in cells[missing:]))
-    state = joined(state, [Shared(2, 251.0, 0, (told,))])
+    state = joined(state, [FactsShared(2, 251.0, 0, (told,))])
     assert not state.completed  # its own service gave nothing up, and ended nothing
     ended = concluded(state)
     assert ended.completed is (missing == 0)

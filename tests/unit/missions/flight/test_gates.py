@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shapely.geometry import LineString
 
-from missions.fleet_events import Fact, Shared
+from missions.fleet_events import Fact, FactsShared
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import chart_of, flyer_of, gate_of
@@ -80,7 +80,7 @@ def test_who_stands_between_two_columns_is_planned_for() -> None:
     region = {Cell(20 + i, 2 + j) for i in range(4) for j in range(3)}  # far to the east, and near
     state = over(setting, setting.pad_of(3))
     told = Fact(90.0, tuple((cell, True) for cell in sorted(region)))
-    state = apply(state, Shared(1, 99.0, 0, (told,)))
+    state = apply(state, FactsShared(1, 99.0, 0, (told,)))
     lanes = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=lanes, t_s=110.0)
     order = setting.strategy.plan(state).vehicles[3].order

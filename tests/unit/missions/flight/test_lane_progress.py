@@ -9,7 +9,7 @@ from missions.flight.setting_of import setting_of
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
 from missions.orders import FlyPath
-from missions.planning.search.lanes import unseen
+from missions.planning.search.lanes import unseen_parts
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import mission, square
 
@@ -73,7 +73,7 @@ def test_a_column_counts_once_all_its_rows_are_judged_by_whichever_frames() -> N
         shown = [Cell(k + e, north) for e in (-1, 0, 1) for north in rows if k + e != 9]
         judged.update(shown)
         vehicle = lane_passed(SETTING, vehicle, 10.0 + k, shown, judged.__contains__)
-    left = unseen(NEAR, vehicle.lane_seen_m, CELL_M)
+    left = unseen_parts(NEAR, vehicle.lane_seen_m, CELL_M)
     assert [(a.east_m, b.east_m) for a, b in left] == [(32.0, 40.0)]  # the ninth column
 
 

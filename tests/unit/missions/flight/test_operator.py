@@ -6,6 +6,7 @@ import pytest
 
 from missions.events import (
     Airborne,
+    AutopilotText,
     BatterySwapped,
     CellSkipped,
     Continued,
@@ -15,7 +16,6 @@ from missions.events import (
     Recalled,
     Released,
     Resumed,
-    Told,
     VehicleRecalled,
 )
 from missions.flight.step import step
@@ -173,7 +173,7 @@ def test_a_skipped_suspicion_stays_skipped(service: Service) -> None:
 def test_words_move_nobody(service: Service) -> None:
     service.connect()
     before = service.state
-    assert step(before, Told(1, 99.0, 4, "EKF variance")) == (before, ())
+    assert step(before, AutopilotText(1, 99.0, 4, "EKF variance")) == (before, ())
 
 
 def test_a_failsafe_is_named_with_its_cause_early_or_late(service: Service) -> None:
@@ -182,11 +182,13 @@ def test_a_failsafe_is_named_with_its_cause_early_or_late(service: Service) -> N
     cause = "battery failsafe: Battery 1 is low 9.90V"
     early = fold_after(service, Overridden(1, 30.0, "RTL", cause=cause))
     assert early == f"yielded to RTL: {cause}"
-    late = fold_after(service, Overridden(1, 30.0, "RTL"), Told(1, 31.0, 2, "x", cause=cause))
+    late = fold_after(
+        service, Overridden(1, 30.0, "RTL"), AutopilotText(1, 31.0, 2, "x", cause=cause)
+    )
     assert late == early
 
 
-def fold_after(service: Service, *events: Overridden | Told) -> str:
+def fold_after(service: Service, *events: Overridden | AutopilotText) -> str:
     state = service.state
     for event in events:
         state, _ = step(state, event)

@@ -16,7 +16,7 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.flight.path_orders import NOTICE_S, come_inside
+from missions.flight.path_orders import PLAN_LEAD_S, come_inside
 from missions.flight.return_home import turn_back
 from missions.flight.strategy.charting import flyer_of
 from missions.flight.transitions import BEHIND_S, MOST_BEHIND
@@ -25,7 +25,7 @@ from missions.geo.braking import Course
 from missions.geo.fence import Fence
 from missions.geo.path_in_fence import BEFORE_S, WORTH_S, allowed, as_far_as_allowed, is_outside
 from missions.geo.trajectory import Trajectory, rounded_path
-from missions.guardian import Guard, Limits, Seen, Task, watch
+from missions.guardian import Guard, Limits, Snapshot, Task, watch
 from missions.guardian.measures import is_behind
 from missions.guardian.thresholds import OFF_PLAN_M
 from missions.orders import FlyPath, FlyTo, Hold
@@ -108,7 +108,7 @@ def test_it_brakes_along_its_path_before_air_that_somebody_claims() -> None:
     at = before.trajectory.at(15.0).place
     made.post(Tracked(1, 15.0, at, 12.0, 50.0))
     stop = made.path(1)
-    assert stop.begin_s == pytest.approx(15.0 + NOTICE_S)
+    assert stop.begin_s == pytest.approx(15.0 + PLAN_LEAD_S)
     assert stop.at(stop.begin_s).place == before.trajectory.at(stop.begin_s).place
     assert stop.at(stop.end_s).east_m < 25.0 - 6.0
     assert made.order(2) != Hold()  # who lands has to wait for nobody that makes way
@@ -228,7 +228,7 @@ def test_behind_is_on_the_path_and_late(east_m: float, north_m: float, behind: b
         t_s = 15.0 + 0.5 * k
         due = order.trajectory.at(t_s).place
         at = GridPoint(due.east_m + east_m, due.north_m + north_m)
-        seen = Seen(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
+        seen = Snapshot(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
         guard, verdict = watch(limits, guard, seen)
         verdicts.append(verdict)
     told = [verdict for verdict in verdicts if verdict is not None]
@@ -246,7 +246,7 @@ def test_who_swung_out_of_a_corner_late_is_behind(
     at = GridPoint(due.east_m + aside_m, due.north_m)
     t_s = turn_s + late_s
     task = Task("path", 0.0, height_m=12.0, name="FlyPath", course=Course((path,)))
-    seen = Seen(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
+    seen = Snapshot(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
     assert at.distance_to(path.place_at(t_s)) > OFF_PLAN_M
     assert is_behind(Guard().told(task), seen) is behind
 

@@ -32,7 +32,7 @@ from missions.events import (
 from missions.flight.setting_of import setting_of
 from missions.flight.step import Orders, step
 from missions.flight.strategy.stepwise import Stepwise
-from missions.flight.transitions import MOST_HOME_REFUSED_AROUND, apply
+from missions.flight.transitions import MAX_RETURN_ATTEMPTS_AROUND_HOLE, apply
 from missions.flight.vehicle_state import Phase, ReturnReason
 from missions.geo.trajectory import Trajectory
 from missions.mapping.tree import Tree
@@ -762,7 +762,7 @@ def test_over_what_the_fence_forbids_the_autopilot_returns_only_after_more_patie
     service.take_off()
     service.post(Recalled(9.0))
     behind, t_s = GridPoint(44.0, 0.0), 10.0
-    for _ in range(MOST_HOME_REFUSED_AROUND):
+    for _ in range(MAX_RETURN_ATTEMPTS_AROUND_HOLE):
         service.post(Tracked(1, t_s, behind, 12.0, 50.0), Tracked(1, t_s + 4.0, behind, 12.0, 50.0))
         assert isinstance(service.state.vehicles[1].order, FlyTo)
         assert service.post(OrderFailed(1, t_s + 5.0, "FlyTo", "denied")) == ((1, Hold()),)

@@ -7,7 +7,7 @@ import pytest
 from missions.geo.braking import Course
 from missions.geo.fence import Fence
 from missions.geo.trajectory import rounded_path
-from missions.guardian import Guard, Limits, Seen, Task, watch
+from missions.guardian import Guard, Limits, Snapshot, Task, watch
 from missions.guardian.rules import landing_wh
 from missions.guardian.thresholds import OFF_PLAN_M
 from missions.mission.energy import EnergyModel
@@ -26,7 +26,7 @@ LIMITS = Limits(
     ),
     ENERGY,
 )
-IN_AIR = Seen(0.0, HOME, 12.0, 0.0, HOME, True, True, "follow", 50.0)
+IN_AIR = Snapshot(0.0, HOME, 12.0, 0.0, HOME, True, True, "follow", 50.0)
 
 
 class Watched:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from missions.classes import ClassShare
 from missions.events import FrameSeen, Vote, from_json, to_json
-from missions.fleet_events import Fact, Shared
+from missions.fleet_events import Fact, FactsShared
 from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell
 
@@ -102,7 +102,7 @@ def test_fact_of_another_member_counts_as_one_frame_that_knows_its_cells() -> No
     own = FrameSeen(1, 2.0, None, (Vote(here, True, 1.0),), classes=(ClassShare(here, 1, 0.6),))
     fact = Fact(3.0, ((here, True), (beside, False)), classes=(ClassShare(here, 3, 0.8),))
     sums = FrameSums()
-    for event in (own, Shared(2, 4.0, 0, (fact, Fact(3.0, ((beside, False),))))):
+    for event in (own, FactsShared(2, 4.0, 0, (fact, Fact(3.0, ((beside, False),))))):
         sums.note(event)
     cells = np.array([here, beside])
     assert sums.shares(cells, (1, 3)) == pytest.approx(np.array([[0.3, 0.4], [0.0, 0.0]]))

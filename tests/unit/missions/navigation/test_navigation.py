@@ -7,16 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from missions.navigation import ToldErrors, Track
+from missions.navigation import ReportedErrors, Track
 
-ERRORS = ToldErrors(satellites_m=1.0, satellites_s=30.0, pointing_m=1e-3)
+ERRORS = ReportedErrors(satellites_m=1.0, satellites_s=30.0, pointing_m=1e-3)
 SIGMA_M = 0.05
 
 
 class Flight:
     """Back and forth along a line, a keyframe a second; errors as the track believes they are."""
 
-    def __init__(self, seed: int, seconds: int = 80, errors: ToldErrors = ERRORS) -> None:
+    def __init__(self, seed: int, seconds: int = 80, errors: ReportedErrors = ERRORS) -> None:
         self.rng = np.random.default_rng(seed)
         self.true = [complex(0.0, 4.0 * abs((k + 10) % 20 - 10)) for k in range(seconds)]
         self.common = complex(*self.rng.normal(0.0, errors.common, 2))
@@ -64,7 +64,7 @@ def test_it_knows_how_well_it_knows():
 def test_heights_that_wander_are_followed_by_zooms():
     """Scale and rotation are a process; between two pictures the ground shows how they changed."""
     squares, turned = [], []
-    errors = ToldErrors(satellites_m=0.5, pointing_m=1e-3, common_s=60.0)
+    errors = ReportedErrors(satellites_m=0.5, pointing_m=1e-3, common_s=60.0)
     for seed in range(15):
         flight = Flight(seed, 100, errors)
         keep = math.exp(-1.0 / errors.common_s)
@@ -89,8 +89,8 @@ def test_heights_that_wander_are_followed_by_zooms():
 def test_it_learns_how_good_satellites_are(sigma_m):
     learned = []
     for seed in range(4):
-        flight = Flight(seed, 150, ToldErrors(satellites_m=sigma_m, satellites_s=60.0))
-        flight.track = Track(ToldErrors(satellites_m=1.0, satellites_s=60.0))
+        flight = Flight(seed, 150, ReportedErrors(satellites_m=sigma_m, satellites_s=60.0))
+        flight.track = Track(ReportedErrors(satellites_m=1.0, satellites_s=60.0))
         flight.run(150)
         flight.track.estimate()
         learned.append(flight.track.satellites_m)
@@ -114,7 +114,7 @@ def test_satellites_lost_it_holds_on_to_the_map_made_before():
 
 
 def test_satellites_that_drift_disagree():
-    errors = ToldErrors(satellites_m=0.3, pointing_m=1e-3)
+    errors = ReportedErrors(satellites_m=0.3, pointing_m=1e-3)
     flight = Flight(4, errors=errors)
     told = []
     for k in range(80):
@@ -133,7 +133,7 @@ def test_satellites_that_drift_disagree():
 
 
 def test_a_leap_is_believed_when_two_links_show_it():
-    flight = Flight(5, errors=ToldErrors(satellites_m=0.3))
+    flight = Flight(5, errors=ReportedErrors(satellites_m=0.3))
     flight.run(41)
     flight.add(41, off=flight.off[41] + 6.0)
     flight.track.link(40, 41, flight.moved(40, 41), SIGMA_M)
@@ -183,4 +183,4 @@ def test_what_is_no_keyframe_or_link_is_refused():
     with pytest.raises(ValueError, match="no link"):
         track.link(a, a, (0.0, 0.0), 0.1)
     with pytest.raises(ValueError, match="satellites_m"):
-        ToldErrors(satellites_m=0.0)
+        ReportedErrors(satellites_m=0.0)

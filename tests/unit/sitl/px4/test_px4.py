@@ -5,7 +5,7 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.px4.modes import Px4Mode, wanted
+from sitl.px4.modes import Px4Mode, requested_mode
 from sitl.px4.params import TABLE
 from tests.support.hostile import bombard
 from tests.unit.sitl.conftest import plain_vehicle
@@ -80,7 +80,7 @@ def test_a_parameter_of_another_type_stays(sitl):
 def test_modes_are_packed():
     for each in Px4Mode:
         main, sub = each >> 16 & 0xFF, each >> 24
-        assert wanted(main, sub) == each
+        assert requested_mode(main, sub) == each
 
 
 # --- arming, take-off, targets --------------------------------------------------------------------

@@ -9,8 +9,8 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from uavmap.aircraft.control import (
-    LIFT_S,
-    PUT_BACK_S,
+    EARLIER_MODE_AFTER_S,
+    MAX_LIFT_OFF_S,
     AirState,
     Beat,
     Control,
@@ -25,9 +25,11 @@ PAGE = Path(__file__).parents[4] / "docs" / "reference" / "control.md"
 BEGIN = "<!-- tables of uavmap.aircraft.control -->"
 END = "<!-- end of the tables -->"
 GUIDED, LOITER, RTL, LAND = ARDUPILOT.follows, 5, ARDUPILOT.rtl, ARDUPILOT.land
-NOW_S = PUT_BACK_S + 0.1
+NOW_S = EARLIER_MODE_AFTER_S + 0.1
 
-FLYING = Control(air=AirState.AIRBORNE, mode=GUIDED, armed=True, heard_s=LIFT_S, took_off_s=0.0)
+FLYING = Control(
+    air=AirState.AIRBORNE, mode=GUIDED, armed=True, heard_s=MAX_LIFT_OFF_S, took_off_s=0.0
+)
 ASKED = replace(FLYING, request=Request(RTL, 0.0, before=GUIDED))
 """Control of a vehicle that flies in GUIDED after a request for RTL."""
 SEEN = replace(FLYING, mode=RTL, request=Request(RTL, 0.0, confirmed=True))
@@ -47,7 +49,7 @@ CASES = (
     ("the mode asked for", ASKED, ARDUPILOT, RTL, True, False),
     ("the mode before the request", ASKED, ARDUPILOT, GUIDED, True, False),
     (
-        f"... {PUT_BACK_S:g} s after a PX4 acknowledged OFFBOARD",
+        f"... {EARLIER_MODE_AFTER_S:g} s after a PX4 acknowledged OFFBOARD",
         STREAM, PX4, PX4.follows, True, False,
     ),
     ("any other mode, as LAND while RTL is asked for", ASKED, ARDUPILOT, LAND, True, False),
@@ -68,7 +70,7 @@ def holder_after(case, holder):
 def stood(armed, landed_state, height_m):
     """Report the vehicle on the ground, long after NAV_TAKEOFF."""
     ground = Ground(armed, landed_state, height_m)
-    return lambda start: start.stood(ground, ARDUPILOT, LIFT_S + 1.0)
+    return lambda start: start.stood(ground, ARDUPILOT, MAX_LIFT_OFF_S + 1.0)
 
 
 ON, UP = mav.MAV_LANDED_STATE_ON_GROUND, mav.MAV_LANDED_STATE_IN_AIR
@@ -79,9 +81,9 @@ STEPS = (
     ("the same in LAND", lambda start: stood(True, UP, 5.0)(replace(start, mode=LAND))),
     (
         "armed, on the ground",
-        lambda start: start.stood(Ground(True, ON, 0.0), ARDUPILOT, LIFT_S - 1.0),
+        lambda start: start.stood(Ground(True, ON, 0.0), ARDUPILOT, MAX_LIFT_OFF_S - 1.0),
     ),
-    (f"the same {LIFT_S:g} s after NAV_TAKEOFF", stood(True, ON, 0.0)),
+    (f"the same {MAX_LIFT_OFF_S:g} s after NAV_TAKEOFF", stood(True, ON, 0.0)),
     ("motors off, on the ground", stood(False, ON, 0.0)),
     ("motors off, off the ground", stood(False, UP, 5.0)),
     (f"no landed state, armed, above {OFF_GROUND_M:g} m", stood(True, UNSAID, 5.0)),

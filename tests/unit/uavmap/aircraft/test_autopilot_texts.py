@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.events import UNTOLD, Overridden, Told
+from missions.events import CAUSE_NOT_REPORTED, AutopilotText, Overridden
 from tests.support.flights import fly
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by, on_virtual_time
-from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD, failsafe_of, may_be_a_failsafe
+from uavmap.aircraft.autopilot_texts import BURST, MAX_RECORDED, failsafe_of, may_be_a_failsafe
 from uavmap.mavlink.autopilots import CurrentModeMessage, EventMessage
-from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts, number_of
+from uavmap.mavlink.status_texts import MAX_CHUNK_WAIT_S, MOST_OPEN, Texts, number_of
 
 CRITICAL, WARNING, INFO, DEBUG = (
     mav.MAV_SEVERITY_CRITICAL, mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_INFO,
@@ -48,8 +48,8 @@ def test_chunk_that_is_lost_leaves_a_gap():
     texts = Texts()
     texts.take(1, statustext(b"a" * 50, number=5, chunk=0), 0.0)
     assert texts.take(1, statustext(b"end", number=5, chunk=2), 0.1) == []
-    assert texts.late(LATE_S) == []
-    (text,) = texts.late(LATE_S + 0.2)
+    assert texts.late(MAX_CHUNK_WAIT_S) == []
+    (text,) = texts.late(MAX_CHUNK_WAIT_S + 0.2)
     assert text.words == "a" * 50 + "[...]end"
     texts.take(1, statustext(b"a" * 50, number=5, chunk=0), 10.0)
     assert [text.words for text in texts.late(20.0)] == ["a" * 50 + "[...]"]
@@ -76,7 +76,7 @@ async def test_texts_are_shown_with_severity_and_recorded(flight, /):
     said_by(flight, statustext(b"Compass not calibrated", WARNING), statustext(b"x", DEBUG))
     await asyncio.sleep(1.0)
     assert "[vehicle 1, warning] Compass not calibrated" in flight.told
-    told = [e for e in flight.seen(Told) if e.text in ("Compass not calibrated", "x")]
+    told = [e for e in flight.seen(AutopilotText) if e.text in ("Compass not calibrated", "x")]
     assert [(e.severity, e.text) for e in told] == [(WARNING, "Compass not calibrated")]
 
 
@@ -85,7 +85,7 @@ async def test_repeated_text_is_counted(flight, /):
     for _ in range(140):
         said_by(flight, statustext(b"PreArm: no"))
         await asyncio.sleep(1.0)
-    kept = [event.times for event in flight.seen(Told) if event.text == "PreArm: no"]
+    kept = [event.times for event in flight.seen(AutopilotText) if event.text == "PreArm: no"]
     assert kept == [1, 60, 60]
 
 
@@ -95,11 +95,11 @@ async def test_flood_of_texts_fills_neither_screen_nor_disk(flight, /):
         said_by(flight, statustext(f"flood {k}".encode(), k % 8))
     await asyncio.sleep(10.0)
     said_by(flight, statustext(b"after it", CRITICAL))
-    kept = [event.text for event in flight.seen(Told)]
+    kept = [event.text for event in flight.seen(AutopilotText)]
     assert len([text for text in kept if text.startswith("flood")]) == 2 * BURST
     assert kept[-1] == "after it"
     assert any("17" in line and "not shown" in line for line in flight.told)
-    assert len(kept) < MOST_TOLD
+    assert len(kept) < MAX_RECORDED
 
 
 # --- failsafes ---------------------------------------------------------------------------------
@@ -158,7 +158,7 @@ async def test_cause_of_a_failsafe_may_come_after_the_mode(flight, /):
     said_by(flight, statustext(b"Fence Breached", CRITICAL))
     await asyncio.sleep(0.3)
     assert overridden(flight).cause is None
-    assert [e.cause for e in flight.seen(Told) if e.cause] == ["fence breached"]
+    assert [e.cause for e in flight.seen(AutopilotText) if e.cause] == ["fence breached"]
 
 
 @pytest.mark.parametrize(("mode", "after_s"), [(5, 0.1), (6, 6.0)])
@@ -177,7 +177,7 @@ async def test_critical_state_is_an_override_without_a_cause(flight, /):
     beat.system_status = mav.MAV_STATE_CRITICAL
     said_by(flight, beat)
     await asyncio.sleep(0.2)
-    assert overridden(flight).cause == UNTOLD
+    assert overridden(flight).cause == CAUSE_NOT_REPORTED
 
 
 # --- who we are to it --------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.unit.uavmap.aircraft.control_tables import BEGIN, END, PAGE, tables
-from uavmap.aircraft.control import LATE_S, AirState, Beat, Control, Holder, Request
+from uavmap.aircraft.control import LATE_REQUEST_S, AirState, Beat, Control, Holder, Request
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4
 
 GUIDED, RTL, LAND, LOITER = 4, 6, 9, 5
@@ -53,7 +53,7 @@ def test_control_mode_not_requested_is_never_under_our_control(kind, steps):
             asked, seen = mode, True
         assert mode in ever | {asked}
         seen = seen or mode == asked
-        if seen and now_s - asked_s > LATE_S:
+        if seen and now_s - asked_s > LATE_REQUEST_S:
             assert mode == asked
 
 
@@ -61,7 +61,7 @@ def test_control_mode_not_requested_is_never_under_our_control(kind, steps):
 def test_control_late_request_is_accepted_for_a_while(after_s, holder):
     control = FLYING.asking(RTL, 0.0).asking(LAND, 0.5)
     assert control.heard(ARDUPILOT, Beat(RTL, True, False, 0.5 + after_s)).holder is holder
-    assert LATE_S == 3.0
+    assert LATE_REQUEST_S == 3.0
 
 
 def test_control_refused_request_leaves_the_mode_before_it():

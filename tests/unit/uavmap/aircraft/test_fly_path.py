@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions import events as ev
-from missions.flight.strategy.sweep_passes import NOTICE_S
+from missions.flight.strategy.sweep_passes import PLAN_LEAD_S
 from missions.geo.trajectory import rounded_path
 from missions.mission.sim_section import SimQuirks
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, StandDown, Sweep, TakeOff
@@ -39,7 +39,7 @@ def order(plan, every_s=EVERY_S):
 
 
 def straight(flight, end):
-    return order(rounded_path([where(flight), end], flight.now_s() + NOTICE_S, speed_m_s=6.0))
+    return order(rounded_path([where(flight), end], flight.now_s() + PLAN_LEAD_S, speed_m_s=6.0))
 
 
 def speed_of(flight):
@@ -52,7 +52,7 @@ def where(flight):
 
 async def on_the_way(flight, seconds=5.5):
     await flight.after(TakeOff(UP_M), ev.Airborne)
-    plan = corner(flight.now_s() + NOTICE_S)
+    plan = corner(flight.now_s() + PLAN_LEAD_S)
     flight.driver.give(order(plan))
     await asyncio.sleep(seconds)
     return plan
@@ -89,7 +89,7 @@ async def test_path_replaced_midway_is_continued(flight, /, autopilot):
 
     flight.to_driver = note
     first = await on_the_way(flight)
-    second = turned_off(first, flight.now_s() + NOTICE_S)
+    second = turned_off(first, flight.now_s() + PLAN_LEAD_S)
     flight.driver.give(order(second))
     while flight.now_s() < second.end_s - 2.5:
         await asyncio.sleep(0.05)
@@ -163,7 +163,7 @@ async def test_path_telemetry_read_late_is_not_off(flight, /, autopilot):
     """
     corners = [(0, 0), (30, 0), (30, 25), (0, 25), (0, 5), (25, 5), (25, 20)]
     points = [GridPoint(east, north) for east, north in corners]
-    begin_s = flight.now_s() + NOTICE_S
+    begin_s = flight.now_s() + PLAN_LEAD_S
     flight.driver.give(order(rounded_path(points, begin_s, speed_m_s=6.0, cut_m=2.5)))
     await asyncio.sleep(3.0)
     deliver, held = flight._deliver, list[bytes]()
@@ -336,7 +336,7 @@ def test_path_given_at_the_end_loses_no_picture(autopilot, after_end_s):
 @by(fly)
 async def test_path_with_another_interval_changes_pace_of_pictures(flight, /):
     plan = await on_the_way(flight)
-    second = turned_off(plan, flight.now_s() + NOTICE_S)
+    second = turned_off(plan, flight.now_s() + PLAN_LEAD_S)
     flight.driver.give(order(second, every_s=0.5))
     await flight.sees(ev.Arrived, within_s=20.0)
     late = [e.t_s for e in flight.seen(ev.FrameSeen) if e.t_s > second.begin_s + 0.5]
@@ -361,7 +361,7 @@ async def test_path_called_off_is_not_resumed(flight, /):
 async def test_path_over_drifting_region_moves(flight, /, autopilot):
     grid = flight.setting.grid
     drift = (grid.drift_east_m_s, grid.drift_north_m_s)
-    begin_s = flight.now_s() + NOTICE_S
+    begin_s = flight.now_s() + PLAN_LEAD_S
     start = grid.to_moving(where(flight), begin_s)
     points = [start, GridPoint(start.east_m, start.north_m + 25.0)]
     plan = rounded_path(points, begin_s, speed_m_s=6.0, drift_m_s=drift)
@@ -375,7 +375,7 @@ async def test_path_over_drifting_region_moves(flight, /, autopilot):
 @by(fly_up)
 async def test_camera_that_refuses_ends_the_order_and_the_stream(flight, /):
     flight.vehicle.fail.reject(START_CAPTURE)
-    plan = corner(flight.now_s() + NOTICE_S)
+    plan = corner(flight.now_s() + PLAN_LEAD_S)
     flight.driver.give(order(plan))
     failed = await flight.sees(ev.OrderFailed, within_s=30.0)
     assert "IMAGE_START_CAPTURE was refused" in failed.reason

@@ -20,7 +20,7 @@ from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by
 from tests.support.small_missions import square
 from uavmap.aircraft.control import AirState, Holder
-from uavmap.aircraft.vehicle import ON_GROUND_S
+from uavmap.aircraft.vehicle import SILENCE_ON_GROUND_S
 
 HOUSE = square(-20, 28, 60, 6)
 """A no-fly area between the far side and home."""
@@ -261,7 +261,7 @@ async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight, /):
     await flight.sees(ev.LinkLost)
     flight.driver.give(StandDown())
     assert flight.driver.guardian.responsible
-    await asyncio.sleep(ON_GROUND_S + 10.0)
+    await asyncio.sleep(SILENCE_ON_GROUND_S + 10.0)
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.5)
     assert not flight.seen(ev.GivenUp)
     assert "in the air at its last report" in flight.driver.guardian.fate()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.events import Airborne, BatterySwapped, Landed, Told, Tracked
+from missions.events import Airborne, AutopilotText, BatterySwapped, Landed, Tracked
 from tests.support.flights import fly, flying
 from tests.support.plans import plan_of
 from tests.support.running import by
@@ -35,7 +35,7 @@ async def test_low_battery_in_flight_counts_as_empty_and_is_reported(flight, /):
     await flight.until(lambda: flight.session.view.battery_low == "low")
     tracked = await flight.sees(Tracked, len(flight.seen(Tracked)) + 2)
     assert tracked.remaining_wh == 0.0
-    assert "its battery is reported as low" in [told.text for told in flight.seen(Told)]
+    assert "its battery is reported as low" in [told.text for told in flight.seen(AutopilotText)]
 
 
 def test_mission_low_battery_swaps_and_flies_on(tmp_path, monkeypatch):

@@ -14,7 +14,13 @@ from missions.geo.grid import Grid
 from missions.mission.schema import Mission, NavigationSection
 from missions.units import GridPoint
 from tests.support.small_missions import CELL_M, START, mission_text, parse_mission, square
-from uavmap.aircraft.map_navigation import BACK_S, LOST_S, TELL_S, UNSURE_S, Navigation
+from uavmap.aircraft.map_navigation import (
+    LOST_S,
+    MAX_UNKNOWN_POSITION_S,
+    REPORT_INTERVAL_S,
+    SATELLITES_BACK_S,
+    Navigation,
+)
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, EKF_CONSTANT, EKF_RELATIVE, VehicleView
 
@@ -116,7 +122,7 @@ def test_receiver_without_a_fix_counts_before_the_filter():
     flown.pass_s(LOST_S + 0.2)
     assert gnss(flown) == ["lost"]
     flown.view.gps_fix = 3
-    flown.pass_s(BACK_S - 0.5)
+    flown.pass_s(SATELLITES_BACK_S - 0.5)
     assert flown.navigation.gnss == "lost"
     flown.pass_s(1.0)
     assert flown.navigation.gnss == "good"
@@ -136,8 +142,8 @@ def test_navigation_without_pictures_loses_accuracy_and_returns():
     assert "its own map gives its position" in flown.fails[0]
     told = [event for event in flown.events if isinstance(event, Navigated)]
     gaps = [b.t_s - a.t_s for a, b in itertools.pairwise(told)]
-    assert all(gap >= TELL_S - 0.2 for gap in gaps)
-    assert flown.now_s > UNSURE_S
+    assert all(gap >= REPORT_INTERVAL_S - 0.2 for gap in gaps)
+    assert flown.now_s > MAX_UNKNOWN_POSITION_S
 
 
 @pytest.mark.parametrize("asked", ['gnss_loss = "map"', "watch = true"])

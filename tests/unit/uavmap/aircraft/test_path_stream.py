@@ -16,7 +16,7 @@ from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
 from tests.support.mavlink_peer import Peer, ack, heartbeat, position
 from tests.support.running import by
-from uavmap.aircraft.control import MODE_KNOWN_S, Holder
+from uavmap.aircraft.control import MAX_MODE_AGE_S, Holder
 from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.path_stream import (
@@ -273,7 +273,7 @@ async def test_mode_command_is_not_repeated_on_an_older_report():
     asked_s = [t_s for t_s, command, _ in wire.peer.commands() if command == SET_MODE]
     assert len(asked_s) >= 4
     for at_s in asked_s:
-        assert at_s - max(t_s for t_s in told_s if t_s <= at_s) <= MODE_KNOWN_S
+        assert at_s - max(t_s for t_s in told_s if t_s <= at_s) <= MAX_MODE_AGE_S
 
 
 @by(flown)

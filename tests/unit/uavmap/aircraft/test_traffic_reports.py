@@ -10,8 +10,8 @@ from missions.flight.setting_of import setting_of
 from missions.units import GridPoint, LatLon
 from tests.support.mavlink_peer import heartbeat, position
 from tests.support.small_missions import START, mission, square
-from tests.unit.uavmap.mavlink.test_traffic_heard import adsb, utm
-from uavmap.aircraft.traffic_reports import MOST_TRACKS, TrafficReports
+from tests.unit.uavmap.mavlink.test_link_traffic import adsb, utm
+from uavmap.aircraft.traffic_reports import MAX_TRACKS, TrafficReports
 from uavmap.mavlink.session import Session
 
 NORTH = LatLon(START.lat_deg + 0.01, START.lon_deg)
@@ -87,5 +87,5 @@ def test_broadcast_of_an_own_vehicle_is_no_traffic():
 def test_report_of_a_flood_has_the_nearest():
     flood = [(1, adsb(NORTH.lat_deg + k * 1e-4, NORTH.lon_deg, icao=k + 1)) for k in range(90)]
     (event,) = reporting((flood, here(1, 10.0)))
-    assert len(event.tracks) == MOST_TRACKS
+    assert len(event.tracks) == MAX_TRACKS
     assert event.tracks[0].ident.startswith("000001")

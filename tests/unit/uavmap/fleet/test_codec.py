@@ -16,11 +16,11 @@ from uavmap.fleet.codec import (
     DOES,
     ORDERS,
     PART_M,
-    Ask,
+    AirRequest,
     Batch,
     Message,
+    OperatorOrder,
     Presence,
-    Word,
     decode,
     encode,
 )
@@ -96,11 +96,12 @@ messages = st.builds(
         st.builds(Batch, st.integers(0, 30), numbers, st.lists(facts, max_size=3).map(tuple)),
         max_size=3,
     ).map(tuple),
-    st.lists(st.builds(Word, numbers, st.integers(0, 9), st.sampled_from(ORDERS)), max_size=3).map(
-        tuple
-    ),
+    st.lists(
+        st.builds(OperatorOrder, numbers, st.integers(0, 9), st.sampled_from(ORDERS)), max_size=3
+    ).map(tuple),
     st.booleans(),
-    st.none() | st.builds(Ask, numbers, places, halves, halves, st.integers(0, 9_000).map(float)),
+    st.none()
+    | st.builds(AirRequest, numbers, places, halves, halves, st.integers(0, 9_000).map(float)),
     st.dictionaries(st.integers(0, 30), numbers, max_size=3),
     st.lists(
         st.builds(Part, st.integers(0, 30), st.lists(far_places, max_size=9).map(tuple)), max_size=4

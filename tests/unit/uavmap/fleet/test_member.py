@@ -16,10 +16,10 @@ from missions.units import Cell, GridPoint, PadHeight
 from tests.unit.missions.flight.test_facts import small_setting
 from tests.unit.uavmap.fleet.test_members_in_air import made
 from uavmap.base.clock import VirtualClock, run
-from uavmap.fleet.codec import Batch, Message, Word, encode
+from uavmap.fleet.codec import Batch, Message, OperatorOrder, encode
 from uavmap.fleet.knowledge import Holding, Knowledge
 from uavmap.fleet.member import Member
-from uavmap.fleet.peer import RELAY_S, Peer, Telling
+from uavmap.fleet.peer import RELAY_S, FactSender, Peer
 from uavmap.fleet.sealing import Seal
 from uavmap.fleet.simulated_radio import Air, LinkModel
 
@@ -84,7 +84,7 @@ def in_a_row(spacing_m: float, range_m: float, count: int = 3) -> list[Station]:
 def test_command_of_the_station_is_relayed_to_members_out_of_range():
     async def recall_all(stations: list[Station]) -> None:
         await asyncio.sleep(20.0)
-        stations[0].member.order(Word(7, 0, "recall"))
+        stations[0].member.order(OperatorOrder(7, 0, "recall"))
         await asyncio.sleep(40.0)
 
     stations = together(lambda: in_a_row(100.0, 150.0), recall_all)
@@ -96,11 +96,11 @@ def test_newest_command_holds_and_each_is_reported_once():
     async def words(stations: list[Station]) -> None:
         await asyncio.sleep(15.0)
         ground = stations[0].member
-        ground.order(Word(7, 0, "pause"))
-        ground.order(Word(9, 2, "recall"))
+        ground.order(OperatorOrder(7, 0, "pause"))
+        ground.order(OperatorOrder(9, 2, "recall"))
         await asyncio.sleep(30.0)
-        ground.order(Word(8, 0, "continue"))
-        ground.order(Word(6, 0, "recall"))  # an older one, which was under way for long
+        ground.order(OperatorOrder(8, 0, "continue"))
+        ground.order(OperatorOrder(6, 0, "recall"))  # an older one, which was under way for long
         await asyncio.sleep(30.0)
 
     stations = together(lambda: in_a_row(10.0, 100.0), words)
@@ -144,7 +144,7 @@ def test_communication_that_fails_is_reported_once_and_continues(said):
         await asyncio.sleep(20.0)
         stations[1].late_s = 0.0
         await asyncio.sleep(20.0)
-        stations[0].member.order(Word(7, 0, "recall"))
+        stations[0].member.order(OperatorOrder(7, 0, "recall"))
         await asyncio.sleep(20.0)
 
     stations = together(lambda: in_a_row(1.0, 100.0, 1), listen)
@@ -230,7 +230,7 @@ def size(batches: tuple[Batch, ...]) -> int:
 
 def test_fact_under_way_is_not_sent_again_and_a_lost_one_is():
     peer, known = Peer(0.0), Knowledge()
-    telling = Telling(1, {2: peer})
+    telling = FactSender(1, {2: peer})
     known.take(1, 0, facts(0, 6))
     assert told(telling.batches(known, 10.0, ROOM)) == [(1, k) for k in range(6)]
     peer.have, peer.have_s = {}, 10.5  # sent before the fact could have arrived
@@ -243,7 +243,7 @@ def test_fact_under_way_is_not_sent_again_and_a_lost_one_is():
 
 def test_lost_facts_take_half_of_the_room_while_there_is_news():
     peer, known = Peer(0.0), Knowledge()
-    telling = Telling(1, {2: peer})
+    telling = FactSender(1, {2: peer})
     known.take(1, 0, facts(0, 60))
     telling.batches(known, 1.0, 10_000)
     peer.have_s = 5.0
@@ -258,7 +258,7 @@ def test_lost_facts_take_half_of_the_room_while_there_is_news():
 
 def test_facts_of_others_are_relayed_to_a_member_that_lacks_them():
     peer, known = Peer(0.0), Knowledge()
-    telling = Telling(1, {2: peer})
+    telling = FactSender(1, {2: peer})
     known.take(3, 0, facts(0, 4))
     peer.have, peer.have_s, peer.lacks_since_s = {3: Holding(1)}, 20.0, {3: 20.0}
     assert not telling.batches(known, 20.0 + RELAY_S - 0.1, ROOM)
@@ -271,7 +271,7 @@ def test_restarted_member_sends_only_facts_that_another_lacks():
     peer, known = Peer(0.0), Knowledge()
     peer.have, peer.have_s = {1: Holding(5)}, 3.0
     known.take(1, 0, facts(0, 7))
-    assert told(Telling(1, {2: peer}).batches(known, 4.0, ROOM)) == [(1, 5), (1, 6)]
+    assert told(FactSender(1, {2: peer}).batches(known, 4.0, ROOM)) == [(1, 5), (1, 6)]
 
 
 @dataclass(slots=True)

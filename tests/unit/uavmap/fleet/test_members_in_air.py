@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from missions.events import Event
-from missions.fleet_events import Asked, Fact, Partition
+from missions.fleet_events import AirRequested, Fact, Partition
 from missions.flight.airspace.airspace import SEPARATION_BUFFER_M, Airspace
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
@@ -26,7 +26,7 @@ from missions.units import Cell, GridPoint
 from tests.support.fleet_rig import field_text
 from tests.unit.uavmap.fleet.test_sealing import KEY, met
 from uavmap.base.clock import VirtualClock, run
-from uavmap.fleet.codec import Ask, Message, encode
+from uavmap.fleet.codec import AirRequest, Message, encode
 from uavmap.fleet.member import Member
 from uavmap.fleet.sealing import Seal
 from uavmap.fleet.simulated_radio import Air, LinkModel
@@ -122,7 +122,7 @@ class Mind:
         else:
             mine = self.wandered(mine)
         self.state = self.state.with_vehicle(mine)
-        self.member.observe(Asked(99, now_s, mine.position, 0.0, 0.0, now_s), self.state)
+        self.member.observe(AirRequested(99, now_s, mine.position, 0.0, 0.0, now_s), self.state)
 
     def wandered(self, mine: VehicleState) -> VehicleState:
         """Return a step to a place that the rules allow."""
@@ -209,7 +209,7 @@ def test_member_without_a_message_grants_no_air():
         for mind in minds[1:]:
             mind.serves = says
         for mind in minds if says else minds[:1]:
-            mind.member.observe(Asked(99, 0.0, column.place, 0.0, 0.0, 0.0), mind.state)
+            mind.member.observe(AirRequested(99, 0.0, column.place, 0.0, 0.0, 0.0), mind.state)
         await asyncio.sleep(20.0)
         for mind in minds:
             assert mind.task is not None
@@ -221,18 +221,18 @@ def test_member_without_a_message_grants_no_air():
 
 
 def test_message_that_was_overtaken_opens_no_air():
-    async def told() -> list[Asked]:
+    async def told() -> list[AirRequested]:
         ours, theirs, found = Seal(KEY, 1, 1), Seal(KEY, 2, 1), list[Event]()
         radio = Air(LinkModel()).radio(1, lambda: (GridPoint(0.0, 0.0), 0.0))
         member = Member(made(1), ours, radio, lambda: 5.0, found.append)
         member.clock_moved(0.0)
         met(ours, theirs)
-        ask = Ask(7, GridPoint(4.0, 40.0), 12.0, 30.0, 3_640.0)
+        ask = AirRequest(7, GridPoint(4.0, 40.0), 12.0, 30.0, 3_640.0)
         early = theirs.sealed(encode(Message(3_600.0)))
         member.heard(theirs.sealed(encode(Message(3_602.0, ask=ask))))
         member.heard(early)
         member.end()
-        return [event for event in found if isinstance(event, Asked)]
+        return [event for event in found if isinstance(event, AirRequested)]
 
     (only,) = run(told(), VirtualClock())
     assert only.until_s == 5.0 + 38.0

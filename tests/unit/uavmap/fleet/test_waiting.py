@@ -7,7 +7,7 @@ from typing import cast
 
 import pytest
 
-from uavmap.fleet.fleet_radio import talking
+from uavmap.fleet.fleet_radio import fleet_communication
 from uavmap.fleet.member import Member
 
 
@@ -24,7 +24,7 @@ class Waits:
 
 
 async def flight(landed: asyncio.Event, *, may_leave: bool) -> str:
-    async with talking(cast(Member, Waits()), may_leave=may_leave):
+    async with fleet_communication(cast(Member, Waits()), may_leave=may_leave):
         landed.set()
     return "results"
 

@@ -22,7 +22,7 @@ from uavmap.journal.mission_time import (
     last_mark,
     mission_time,
     read_clocks,
-    taken_up_at,
+    resume_time_s,
 )
 
 EPOCH_S = 1.8e9
@@ -184,7 +184,7 @@ def test_doubtful_time_is_asked_of_an_operator(answer):
         asked.append(question)
         return bool(answer)
 
-    start_s = taken_up_at(found, said.append, None if answer is None else ask)
+    start_s = resume_time_s(found, said.append, None if answer is None else ask)
     assert start_s == (500.0 + 3 * DAY_S if answer else LAST_EVENT_S)
     assert len(asked) == (answer is not None)
     assert len(said) == 1

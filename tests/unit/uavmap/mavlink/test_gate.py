@@ -21,7 +21,7 @@ from tests.support.mavlink_peer import position as position_at
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.continuity import JUMP_CONFIRMED_S, BootClock, distance_m
 from uavmap.mavlink.identity import same_aircraft
-from uavmap.mavlink.message_gate import TELL_EVERY_S
+from uavmap.mavlink.message_gate import LOG_INTERVAL_S
 from uavmap.mavlink.session import Session
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.mavlink.view_updates import update
@@ -446,7 +446,7 @@ def test_refused_kind_is_reported_once_in_ten_seconds():
     vehicle = Vehicle()
     for n in range(300):
         vehicle.hear(position(214.7, t_s=1.0 + 0.1 * n), 1.0 + 0.1 * n)
-    assert len(vehicle.said) == math.ceil(30.0 / TELL_EVERY_S)
+    assert len(vehicle.said) == math.ceil(30.0 / LOG_INTERVAL_S)
     assert vehicle.said[0] == "GLOBAL_POSITION_INT refused: lat is out of range"
     assert vehicle.view.gate.figures() == {"GLOBAL_POSITION_INT: lat is out of range": 300}
 

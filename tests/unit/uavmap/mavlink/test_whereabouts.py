@@ -20,14 +20,14 @@ from tests.support.flights import fly
 from tests.support.mavlink_peer import Peer, ack, heartbeat, position
 from tests.support.running import by, on_virtual_time
 from tests.support.small_missions import CELL_M, START, mission, square
-from uavmap.aircraft.cameras.mavlink import told_pose
+from uavmap.aircraft.cameras.mavlink import reported_pose
 from uavmap.aircraft.cameras.pose import pose_fault
 from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.continuity import distance_m
-from uavmap.mavlink.position_history import KEPT_S, Fix, Whereabouts
+from uavmap.mavlink.position_history import HISTORY_S, Fix, Whereabouts
 
 Message = Any
 FAST = settings(max_examples=100, deadline=None)
@@ -74,7 +74,7 @@ def test_clock_that_restarts_clears_the_track():
 
 def test_old_positions_are_forgotten():
     track = flown(5.0, 8.0, last_s=100.0)
-    place = track.at(100.0 - KEPT_S - 10.0)
+    place = track.at(100.0 - HISTORY_S - 10.0)
     assert place.gap_s == pytest.approx(10.0)
 
 
@@ -119,7 +119,7 @@ def fault_of(message, heard_s=10.0, last_s=10.0):
         await asyncio.sleep(heard_s - loop.time())
         view = peer.session.view
         taken_s = view.captured_s(message.time_boot_ms, loop.time())
-        told = told_pose(message, view)
+        told = reported_pose(message, view)
         return pose_fault(Pose(told.position, told.height_m, told.attitude), view, GRID, taken_s)
 
     return run(main(), VirtualClock())

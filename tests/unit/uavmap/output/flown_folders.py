@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from missions.classes import ClassShare
-from missions.events import FrameLost, FrameSeen, OrderFailed, Told, from_json
+from missions.events import AutopilotText, FrameLost, FrameSeen, OrderFailed, from_json
 from missions.units import LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
 from tests.support.journals import begun
@@ -76,8 +76,8 @@ def with_troubles(events=EVENTS):
         *found,
         *(FrameLost(1, t_s, EVIL) for _ in range(3)),
         OrderFailed(1, t_s, "Sweep", f"refused: {EVIL}"),
-        Told(1, t_s, 2, EVIL),
-        Told(1, t_s, 6, "for debugging"),
+        AutopilotText(1, t_s, 2, EVIL),
+        AutopilotText(1, t_s, 6, "for debugging"),
     ]
 
 

@@ -8,7 +8,7 @@ import pytest
 from missions.classes import ClassShare
 from missions.errors import JournalError
 from missions.events import FrameSeen, LiftedOff, Tracked, Vote
-from missions.fleet_events import Fact, Shared
+from missions.fleet_events import Fact, FactsShared
 from missions.flight.team.members import facts_of
 from missions.units import Cell, GridPoint
 from tests.support.journals import begun
@@ -45,7 +45,7 @@ def votes(number):
 
 def told(number):
     facts = [Fact(10.0 * number + 2.0, ((CELLS[number], True),))]
-    return Shared(number, 40.0, 0, tuple(facts))
+    return FactsShared(number, 40.0, 0, tuple(facts))
 
 
 def written(folder, by, events):
@@ -143,7 +143,7 @@ def test_unsure_cells_are_those_of_all_vehicles_on_every_map(
         own = facts_of(plan().known_setting())
         facts = [fact for event in seen(number) for fact in own.take(event)]
         assert bytes_to_facts(facts_to_bytes(facts)) == tuple(facts)
-        return Shared(number, 40.0, 0, tuple(facts))
+        return FactsShared(number, 40.0, 0, tuple(facts))
 
     one = written(tmp_path / "one", plan(member=1), [*seen(1), heard(2)])
     two = written(tmp_path / "two", plan(member=2), [*seen(2), heard(1)])

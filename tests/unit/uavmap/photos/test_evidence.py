@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.events import FrameSeen, Vote, Weighed, from_json, to_json
+from missions.events import FrameSeen, FrameWeighed, Vote, from_json, to_json
 from missions.flight.setting_of import setting_of
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.evidence import Evidence, evidence_of
@@ -119,7 +119,7 @@ def test_votes_are_those_of_a_belief(seed: int) -> None:
 
 def test_journal_holds_the_evidence() -> None:
     seen = FrameSeen(1, 1.0, HERE, (Vote(HERE, True, 0.8),))
-    told = Weighed(1, 1.0, (0.75,))
+    told = FrameWeighed(1, 1.0, (0.75,))
     assert from_json(to_json(told)) == told
     found = evidence_of([seen, told])
     assert found is not None

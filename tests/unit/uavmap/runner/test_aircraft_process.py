@@ -20,9 +20,9 @@ from missions.events import Event, LinkLost, Recalled
 from missions.orders import Hold
 from tests.support.field import mission_of
 from tests.support.running import by, in_real_time
-from uavmap.aircraft.guardian.last_watch import watched_over
+from uavmap.aircraft.guardian.last_watch import run_with_keeper
 from uavmap.aircraft.imaging.classifier import PictureJudge
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process import messages as msg
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.process.port import Port
 from uavmap.aircraft.reporter import Report
@@ -31,12 +31,12 @@ from uavmap.base.clock import MissionClock
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightOptions, FlightPlan
 from uavmap.runner import aircraft_process, aircraft_takeover
-from uavmap.runner.aircraft_child import ASKED_TO_END, AircraftChild
+from uavmap.runner.aircraft_child import END_REQUESTED, AircraftChild
 from uavmap.runner.aircraft_process import AircraftProcess
 from uavmap.runner.aircraft_side import AircraftSide
-from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address, Attachment, taken_over
+from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address, Attachment, take_over_aircraft
 
-BEGIN = say.Begin(0.0, {}, None, False, False)
+BEGIN = msg.Begin(0.0, {}, None, False, False)
 FIRST, SECOND = LinkLost(1, 1.0), LinkLost(1, 2.0)
 
 
@@ -50,7 +50,7 @@ class Mission:
 
     def __init__(self) -> None:
         self.posted: asyncio.Queue[Event] = asyncio.Queue()
-        self.sent: list[say.Message] = []
+        self.sent: list[msg.Message] = []
         self.port = Port(
             (1,), lambda: 0.0, PictureJudge({}), self.posted.put_nowait, self.posted.join,
             self._swap, self._ask,
@@ -106,13 +106,13 @@ async def test_aircraft_that_cannot_restart_end_the_mission(*, reset, tmp_path, 
     with found(tmp_path) as (process, other, server):
         server.close()
         port = Mission().port
-        port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here", 2: ""}))
+        port.receive(msg.Beat(fates={1: "left to its autopilot in GUIDED at here", 2: ""}))
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
             if reset:  # as of a process that was killed with unread input
                 other.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             other.close()
             with pytest.raises(AircraftError) as ended:
-                await watched_over(port, asyncio.Event().wait(), leave=True)
+                await run_with_keeper(port, asyncio.Event().wait(), leave=True)
     assert len(starts) == aircraft_process.STARTS
     cause, fate = str(ended.value).splitlines()
     assert cause == "it does not start"
@@ -170,13 +170,13 @@ async def test_third_control_c_still_reports_the_state_of_the_aircraft(tmp_path,
 async def test_aircraft_that_another_process_brings_home_are_not_reported_as_left(state, tmp_path):
     with found(tmp_path) as (process, other, server):
         port = Mission().port
-        port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here"}))
+        port.receive(msg.Beat(fates={1: "left to its autopilot in GUIDED at here"}))
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
             other.close()
             answering, _ = await asyncio.to_thread(server.accept)
-            answering.sendall(say.encode(say.Attached(state, "they are in good hands")))
+            answering.sendall(msg.encode(msg.Attached(state, "they are in good hands")))
             with pytest.raises(LinkError, match="they are in good hands"):
-                await watched_over(port, asyncio.Event().wait(), leave=True)
+                await run_with_keeper(port, asyncio.Event().wait(), leave=True)
         answering.close()
 
 
@@ -194,22 +194,22 @@ async def test_aircraft_that_send_no_message_end_the_mission_with_a_line(tmp_pat
 @by(in_real_time)
 async def test_last_message_is_sent_to_the_next_process_as_well():
     mission = Mission()
-    mission.port.receive(say.Ready(None))
+    mission.port.receive(msg.Ready(None))
     mission.port.fly(0.0)
     home = asyncio.create_task(mission.port.bring_home("the mission is over"))
     await asyncio.sleep(0)
     mission.port.lost()
     mission.sent.clear()
-    mission.port.receive(say.Ready(None))
-    assert mission.sent == [say.Fly(0.0), say.Finish("the mission is over")]
-    mission.port.receive(say.Ended({}))
+    mission.port.receive(msg.Ready(None))
+    assert mission.sent == [msg.Fly(0.0), msg.Finish("the mission is over")]
+    mission.port.receive(msg.Ended({}))
     await home
 
 
 @by(in_real_time)
 async def test_end_that_the_mission_has_not_asked_for_ends_it():
     port = Mission().port
-    port.receive(say.Ended({}))
+    port.receive(msg.Ended({}))
     with pytest.raises(LinkError, match="asked to end, before the mission has"):
         async with asyncio.timeout(1.0):
             await port.run()
@@ -218,17 +218,17 @@ async def test_end_that_the_mission_has_not_asked_for_ends_it():
 @by(in_real_time)
 async def test_aircraft_know_the_events_in_the_journal():
     mission = Mission()
-    mission.port.receive(say.Happened(FIRST, 1))
+    mission.port.receive(msg.EventReport(FIRST, 1))
     await asyncio.sleep(0.01)
     assert mission.port.kept == 0
-    mission.port.receive(say.Happened(FIRST, 1))  # from the record, after a stall
-    mission.port.receive(say.Happened(SECOND, 2))
+    mission.port.receive(msg.EventReport(FIRST, 1))  # from the record, after a stall
+    mission.port.receive(msg.EventReport(SECOND, 2))
     assert mission.take_in() == [FIRST, SECOND]
     await asyncio.sleep(0.01)
     assert mission.port.kept == 2
     mission.port.lost()
     mission.take_in()
-    mission.port.receive(say.Happened(FIRST, 1))  # another process counts from the beginning
+    mission.port.receive(msg.EventReport(FIRST, 1))  # another process counts from the beginning
     assert mission.take_in() == [FIRST]
 
 
@@ -252,13 +252,13 @@ class Falling:
 async def test_defect_gives_the_vehicles_to_the_guardians():
     host = Host(lambda message: None)
     host.receive(BEGIN)
-    host.receive(say.Fly(0.0))
-    await host.fly({1: Falling()}, say.Ready(None))
+    host.receive(msg.Fly(0.0))
+    await host.fly({1: Falling()}, msg.Ready(None))
     with pytest.raises(ExceptionGroup):
         await host.carry_out()
     assert host.state == "returning"
-    host.receive(say.Give(1, Hold()))
-    host.receive(say.Fly(0.0))
+    host.receive(msg.GiveOrder(1, Hold()))
+    host.receive(msg.Fly(0.0))
     host.hold()
 
 
@@ -267,7 +267,7 @@ async def connected(child: AircraftChild, token: str) -> AsyncIterator[asyncio.S
     """Connect a mission to a process of the aircraft."""
     server = await asyncio.start_server(child._attached, "127.0.0.1", 0)
     reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
-    writer.write(say.encode(say.Attach(say.VERSION, token)))
+    writer.write(msg.encode(msg.Attach(msg.VERSION, token)))
     await reader.read(1)
     yield writer
     writer.close()
@@ -279,12 +279,12 @@ async def connected(child: AircraftChild, token: str) -> AsyncIterator[asyncio.S
 async def test_events_that_a_dead_mission_did_not_keep_are_recorded(tmp_path):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     async with connected(child, child._token) as writer:
-        child._send(say.Happened(FIRST, 1))
-        child._send(say.Happened(SECOND, 2))
-        writer.write(say.encode(say.Beat(kept=1)))
+        child._send(msg.EventReport(FIRST, 1))
+        child._send(msg.EventReport(SECOND, 2))
+        writer.write(msg.encode(msg.Beat(kept=1)))
         await asyncio.sleep(0.1)
-    found = list(say.Decoder().feed((tmp_path / RECORD).read_bytes()))
-    assert found == [say.Happened(SECOND, 2)]
+    found = list(msg.Decoder().feed((tmp_path / RECORD).read_bytes()))
+    assert found == [msg.EventReport(SECOND, 2)]
 
 
 @pytest.mark.parametrize("kept", [False, True])
@@ -292,13 +292,13 @@ async def test_events_that_a_dead_mission_did_not_keep_are_recorded(tmp_path):
 async def test_events_that_a_mission_dying_late_did_not_keep_are_recorded(*, kept, tmp_path):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     async with connected(child, child._token) as writer:
-        child._send(say.Happened(FIRST, 1))
-        child._send(say.Ended({}))
+        child._send(msg.EventReport(FIRST, 1))
+        child._send(msg.Ended({}))
         closing = asyncio.create_task(child._closed())
         await asyncio.sleep(0)
         assert not closing.done()
         if kept:
-            writer.write(say.encode(say.Beat(kept=1)))
+            writer.write(msg.encode(msg.Beat(kept=1)))
     await closing
     assert (tmp_path / RECORD).exists() is not kept
 
@@ -321,34 +321,34 @@ async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(tmp
         side = AircraftSide(made, made.known_setting(), tmp_path, (), clock, child._send)
         monkeypatch.setattr(child, "_side", side)
         side.host.receive(BEGIN)
-        side.host.receive(say.Fly(0.0))
-        await side.host.fly({1: Flying()}, say.Ready(None))
+        side.host.receive(msg.Fly(0.0))
+        await side.host.fly({1: Flying()}, msg.Ready(None))
         child._stopped()
         assert mission.take_in() == [Recalled(0.0)]
         assert not side.host.end.done()
         child._stopped()
     assert mission.take_in() == []
-    assert side.host.end.result() == say.Finish(ASKED_TO_END)
+    assert side.host.end.result() == msg.Finish(END_REQUESTED)
 
 
 @by(in_real_time)
 async def test_aircraft_send_signs_of_life_before_their_links_are_open(tmp_path, monkeypatch):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
-    sent: list[say.Message] = []
+    sent: list[msg.Message] = []
     async with connected(child, child._token):
         monkeypatch.setattr(child, "_send", sent.append)
         watching = asyncio.create_task(child._watch())
         await asyncio.sleep(1.5 * aircraft_process.BEAT_WALL_S)
         watching.cancel()
-    assert sent == [say.Beat()]
+    assert sent == [msg.Beat()]
 
 
 def test_record_is_added_to_the_journal_once(tmp_path):
     with Journal.create(tmp_path / JOURNAL, {"plan": plan().as_json()}) as journal:
         journal.append(FIRST)
-        record = say.encode(say.Happened(FIRST, 1)) + say.encode(say.Happened(SECOND, 2))
+        record = msg.encode(msg.EventReport(FIRST, 1)) + msg.encode(msg.EventReport(SECOND, 2))
         (tmp_path / RECORD).write_bytes(record)
-        assert taken_over(tmp_path, journal) is None
+        assert take_over_aircraft(tmp_path, journal) is None
         assert list(journal.events()) == [FIRST, SECOND]
 
 
@@ -367,8 +367,8 @@ def test_silent_process_is_not_joined_by_a_second(*, lives, tmp_path, monkeypatc
         assert stat.S_IMODE((tmp_path / ADDRESS).stat().st_mode) == 0o600
         if lives:
             with pytest.raises(LinkError, match="does not answer"):
-                taken_over(tmp_path, journal)
+                take_over_aircraft(tmp_path, journal)
             assert (tmp_path / ADDRESS).exists()
         else:
-            assert taken_over(tmp_path, journal) is None
+            assert take_over_aircraft(tmp_path, journal) is None
             assert not (tmp_path / ADDRESS).exists()

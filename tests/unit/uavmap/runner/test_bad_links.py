@@ -15,7 +15,7 @@ from missions.units import GridPoint
 from tests.benchmarks.watched import Flown, flown, mission_text
 from tests.support.flights import Flight, fly, small_mission, under_way
 from tests.support.running import by, on_virtual_time
-from uavmap.aircraft.guardian.last_watch import Guardians, watched_over
+from uavmap.aircraft.guardian.last_watch import Guardians, run_with_keeper
 
 UP_M = 12.0
 FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb", "reserve", "breach"})
@@ -145,7 +145,7 @@ async def test_vehicle_left_in_the_air_is_brought_home_if_the_connection_fails()
             raise LinkError("vehicle 2: no vehicle answered")
 
         with pytest.raises(LinkError, match="vehicle 2"):
-            await watched_over(Guardians({1: again.driver.guardian}), connect(), leave=True)
+            await run_with_keeper(Guardians({1: again.driver.guardian}), connect(), leave=True)
         world.cancel()
     assert flight.vehicle.truth.landed
     assert again.said == [

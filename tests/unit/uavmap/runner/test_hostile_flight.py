@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Arrived, FrameLost, FrameSeen, LinkLost, LookEnded, Tracked
 from missions.geo.fence import Fence
-from missions.guardian import SPENT_S, Guard, Limits, Seen, Task, watch
+from missions.guardian import LOW_CHARGE_S, Guard, Limits, Snapshot, Task, watch
 from missions.mission.energy import EnergyModel
 from missions.orders import FlyTo, Look, TakeOff
 from missions.units import Cell, GridPoint
@@ -107,8 +107,8 @@ def test_single_wrong_charge_does_not_land_the_vehicle_in_the_field():
     here = GridPoint(20.0, 20.0)
     guard = Guard(task=Task("hold", 0.0, (here,), height_m=12.0))
 
-    def seen(t_s: float, wh: float) -> Seen:
-        return Seen(t_s, here, 12.0, 0.0, GridPoint(0.0, 0.0), True, True, "follow", wh)
+    def seen(t_s: float, wh: float) -> Snapshot:
+        return Snapshot(t_s, here, 12.0, 0.0, GridPoint(0.0, 0.0), True, True, "follow", wh)
 
     for second in range(40):
         guard, verdict = watch(limits, guard, seen(float(second), 0.5 if second % 3 == 0 else 50.0))
@@ -119,4 +119,4 @@ def test_single_wrong_charge_does_not_land_the_vehicle_in_the_field():
         verdicts.append(verdict)
     (first,) = [v for v in verdicts if v is not None]
     assert first.rung == "land"
-    assert verdicts.index(first) in (int(SPENT_S), int(SPENT_S) + 1)
+    assert verdicts.index(first) in (int(LOW_CHARGE_S), int(LOW_CHARGE_S) + 1)

@@ -21,7 +21,7 @@ from tests.support.flights import small_mission
 from tests.support.folding import fold
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.imaging.classifier import Blind, PictureJudge
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process import messages as msg
 from uavmap.aircraft.process.port import Port
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal import event_log
@@ -230,7 +230,7 @@ async def test_aircraft_know_the_events_recorded_after_the_end(journal):
     )
     service.stop()
     await service.fly()
-    port.receive(say.Happened(CONNECTED, 1))
+    port.receive(msg.EventReport(CONNECTED, 1))
     await asyncio.sleep(0.0)
     assert port.kept == 0
     service.flush_pending_events()

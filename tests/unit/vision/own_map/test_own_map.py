@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from missions.navigation import ToldErrors
+from missions.navigation import ReportedErrors
 from missions.units import LatLon, Pose
 from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
@@ -21,7 +21,7 @@ ORIGIN = LatLon(48.0, 11.0)
 SPEC = CameraSpec(hfov_deg=80.0, width_px=320, height_px=240)
 CAMERA = Camera(math.radians(80.0), 320, 240)
 WORLD = World(WorldSpec(ORIGIN, 0.0, (), seed=3))
-ERRORS = ToldErrors(satellites_m=0.3, pointing_m=0.03)
+ERRORS = ReportedErrors(satellites_m=0.3, pointing_m=0.03)
 
 
 @lru_cache(maxsize=512)

@@ -24,11 +24,11 @@ from uavmap.output.drawing.raster import encode_png
 from uavmap.output.drawing.sheet import draw_sheet
 from uavmap.output.report.page import encode_plan
 from uavmap.runner.preflight.plan_figures import (
+    default_lines,
     estimate,
     first_sighting_s,
     ground_figures,
     ground_lines,
-    taken_lines,
     zone_lines,
 )
 from uavmap.ui.cli.option_table import add_options
@@ -73,14 +73,14 @@ def run(options: argparse.Namespace) -> int:
         figures["ground"] = ground_figures(setting)
         figures["region"] = region_in_words(setting.mission.detector)
         figures["warnings"] = warnings
-        figures["taken"] = taken_lines(setting.mission)
+        figures["taken"] = default_lines(setting.mission)
         figures["zones"] = zone_lines(setting.mission)
         print(json.dumps(figures, indent=2))
         return 0
     print(f"{options.mission}: {'can be flown, with warnings' if warnings else 'no fault'}")
     for warning in warnings:
         print(f"  {warning}")
-    for line in (*zone_lines(setting.mission), *taken_lines(setting.mission)):
+    for line in (*zone_lines(setting.mission), *default_lines(setting.mission)):
         print(f"  {line}")
     for line in region_lines(mission.detector):
         print(f"  {line}")

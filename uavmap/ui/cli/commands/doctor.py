@@ -26,8 +26,8 @@ from uavmap.runner.flight_links import Link, cameras_of, check_urls
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.computer_check import ComputerSpeed, computer_findings, installation
-from uavmap.runner.preflight.examination import Examination, connect, spoken_with
-from uavmap.runner.preflight.finding import Finding, could_fly, of_vehicle, ok
+from uavmap.runner.preflight.examination import Examination, connect, open_answering_links
+from uavmap.runner.preflight.finding import Finding, could_fly, for_vehicle, ok
 from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.ui.cli import INCOMPLETE
 from uavmap.ui.cli.flight_options import key_file
@@ -152,7 +152,10 @@ async def _vehicles(
 ) -> None:
     section = CameraSection() if setting is None else setting.mission.camera
     with shown_on(Terminal()):
-        async with spoken_with(options, cameras, section) as links, asyncio.TaskGroup() as tasks:
+        async with (
+            open_answering_links(options, cameras, section) as links,
+            asyncio.TaskGroup() as tasks,
+        ):
             for link in links:
                 if setting is not None:
                     link.session.view.gate.area = setting.mission.home
@@ -181,4 +184,4 @@ async def _vehicle(
             f"{setup.in_words(before)}; a flight sets the mission's fence, {by_m:.0f} m wider",
         )
     )
-    add(of_vehicle(number, findings))
+    add(for_vehicle(number, findings))

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from missions.planning.stepwise import EXPLORERS
 from missions.planning.stepwise.interface import Explorer
-from missions.planning.sweep.strategies import ON_PATHS, About
+from missions.planning.sweep.strategies import ON_PATHS, StrategyInfo
 from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\
@@ -27,7 +27,7 @@ EXAMPLES: Final = """\
 NOTES: Final = ""
 TABLE_WIDTH: Final = 76
 """Minimum width of the table in characters: in a narrower one, some words do not fit."""
-_EVERY: Sequence[Explorer | About] = (*EXPLORERS.values(), *ON_PATHS.values())
+_EVERY: Sequence[Explorer | StrategyInfo] = (*EXPLORERS.values(), *ON_PATHS.values())
 DESCRIPTION: Final = "List the strategies for --strategy, with their uses and guarantees."
 
 

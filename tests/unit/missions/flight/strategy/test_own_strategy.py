@@ -14,7 +14,7 @@ from missions.errors import StrategyError
 from missions.flight.setting_of import setting_of
 from missions.flight.strategies import CHOICES, register
 from missions.flight.strategy.every_patch import Survey
-from missions.planning.sweep.strategies import ON_PATHS, SURVEY, About
+from missions.planning.sweep.strategies import ON_PATHS, SURVEY, StrategyInfo
 from tests.e2e.rig import MISSIONS, ROOT, command, environment
 from tests.support.small_missions import mission, square
 
@@ -23,11 +23,11 @@ SPIRAL = '''
 
 from missions.flight.strategy.work import Lanes
 from missions.flight.strategy.sweep import Sweep
-from missions.planning.sweep.strategies import About
+from missions.planning.sweep.strategies import StrategyInfo
 
 
 class Spiral(Sweep):
-    about = About(
+    about = StrategyInfo(
         "spiral",
         "as swath",
         "a test",
@@ -106,7 +106,7 @@ def test_a_registered_strategy_flies_by_its_name_and_may_be_taken_out_again() ->
     box, fence = square(0.0, 0.0, 40.0, 40.0), square(-20.0, -20.0, 90.0, 90.0)
 
     class Mine(Survey):
-        about = About("mine", "none", "a test", "never")
+        about = StrategyInfo("mine", "none", "a test", "never")
 
     mine = Mine()
     register(mine)
@@ -116,7 +116,7 @@ def test_a_registered_strategy_flies_by_its_name_and_may_be_taken_out_again() ->
         del CHOICES["mine"], ON_PATHS["mine"]
 
     class Other(Survey):
-        about = About(SURVEY.name, "none", "a test", "never")
+        about = StrategyInfo(SURVEY.name, "none", "a test", "never")
 
     with pytest.raises(StrategyError, match="survey: another strategy has this name"):
         register(Other())

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from missions.fleet_events import Apart, Fact, Shared
+from missions.fleet_events import Fact, FactsShared, MemberApart
 from missions.flight.state import State
-from missions.flight.team.teams import MAX_LATE_S, PART_WAIT_S, REPORT_MAX_S, SILENT_S
+from missions.flight.team.teams import MAX_DELAY_S, PART_WAIT_S, REPORT_MAX_S, SILENT_S
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Allotment, ReturnReason
 from missions.orders import FlyPath
@@ -25,7 +25,7 @@ def away(state: State, *, with_lanes: bool = True) -> State:
     """The third is out of contact, and has lanes to fly."""
     lanes = setting(2).lanes[-1:] if with_lanes else ()
     state = state.with_vehicle(replace(state.vehicles[3], lanes=lanes))
-    return apply(state, Apart(3, state.t_s))
+    return apply(state, MemberApart(3, state.t_s))
 
 
 def bides(state: State, t_s: float) -> bool:
@@ -36,8 +36,8 @@ def test_who_is_due_is_waited_for_and_not_for_ever() -> None:
     state = away(over_pad(flying(2)))
     due_s = state.vehicles[3].due_s
     assert 105.0 < due_s < state.vehicles[3].held_until_s
-    assert bides(state, due_s + MAX_LATE_S - 0.1)
-    assert not bides(state, due_s + MAX_LATE_S)
+    assert bides(state, due_s + MAX_DELAY_S - 0.1)
+    assert not bides(state, due_s + MAX_DELAY_S)
     assert not bides(away(over_pad(flying(2)), with_lanes=False), 101.0)
     assert not bides(over_pad(flying(2)), 101.0)
 
@@ -46,8 +46,8 @@ def test_who_is_due_is_waited_for_where_a_third_has_told_what_it_saw() -> None:
     state = away(over_pad(flying(2)))
     gone = replace(state.vehicles[3], lanes=())  # its cells are shown by now
     state = state.with_vehicle(gone)
-    assert bides(state, gone.due_s + MAX_LATE_S - 0.1)
-    assert not bides(state, gone.due_s + MAX_LATE_S)
+    assert bides(state, gone.due_s + MAX_DELAY_S - 0.1)
+    assert not bides(state, gone.due_s + MAX_DELAY_S)
 
 
 def test_who_maps_already_waits_for_nobody() -> None:
@@ -61,9 +61,9 @@ def test_who_is_heard_again_is_let_tell_what_it_knows() -> None:
     state = replace(state, allotment=Allotment(1, back_s, {1: (), 2: ()}))
     assert bides(state, back_s + SILENT_S - 0.1)
     assert not bides(state, back_s + SILENT_S)
-    told = apply(state, Shared(3, back_s + 4.0, 0, (Fact(90.0, ((Cell(0, 4), True),)),)))
+    told = apply(state, FactsShared(3, back_s + 4.0, 0, (Fact(90.0, ((Cell(0, 4), True),)),)))
     assert bides(told, back_s + SILENT_S + 3.0)
-    late = apply(told, Shared(3, back_s + 29.0, 1, (Fact(91.0, ((Cell(1, 4), True),)),)))
+    late = apply(told, FactsShared(3, back_s + 29.0, 1, (Fact(91.0, ((Cell(1, 4), True),)),)))
     assert bides(late, back_s + REPORT_MAX_S - 0.1)
     assert not bides(late, back_s + REPORT_MAX_S)
 
@@ -88,7 +88,9 @@ def test_nobody_leaves_before_it_was_told_what_it_maps() -> None:
 
 @pytest.mark.parametrize("alone", [False, True])
 def test_who_waits_plans_nothing_and_sets_out_when_the_others_are_back(*, alone: bool) -> None:
-    state = apply(over_pad(flying(2)), Shared(1, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),)))
+    state = apply(
+        over_pad(flying(2)), FactsShared(1, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
+    )
     state = replace(state, t_s=110.0)
     if alone:
         state = away(state)

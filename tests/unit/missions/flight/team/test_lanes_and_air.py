@@ -9,13 +9,13 @@ from functools import lru_cache
 import pytest
 
 from missions.events import Arrived, FrameSeen, Vote
-from missions.fleet_events import Apart, Heard, Leased
-from missions.flight.airspace.airspace import ASK_S, Airspace
+from missions.fleet_events import AirLeased, MemberApart, MemberReport
+from missions.flight.airspace.airspace import MAX_LEASE_WAIT_S, Airspace
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.sweep import change_layer
-from missions.flight.team.members import heard
+from missions.flight.team.members import member_reported
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Column, Phase, VehicleState
 from missions.geo.trajectory import rounded_path
@@ -47,15 +47,15 @@ def in_the_air(*, on_lane: bool) -> State:
     return state.with_vehicle(ours)
 
 
-def told(does: str, vehicle: int = 1) -> Heard:
+def told(does: str, vehicle: int = 1) -> MemberReport:
     """Another tells that it holds that lane."""
-    return Heard(
+    return MemberReport(
         vehicle, 1.0, GridPoint(0.0, 20.0), 30.0, 50.0, does, setting().pad_of(vehicle), (0,)
     )  # type: ignore[arg-type]
 
 
 def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
-    state = heard(in_the_air(on_lane=False), told("flies"))
+    state = member_reported(in_the_air(on_lane=False), told("flies"))
     ours = state.vehicles[OURS]
     assert (ours.lanes, ours.on_lane, ours.lane_seen_m) == ((), False, ())
     state = apply(state, Arrived(OURS, 12.0, setting().lanes[0][1]))
@@ -65,25 +65,25 @@ def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
 @pytest.mark.parametrize("on_lane", [True, False])
 def test_who_is_on_a_lane_keeps_it_and_who_flies_from_all_that_do_not_fly(*, on_lane: bool) -> None:
     for does in ("stands", "down", "ended", "pilot", "guarded", *(["flies"] if on_lane else [])):
-        ours = heard(in_the_air(on_lane=on_lane), told(does)).vehicles[OURS]
+        ours = member_reported(in_the_air(on_lane=on_lane), told(does)).vehicles[OURS]
         assert (ours.lanes, ours.lane_seen_m) == (setting().lanes[:1], (4.0,)), does
 
 
 def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> None:
     state = in_the_air(on_lane=False)
     state = state.with_vehicle(replace(state.vehicles[OURS], lanes=()))
-    state = heard(state, told("down"))
+    state = member_reported(state, told("down"))
     assert drop_seen(state).vehicles[1].lanes == setting().lanes[:1]
     votes = tuple(Vote(cell, False, 0.0) for cell in setting().box_cells)
     state = apply(state, FrameSeen(OURS, 2.0, None, votes, overview=True))
-    state = heard(state, told("down"))
+    state = member_reported(state, told("down"))
     assert drop_seen(state).vehicles[1].lanes == ()
 
 
 def test_air_that_was_promised_once_is_asked_for_again_the_next_time() -> None:
     state = in_the_air(on_lane=False)
     for vehicle in (1, 3):
-        state = heard(state, replace(told("flies", vehicle), lanes=()))
+        state = member_reported(state, replace(told("flies", vehicle), lanes=()))
     mine = replace(state.vehicles[OURS], lanes=(), order=None, leased_until_s=500.0)
     after = change_layer(state.with_vehicle(mine), mine)
     assert after is not None
@@ -100,9 +100,9 @@ def stopped_between(*, leased_s: float, apart: bool = False) -> State:
     """Ours has come down to 2 m above the layer from which it maps, and was stopped there."""
     state = replace(in_the_air(on_lane=False), t_s=100.0)
     for vehicle in (1, 3):
-        state = heard(state, replace(told("flies", vehicle), lanes=()))
+        state = member_reported(state, replace(told("flies", vehicle), lanes=()))
     if apart:
-        state = apply(state, Apart(3, 100.0))
+        state = apply(state, MemberApart(3, 100.0))
     mine, low_m = state.vehicles[OURS], setting().mission.altitude_m(OURS - 1)
     high_m = setting().mission.search_altitude_m(OURS - 1) or 0.0
     asks = Column(mine.position, low_m, high_m, 80.0, 80.0 + leased_s)
@@ -134,11 +134,11 @@ def test_who_is_stopped_for_longer_asks_anew_for_the_shorter_way() -> None:
     assert ours.asks.asked_s == 100.0
     waits = replace(state.with_vehicle(ours), t_s=101.0)
     assert sent_back(waits).asks == ours.asks
-    promised = apply(waits, Leased(OURS, 101.0, ours.asks.place, ours.asks.until_s))
+    promised = apply(waits, AirLeased(OURS, 101.0, ours.asks.place, ours.asks.until_s))
     down = sent_back(promised)
     assert isinstance(down.order, FlyTo)
     assert down.order.height_m == low_m
-    unanswered = sent_back(replace(waits, t_s=100.0 + ASK_S + 0.1))
+    unanswered = sent_back(replace(waits, t_s=100.0 + MAX_LEASE_WAIT_S + 0.1))
     assert isinstance(unanswered.order, FlyTo)
 
 
@@ -177,7 +177,7 @@ def test_nobody_is_asked_for_air_while_others_have_the_vehicle_of_one(does: str)
     """Its member answers, and cannot say where the vehicle goes: ours goes by its own pad."""
     state = replace(in_the_air(on_lane=False), t_s=100.0)
     for vehicle, doing in ((1, does), (3, "flies")):
-        state = heard(state, replace(told(doing, vehicle), lanes=()))
+        state = member_reported(state, replace(told(doing, vehicle), lanes=()))
     mine = replace(state.vehicles[OURS], lanes=(), order=None, position=GridPoint(20.0, 40.0))
     after = change_layer(state.with_vehicle(mine), mine)
     assert after is not None

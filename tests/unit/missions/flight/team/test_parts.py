@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.fleet_events import Allotted, Apart, Fact, Heard, Part, Shared
+from missions.fleet_events import Fact, FactsShared, MemberApart, MemberReport, Part, PartsAllotted
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import chart_of, flyer_of
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep_passes import NEAR_PAD_M
-from missions.flight.team.work_shares import EVERY_S, PARTS_VALID_S, own_part, share_parts
+from missions.flight.team.work_shares import PARTS_VALID_S, SHARE_INTERVAL_S, own_part, share_parts
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Allotment, Phase
 from missions.mission.checks import parse_mission
@@ -77,9 +77,9 @@ def test_each_cell_is_of_exactly_one_that_maps(
     assert (whose[: theirs.size] == 1).all()
 
 
-def heard(member: int, number: int, does: str) -> Heard:
+def heard(member: int, number: int, does: str) -> MemberReport:
     pad = setting(member).pad_of(number)
-    return Heard(number, 100.0, GridPoint(0.0, 20.0), 12.0, 50.0, does, pad)  # type: ignore[arg-type]
+    return MemberReport(number, 100.0, GridPoint(0.0, 20.0), 12.0, 50.0, does, pad)  # type: ignore[arg-type]
 
 
 def test_what_was_told_long_ago_is_kept_to_no_more() -> None:
@@ -97,7 +97,9 @@ def test_who_has_no_part_in_what_was_told_plans_for_all() -> None:
 
 
 def test_a_plan_begins_once_with_what_was_told() -> None:
-    state = apply(flying(2), Allotted(1, 100.0, (Part(1, ()), Part(2, (GridPoint(4.0, 8.0),)))))
+    state = apply(
+        flying(2), PartsAllotted(1, 100.0, (Part(1, ()), Part(2, (GridPoint(4.0, 8.0),))))
+    )
     _, memory, waypoints = own_part(2, state, Chart.around(AREA, 4.0), TourMemory())
     assert [(x, y) for x, y, _ in waypoints[0]] == [(4.0, 8.0)]
     _, _, again = own_part(2, state, Chart.around(AREA, 4.0), memory)
@@ -106,7 +108,7 @@ def test_a_plan_begins_once_with_what_was_told() -> None:
 
 def test_who_is_out_of_contact_keeps_its_part_for_as_long_as_that_takes() -> None:
     parts = {number: (GridPoint(4.0, 10.0 * number),) for number in TEAM}
-    state = apply(told(flying(2), parts), Apart(3, 100.0))
+    state = apply(told(flying(2), parts), MemberApart(3, 100.0))
     until_s = state.vehicles[3].held_until_s
     assert 130.0 < until_s < 180.0
     chart = Chart.around(AREA, 4.0)
@@ -121,7 +123,7 @@ def test_who_is_out_of_contact_keeps_its_part_for_as_long_as_that_takes() -> Non
 def test_lanes_of_who_is_out_of_contact_are_taken_when_they_should_be_flown() -> None:
     state, lanes = flying(2), setting(2).lanes
     state = state.with_vehicle(replace(state.vehicles[3], lanes=lanes))
-    state = apply(state, Apart(3, 100.0))
+    state = apply(state, MemberApart(3, 100.0))
     until_s = state.vehicles[3].held_until_s
     assert until_s > 130.0
     for t_s, taken in ((until_s - 0.1, ()), (until_s, lanes[-1:])):
@@ -145,7 +147,7 @@ def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
     assert laid is not None
     assert laid.parts.keys() == set(TEAM)
     assert all(laid.parts.values())
-    soon = replace(state, t_s=100.0 + EVERY_S - 0.1, allotment=laid)
+    soon = replace(state, t_s=100.0 + SHARE_INTERVAL_S - 0.1, allotment=laid)
     again = share_parts(member, soon, OpenWork(known, flyers, TourMemory(), 2))
     assert again.allotment is laid
     # whoever leads of those that are left goes on with what was told
@@ -174,7 +176,7 @@ def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: G
 
 
 def test_who_waits_over_its_pad_has_its_part_in_what_is_laid_out() -> None:
-    found = Shared(3, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
+    found = FactsShared(3, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
     for member, lays in ((1, True), (2, False)):
         state = apply(flying(member), found)
         for number in (1, 3):

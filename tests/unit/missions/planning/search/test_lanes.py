@@ -23,7 +23,7 @@ from missions.planning.search.lanes import (
     share_by_time,
     share_out,
     tour_m,
-    unseen,
+    unseen_parts,
 )
 from missions.units import GridPoint
 from tests.unit.missions.geo.test_fence import random_fence
@@ -281,7 +281,7 @@ def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(start, end, share
     assume(length_m > 0.01)
     seen_m = [share * length_m for share in shares]
     line = LineString([start, end])
-    stretches = unseen((start, end), seen_m, 4.0)
+    stretches = unseen_parts((start, end), seen_m, 4.0)
     for a, b in stretches:
         assert line.distance(Point(a)) < 1e-6
         assert line.distance(Point(b)) < 1e-6
@@ -297,8 +297,8 @@ def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(start, end, share
 
 def test_a_lane_with_a_frame_over_each_cell_is_seen():
     lane = (GridPoint(0, 0), GridPoint(40, 0))
-    assert unseen(lane, [4.0 * i for i in range(11)], 4.0) == ()
-    assert unseen(lane, [4.0 * i for i in range(11) if i != 5], 4.0) == ()  # one is lost
+    assert unseen_parts(lane, [4.0 * i for i in range(11)], 4.0) == ()
+    assert unseen_parts(lane, [4.0 * i for i in range(11) if i != 5], 4.0) == ()  # one is lost
     two_lost = [4.0 * i for i in range(11) if i not in (5, 6)]
-    assert unseen(lane, two_lost, 4.0) == ((GridPoint(20, 0), GridPoint(24, 0)),)
-    assert unseen(lane, [], 4.0) == (lane,)
+    assert unseen_parts(lane, two_lost, 4.0) == ((GridPoint(20, 0), GridPoint(24, 0)),)
+    assert unseen_parts(lane, [], 4.0) == (lane,)

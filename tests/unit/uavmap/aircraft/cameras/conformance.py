@@ -22,7 +22,7 @@ from uavmap.aircraft.cameras.folder import FolderSource
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import Announcement, FrameSource
-from uavmap.aircraft.cameras.stream import Grabbed, StreamSource
+from uavmap.aircraft.cameras.stream import RawFrame, StreamSource
 from uavmap.aircraft.cameras.triggered import TriggeredSource
 
 SIZE_PX = (64, 48)
@@ -148,7 +148,7 @@ class StreamHardware:
     def _put(self, number, loaded):
         there_s = asyncio.get_running_loop().time()
         if self.there and self._wants(there_s):
-            self._queue.put_nowait(Grabbed(there_s, loaded))
+            self._queue.put_nowait(RawFrame(there_s, loaded))
 
     async def expose(self, number):
         image = np.full((SIZE_PX[1], SIZE_PX[0], 3), number % 256, np.uint8)

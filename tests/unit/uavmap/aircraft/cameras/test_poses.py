@@ -18,7 +18,7 @@ from tests.support.mavlink_peer import Peer, heartbeat, position
 from tests.support.running import by, on_virtual_time
 from tests.unit.uavmap.aircraft.cameras.conformance import LATENCY_S, folder_bench, jpeg, running
 from uavmap.aircraft.cameras.pose import Mount, Poses
-from uavmap.aircraft.cameras.source import Announcement, ToldPose
+from uavmap.aircraft.cameras.source import Announcement, ReportedPose
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.continuity import distance_m
 
@@ -108,13 +108,13 @@ def test_pose_in_a_turn_lies_between_its_messages():
 @by(flown)
 async def test_pose_reported_by_the_camera_has_precedence(peer, poses, /):
     place, height_m, turned = truth(2.0)
-    told = ToldPose(place, height_m, turned)
+    told = ReportedPose(place, height_m, turned)
     taken_s = asyncio.get_running_loop().time()
     assert await poses.pose_of(Announcement("a", taken_s, nothing, told=told)) == Pose(
         place, height_m, turned
     )
     assert poses.streams == {}  # no stream was requested
-    half = ToldPose(place, height_m, None)
+    half = ReportedPose(place, height_m, None)
     pose = await poses.pose_of(Announcement("a", taken_s, nothing, told=half))
     assert (pose.position, pose.height_m) == (place, height_m)
     assert angle_deg(pose.attitude, Mount(yaw_deg=90.0).attitude(turned)) < 0.1

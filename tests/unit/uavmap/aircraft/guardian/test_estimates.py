@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from missions.events import Airborne, Arrived, OrderFailed, Tracked
 from missions.geo.geodesy import LocalPlane
-from missions.guardian import HARD_M_S
+from missions.guardian import HARD_LANDING_M_S
 from missions.orders import TakeOff
 from missions.units import LatLon
 from tests.support.flights import UP_M, fly, small_mission, to
@@ -226,7 +226,7 @@ def fall(height_m, every_s):
 def test_motors_that_stop_in_the_last_metre_are_an_impact():
     """Reports of a fall of 0.8 m: only its last message is faster than a hard landing."""
     end = [0.78, 1.25, 1.79, 2.33, 2.87]
-    assert told([*[0.48] * 20, *end, 0.0, 0.0]).speed_m_s > HARD_M_S
+    assert told([*[0.48] * 20, *end, 0.0, 0.0]).speed_m_s > HARD_LANDING_M_S
     # the same last message without the messages before it
     assert told([*[0.48] * 24, 2.87, 0.0, 0.0]).speed_m_s == 0.48
 
@@ -235,20 +235,20 @@ def test_motors_that_stop_in_the_last_metre_are_an_impact():
 def test_landing_is_no_impact(fast_m_s):
     impact = told([*[fast_m_s] * 50, *[0.5] * 60, 0.1, 0.0])
     assert impact.speed_m_s == 0.5
-    assert told([*[fast_m_s] * 50, 0.0]).speed_m_s <= HARD_M_S
+    assert told([*[fast_m_s] * 50, 0.0]).speed_m_s <= HARD_LANDING_M_S
 
 
 @pytest.mark.parametrize(
     ("height_m", "every_s"), [(1.5, 0.1), (3.0, 0.1), (10.0, 0.1), (3.0, 0.2), (10.0, 0.2)]
 )
 def test_fall_is_an_impact(height_m, every_s):
-    assert told(fall(height_m, every_s), every_s=every_s).speed_m_s > HARD_M_S
+    assert told(fall(height_m, every_s), every_s=every_s).speed_m_s > HARD_LANDING_M_S
 
 
 def test_bounce_does_not_hide_an_impact():
     impact = told(fall(3.0, 0.1))
     told([-1.0, -0.5, 0.5, 1.0, 0.0, 0.0], impact=impact)
-    assert impact.speed_m_s > HARD_M_S
+    assert impact.speed_m_s > HARD_LANDING_M_S
 
 
 def test_stop_in_the_air_is_forgotten_before_the_landing():
@@ -259,7 +259,7 @@ def test_stop_in_the_air_is_forgotten_before_the_landing():
 
 def test_braking_as_an_autopilot_brakes_is_no_impact():
     """Braking from 4 m/s with 2.5 m/s2 ends slowly."""
-    assert told([4.0 - 0.25 * n for n in range(17)]).speed_m_s < HARD_M_S
+    assert told([4.0 - 0.25 * n for n in range(17)]).speed_m_s < HARD_LANDING_M_S
 
 
 def test_clock_that_restarts_resets_the_impact():

@@ -6,7 +6,7 @@ import pytest
 
 from missions.errors import AircraftError, JournalError
 from tests.support.running import by, on_virtual_time
-from uavmap.aircraft.guardian.last_watch import Guardians, watched_over
+from uavmap.aircraft.guardian.last_watch import Guardians, run_with_keeper
 from uavmap.base.clock import VirtualClock, run
 
 
@@ -40,7 +40,7 @@ class Kept:
 
 
 async def watched(kept, mission, *, leave):
-    await watched_over(Guardians(dict(enumerate(kept, start=1))), mission, leave=leave)
+    await run_with_keeper(Guardians(dict(enumerate(kept, start=1))), mission, leave=leave)
 
 
 async def failing(after_s, failure):

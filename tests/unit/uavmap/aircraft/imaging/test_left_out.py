@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from missions.events import FrameLost
 from uavmap.aircraft.cameras.source import FrameSource
-from uavmap.aircraft.imaging.frames import MOST_WAITING, Frames
+from uavmap.aircraft.imaging.frames import MAX_WAITING, Frames
 from uavmap.base.clock import VirtualClock, run
 
 
@@ -57,7 +57,7 @@ def test_newest_waiting_picture_is_judged_next():
     assert camera.indices[-1] == 99
     # each is judged soon after its exposure: the queue never grows
     steps = [b - a for a, b in zip(camera.indices, camera.indices[1:], strict=False)]
-    assert max(steps) <= 10 + MOST_WAITING
+    assert max(steps) <= 10 + MAX_WAITING
     assert [event.reason for event in events] == [
         "detection is slower than the frame rate: pictures are dropped from now on"
     ]

@@ -11,8 +11,8 @@ from missions.events import FrameSeen, Tracked, Vote
 from missions.geo.trajectory import rounded_path
 from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
 from tests.support.running import by, on_virtual_time
-from uavmap.aircraft.imaging.classifier import Taken
-from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.imaging.classifier import PosedPicture
+from uavmap.aircraft.process import messages as msg
 from uavmap.aircraft.process.host import Host
 
 PATH = rounded_path(
@@ -23,12 +23,18 @@ PATH = rounded_path(
 POSE = Pose(LatLon(47.1, 8.3), 12.0, Quaternion(1.0, 0.0, 0.0, 0.0))
 SEEN = FrameSeen(1, 2.5, None, (Vote(Cell(1, -2), True, 0.125),), overview=True)
 ALL = [
-    say.Attach(say.VERSION, "word"),
-    say.Telemetry(2, "GUIDED", 10, 1.2, None, 0.25, 0.1),
-    say.Begin(3.5, {1: say.Before(flew=True)}, say.Asked(("a",), True, False), False, True),
-    say.Fly(-1.25),
+    msg.Attach(msg.VERSION, "word"),
+    msg.Telemetry(2, "GUIDED", 10, 1.2, None, 0.25, 0.1),
+    msg.Begin(
+        3.5,
+        {1: msg.EarlierFlight(flew=True)},
+        msg.PreflightOptions(("a",), True, False),
+        False,
+        True,
+    ),
+    msg.Fly(-1.25),
     *(
-        say.Give(2, order)
+        msg.GiveOrder(2, order)
         for order in (
             orders.TakeOff(12.0),
             orders.Sweep(GridPoint(1.0, 2.0), 3.0, 12.0),
@@ -42,32 +48,32 @@ ALL = [
             orders.StandDown(),
         )
     ),
-    say.LandHere(1, "commanded by the operator"),
-    say.Judged(7, seen=True),
-    say.Judged(8, seen=False),
-    say.Swapped(1),
-    say.Answered(None),
-    say.Finish("the mission is over"),
-    say.Leave("the operator left"),
-    say.Beat(12.5, fates={1: "in the air"}),
-    say.Attached("flying"),
-    say.Ready(None, 4.0),
-    say.Happened(Tracked(1, 2.0, GridPoint(0.1, 0.2), 12.0, 55.5)),
-    say.Picture(1, 1, 2.0, POSE, Cell(1, 2), False, "a picture", None, b"\xff\xd8 a file"),
-    say.BatteryWanted(3),
-    say.BatteryUnwanted(3),
-    say.Question("fly? [y/N]"),
-    say.Line("vehicle 1: ready"),
-    say.Ended({1: "in the air"}, "LinkError", "silent", True),
+    msg.LandHere(1, "commanded by the operator"),
+    msg.PictureJudged(7, seen=True),
+    msg.PictureJudged(8, seen=False),
+    msg.SwapDone(1),
+    msg.Answered(None),
+    msg.Finish("the mission is over"),
+    msg.Leave("the operator left"),
+    msg.Beat(12.5, fates={1: "in the air"}),
+    msg.Attached("flying"),
+    msg.Ready(None, 4.0),
+    msg.EventReport(Tracked(1, 2.0, GridPoint(0.1, 0.2), 12.0, 55.5)),
+    msg.Picture(1, 1, 2.0, POSE, Cell(1, 2), False, "a picture", None, b"\xff\xd8 a file"),
+    msg.SwapRequested(3),
+    msg.SwapCancelled(3),
+    msg.Question("fly? [y/N]"),
+    msg.Line("vehicle 1: ready"),
+    msg.Ended({1: "in the air"}, "LinkError", "silent", True),
 ]
 
 
 def test_messages_in_arbitrary_pieces_are_decoded_unchanged():
-    wire = b"".join(map(say.encode, ALL))
+    wire = b"".join(map(msg.encode, ALL))
     rng = np.random.default_rng(1)
     for _ in range(20):
         cuts = sorted(rng.integers(0, len(wire), 30).tolist())
-        decoder, found = say.Decoder(), list[say.Message]()
+        decoder, found = msg.Decoder(), list[msg.Message]()
         for begin, end in zip([0, *cuts], [*cuts, len(wire)], strict=True):
             found += decoder.feed(wire[begin:end])
         assert found == ALL
@@ -75,29 +81,29 @@ def test_messages_in_arbitrary_pieces_are_decoded_unchanged():
 
 def test_pixels_of_a_picture_are_decoded_unchanged():
     pixels = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
-    sent = say.Picture(1, 1, 2.0, POSE, None, True, "one", (2, 4, 3), pixels.tobytes())
-    (found,) = say.Decoder().feed(say.encode(sent))
-    assert isinstance(found, say.Picture)
+    sent = msg.Picture(1, 1, 2.0, POSE, None, True, "one", (2, 4, 3), pixels.tobytes())
+    (found,) = msg.Decoder().feed(msg.encode(sent))
+    assert isinstance(found, msg.Picture)
     assert np.array_equal(found.content, pixels)
 
 
 @pytest.mark.parametrize(
     "data",
-    [b"\x00\x00\x00\x02\x00\x00\x00\x00{}", b"\xff" * 8, say.encode(ALL[3])[:8] + b"x" * 999],
+    [b"\x00\x00\x00\x02\x00\x00\x00\x00{}", b"\xff" * 8, msg.encode(ALL[3])[:8] + b"x" * 999],
 )
 def test_invalid_bytes_are_refused(data):
     with pytest.raises(LinkError):
-        list(say.Decoder().feed(data))
+        list(msg.Decoder().feed(data))
 
 
 @pytest.mark.parametrize(
     ("known", "text", "picture", "fits"),
     [
-        (True, say.MOST_TEXT_BYTES, say.MOST_PICTURE_BYTES, True),
-        (True, say.MOST_TEXT_BYTES + 1, 0, False),
-        (True, 2, say.MOST_PICTURE_BYTES + 1, False),
-        (False, say.FIRST_BYTES, 0, True),
-        (False, say.FIRST_BYTES + 1, 0, False),
+        (True, msg.MOST_TEXT_BYTES, msg.MOST_PICTURE_BYTES, True),
+        (True, msg.MOST_TEXT_BYTES + 1, 0, False),
+        (True, 2, msg.MOST_PICTURE_BYTES + 1, False),
+        (False, msg.FIRST_BYTES, 0, True),
+        (False, msg.FIRST_BYTES + 1, 0, False),
         (False, 2, 1, False),
     ],
 )
@@ -106,13 +112,13 @@ def test_message_too_long_is_refused_by_its_head(known, text, picture, fits):
     head = text.to_bytes(4, "big") + picture.to_bytes(4, "big")
     expected = contextlib.nullcontext() if fits else pytest.raises(LinkError, match="understand")
     with expected:
-        assert not list(say.Decoder(known=known).feed(head))
+        assert not list(msg.Decoder(known=known).feed(head))
 
 
 @by(on_virtual_time)
 async def test_picture_that_is_too_large_for_the_mission_is_lost_and_nothing_is_sent():
-    sent = list[say.Message]()
-    data = bytes(say.MOST_PICTURE_BYTES + 1)
+    sent = list[msg.Message]()
+    data = bytes(msg.MOST_PICTURE_BYTES + 1)
     with pytest.raises(ImageError, match="a picture has at most"):
-        await Host(sent.append).judge(Taken(1, 2.0, POSE, None, True, "huge", data))
+        await Host(sent.append).judge(PosedPicture(1, 2.0, POSE, None, True, "huge", data))
     assert sent == []

@@ -12,7 +12,7 @@ from tests.support.field import mission_of, on_field
 from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
-from uavmap.mavlink.identity import answered
+from uavmap.mavlink.identity import wait_for_autopilot
 from uavmap.mavlink.links import signing as signing_module
 from uavmap.mavlink.links.signing import (
     BESIDE,
@@ -235,6 +235,6 @@ async def test_wrong_key_line_names_refused_signatures(key, words):
     for _ in range(7):
         session.feed(beat() if key is None else signing(key).sign(beat()))
     with pytest.raises(LinkError, match=r"7 frames were refused for their signature") as silent:
-        await answered(session, "udp")
+        await wait_for_autopilot(session, "udp")
     assert words in str(silent.value)
     assert "switched on" not in str(silent.value)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from uavmap.mavlink.mavsdk.driver_pipe import MOST_BYTES, Pieces, frames, words
+from uavmap.mavlink.mavsdk.driver_pipe import MOST_BYTES, Pieces, frames_piece, object_piece
 from uavmap.mavlink.mavsdk.mavsdk_session import Outbox, fields_of, message_of
 
 _BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
@@ -67,7 +67,7 @@ def test_whole_number_that_is_missing_makes_no_message(fields):
 
 @given(st.lists(st.binary(max_size=40)), st.integers(1, 7))
 def test_pieces_of_a_stream_come_out_unchanged(parts, size):
-    stream = b"".join(frames(part) + words({"n": len(part)}) for part in parts)
+    stream = b"".join(frames_piece(part) + object_piece({"n": len(part)}) for part in parts)
     pieces = Pieces()
     out = [
         piece

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.events import FrameSeen, Vote
-from missions.fleet_events import Shared
+from missions.fleet_events import FactsShared
 from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mapping.belief import Belief, FrameId, judging_frames
@@ -202,7 +202,7 @@ def test_facts_of_a_fleet_in_any_order_give_one_certificate(drawn, data):
             if frame.vehicle == vehicle:
                 facts.extend(own.take(frame))
         facts.extend(own.passed(1e6))
-        told.extend(Shared(vehicle, 0.0, k, (fact,)) for k, fact in enumerate(facts))
+        told.extend(FactsShared(vehicle, 0.0, k, (fact,)) for k, fact in enumerate(facts))
     listening = setting(0)
 
     def certified(events):

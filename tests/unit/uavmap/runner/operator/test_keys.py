@@ -12,7 +12,7 @@ import pytest
 
 from tests.support.running import by, in_real_time
 from uavmap.runner.operator.ground_crew import Crew, EnterKey
-from uavmap.runner.operator.keyboard import FORGOTTEN_S, Keys, keyboard
+from uavmap.runner.operator.keyboard import KEY_TIMEOUT_S, Keys, keyboard
 from uavmap.runner.service import Service
 
 
@@ -69,7 +69,7 @@ def test_key_that_waits_for_a_number_is_forgotten():
     keys = Keys(service, lambda: now_s[0])
     keys.press("q")
     keys.press("1")
-    now_s[0] += FORGOTTEN_S + 1.0
+    now_s[0] += KEY_TIMEOUT_S + 1.0
     keys.press("q")
     assert service.mock_calls == []
 

@@ -15,10 +15,10 @@ from tests.golden.recording import STOPS, Recording
 from uavmap.base.terminal import Terminal
 from uavmap.runner.operator import progress
 from uavmap.runner.operator.progress import ProgressTable
-from uavmap.runner.operator.time_left import Left, time_left
+from uavmap.runner.operator.time_left import TimeLeft, time_left
 
 
-def course(recording: Recording, every: int = 10) -> list[tuple[State, Left]]:
+def course(recording: Recording, every: int = 10) -> list[tuple[State, TimeLeft]]:
     """Return the values shown now and then, and the last one."""
     setting, told = recording.setting(), []
     state = setting.initial_state()
@@ -51,11 +51,11 @@ def test_share_is_whole_only_at_home_and_never_decreases_in_the_search():
 def test_time_left_is_empty_if_unknown():
     setting = STOPS.setting()
     state = setting.initial_state()
-    assert time_left(replace(state, recalled=True)) == Left()
+    assert time_left(replace(state, recalled=True)) == TimeLeft()
     down = replace(state.vehicles[1], phase=Phase.DOWN)
     others = {n: replace(v, phase=Phase.LOST) for n, v in state.vehicles.items()}
     nobody = replace(state, vehicles={**others, 1: down})
-    assert time_left(nobody) == Left()
+    assert time_left(nobody) == TimeLeft()
 
 
 @pytest.mark.parametrize("live", [False, True])

@@ -17,8 +17,8 @@ from uavmap.mavlink.links.framing import Losses
 from uavmap.mavlink.parameters import Parameter
 from uavmap.runner.preflight.autopilot_fence import ARDUPILOT_FENCE
 from uavmap.runner.preflight.autopilot_parameters import (
-    ARDUPILOT_WISHES,
-    PX4_WISHES,
+    ARDUPILOT_CHECKS,
+    PX4_CHECKS,
     names_of,
     parameter_findings,
 )
@@ -57,7 +57,7 @@ def not_ok(findings: list[Finding]) -> list[str]:
 def test_autopilot_that_is_set_well_has_no_findings(kind, good):
     assert set(good) == set(names_of(kind))
     assert not_ok(found(kind, good)) == []
-    rows = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
+    rows = PX4_CHECKS if kind is PX4 else ARDUPILOT_CHECKS
     assert all(row.wanted and row.why for row in rows if row.name not in
                ("WPNAV_SPEED", "MPC_XY_CRUISE"))  # fmt: skip
 

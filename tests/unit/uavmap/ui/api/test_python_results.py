@@ -17,7 +17,7 @@ from tests.unit.test_pages import ROOT
 from uavmap.base.terminal import Terminal
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.runner.operator.progress import ProgressTable
-from uavmap.runner.preflight.plan_figures import plan_lines, taken_lines
+from uavmap.runner.preflight.plan_figures import default_lines, plan_lines
 from uavmap.ui.api.background_job import single
 
 ZONE = UtmZone(32, south=False)
@@ -195,10 +195,10 @@ def test_defaults_for_missing_tables_are_listed_in_the_plan():
     text = named_text("runway").text
     begin, end = text.index("[battery]"), text.index("[wind]")
     without = mission_of_text(text[:begin] + text[end:], "without.toml")
-    assert taken_lines(without) == [
+    assert default_lines(without) == [
         "[battery] is not in the file; taken: 60 Wh, 300 W in hover, a reserve of 15 %"
     ]
-    assert f"  {taken_lines(without)[0]}" in plan_lines(setting_of(without))
+    assert f"  {default_lines(without)[0]}" in plan_lines(setting_of(without))
 
 
 def test_simulated_flight_without_a_region_has_a_line(tmp_path, capsys):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.events import GivenUp, Landed, LinkLost, Overridden, Released, Told, Tracked
+from missions.events import AutopilotText, GivenUp, Landed, LinkLost, Overridden, Released, Tracked
 from missions.flight.setting_of import setting_of
 from missions.flight.vehicle_state import Phase
 from missions.mapping.tree import Tree
@@ -111,9 +111,10 @@ def test_flight_does_not_wait_for_a_battery_while_a_pilot_keeps_the_other(landed
 @pytest.mark.parametrize(
     ("after", "line"),
     [
-        (Told(1, 3.3, 2, "Battery Failsafe", cause="battery failsafe"),
+        (AutopilotText(1, 3.3, 2, "Battery Failsafe", cause="battery failsafe"),
          "vehicle 1 is in RTL, not under our control (battery failsafe): hands off"),
-        (Told(1, 3.9, 6, "Mission: 1 WP"), "vehicle 1 is in RTL, not under our control: hands off"),
+        (AutopilotText(1, 3.9, 6, "Mission: 1 WP"),
+         "vehicle 1 is in RTL, not under our control: hands off"),
         (Released(1, 3.2, HOME, 12.0), "vehicle 1 is in RTL, not under our control: hands off"),
         (None, "vehicle 1 is in RTL, not under our control: hands off"),
     ],

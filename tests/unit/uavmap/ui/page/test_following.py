@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from missions.errors import JournalError
-from missions.events import FrameSeen, Vote, Weighed
+from missions.events import FrameSeen, FrameWeighed, Vote
 from missions.units import Cell, Pose, Quaternion
 from tests.golden.recording import STOPS
 from tests.support import journals
@@ -150,7 +150,7 @@ def test_recorded_pictures_are_shown_by_their_rule(weighed, tmp_path):
             votes = (Vote(Cell(0, 0), positive, 0.9 * positive), Vote(Cell(1, 0), False, 0.0))
             journal.append(FrameSeen(1, float(t_s), None, votes))
             if weighed:
-                journal.append(Weighed(1, float(t_s), (0.5, 0.5)))
+                journal.append(FrameWeighed(1, float(t_s), (0.5, 0.5)))
     follower, feed = Follower(JournalReader(tmp_path / JOURNAL)), Feed()
     with pytest.raises(EnoughError):
         follower.run(feed, enough)

@@ -8,7 +8,7 @@ from shapely.geometry import LineString, Point
 
 from missions.classes import ClassShare
 from missions.events import Tracked, from_json
-from missions.fleet_events import Fact, Shared
+from missions.fleet_events import Fact, FactsShared
 from missions.flight.setting_of import setting_of
 from missions.flight.step import step
 from missions.flight.vehicle_state import Phase
@@ -89,7 +89,9 @@ def test_board_of_a_member_has_the_cells_of_another_by_class():
     setting = setting_of(mission_of_text(MEMBERS + CLASSES, "test"), 1)
     there, beside = Cell(2, 4), Cell(3, 4)
     classes = (ClassShare(there, 2, 0.3), ClassShare(there, 4, 0.6), ClassShare(beside, 2, 0.2))
-    event = Shared(2, 30.0, 0, (Fact(20.0, ((there, True), (beside, False)), classes=classes),))
+    event = FactsShared(
+        2, 30.0, 0, (Fact(20.0, ((there, True), (beside, False)), classes=classes),)
+    )
     watcher = Watcher(setting.initial_state(), now_s=lambda: 0.0)
     watcher.take_in(event, step(setting.initial_state(), event)[0])
     watcher.refresh()
@@ -104,7 +106,7 @@ def test_board_of_a_station_has_the_unsure_cells_of_a_member():
     there, names = Cell(2, 4), [name for name, _ in scene_of(setting)["states"]]
     for number, (unsure, name) in enumerate(((True, "unsure: "), (False, "not region"))):
         fact = Fact(20.0 + number, ((there, unsure),), doubt=True)
-        state, _ = step(state, event := Shared(2, 30.0, number, (fact,)))
+        state, _ = step(state, event := FactsShared(2, 30.0, number, (fact,)))
         watcher.take_in(event, state)
         watcher.refresh()
         shown = {cell: names[code] for cell, code in watcher.board.cells.items()}

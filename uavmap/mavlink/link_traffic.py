@@ -21,9 +21,9 @@ from uavmap.mavlink.message_gate import RULES, Gate
 
 Message = Any
 
-MOST_HEARD: Final = 100
+MAX_AIRCRAFT: Final = 100
 """Maximum number of aircraft that are remembered."""
-FORGOTTEN_S: Final = 60.0
+MAX_REPORT_AGE_S: Final = 60.0
 """Age from which a report is forgotten, s."""
 FARTHEST_M: Final = 20_000.0
 """Distance from the vehicle beyond which an aircraft is no traffic, m."""
@@ -44,7 +44,7 @@ _GROUND: Final = (
 """Emitters that do not fly."""
 
 
-class Heard(NamedTuple):
+class TrafficReport(NamedTuple):
     """A report of an aircraft."""
 
     ident: str
@@ -59,11 +59,11 @@ class Heard(NamedTuple):
 
 
 @dataclass(slots=True)
-class TrafficHeard:
+class LinkTraffic:
     """Reports on one link; `gate` counts refused ones."""
 
     gate: Gate
-    aircraft: dict[str, Heard] = field(default_factory=dict)
+    aircraft: dict[str, TrafficReport] = field(default_factory=dict)
 
     def take(self, message: Message, here: LatLon | None, now_s: float) -> None:
         """Take a message in; `here` is where our vehicle is."""
@@ -78,17 +78,17 @@ class TrafficHeard:
         before = self.aircraft.get(heard.ident)
         if before is None or heard.heard_s >= before.heard_s:
             self.aircraft[heard.ident] = heard
-        if len(self.aircraft) > MOST_HEARD:
+        if len(self.aircraft) > MAX_AIRCRAFT:
             self._forget(here, now_s)
 
     def _forget(self, here: LatLon, now_s: float) -> None:
         """Forget old reports, or else the farthest aircraft."""
-        recent = [one for one in self.aircraft.values() if now_s - one.heard_s <= FORGOTTEN_S]
+        recent = [one for one in self.aircraft.values() if now_s - one.heard_s <= MAX_REPORT_AGE_S]
         recent.sort(key=lambda one: distance_m(one.position, here))
-        self.aircraft = {one.ident: one for one in recent[:MOST_HEARD]}
+        self.aircraft = {one.ident: one for one in recent[:MAX_AIRCRAFT]}
 
 
-def _adsb(message: Message, now_s: float) -> Heard | None:
+def _adsb(message: Message, now_s: float) -> TrafficReport | None:
     """Return what an ADSB_VEHICLE holds; None where it has no place, or does not fly."""
     flags = message.flags
     if not flags & mav.ADSB_FLAGS_VALID_COORDS or message.emitter_type in _GROUND:
@@ -102,7 +102,7 @@ def _adsb(message: Message, now_s: float) -> Heard | None:
     if flags & moving == moving and toward_deg <= 360.0 and speed_m_s <= MOST_M_S:
         toward = math.radians(toward_deg)
         velocity_m_s = speed_m_s * math.sin(toward), speed_m_s * math.cos(toward)
-    return Heard(
+    return TrafficReport(
         f"{ident} {sign}".rstrip(),
         sign or ident,
         now_s - message.tslc,
@@ -113,7 +113,7 @@ def _adsb(message: Message, now_s: float) -> Heard | None:
     )
 
 
-def _utm(message: Message, now_s: float) -> Heard | None:
+def _utm(message: Message, now_s: float) -> TrafficReport | None:
     """Return what a UTM_GLOBAL_POSITION holds; None where it has no place, or does not fly."""
     flags = message.flags
     placed = flags & mav.UTM_DATA_AVAIL_FLAGS_POSITION_AVAILABLE
@@ -124,7 +124,7 @@ def _utm(message: Message, now_s: float) -> Heard | None:
         ident = bytes(message.uas_id).hex()
     moving = flags & mav.UTM_DATA_AVAIL_FLAGS_HORIZONTAL_VELO_AVAILABLE
     known = flags & mav.UTM_DATA_AVAIL_FLAGS_ALTITUDE_AVAILABLE
-    return Heard(
+    return TrafficReport(
         ident,
         f"UAS {ident[-6:]}",
         now_s,
@@ -146,7 +146,7 @@ def _text(value: str | bytes) -> str:
     return printable(text.split("\0", 1)[0], NAME_LENGTH).strip()
 
 
-_READERS: Final[Mapping[str, Callable[[Message, float], Heard | None]]] = {
+_READERS: Final[Mapping[str, Callable[[Message, float], TrafficReport | None]]] = {
     "ADSB_VEHICLE": _adsb,
     "UTM_GLOBAL_POSITION": _utm,
 }

@@ -7,7 +7,7 @@ from missions.units import LatLon
 from tests.support.mavlink_peer import position
 from tests.support.running import by
 from tests.unit.uavmap.mavlink.test_session import conversation
-from uavmap.mavlink.traffic_heard import GEOID_ERROR_M, MOST_HEARD, PRESSURE_ERROR_M
+from uavmap.mavlink.link_traffic import GEOID_ERROR_M, MAX_AIRCRAFT, PRESSURE_ERROR_M
 
 HERE = LatLon(47.3, 8.5)
 ALL = 0x1F
@@ -96,9 +96,9 @@ async def test_traffic_before_the_vehicle_has_a_place_is_left_out(peer, /):
 @by(conversation)
 async def test_flood_keeps_the_nearest_and_no_more(peer, /):
     near = adsb(47.3001, icao=1)
-    flood = [adsb(47.32 + k * 1e-5, icao=0x1000 + k) for k in range(4 * MOST_HEARD)]
+    flood = [adsb(47.32 + k * 1e-5, icao=0x1000 + k) for k in range(4 * MAX_AIRCRAFT)]
     aircraft = hear(peer, near, *flood)
-    assert len(aircraft) <= MOST_HEARD
+    assert len(aircraft) <= MAX_AIRCRAFT
     assert "000001 DLH1" in aircraft
 
 
