@@ -1,4 +1,4 @@
-"""Cameras: the pinhole, from metres on the ground to pixels, and a real lens with its distortion.
+"""Cameras: a pinhole, from metres on the ground to pixels; a real lens with its distortion.
 
 Pixel (0, 0) is the *centre* of the top left pixel, as in OpenCV: a picture reaches from -0.5 to
 `width_px - 0.5`.
@@ -111,8 +111,9 @@ def project(matrix: Floats, points: Floats) -> tuple[Floats, Floats]:
 
 
 def euler(turn: Quaternion) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw (radians) as `Quaternion.from_euler` takes them; straight down,
-    roll is 0.
+    """Return roll, pitch and yaw (radians) as `Quaternion.from_euler` accepts them.
+
+    Straight down, roll is 0.
 
     >>> [round(v, 9) for v in euler(Quaternion.from_euler(0.1, -1.2, 2.0))]
     [0.1, -1.2, 2.0]
@@ -158,7 +159,7 @@ class Lens:
             raise ValueError(f"a picture of {self.width_px} x {self.height_px} px has no pixels")
         numbers = (self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion)
         if not all(map(math.isfinite, numbers)):
-            raise ValueError("a lens has finite numbers")
+            raise ValueError("a lens needs finite numbers")
         if self.fx_px <= 0.0 or self.fy_px <= 0.0:
             raise ValueError(f"focal lengths {self.fx_px:g}, {self.fy_px:g} px: must be above 0")
         inside = (
@@ -191,17 +192,17 @@ class Lens:
 
     @property
     def hfov_rad(self) -> float:
-        """Angle of view across the picture of a pinhole of the same focal length."""
+        """Angle of view across the picture of a pinhole of the same focal length, radians."""
         return 2.0 * math.atan(self.width_px / 2.0 / self.fx_px)
 
     @property
     def hfov_deg(self) -> float:
-        """The same in degrees."""
+        """Angle of view across the picture of a pinhole of the same focal length, degrees."""
         return math.degrees(self.hfov_rad)
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether the lens is a pinhole with square pixels, its axis in the middle."""
+        """True for a pinhole with square pixels and its axis in the middle."""
         return (
             self.model == "brown"
             and not any(self.distortion)
@@ -230,21 +231,21 @@ class Lens:
 
 
 _WIDEST_RAD = math.radians(150.0)
-"""Widest pinhole: a wider one shows more of its picture's rim than of the ground."""
+"""Widest pinhole, rad: a wider one shows more of its picture's rim than of the ground."""
 _EDGE_STEPS = 33
 _TOUCH_PX = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
 class Straightening:
-    """Where each pixel of the pinhole's picture is found in the lens's."""
+    """Map from each pixel of the pinhole's picture to its place in the lens's picture."""
 
     camera: Camera
     columns: NDArray[np.float32]
     rows: NDArray[np.float32]
 
     def applied(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return a picture of the lens as its pinhole would have taken it, of `camera`'s size."""
+        """Return a picture of the lens as the pinhole `camera` would show it, of its size."""
         straight = cv2.remap(
             image, self.columns, self.rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
@@ -254,8 +255,8 @@ class Straightening:
 def straightening(lens: Lens) -> Straightening:
     """Return the pinhole of a lens, and the map to its pictures.
 
-    Its axis and picture size are the lens's. All of its picture lies inside the lens's: corners are
-    left out, nothing is made up.
+    Its axis and picture size are the lens's. All of its picture lies inside the lens's, so corners
+    are left out and no pixel is invented.
 
     >>> plan = straightening(Lens.pinhole(math.radians(80.0), 640, 480))
     >>> round(math.degrees(plan.camera.hfov_rad), 3)
@@ -306,7 +307,7 @@ def _focal_px(lens: Lens) -> float:
     right_px, bottom_px = width_px + low_px + 2 * _TOUCH_PX, height_px + low_px + 2 * _TOUCH_PX
 
     def inside(focal_px: float) -> bool:
-        # all of the way out to the rim: a polynomial may turn back on itself
+        # every radius is checked out to the rim: a polynomial may turn back on itself
         for part in (0.25, 0.5, 0.75, 1.0):
             u, v = distorted(lens, rim * part / focal_px).T
             within = (u >= low_px) & (u <= right_px) & (v >= low_px) & (v <= bottom_px)

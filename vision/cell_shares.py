@@ -1,4 +1,4 @@
-"""How much of each cell of a grid is marked in a picture: marks are resampled onto the cells."""
+"""Marked share of each cell of a grid in a picture: marks are resampled onto the cells."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Cells = NDArray[np.intp]
 def seen_shares(
     marks: Marks, matrix: Floats, grid: Grid, cells: Cells, most_samples: int
 ) -> tuple[Floats, Floats]:
-    """Return of each cell the part of what is seen that is ROI, and the part that is seen.
+    """Return for each cell the ROI's share of its visible part, and the visible share.
 
     Args:
         marks: Shape (rows, columns): uint8, 255 for ROI, else 0; or float32, a probability from 0

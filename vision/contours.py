@@ -1,8 +1,8 @@
 """Lines of equal level on a raster, between its pixels: marching squares.
 
 Levels are linear between pixels' centres. Every line is closed: nothing beyond the raster is
-region. Crossings have numbers that hold over the whole raster, so it can be processed block by
-block; contourpy needs all of it at once, as 8 bytes a pixel, and five times as long.
+region. Crossings have numbers that hold over the whole raster, so it is processed block by block.
+The library contourpy needs all of it at once, as 8 bytes a pixel, and five times as long.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from vision.raster import UNSEEN
 
 # sides of a square of four pixels' centres
 _TOP, _RIGHT, _BOTTOM, _LEFT = range(4)
-# by the corners that are inside (1 upper left, 2 upper right, 4 lower right, 8 lower left): from
-# which side to which a line goes with the inside at its left hand; a diagonal is two corners apart
+# Key: the corners that are inside (1 upper left, 2 upper right, 4 lower right, 8 lower left).
+# Value: the sides from and to which a line runs with the inside at its left. A diagonal has two
+# corners apart.
 _LINES: Final = {
     1: ((_LEFT, _TOP),),
     2: ((_TOP, _RIGHT),),
@@ -52,7 +53,7 @@ class Ring:
 
     Attributes:
         points: Shape (n, 2): columns and rows; a pixel's centre is a whole number.
-        open: Shape (n,): whether the line runs along unseen ground there.
+        open: Shape (n,): True where the line runs along ground that no picture shows.
         area_px: Enclosed area in pixels: positive around the inside, negative around a hole.
     """
 
@@ -112,7 +113,7 @@ class Contours:
         unseen = (first == UNSEEN) | (second == UNSEEN)
         a = np.where(first == UNSEEN, -1.0, first.astype(np.float64) - self._level)
         b = np.where(second == UNSEEN, -1.0, second.astype(np.float64) - self._level)
-        # at the end of what was seen the line runs in the middle between the two
+        # at the rim of the pictures the line runs in the middle between the two
         part = np.where(unseen, 0.5, a / np.where(a == b, 1.0, a - b))
         x = left + c + np.where(upright, 0.0, part)
         y = top + r + np.where(upright, part, 0.0)
@@ -160,14 +161,14 @@ def _cycles(following: Indices, order: Indices) -> tuple[Indices, Indices]:
     place = np.empty(count, np.intp)
     place[order] = np.arange(count)
     after = place[following[order]]  # by places in the order, as all that follows
-    # twice as far ahead each time, until everybody knows the first of the whole cycle
+    # twice as far ahead each time, until each element knows the first one of its cycle
     first, ahead = np.minimum(np.arange(count), after), after
     while True:
         further = np.minimum(first, first[ahead])
         if (further == first).all():
             break
         first, ahead = further, ahead[ahead]
-    # how many are left to the end of the cycle, which is cut before its first
+    # number of elements left to the end of the cycle, which is cut before its first
     last = np.flatnonzero(first[after] == after)
     ahead, left = after.copy(), np.ones(count, np.intp)
     ahead[last], left[last] = last, 0

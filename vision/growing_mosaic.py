@@ -1,8 +1,8 @@
-"""A mosaic that grows in flight: each picture is fitted to what lies there, and then laid.
+"""A mosaic that grows in flight: each picture is fitted to the mosaic, and then added.
 
-A picture shows ground of two kinds: that of the pictures just before it, which have its own slow
-error, and that of earlier passes beside it. Both count alike, although it shows much less of the
-latter. So the pictures of a lane move to the lane beside it, a little each.
+A picture shows ground of the pictures just before it, which have its own slow error, and ground of
+earlier passes beside it. Both count alike, although it shows much less of the latter. So the
+pictures of a lane move to the lane beside it, a little each.
 """
 
 from __future__ import annotations
@@ -16,37 +16,37 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.mosaic import Colours, Mosaic, Part, laid
+from vision.mosaic import Colours, Mosaic, Part, project_picture
 from vision.raster import Floats, Overlay, Raster, Window
 
 SEAM_M: Final = 0.1
-"""Difference to the mosaic, m, that a picture keeps: its pose has something to say, too."""
+"""Difference to the mosaic that a picture keeps, m: its own pose counts as well."""
 PASS: Final = 8
 """Number of pictures of a vehicle after which one is of an earlier pass."""
 SQUARE: Final = 0.25
-"""Side of a square that is matched, in heights: lanes overlap by a third."""
+"""Side of a square that is matched, as a share of the height: lanes overlap by a third."""
 LEAST_PX: Final = 16
 LEAST_RESPONSE: Final = 0.3
-"""Of a phase correlation; below it may be chance."""
+"""Minimum response of a phase correlation; a lower one may be chance."""
 LEAST_MATCHES: Final = 3
-"""Number of squares that have to agree."""
+"""Minimum number of squares that agree."""
 TOLERANCE: Final = 0.06
-"""Maximum disagreement of a square with the others, in heights."""
+"""Maximum disagreement of a square with the others, as a share of the height."""
 STIFF_M: Final = 5.0
-"""Distance, m, from which on a difference turns a picture rather than it moves it."""
+"""Distance beyond which a difference turns a picture rather than moves it, m."""
 MOST_SHIFT: Final = 0.15
-"""Maximum error of a pose on the ground, in heights."""
+"""Maximum error of a pose on the ground, as a share of the height."""
 MOST_TURN: Final = 0.1
 """Maximum error of heading, rad, and of height, as a share."""
 
 Grays = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Matches = NDArray[np.complex128]
-"""Middles of squares, and by how much a picture is off there: columns + rows times i, (n, 2)."""
+"""Middles of squares and the picture's offsets there: columns + rows times i, (n, 2)."""
 
 
 class GrowingMosaic(Mosaic):
-    """A mosaic into which `vehicles` lay their pictures by turns."""
+    """A mosaic to which `vehicles` add their pictures in turn."""
 
     def __init__(self, window: Window, vehicles: int = 1) -> None:
         super().__init__(window)
@@ -73,11 +73,11 @@ class GrowingMosaic(Mosaic):
     def aligned(
         self, overlay: Overlay, raster: Raster, window: Window, picture: Callable[[], Colours]
     ) -> Overlay:
-        """Return a picture moved, turned and scaled so that it continues what is laid.
+        """Return a picture moved, turned and scaled so that it continues the mosaic.
 
-        Squares of it are matched by phase correlation. It keeps `SEAM_M` of the difference: so the
-        mosaic lies where all poses say, and errors do not add up. A picture of which few squares
-        match, or that would be moved farther than a pose can be wrong, stays where it is.
+        Squares of it are matched by phase correlation. It keeps `SEAM_M` of the difference. So the
+        mosaic follows the mean of all poses, and errors do not add up. A picture stays in place if
+        few squares match, or if it would move farther than a pose can be wrong.
         """
         self._recent.append([])
         while len(self._recent) > self._count:
@@ -116,9 +116,9 @@ class GrowingMosaic(Mosaic):
         picture: Callable[[], Colours],
         height_px: float,
     ) -> tuple[Matches, Matches]:
-        """Return what agrees of the squares on ground of earlier passes, and on other ground."""
+        """Return the squares that agree, on ground of earlier passes and on other ground."""
         shown, new = np.zeros(window.shape, np.bool_), np.zeros(window.shape, np.float32)
-        for part in laid(overlay, raster, window, picture):
+        for part in project_picture(overlay, raster, window, picture):
             at = part.window.within(window)
             new[at] = cv2.cvtColor(part.colours, cv2.COLOR_BGR2GRAY)
             shown[at] = part.weight > 0.0
@@ -140,7 +140,7 @@ def _mean(sums: NDArray[Any], weight: Grays, there: Mask) -> Grays:
 
 
 def _agreeing(old: Grays, new: Grays, both: Mask, side: int, most_px: float) -> Matches:
-    """Return the squares that differ from their median by less than so many pixels; none if few."""
+    """Return the squares within `most_px` pixels of their median; none if they are few."""
     found = np.array(list(_squares(old, new, both, side)), np.complex128).reshape(-1, 2)
     if not len(found):
         return found
@@ -152,7 +152,7 @@ def _agreeing(old: Grays, new: Grays, both: Mask, side: int, most_px: float) -> 
 
 
 def _squares(old: Grays, new: Grays, both: Mask, side: int) -> Iterator[tuple[complex, complex]]:
-    """Yield middles of squares and by how much `new` is off there: columns + rows times i."""
+    """Yield middles of squares and the offsets of `new` there: columns + rows times i."""
     hann = cv2.createHanningWindow((side, side), cv2.CV_32F)
     rows, columns = both.shape
     for top in range(0, rows - side + 1, side // 2):

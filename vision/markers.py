@@ -1,11 +1,11 @@
 """Markers in a picture: exact corners, and the position of the vehicle that carries one.
 
 OpenCV's detector finds a marker and reads its number. Its corners are good to a third of a pixel,
-too coarse where a marker has fifteen. So the known pattern, blurred as the picture is, is shifted
-over the marker until all pixels agree: that uses all edges of the pattern at once, and gives the
-corners' covariance.
+too coarse where a marker has fifteen. So the known pattern, blurred like the picture, is shifted
+over the marker until all pixels agree. The fit uses all edges of the pattern at once, and gives
+the corners' covariance.
 
-The position is relative to the camera, with covariance: a maximum a posteriori estimate weighs the
+The position is relative to the camera, with covariance. A maximum a posteriori estimate weighs the
 errors of the corners, of the camera's attitude and of the other vehicle's tilt.
 """
 
@@ -31,9 +31,9 @@ LEAST_EDGE_PX: Final = 8.0
 _ENLARGED_BELOW_PX = 2000
 _ENLARGED = 2
 _FINE_PX = 16  # pixels of the pattern for each of its modules
-_MARGIN = 0.7  # modules around the black square that are looked at
+_MARGIN = 0.7  # modules around the black square that are compared
 _INNER = (np.arange(3) + 0.5) / 3 - 0.5
-_MOST_PX = 3.0  # pixels for each module that are looked at; a larger marker is shrunk
+_MOST_PX = 3.0  # most pixels for each module; a larger marker is shrunk
 _BLURS_PX = (0.25, 0.45, 0.7, 1.0, 1.4, 1.9)
 _STEP_PX = 0.01
 _ITERATIONS = 12
@@ -59,7 +59,7 @@ class FoundTag:
 
     @property
     def edge_px(self) -> float:
-        """The mean length of its edges."""
+        """Mean length of its edges, pixels."""
         sides = self.corners_px - np.roll(self.corners_px, 1, axis=0)
         return float(np.hypot(sides[:, 0], sides[:, 1]).mean())
 
@@ -67,12 +67,12 @@ class FoundTag:
 def find_tags(picture: NDArray[np.uint8], dictionary: str = "DICT_4X4_50") -> tuple[FoundTag, ...]:
     """Return the markers of a dictionary in a picture, by number; at most one of each.
 
-    A number that is seen twice is left out, as is what does not look like its pattern, or is
-    smaller than `LEAST_EDGE_PX`.
+    A number that occurs twice is left out. So is a marker unlike its pattern, or smaller than
+    `LEAST_EDGE_PX`.
 
     Args:
         picture: Gray, (rows, columns), or in colour (blue, green, red), (rows, columns, 3).
-        dictionary: A name of OpenCV's.
+        dictionary: A dictionary's name in OpenCV.
     """
     detector = _detector(dictionary)
     gray = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture)
@@ -199,7 +199,7 @@ def _refined(gray: Gray, dictionary: str, number: int, corners: Array) -> FoundT
 
 
 def _residuals(overlay: _Overlay, corners: Array) -> tuple[Array, float, float]:
-    """Return the residuals beside the best gain and offset; the gain; the correlation."""
+    """Return the residuals at the best gain and offset, the gain, and the correlation."""
     seen = overlay.seen(corners)
     varied, levels = seen - seen.mean(), overlay.levels - overlay.levels.mean()
     power = float(varied @ varied)
@@ -244,7 +244,7 @@ _STEPS = np.array([1e-4] * 3 + [1e-5] * 6)
 _SIGHT_ITERATIONS = 25
 _ENOUGH: Final = 1e-7
 _LIKELY: Final = 40.0
-"""Largest chi square of the residuals: more is a wrong attitude."""
+"""Maximum chi square of the residuals; a larger one means a wrong attitude."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,9 +252,9 @@ class SightingErrors:
     """Standard deviations of a sighting's inputs.
 
     Attributes:
-        corner_px: The lens's distortion after calibration, beside the picture's noise.
-        tilt_rad: Of the camera's attitude about each level axis, at the exposure.
-        heading_rad: Of the camera's heading.
+        corner_px: Error of the lens's distortion after calibration, besides the picture's noise.
+        tilt_rad: Error of the camera's attitude about each level axis, at the exposure.
+        heading_rad: Error of the camera's heading.
     """
 
     corner_px: float = 0.1
@@ -264,12 +264,12 @@ class SightingErrors:
 
 @dataclass(frozen=True, slots=True)
 class Carrier:
-    """What is known of the vehicle that carries the marker.
+    """Attitude of the vehicle that carries the marker.
 
     Attributes:
-        roll_rad: By its telemetry, right side down.
-        pitch_rad: By its telemetry, nose up.
-        tilt_rad: Standard deviation of each; the default, that of hovering in wind, is for no
+        roll_rad: Roll by telemetry, right side down.
+        pitch_rad: Pitch by telemetry, nose up.
+        tilt_rad: Standard deviation of each; the default, that of hovering in wind, applies without
             telemetry.
     """
 
@@ -296,11 +296,11 @@ def sight(
     carrier: Carrier = Carrier(),
     errors: SightingErrors = SightingErrors(),
 ) -> Sighting | None:
-    """Return where a marker is; None if nothing fits, as with a wrong attitude.
+    """Return the position of a marker; None if nothing fits, as with a wrong attitude.
 
     Args:
         found: From `vision.markers.find_tags`.
-        camera: Without distortion.
+        camera: Camera without distortion.
         attitude: Camera axes to NED at the exposure, as in `missions.units.Pose`.
         tag_m: Side of the marker's black square, above 0.
     """
@@ -326,8 +326,8 @@ def sight(
 class _View:
     """The measurement equations of one sighting.
 
-    Unknown are place (3), yaw, the marker's roll and pitch, and the error of the camera's attitude
-    as a small rotation about north, east and down.
+    Its unknowns are the position (3), the yaw, the marker's roll and pitch, and the error of the
+    camera's attitude. The error is a small rotation about north, east and down.
     """
 
     def __init__(
@@ -355,7 +355,7 @@ class _View:
         return camera.focal_px, (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0
 
     def guess(self) -> Array | None:
-        """Guess by size and direction, as if nothing was tilted; None where that is no place."""
+        """Guess the state from size and direction without tilt; None if that gives no position."""
         focal, centre_u, centre_v = self._focus()
         quad = self._pixels
         one, other = quad[2] - quad[0], quad[3] - quad[1]
@@ -378,7 +378,7 @@ class _View:
         return found
 
     def misfits(self, x: Array) -> Array:
-        """Return what is known less what follows from `x`, in standard deviations."""
+        """Return the measurements less those that follow from `x`, in standard deviations."""
         focal, centre_u, centre_v = self._focus()
         body = rotation(Quaternion.from_euler(float(x[4]), float(x[5]), float(x[_YAW])))
         corners = body @ self._corners + np.array([[x[1]], [x[0]], [-x[2]]])

@@ -1,4 +1,4 @@
-"""A mosaic: pictures laid together on a raster; the one that looks down most steeply shows.
+"""A mosaic: pictures projected side by side on a raster; the steepest view of a place shows.
 
 Each picture fades into the next. One that grows while pictures come is in `vision.growing_mosaic`.
 """
@@ -29,27 +29,27 @@ class Part(NamedTuple):
     weight: NDArray[np.float32]
 
 
-def laid(
+def project_picture(
     overlay: Overlay,
     raster: Raster,
     window: Window,
     picture: Callable[[], Colours | None],
     times: float = 1.0,
 ) -> list[Part]:
-    """Lay a picture on a window of a raster.
+    """Project a picture onto a window of a raster.
 
-    `picture` returns blue-green-red, of any size, `framed`, or None; it is called where the picture
-    shows something of the window. `times` is its weight beside others.
+    `picture` returns blue-green-red, of any size, `framed`, or None. It is called if the picture
+    shows a part of the window. `times` is the picture's weight relative to others.
     """
     found, image = [], None
-    for at, laying in () if window.is_empty else overlay.laid(raster, window, times):
+    for at, projected in () if window.is_empty else overlay.on_window(raster, window, times):
         image = picture() if image is None else image
         if image is None:
             break
-        weight = laying.weight
+        weight = projected.weight
         for _ in range(SHARPNESS):
             weight = weight * weight
-        found.append(Part(at, laying.sampled(image), weight))
+        found.append(Part(at, projected.sampled(image), weight))
     return found
 
 

@@ -1,8 +1,8 @@
-"""Whether a picture can be evidence at all.
+"""Check of pictures: a dark, over-exposed, uniform or repeated one is no evidence.
 
 A lens cap, a dead sensor, a failed exposure and a stalled camera give pictures that decode without
-a fault, and a detector takes a black one for ROI. This module refuses what no working camera over
-any ground gives.
+a fault. A detector takes a black one for ROI. This module rejects pictures that no working camera
+gives over any ground.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 DARK = 16
-"""Brightest level, 0 to 255, of a picture that shows no ground: sensors give some noise with the
+"""Brightest level, 0 to 255, of a picture that shows no ground: sensors have some noise with the
 lens cap on.
 """
 
@@ -20,8 +20,8 @@ BRIGHT = 250
 """Darkest level of an over-exposed picture."""
 
 LEAST_SPREAD = 2
-"""Least levels between the darkest and the brightest pixels: a sensor's own noise gives more, in
-fog and over open water too.
+"""Minimum difference of the darkest and brightest levels: a sensor's own noise gives more in
+fog and over open water.
 """
 
 _OUTLIERS = 0.005  # the share of pixels at either end that may be defects of the sensor
@@ -30,7 +30,7 @@ Image = NDArray[np.uint8]
 
 
 def implausible(image: Image, last: Image | None = None, *, noiseless: bool = False) -> str | None:
-    """Return why a picture is no evidence; None where it may be.
+    """Return the reason for which a picture is no evidence; None if it may be evidence.
 
     Args:
         image: Shape (rows, columns, 3), blue-green-red.
@@ -42,7 +42,7 @@ def implausible(image: Image, last: Image | None = None, *, noiseless: bool = Fa
     'the picture is dark all over (nothing above level 0 of 255): lens cap, or a dead sensor'
     """
     ends = []
-    for channel in range(image.shape[2]):  # nearly always the first one tells
+    for channel in range(image.shape[2]):  # nearly always the first one decides
         low, high = end = _ends(image, channel)
         ends.append(end)
         if high >= DARK and low <= BRIGHT and high - low >= LEAST_SPREAD:
@@ -82,5 +82,5 @@ def _ends(image: Image, channel: int) -> tuple[int, int]:
 def _same(one: Image, other: Image) -> bool:
     if one.shape != other.shape:
         return False
-    middle = one.shape[0] // 2  # nearly always this row tells, and the others need not be read
+    middle = one.shape[0] // 2  # nearly always this row differs: the others need not be read
     return np.array_equal(one[middle], other[middle]) and np.array_equal(one, other)

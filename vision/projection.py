@@ -1,4 +1,4 @@
-"""From a picture to verdicts: which cells it shows, and how much of each is ROI.
+"""From a picture to verdicts: the cells that it shows, and the ROI's share of each.
 
 The detector works on the raw picture, as in the paper. The camera's homography resamples its marks
 onto the grid, which takes out yaw, meridian convergence, tilt and height in one step.
@@ -25,16 +25,19 @@ from vision.cell_shares import MOST_SAMPLES, OUTSIDE, seen_shares
 from vision.detectors.interface import UNSURE, Detector, Judgement, Marks, judged
 
 SEEN_SHARE: Final = 0.9
-"""Least part of a cell inside the picture for a verdict."""
+"""Minimum share of a cell inside the picture for a verdict."""
 
 OBLIQUE_LIMIT: Final = 3.0
-"""Farthest cell from below the camera that gets a verdict under the view "all", in heights: beyond,
-the line of sight is below 18 degrees, where a metre of height is three metres of ground."""
+"""Maximum distance of a cell with a verdict from the point below the camera, in heights.
+
+It applies to the view "all". Beyond it the line of sight is below 18 degrees, where a metre of
+height hides three metres of ground.
+"""
 
 ENOUGH_PX: Final = 64.0
-"""Pixels of a cell that weighs half of a perfectly resolved one."""
+"""Number of pixels at which a cell weighs half of a perfectly resolved one."""
 HALF_SEEN: Final = 0.5
-"""Least part of a cell in a picture for a vote."""
+"""Minimum share of a cell in a picture for a vote."""
 
 _SAMPLES_A_PIXEL: Final = 0.8  # of 25 px some 400 samples: a share is good to a hundredth
 _TERRAIN_SAMPLES: Final = 32  # the same over a terrain: a share is good to some hundredths
@@ -50,8 +53,8 @@ class Projection:
     """A picture on flat ground, or over a terrain; `pose.height_m` is above the ground below.
 
     Over a terrain a cell's corners are projected with the height of the ground at each; between
-    them a cell is a plane. So slopes and rises do not move what is seen. Hidden ground is not
-    detected: near the nadir nothing is hidden that is flatter than the rays are steep.
+    them a cell is a plane. So slopes and rises do not displace the cells. Hidden ground is not
+    detected: near the nadir, ground that is flatter than the rays are steep hides nothing.
     """
 
     camera: Camera
@@ -68,9 +71,9 @@ class Projection:
         *,
         partly: bool = False,
     ) -> Cells:
-        """Return the cells that the picture is asked for; see `vision.projection.look`.
+        """Return the cells for verdicts; see `vision.projection.judge_frame`.
 
-        `partly`: under the view "all" also those that reach up to half a cell over its rim.
+        `partly`: under the view "all", include cells that reach up to half a cell over its rim.
         """
         if self.pose.height_m <= 0.0:
             return np.empty((0, 2), np.intp)  # from the ground nothing of the ground is seen
@@ -86,13 +89,13 @@ class Projection:
     def shares(self, marks: Marks, cells: Cells, *, finely: bool = False) -> Floats:
         """Return the part of each cell that is marked; -1 for one that is not in the picture.
 
-        `finely`: sample cells at the full rate, whatever their pixels.
+        `finely`: sample cells at the full rate, however few pixels they have.
         """
         shares, seen = self._seen(marks, cells, finely=finely)
         return np.where(seen >= SEEN_SHARE, shares, -1.0)
 
     def unsure(self, unfamiliar: NDArray[np.uint8] | None, cells: Cells) -> NDArray[np.bool_]:
-        """Return which cells look for the most part like nothing that the detector knows."""
+        """Return for each cell whether most of it is unlike all that the detector knows."""
         if unfamiliar is None or not len(cells):
             return np.zeros(len(cells), np.bool_)
         return self._seen(unfamiliar, cells)[0] >= UNSURE
@@ -102,7 +105,7 @@ class Projection:
     ) -> tuple[tuple[int, ...], Floats]:
         """Return the numbers of the classes in a picture, and their shares of cells, (n, classes).
 
-        `classes`: the number of each pixel's class; 0 is of none.
+        `classes`: the number of each pixel's class; 0 for none.
         """
         if classes is None or not len(cells):
             return (), np.zeros((len(cells), 0))
@@ -113,7 +116,7 @@ class Projection:
     def weighed(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
         """Return the part of each cell that is marked, and its weight (`weights`).
 
-        -1 for a cell of which not half is in the picture.
+        The share is -1 for a cell with less than half in the picture.
         """
         _, seen = found = self._seen(marks, cells)
         middle = cells * self.grid.cell_m
@@ -149,7 +152,7 @@ class Projection:
         return self.project(points)[0]
 
     def _seen(self, marks: Marks, cells: Cells, *, finely: bool = False) -> tuple[Floats, Floats]:
-        """Return of each cell the part of what is seen that is ROI, and the part that is seen."""
+        """Return for each cell the ROI's share of its visible part, and the visible share."""
         if self.terrain is not None:
             return self._seen_cell_by_cell(marks, cells)
         matrix = self.camera.homography(self.pose, self.grid, self.t_s)
@@ -158,7 +161,7 @@ class Projection:
         return seen_shares(marks, matrix, self.grid, cells, samples)
 
     def _seen_cell_by_cell(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
-        """Return the same over a terrain, of cells in front of the camera."""
+        """Return these shares over a terrain, for cells in front of the camera."""
         corners = np.array([self.grid.corners_of(Cell(*cell)) for cell in cells.tolist()])
         square = ((_CORNERS + 0.5) * _TERRAIN_SAMPLES - 0.5).astype(np.float32)
         shares, parts = np.zeros(len(cells)), np.zeros(len(cells))
@@ -190,7 +193,7 @@ class Projection:
         return _whole(least_m >= margin_m - TOUCH_M) + low
 
     def _on_terrain(self, margin_m: float) -> Cells:
-        """Return the same over a terrain, with the margin at the depth of each corner."""
+        """Return these cells over a terrain, with the margin at the depth of each corner."""
         low, high = self._around()
         pixels, depth = self.project(_lattice(low, high) * self.grid.cell_m)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -206,7 +209,7 @@ class Projection:
         return below - reach, below + reach
 
     def _window(self, matrix: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return those of them that may be shown on a plane."""
+        """Return those columns and rows that a picture of a plane may show."""
         first, last = self._around()
         right, lower = self.camera.width_px - 0.5, self.camera.height_px - 0.5
         corners = np.array(
@@ -239,19 +242,18 @@ def _whole(inside: NDArray[np.bool_]) -> Cells:
 
 
 def _weighty(shares: Floats, seen: Floats, heavy: Floats) -> Floats:
-    """Return shares, -1 where not half of a cell is seen, or what is seen weighs nothing."""
+    """Return shares; -1 for a cell that is less than half visible, or has no weight."""
     return np.where((seen >= HALF_SEEN) & (heavy > 0.0), shares, -1.0)
 
 
 def weights(seen: Floats, corners_px: Floats, slant: Floats) -> Floats:
-    """Return the weight of each cell's vote, shape (n,): a product of three factors, 0 to 1.
+    """Return the weight of each cell's vote, shape (n,), a product of three factors, 0 to 1.
 
     * coverage: the part of the cell that is in the picture;
-    * resolution: `n / (n + ENOUGH_PX)` with the cell's `n` pixels: the detector errs alike in all
-      of many pixels;
-    * obliqueness: the fourth power of the cosine of the angle from straight down: aslant a cell is
-      hidden by what stands on it, and lies beside its place by the angle's tangent per metre of
-      height.
+    * resolution: `n / (n + ENOUGH_PX)` with the cell's `n` pixels; errors of a detector are alike
+      in neighbouring pixels, so many pixels add little;
+    * obliqueness: the fourth power of the cosine of the angle from straight down. Objects on a cell
+      hide it from the side, and each metre of their height displaces it by the angle's tangent.
 
     Args:
         seen: Part of each cell in the picture, 0 to 1.
@@ -290,9 +292,9 @@ class Frame:
 class Verdict(NamedTuple):
     """The verdict of one frame on one cell.
 
-    `share` is the part of the cell that is ROI, 0 to 1: of its pixels, those in the mask; of a
-    calibrated detector, their mean probability. `unsure`: most of it looks like nothing that the
-    detector knows. `classes`: number and share of each class that it shows.
+    `share` is the part of the cell that is ROI, 0 to 1: the share of its pixels in the mask. For a
+    calibrated detector it is their mean probability. `unsure`: most of the cell is unlike all that
+    the detector knows. `classes`: number and share of each class in it.
     """
 
     cell: Cell
@@ -302,7 +304,7 @@ class Verdict(NamedTuple):
     classes: tuple[tuple[int, float], ...] = ()
 
 
-def look(
+def judge_frame(
     frame: Frame,
     grid: Grid,
     detector: Detector,
@@ -317,17 +319,17 @@ def look(
 
     Args:
         grid: The grid; if it drifts, at `frame.t_s`.
-        share: Least part of a cell's pixels that makes it positive, 0 to 1.
+        share: Minimum part of a cell's pixels that makes it positive, 0 to 1.
         view: `"cross"`: the cell under the camera's *position* and its four neighbours, in the
             order of `Cell.cross` (the paper's). `"all"`: every cell wholly inside the polygon of
-            ground that the picture shows, sorted, within `OBLIQUE_LIMIT`; for pictures taken
-            without a stop, and recorded ones from high up.
-        vantage: Of the view `"cross"`, the cell over which the frame was ordered; by default the
-            one under the camera. The pose decides where that cell lies in the picture.
-        margin_m: Of the view `"all"`, the least distance of a cell from the rim of that polygon, at
+            ground that the picture shows, sorted, within `OBLIQUE_LIMIT`. It is for pictures taken
+            without a stop, and for recorded ones from high up.
+        vantage: The cell over which a frame of the view `"cross"` was ordered; by default the one
+            under the camera. The pose decides where that cell lies in the picture.
+        margin_m: Minimum distance of a cell from the rim of that polygon under the view `"all"`, at
             least 0. It keeps cells wholly in the picture despite such an error of the pose. It does
-            not correct the verdict: a cell at the border of the ROI may gain or lose a strip as
-            wide as the error, up to error / cell edge of its pixels in each direction.
+            not correct the verdict. A cell at the border of the ROI may gain or lose a strip as
+            wide as the error.
         terrain: The ground, where it is not flat. Heights of poses are above the ground below.
 
     Returns:
@@ -357,7 +359,7 @@ def verdicts(
     """Return the verdicts on cells, of those that are in the picture.
 
     Args:
-        shares: Of the cells, -1 for one that is not in the picture.
+        shares: Share of each cell; -1 for one that is not in the picture.
         least: Share that makes a cell positive.
     """
     unsure = projection.unsure(found.unfamiliar, cells)

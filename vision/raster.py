@@ -1,7 +1,7 @@
-"""A raster on the ground: pictures laid on it, and their probabilities fused.
+"""A raster on the ground: pictures projected onto it, and their probabilities fused.
 
-A raster has square pixels along the grid's axes, rows from north to south. Of a picture places are
-projected in the middle of squares of eight by eight pixels of the raster and interpolated in
+A raster has square pixels along the grid's axes, rows from north to south. A picture's places are
+projected in the middle of squares of eight by eight pixels of the raster, and interpolated in
 between. The fused probability is the weighted mean over the pictures that show a place. Pictures
 of the same ground are no independent evidence (all have the same shadow), so log-odds are not
 added.
@@ -41,11 +41,11 @@ class Window(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """Whether it has no pixel."""
+        """True if it has no pixel."""
         return 0 in self.shape
 
     def common(self, other: Window) -> Window:
-        """Return what two windows share; maybe empty.
+        """Return the common part of two windows, which may be empty.
 
         >>> Window(0, 0, 4, 4).common(Window(2, 1, 9, 3))
         Window(top=2, left=1, bottom=4, right=3)
@@ -58,7 +58,7 @@ class Window(NamedTuple):
         )
 
     def within(self, other: Window) -> tuple[slice, slice]:
-        """Return the slices of this window in an array of `other`, of which it is a part."""
+        """Return the slices of this window in an array of `other`, which contains it."""
         return (
             slice(self.top - other.top, self.bottom - other.top),
             slice(self.left - other.left, self.right - other.left),
@@ -97,7 +97,7 @@ class Raster:
 
     @property
     def whole(self) -> Window:
-        """All of it."""
+        """Window of all pixels."""
         return Window(0, 0, self.rows, self.columns)
 
     def shared(self, windows: Iterable[Window], side: int) -> dict[Window, list[int]]:
@@ -144,9 +144,9 @@ class Raster:
 # --- pictures laid on it -------------------------------------------------------------------------
 STEP: Final = 8
 FEATHER: Final = 0.04
-"""Part of a picture's width over which its weight fades at the rim."""
-_PART: Final = 48 * STEP  # of a window, that is left out if the picture shows nothing of it
-_ALL_INSIDE: Final = 1.001  # a fade above this is 1 between its middles, too
+"""Share of a picture's width over which its weight fades at the rim."""
+_PART: Final = 48 * STEP  # px; a part of a window that the picture does not show is left out
+_ALL_INSIDE: Final = 1.001  # a fade above this is 1 between its middles also
 # columns and rows are in one map; an empty array in place of the other gives nonsense
 _NO_MAP: Final[Any] = None
 _PROBES: Final = 32  # along each side of the ground that a picture may show
@@ -162,8 +162,8 @@ class Overlay:
         pixels: Pixels (n, m, 2) of ground points (n, m, 2) in the grid's moving frame; NaN behind
             the camera.
         below: The point under the camera, in the moving frame at the exposure.
-        height_m: Of the camera above that point, above 0.
-        width_px: Columns of the picture that `pixels` means.
+        height_m: Height of the camera above that point, above 0.
+        width_px: Columns of the picture, in units of `pixels`.
     """
 
     pixels: Callable[[Floats], Floats]
@@ -173,10 +173,10 @@ class Overlay:
     height_px: int
 
     @classmethod
-    def of(
+    def at_pose(
         cls, camera: Camera, pose: Pose, t_s: float, grid: Grid, terrain: Terrain | None
     ) -> Overlay:
-        """Lay a picture on the ground that was taken at mission time `t_s`."""
+        """Return the overlay of a picture that was taken at mission time `t_s`."""
         return cls(
             Projection(camera, pose, t_s, grid, terrain).pixels,
             grid.to_moving(grid.fixed(pose.position), t_s),
@@ -186,10 +186,10 @@ class Overlay:
         )
 
     def bounds(self) -> tuple[Floats, Floats] | None:
-        """Return the south-western and north-eastern corner around what it shows, if anything."""
+        """Return the south-western and north-eastern corners of its ground; None if it has none."""
         below, reach_m = np.array(self.below), OBLIQUE_LIMIT * self.height_m
         low, high = below - reach_m, below + reach_m
-        for _ in range(2):  # the second time where the first has found it
+        for _ in range(2):  # the second pass refines what the first has found
             east, north = np.linspace(low, high, _PROBES + 1).T
             points = np.stack(np.meshgrid(east, north), axis=-1)
             shown = self._inside_px(self.pixels(points)) > 0.0
@@ -199,20 +199,20 @@ class Overlay:
             low, high = seen.min(axis=0) - spacing_m, seen.max(axis=0) + spacing_m
         return low, high
 
-    def laid(
+    def on_window(
         self, raster: Raster, window: Window, times: float = 1.0
-    ) -> Iterator[tuple[Window, Laying]]:
-        """Yield the picture on the parts of a window where it shows something, its weight times
-        `times`.
+    ) -> Iterator[tuple[Window, ProjectedPicture]]:
+        """Yield the parts of a window that the picture shows, its weight multiplied by `times`.
 
-        A picture lies aslant on the ground: a good part of the window around it is not in it.
+        A picture lies aslant on the ground, so a good part of the window around it is outside of
+        it.
         """
         nodes = raster.middles(window, STEP)
         pixels = self.pixels(nodes)
         inside_px = self._inside_px(pixels)
         away_m = np.hypot(nodes[..., 0] - self.below.east_m, nodes[..., 1] - self.below.north_m)
-        # an error of an angle moves the ground by this to the power of -2: its variance to that
-        # of -4
+        # an angle's error moves the ground by this to the power of -2, so its variance grows by
+        # this to the power of -4
         level = (self.height_m**2 / (self.height_m**2 + away_m**2)) ** 2 * times
         level[away_m > OBLIQUE_LIMIT * self.height_m] = 0.0
         shown = (inside_px > 0.0) & (level > 0.0)
@@ -224,7 +224,7 @@ class Overlay:
             if not part.is_empty:
                 near = _near(part, window)
                 weight = _weight(fade[near], heavy[near], part.shape)
-                yield part, Laying(places[near], weight, (self.width_px, self.height_px))
+                yield part, ProjectedPicture(places[near], weight, (self.width_px, self.height_px))
 
     def _inside_px(self, pixels: Floats) -> Floats:
         """Return the pixels from the rim of the picture; negative outside."""
@@ -235,10 +235,11 @@ class Overlay:
 
 
 @dataclass(frozen=True, slots=True)
-class Laying:
+class ProjectedPicture:
     """A picture of `size_px` columns and rows on a window.
 
-    `nodes` are the middles of its squares in the picture; `weight` is of each pixel: 0 outside.
+    `nodes` are the middles of its squares in the picture; `weight` is that of each pixel, 0
+    outside.
     """
 
     nodes: NDArray[np.float32]
@@ -252,7 +253,7 @@ class Laying:
         scale = np.divide((columns, rows), self.size_px)
         places = (self.nodes * scale + (scale + 1.0) / 2.0).astype(np.float32)
         at = _between(places, self.weight.shape)
-        # what lies outside weighs nothing, so it may be black, which is quicker than anything else
+        # what lies outside weighs nothing: it may be black, which is quickest
         found: NDArray[Any] = cv2.remap(
             framed_image, at, _NO_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
         )
@@ -260,14 +261,14 @@ class Laying:
 
 
 def _near(part: Window, window: Window) -> tuple[slice, ...]:
-    """Return the squares of a part of a window, with one more all around."""
+    """Return the slices of a part's squares within its window, with one more all around."""
     return tuple(
         slice(side.start // STEP, -(-side.stop // STEP) + 2) for side in part.within(window)
     )
 
 
 def _narrowed(block: Window, window: Window, shown: NDArray[np.bool_]) -> Window:
-    """Return the whole squares of a block that may lie between middles of which one is shown."""
+    """Return the part of a block, in whole squares, that the picture may show."""
     found = shown[_near(block, window)]
     rows, columns = (np.flatnonzero(found.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
@@ -283,7 +284,7 @@ def _narrowed(block: Window, window: Window, shown: NDArray[np.bool_]) -> Window
 def _weight(
     fade: NDArray[np.float32], level: NDArray[np.float32], shape: tuple[int, ...]
 ) -> NDArray[np.float32]:
-    """Return the weight at every pixel of a part; `fade` rises to 1 from the rim inwards."""
+    """Return the weight of every pixel of a part; `fade` rises to 1 from the rim inwards."""
     found = _between(level, shape)
     if fade.min() > _ALL_INSIDE:
         return found
@@ -293,7 +294,7 @@ def _weight(
 
 
 def framed(image: NDArray[Any]) -> NDArray[Any]:
-    """Return an image with its outermost pixels repeated around it, for `Laying.sampled`.
+    """Return an image with its outermost pixels repeated around it, for `ProjectedPicture.sampled`.
 
     >>> framed(np.array([[1, 2]], np.uint8)).tolist()
     [[1, 1, 2, 2], [1, 1, 2, 2], [1, 1, 2, 2]]
@@ -302,7 +303,7 @@ def framed(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def _between(nodes: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Interpolate to every pixel values of squares' middles, with one more row all around."""
+    """Interpolate values of squares' middles, with one more row all around, to every pixel."""
     rows, columns = shape
     size = STEP * nodes.shape[1], STEP * nodes.shape[0]
     found = cv2.resize(nodes, size, interpolation=cv2.INTER_LINEAR)
@@ -318,13 +319,13 @@ SMOOTH_PX: Final = 1.0
 """Standard deviation of the smoothing of the sums, pixels of the raster."""
 HALO_PX: Final = 4
 """Reach of the smoothing around a window, pixels."""
-_ROWS: Final = 256  # smoothed at once: all would take as much memory once more
+_ROWS: Final = 256  # smoothed at once: all rows at once would double the memory
 
 Levels = NDArray[np.uint8]
 
 
 class Fusion:
-    """The sums over a window of a raster; a place counts as seen in at least `least` pictures."""
+    """Sums over a window of a raster; a place counts as shown from `least` pictures on."""
 
     def __init__(self, window: Window, least: int = 1) -> None:
         self.window, self._least = window.grown(HALO_PX), least
@@ -374,7 +375,7 @@ class Fusion:
 
 
 def as_levels(marks: Marks, shrinks_px: int = 0) -> NDArray[np.uint8]:
-    """Return a detector's marks as 0 to 255, a mask grown by `shrinks_px`.
+    """Return a detector's marks as levels 0 to 255, a mask grown by `shrinks_px`.
 
     >>> as_levels(np.array([[0, 255, 0, 0]], np.uint8), 1).tolist()
     [[255, 255, 255, 0]]

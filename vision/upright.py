@@ -1,8 +1,8 @@
-"""Which recorded pictures are stored upside down.
+"""Search for recorded pictures that are stored upside down.
 
-Picture viewers turn a photograph by 180 degrees without changing its gimbal angles, so no tag
-tells. Overlapping pictures agree only if both are upright. Each is compared with the one before it
-and the nearest of those before that: the cost is linear in the number of pictures.
+Picture viewers turn a photograph by 180 degrees without changing its gimbal angles, so no tag shows
+it. Overlapping pictures agree only if both are upright. Each is compared with the one before it and
+the nearest of the earlier ones, so the cost is linear in the number of pictures.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Scores = Mapping[tuple[int, int], Floats]
 _Neighbours = Mapping[int, Mapping[int, Floats]]
 
 MARGIN = 0.05
-"""Mean gain per pair below which nothing is turned."""
+"""Minimum mean gain per pair for which pictures are turned."""
 
 
 def best_labels(count: int, scores: Scores) -> tuple[bool, ...]:
@@ -66,7 +66,7 @@ def _gain(k: int, labels: Mapping[int, bool], near: _Neighbours) -> float:
 
 
 def _grown(first: int, way: bool, near: _Neighbours) -> dict[int, bool]:
-    """Label outwards from a picture, the clearest next; then mend."""
+    """Label outwards from a picture, the clearest neighbour next; then correct the labels."""
     labels: dict[int, bool] = {}
     heap: list[tuple[float, int]] = [(0.0, first)]
     clearest = {first: 0.0}
@@ -106,17 +106,17 @@ def _sum(labels: Mapping[int, bool], near: _Neighbours) -> float:
 
 
 _PIXELS_A_HEIGHT = 40  # resolution of the comparison: a metre from 40 m
-_SEARCH = 0.12  # how far positions may be off, in heights: some 5 m from 40 m
+_SEARCH = 0.12  # maximum error of positions, as a share of the height: some 5 m from 40 m
 _LEAST_COMMON = 100  # pixels that two pictures must share to be compared
 _LEAST_VARIANCE = 1e-2  # levels squared; less is the arithmetic's own
-_PARTNERS = 2  # how many are compared with a picture besides the one before it
-_LEAST_BLUR_PX = 3  # of pixels made larger: then it is as round as of the picture's own
-_KEPT = 600  # how many pictures back they may lie
+_PARTNERS = 2  # number of pictures compared with one, besides the one before it
+_LEAST_BLUR_PX = 3  # of enlarged pixels: it is then as round as a blur of the picture's own
+_KEPT = 600  # maximum distance between compared pictures, in pictures
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A frame laid on the ground, north up: as stored, and turned by 180 degrees."""
+    """A frame projected onto the ground, north up: as stored, and turned by 180 degrees."""
 
     west_px: int
     north_px: int
@@ -132,7 +132,7 @@ class Patch:
 
 @dataclass(slots=True)
 class UprightSearch:
-    """Compares pictures as they come; then reports which are upside down.
+    """Compares pictures as they come; then reports those that are upside down.
 
     `pitch_m` is the raster on the ground for the comparison: `pitch_for` the heights.
     """
@@ -145,7 +145,7 @@ class UprightSearch:
 
     @staticmethod
     def pitch_for(heights_m: Sequence[float]) -> float:
-        """Return the raster for pictures from such heights, metres.
+        """Return the edge of the raster's pixels, metres, for pictures from such heights, metres.
 
         >>> UprightSearch.pitch_for([40.0, 40.0, 4000.0])
         1.0
@@ -154,7 +154,7 @@ class UprightSearch:
         return usual_m / _PIXELS_A_HEIGHT
 
     def patch(self, frame: Frame) -> Patch | None:
-        """Lay a frame on the ground; None if it looks too far sideways. Safe in several threads."""
+        """Project a frame onto the ground; None if it looks too far sideways. Thread-safe."""
         grid, pitch_m = self.grid, self.pitch_m
         if frame.pose.height_m <= 0.0:
             return None
@@ -181,7 +181,7 @@ class UprightSearch:
         )
         to_pixels = matrix @ ground_of_sample
         half_turn = np.array([[-1.0, 0.0, width - 1.0], [0.0, -1.0, height - 1.0], [0.0, 0.0, 1.0]])
-        # blurred to the raster, or the raster would pick single pixels out of leaves and gravel
+        # blurred to the raster's resolution: single pixels of leaves and gravel would be noise
         blur_px = frame.camera.focal_px * pitch_m / frame.pose.height_m
         gray, times = _halved(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), blur_px)
         blur = max(1, round(blur_px / times))
@@ -222,8 +222,8 @@ class UprightSearch:
     def turned(self) -> tuple[bool, ...]:
         """Return for each picture whether it must be turned to agree with the others.
 
-        The labels under which overlapping pairs correlate best, summed over the pairs. Pictures
-        without overlap stay as they are, as do all if the gain is below a small margin.
+        These labels correlate overlapping pairs best, summed over the pairs. Pictures without
+        overlap stay as they are, as do all if the gain is below a small margin.
         """
         return best_labels(self._count, self._scores)
 
@@ -245,7 +245,7 @@ class UprightSearch:
 
 
 def _halved(gray: NDArray[Any], blur_px: float) -> tuple[NDArray[Any], int]:
-    """Halve a picture as often as the blur allows; return it and how many pixels became one.
+    """Halve a picture while the blur allows it; return it, and the old pixels along a new one.
 
     >>> _halved(np.ones((9, 12), np.uint8), 20.0)[0].shape
     (2, 3)
@@ -307,8 +307,8 @@ def _best_scores(
 ) -> Floats:
     """Return the best correlation of each weighted template over all places in each image.
 
-    As `cv2.matchTemplate` with a mask, at a third of its cost: what depends on one of the two alone
-    is computed once.
+    The result is that of `cv2.matchTemplate` with a mask, at a third of its cost. Terms that depend
+    on one of the two alone are computed once.
     """
     count = float(weight.sum())
     centred = []
@@ -325,7 +325,7 @@ def _best_scores(
         spread = squares - total * total / count
         for i, (values, own) in enumerate(centred):
             product = cv2.matchTemplate(there, values, cv2.TM_CCORR)
-            # without contrast nothing is said
+            # without contrast there is no evidence
             known = (spread > _LEAST_VARIANCE * count) & (own > _LEAST_VARIANCE * count)
             scale = np.sqrt(np.maximum(spread * own, 1e-12))
             score[i, j] = np.clip(np.where(known, product / scale, 0.0), 0.0, 1.0).max()

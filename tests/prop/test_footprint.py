@@ -19,7 +19,7 @@ from tests.support.ground.footprints import whole_cells
 from tests.unit.vision.scene import camera_axes, nadir_pose, paint
 from vision.camera import Camera
 from vision.detectors import make_detector
-from vision.projection import OBLIQUE_LIMIT, Frame, look
+from vision.projection import OBLIQUE_LIMIT, Frame, judge_frame
 
 FAST = settings(max_examples=80, deadline=None)
 BAVARIA = LatLon(48.0, 11.9)  # grid north is 2.2 degrees off true north
@@ -84,7 +84,7 @@ def test_a_frame_judges_the_cells_wholly_inside_its_polygon_on_the_ground(
     pose, axes = nadir_pose(grid, over, height_m, yaw_deg, (roll, pitch))
     image = paint([], grid, CAMERA, pose, axes)
     frame = Frame(image, pose, 0.0, CAMERA)
-    judged = look(frame, grid, PLAIN, share=0.5, view="all", margin_m=margin_m)
+    judged = judge_frame(frame, grid, PLAIN, share=0.5, view="all", margin_m=margin_m)
     cells = [verdict.cell for verdict in judged]
     assert cells == sorted(set(cells))
     assert whole(shrunk(polygon, margin_m + NEAR_M), 4.0) <= set(cells)
@@ -119,7 +119,9 @@ def test_what_a_planner_expects_of_a_level_camera_is_what_its_frames_judge(
     grid, over = Grid.at(BAVARIA, 4.0), GridPoint(east_m, north_m)
     pose, axes = nadir_pose(grid, over, height_m, yaw_deg)
     frame = Frame(paint([], grid, CAMERA, pose, axes), pose, 0.0, CAMERA)
-    judged = {v.cell for v in look(frame, grid, PLAIN, share=0.5, view="all", margin_m=margin_m)}
+    judged = {
+        v.cell for v in judge_frame(frame, grid, PLAIN, share=0.5, view="all", margin_m=margin_m)
+    }
     bearing_rad = math.radians(yaw_deg) - grid.convergence_rad
     footprint = CAMERA.footprint(height_m)
     near, far = (

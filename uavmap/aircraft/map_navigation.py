@@ -251,7 +251,7 @@ class Navigation:
             ground = patch(frame, metres_per_pixel=metres, up_rad=up_rad)
             trusted = self.gnss == "good" and self._view.by_satellites
             trusted = trusted and not self._view.has_no_fix
-            known = self._own.take(frame.t_s, ground, (told.east_m, told.north_m), trusted)
+            known = self._own.add_picture(frame.t_s, ground, (told.east_m, told.north_m), trusted)
             self._pictured_s, self._flown_m = now_s, 0.0
             self._learn(known, now_s)
         if self.gnss == "good":

@@ -1,6 +1,6 @@
 """The service: from events to the orders of every vehicle.
 
-    frame -> look(frame, grid, detector) -> votes
+    frame -> judge_frame(frame, grid, detector) -> votes
     step(state, event) -> (state, orders)
     orders -> aircraft.give(vehicle, order) -> MAVLink
 

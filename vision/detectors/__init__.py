@@ -1,6 +1,6 @@
 """The detectors by name. A new one is a file beside these and a line in `_REGISTRY`.
 
-One from elsewhere is a plug-in (`uavmap.load.detector_source`).
+A detector from another package is a plug-in (`uavmap.load.detector_source`).
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ FINDS: Final[Mapping[str, str]] = {
     "adaptive": "Small patches that are darker (or brighter) than what lies around them.",
     "color": "Ground of some sample colours, which a mission file has to give.",
     "index": "Plants, by excess green; with near infrared also NDVI and water; hot spots.",
-    "learned": "What was painted in a few photographs, by `uavmap tune`.",
-    "onnx": "What a segmentation model was made to find.",
+    "learned": "Ground like that painted in a few photographs, by `uavmap tune`.",
+    "onnx": "The region for which a segmentation model was trained.",
 }
-"""What each detector finds, in a sentence for a person who has to choose one."""
+"""Ground that each detector finds, in a sentence for the operator who chooses one."""
 
 FROM_FILES: Final[Mapping[str, tuple[str, ...]]] = {
     "learned": ("model",),
@@ -81,7 +81,7 @@ def check_keys(name: str, keys: Mapping[str, object]) -> None:
 
 
 def detector_parameters(name: str) -> dict[str, object]:
-    """Return the parameters of a detector that have defaults, none of one from elsewhere.
+    """Return the parameters of a detector that have defaults; for a plug-in, none.
 
     >>> detector_parameters("paved")
     {'greenness': 0.04, 'intensity': 90, 'dilations': 1}
@@ -96,7 +96,7 @@ def detector_parameters(name: str) -> dict[str, object]:
 def build_detector(
     name: str, build: Callable[..., Detector], params: Mapping[str, object]
 ) -> Detector:
-    """Return what `build` makes of the parameters, once they fit its signature."""
+    """Check the parameters against the signature of `build`, and return its result."""
     _check_known(name, build, params, ())
     for key, parameter in signature(build).parameters.items():
         if parameter.default is parameter.empty and key not in params:

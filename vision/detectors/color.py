@@ -1,4 +1,4 @@
-"""The detector that goes by colours of samples."""
+"""The detector of sample colours."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MOST_SAMPLES: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class ColorDetector:
-    """The ROI has one of the sample colours, by distance in CIE Lab.
+    """Detector of ROI that has one of the sample colours, by distance in CIE Lab.
 
     A distance of 2 is just visible, 10 is another shade, 50 another colour. The probability is a
     half at `distance` and falls as a bell; it is not calibrated.
@@ -32,7 +32,7 @@ class ColorDetector:
         distance: Largest distance of a pixel from a sample, above 0, to 200.
         lightness: Weight of a difference of lightness beside one of colour, 0 to 1. 0 ignores
             shadows and exposure.
-        classes: The classes that it tells apart; those that are not explored are not ROI.
+        classes: Classes that it distinguishes; those that are not explored are not ROI.
     """
 
     name: ClassVar[str] = "color"
@@ -68,7 +68,7 @@ class ColorDetector:
 
     @property
     def words(self) -> str:
-        """What it takes for region."""
+        """Description of its region."""
         every = [color for colors in self._by_key.values() for color in colors]
         colours = ", ".join("rgb({}, {}, {})".format(*color) for color in every[:3])
         more = len(every) - 3
@@ -96,13 +96,13 @@ class ColorDetector:
         return marked(self.probability(image))
 
     def _passed(self, nearest: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return where the nearest class is one that is not explored."""
+        """Return the pixels whose nearest class is not explored."""
         if self.classes is None:
             return np.zeros(nearest.shape, np.bool_)
         return ~np.isin(tuple(self.classes.names), self.classes.explored)[nearest]
 
     def _described(self, image: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-        """Return how near each pixel is to a sample, 0 to 1, and whose that is, from 0."""
+        """Return each pixel's likeness to a sample, 0 to 1, and the index of its class."""
         lab = _lab(image)
         away = np.stack([self._distance(lab, colors) for colors in self._by_key.values()])
         nearest, near = away.argmin(axis=0), away.min(axis=0)

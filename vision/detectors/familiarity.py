@@ -1,12 +1,12 @@
-"""How familiar a pixel is: whether what was painted shows pixels like it.
+"""Familiarity of a pixel: its likeness to the painted examples.
 
 A classifier divides the whole space of features, also where no example lies, and is sure of itself
-there. So what was painted is described, region and surround apart, by a mixture of Gaussians of the
-colour and texture of its places. A pixel is compared with the kind that it is taken for: bare soil
+there. So a mixture of Gaussians of colour and texture describes the painted places of each kind,
+region and surround. A pixel is compared with the kind that the classifier assigns to it. Bare soil
 may be unlike every painted road, and yet less unlike road than lawn.
 
-The density at a pixel becomes a familiarity between 0 and 1: the part of *other* painted pictures'
-places that are less dense, as measured on each picture by mixtures that have not seen it.
+The density at a pixel becomes a familiarity between 0 and 1: the share of places of *other* painted
+pictures that are less dense. It is measured on each picture by mixtures that have not seen it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from vision.detectors.pixel_features import GROUPS
 NAMES: Final = GROUPS["color"] + GROUPS["texture"]
 """The features that are compared; surroundings differ too much from picture to picture."""
 QUANTILES: Final = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Familiarities at which the density is kept."""
+"""Familiarities at which the density is stored."""
 
 Array = NDArray[np.float32]
 _Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -47,7 +47,7 @@ class Gaussian(_Part):
 
 
 class Kind(_Part):
-    """One kind of ground, region or surround: its places, and how dense other pictures' are.
+    """One kind of ground, region or surround: its places, and the density of others' places.
 
     `densities` are the logarithms at `QUANTILES`, rising.
     """
@@ -59,7 +59,7 @@ class Kind(_Part):
 
 
 class Familiarity(_Part):
-    """What was painted: mean and scale of the features `NAMES`, and both kinds."""
+    """The painted ground: mean and scale of the features `NAMES`, and both kinds."""
 
     mean: _Row
     scale: Annotated[tuple[Annotated[_Number, Field(gt=0)], ...], Field(min_length=len(NAMES))]
@@ -76,13 +76,13 @@ class Familiarity(_Part):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Compares places with one kind of ground, of features standardised by `mean` and `scale`."""
+    """Comparison of places with one kind of ground; `mean` and `scale` standardise features."""
 
     kind: Kind
     mean: Array
     scale: Array
     _whitening: Array = field(init=False, repr=False)
-    """Of all Gaussians side by side, (`NAMES`, Gaussians times `NAMES`), and of raw features."""
+    """Factors of all Gaussians side by side, (`NAMES`, Gaussians * `NAMES`), for raw features."""
     _middle: Array = field(init=False, repr=False)
     _peak: Array = field(init=False, repr=False)
 
@@ -123,21 +123,23 @@ class Familiar:
     surround: Comparison
 
     @classmethod
-    def of(cls, told: Familiarity) -> Familiar:
-        """Make it of what a model's file holds."""
-        scaled = (np.array(told.mean, np.float32), np.array(told.scale, np.float32))
-        return cls(Comparison(told.region, *scaled), Comparison(told.surround, *scaled))
+    def from_model(cls, familiarity: Familiarity) -> Familiar:
+        """Make it from the familiarity of a model's file."""
+        scaled = (np.array(familiarity.mean, np.float32), np.array(familiarity.scale, np.float32))
+        return cls(
+            Comparison(familiarity.region, *scaled), Comparison(familiarity.surround, *scaled)
+        )
 
     def standardised(self, values: Array) -> Array:
-        """Return features (`NAMES`, n) by their usual spread, (n, `NAMES`)."""
+        """Return features (`NAMES`, n) in units of their usual spread, (n, `NAMES`)."""
         return (values.T - self.region.mean) / self.region.scale
 
     def familiarity(self, values: Array, region: NDArray[np.bool_]) -> Array:
-        """Return how familiar places are, (n,), 0 to 1.
+        """Return the familiarity of places, (n,), 0 to 1.
 
         Args:
             values: Features, (`NAMES`, n).
-            region: Which places are taken for region, (n,).
+            region: True for places that are taken for region, (n,).
         """
         found = np.empty(len(region), np.float32)
         for kind, places in ((self.region, region), (self.surround, ~region)):

@@ -10,26 +10,26 @@ from numpy.typing import NDArray
 from missions.errors import MissionFileError
 
 Marks: TypeAlias = NDArray[np.uint8] | NDArray[np.float32]
-"""Of a picture's pixels: a mask, 0 or 255, or a probability, 0 to 1."""
+"""Marks of a picture's pixels: a mask, 0 or 255, or a probability, 0 to 1."""
 
 
 UNFAMILIAR: Final = 0.05
-"""A pixel with a lower familiarity looks like nothing that the detector knows."""
+"""Familiarity below which a pixel is unlike all that the detector knows."""
 UNSURE: Final = 0.5
-"""The part of a cell's pixels from which on an unfamiliar look leaves the cell unsure."""
+"""Minimum share of unfamiliar pixels that leaves a cell unsure."""
 
 
 class Judgement(NamedTuple):
     """The judgement of a picture, pixel by pixel, each (rows, columns).
 
     Attributes:
-        marks: What cells' shares are counted from: a calibrated probability, else the mask. An
-            unfamiliar pixel is not region.
-        familiarity: How much each pixel looks like what the detector knows, 0 to 1, float32; None
-            of a detector that is a rule, and takes everything for known.
+        marks: Basis of cells' shares: a calibrated probability, else the mask. An unfamiliar pixel
+            is not region.
+        familiarity: Likeness of each pixel to what the detector knows, 0 to 1, float32; None for a
+            detector without examples, to which all ground is familiar.
         unlike: Standardised features of some unfamiliar places, (places, features).
-        classes: The number of each pixel's class, uint8; 0 is of none. An unfamiliar pixel has the
-            one that it looks like. None of a detector that knows one class.
+        classes: Number of each pixel's class, uint8; 0 for none. An unfamiliar pixel has the class
+            that it resembles. None for a detector of one class.
     """
 
     marks: Marks
@@ -39,7 +39,7 @@ class Judgement(NamedTuple):
 
     @property
     def unfamiliar(self) -> NDArray[np.uint8] | None:
-        """The pixels that look like nothing that the detector knows: 255, else 0."""
+        """Pixels that are unlike all that the detector knows: 255, else 0."""
         return None if self.familiarity is None else ~marked(self.familiarity, UNFAMILIAR)
 
 
@@ -52,26 +52,26 @@ class Detector(Protocol):
     other bands, and uint16. Parameters out of range raise `MissionFileError`, naming the key.
 
     If its mask is smaller than the region by some pixels at each edge, `shrinks_px` may give that
-    number: the region's boundary is drawn so much farther out. `words` may describe what it takes
-    for region, to follow "region = ". `judged(image)` may return a `Judgement` that says what the
-    detector does not know, and of which class a pixel is. A detector with the parameter `classes`
-    (`missions.classes.Classes`) tells several apart, and marks those that are explored.
+    number: the region's boundary is drawn farther out by as many. `words` may describe its region,
+    to follow "region = ". `judged(image)` may return a `Judgement` with unfamiliar pixels and the
+    class of each pixel. A detector with the parameter `classes` (`missions.classes.Classes`)
+    distinguishes several classes, and marks those that are explored.
     """
 
     @property
     def name(self) -> str:
-        """The name in a mission file."""
+        """Name in a mission file."""
 
     @property
     def calibrated(self) -> bool:
-        """Whether `probability` is one: of the pixels at 0.7, about 70 % are ROI.
+        """True if `probability` is calibrated: about 70 % of the pixels at 0.7 are ROI.
 
-        Then a cell's share of ROI is the mean over its pixels; else the part that the mask marks,
-        as in the paper.
+        Then a cell's share of ROI is the mean over its pixels. Otherwise it is the share that the
+        mask marks, as in the paper.
         """
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
-        """Return how much each pixel looks like the ROI: (rows, columns), float32, 0 to 1.
+        """Return the likeness of each pixel to the ROI: (rows, columns), float32, 0 to 1.
 
         `mask` marks a pixel where this is at least the detector's threshold.
         """

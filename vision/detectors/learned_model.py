@@ -1,11 +1,11 @@
-"""A model that `uavmap tune` has learned: its file, its answer, and what it does not know.
+"""A model that `uavmap tune` has trained: its file, its answer and its familiarity.
 
 Its file is JSON, so reading one runs nothing that it holds. A model has one or two parts, a
-logistic regression and boosted trees; its answer is the calibrated mean of theirs. Of which class a
-pixel of the region is, a linear rule over the same features tells. A tree has at
-most eight leaves: the leaves that its conditions leave over are eight bits of a byte, and a table
-of 256 values gives their worth (QuickScorer, Lucchese and others, 2015), for all pixels at once.
-Beside its probability a pixel has a familiarity (`vision.detectors.familiarity`).
+logistic regression and boosted trees; its answer is the calibrated mean of theirs. A linear rule
+over the same features gives the class of a pixel of the region. A tree has at most eight leaves,
+the bits of a byte. Its conditions rule leaves out. A table of 256 values gives the worth of the
+remaining set, for all pixels at once (QuickScorer, Lucchese and others, 2015). Beside its
+probability a pixel has a familiarity (`vision.detectors.familiarity`).
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ class Trees(_Part):
 
 
 class ClassRule(_Part):
-    """Tells the classes of a region apart: a pixel is of the one with the largest sum.
+    """A rule for the classes of a region: a pixel is of the class with the largest sum.
 
-    `numbers` are theirs; each has a row of `weights`, of standardised features, and a `bias`.
+    `numbers` are the classes'; each has a row of `weights`, of standardised features, and a `bias`.
     """
 
     numbers: Annotated[tuple[ClassNumber, ...], Field(min_length=1)]
@@ -107,14 +107,14 @@ class Model(_Part):
     parts: Annotated[tuple[Logistic | Trees, ...], Field(min_length=1, max_length=4)]
     slope: Annotated[_Number, Field(gt=0)] = 1.0
     offset: _Number = 0.0
-    """Of the calibration: probability = 1 / (1 + exp(-(slope logit + offset)))."""
+    """Offset of the calibration: probability = 1 / (1 + exp(-(slope logit + offset)))."""
     threshold: Annotated[_Number, Field(gt=0, lt=1)] = 0.5
     familiarity: Familiarity
     wrong_at_most: Annotated[_Number, Field(ge=0, le=1)]
-    """A bound on the part of the familiar cells that are judged wrong in another picture."""
+    """Upper bound of the share of familiar cells that are judged wrong in another picture."""
 
     classes: ClassRule | None = None
-    """Of a model that tells classes of the region apart."""
+    """Rule of a model that distinguishes classes of the region."""
 
     @model_validator(mode="after")
     def _fits(self) -> Model:
@@ -126,7 +126,7 @@ class Model(_Part):
                 if not len(part.mean) == len(part.scale) == len(part.weights) == count:
                     raise ValueError(f"a logistic part needs {count} means, scales and weights")
             elif any(f >= count for tree in part.trees for f in tree.feature):
-                raise ValueError("a tree asks for a feature that there is not")
+                raise ValueError("a tree asks for a feature that the model does not have")
         if (rule := self.classes) is not None:
             rows = (rule.mean, rule.scale, *rule.weights)
             if {len(row) for row in rows} != {count} or (
@@ -206,12 +206,12 @@ class Scorer:
         return np.asarray(np.log(share / (1.0 - share)), np.float32)
 
     def probability(self, values: Array) -> Array:
-        """Return of features (count, n) the probabilities, shape (n,)."""
+        """Return the probabilities, shape (n,), of features (count, n)."""
         return sigmoid(self.logit(values) * np.float32(self.slope) + np.float32(self.offset))
 
 
 def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:
-    """Return the leaves that the answers to a tree's questions leave over, (1, n), as bits."""
+    """Return the leaves that a tree's conditions do not rule out, (1, n), as bits."""
     left_over = np.full((1, values.shape[1]), 255, np.uint8)
     for feature, at_most, left in zip(tree.feature, tree.at_most, tree.left, strict=True):
         limit = np.array([np.float32(at_most)], np.float64)
@@ -222,7 +222,7 @@ def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:
 
 
 def _table(tree: Tree) -> NDArray[np.float32]:
-    """Return the worth of each set of leaves: that of the first left over."""
+    """Return the worth of each set of leaves: that of its first leaf."""
     table = np.zeros(256, np.float32)
     for bits in range(1, 256):
         first = int(math.log2(bits & -bits))
@@ -232,20 +232,20 @@ def _table(tree: Tree) -> NDArray[np.float32]:
 
 
 _UNLIKE: Final = 64
-"""About so many unfamiliar places of a picture are kept."""
+"""Approximate number of unfamiliar places of a picture that are kept."""
 _EVERY: Final = 2
-"""Familiarity changes slowly: every second described place is compared."""
+"""Step between compared places: familiarity changes slowly."""
 _NEAREST: Final = cv2.INTER_NEAREST
 
 
 @dataclass(frozen=True, slots=True)
 class LearnedDetector:
-    """The ROI is what a model takes for it by colour, texture and surroundings.
+    """Detector of a trained model, which uses colour, texture and surroundings.
 
     Attributes:
         model: The file of a model, or the model.
-        threshold: Least probability of a marked pixel, 0 to 1; 0 takes the model's own.
-        classes: Those that the model tells apart; the probability is that of the explored ones.
+        threshold: Minimum probability of a marked pixel, 0 to 1; 0 for the model's own.
+        classes: Classes that the model distinguishes; the probability is that of the explored ones.
     """
 
     name: ClassVar[str] = "learned"
@@ -269,11 +269,11 @@ class LearnedDetector:
             numbers = ", ".join(map(str, told)) or "none"
             raise MissionFileError(
                 f"detector.classes has the numbers {', '.join(map(str, self.classes.names))}; the "
-                f"model tells apart: {numbers}"
+                f"model distinguishes: {numbers}"
             )
         object.__setattr__(self, "_model", model)
         object.__setattr__(self, "_scorer", scorer)
-        object.__setattr__(self, "_familiar", Familiar.of(model.familiarity))
+        object.__setattr__(self, "_familiar", Familiar.from_model(model.familiarity))
 
     def judged(self, image: NDArray[Any]) -> Judgement:
         """See `Judgement`. Raises `ImageError` for a picture without three channels."""

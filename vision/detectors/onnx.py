@@ -1,7 +1,7 @@
 """A segmentation model in the exchange format ONNX: its input and output.
 
-`uavmap.load.detector_source` hands in what runs the model (onnxruntime), so this package needs
-neither files nor a runtime.
+`uavmap.load.detector_source` passes the function that runs the model (onnxruntime), so this package
+needs neither files nor a runtime.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from vision.detectors.interface import Judgement, check_number, marked, sigmoid
 
 Array = NDArray[np.float32]
 Run = Callable[[Array], NDArray[Any]]
-"""From a batch of tiles (1, channels, rows, columns) to the model's answer."""
-_OVERLAP: Final = 8  # one part in so many of a tile is shared with the next
+"""Function from a batch of tiles (1, channels, rows, columns) to the model's answer."""
+_OVERLAP: Final = 8  # tiles share one part of this number with the next
 
 _Three = tuple[float, float, float]
 
@@ -35,27 +35,27 @@ class OnnxSettings(BaseModel):
     tile_px: Annotated[int, Field(ge=16, le=4096)]
     """Rows and columns of the model's input."""
     scale: Annotated[float, Field(gt=0, le=16)] = 1.0
-    """Pixels of the model for one of the picture."""
+    """Pixels of the model for one pixel of the picture."""
     order: Literal["rgb", "bgr"] = "rgb"
     mean: _Three = (0.0, 0.0, 0.0)
-    """Of the channels, 0 to 1, subtracted; in that order."""
+    """Mean of each channel, 0 to 1, which is subtracted, in the order of `order`."""
     std: Annotated[_Three, Field()] = (1.0, 1.0, 1.0)
     output: Literal["probability", "logit"] = "logit"
-    """Of one channel: a sigmoid is taken of a logit; of several: a softmax."""
+    """Kind of answer; a logit of one channel gets a sigmoid, logits of several a softmax."""
     channel: Annotated[int, Field(ge=0, le=1000)] = 0
     """Channel of the answer that is the ROI."""
     calibrated: bool = False
-    """Whether its probability is one; see `Detector.calibrated`."""
+    """True if its probability is calibrated; see `Detector.calibrated`."""
     classes: Classes | None = None
-    """The classes that the model tells apart; their numbers are channels of the answer."""
+    """Classes that the model distinguishes; their numbers are channels of the answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class OnnxDetector:
-    """The ROI is what a segmentation model takes for it, tile by tile.
+    """Detector of a segmentation model, which runs tile by tile.
 
     Pixels are marked from the probability `threshold` on, 0 to 1. With `classes`, whose numbers are
-    channels, it is that of the explored ones together, and a pixel is of the most probable class.
+    channels, that is the probability of all explored ones. A pixel is of the most probable class.
     """
 
     name: ClassVar[str] = "onnx"
@@ -98,7 +98,7 @@ class OnnxDetector:
         return (self.settings.channel,) if self.classes is None else tuple(self.classes.names)
 
     def _explored(self, shares: Array) -> Array:
-        """Return the probability of what is explored, of those of the channels."""
+        """Return the probability of the explored classes, of those of the channels."""
         if self.classes is not None:
             shares = shares[:, :, np.isin(self._channels, self.classes.explored)]
         return np.asarray(np.clip(shares.sum(axis=2), 0.0, 1.0), np.float32)
@@ -131,7 +131,7 @@ class OnnxDetector:
         return max(1, round(side_px * self.settings.scale))
 
     def _prepared(self, image: NDArray[Any]) -> Array:
-        """Scale, normalise, and mirror at the edges to at least a tile."""
+        """Scale and normalise a picture, and mirror it at the edges to at least a tile."""
         settings = self.settings
         size = (self._tall(image.shape[1]), self._tall(image.shape[0]))
         picture = image
@@ -173,7 +173,7 @@ class OnnxDetector:
 
 
 def _starts(side_px: int, tile_px: int) -> list[int]:
-    """Return where overlapping tiles begin, the last at the end.
+    """Return the starts of overlapping tiles, the last at the end.
 
     >>> _starts(100, 40), _starts(40, 40)
     ([0, 35, 60], [0])

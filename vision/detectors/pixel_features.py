@@ -1,9 +1,9 @@
 """The features of a pixel: colour, texture and surroundings, at any exposure and resolution.
 
-A picture is brought to a working width, so that a feature means the same ground at any resolution,
-and described on a grid of every `STRIDE`-th pixel. Colours are differences of logarithms: a longer
-exposure adds a constant to each channel's logarithm, which the differences lose; brightness is
-relative to the picture's mean. Box filters and area means cost the same at each scale.
+A picture is scaled to a working width, so that a feature means the same ground at any resolution.
+It is described on a grid of every `STRIDE`-th pixel. Colours are differences of logarithms. A
+longer exposure adds a constant to each channel's logarithm, which the differences lose. Brightness
+is relative to the picture's mean. Box filters and area means cost the same at each scale.
 """
 
 from __future__ import annotations

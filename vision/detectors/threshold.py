@@ -24,7 +24,7 @@ _KERNEL = np.ones((3, 3), np.uint8)
 
 
 class MaskDetector(ABC):
-    """Says yes or no for each pixel; `dilations` of the surround remove speckles of ROI."""
+    """Detector that decides each pixel; `dilations` of the surround remove speckles of ROI."""
 
     __slots__ = ()
     calibrated: ClassVar[bool] = False
@@ -50,22 +50,22 @@ class MaskDetector(ABC):
 
     @abstractmethod
     def _roi(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Mark the ROI by 255, else 0, before dilations."""
+        """Return ROI as 255, else 0, before dilations."""
 
 
 @dataclass(frozen=True, slots=True)
 class ThresholdDetector(MaskDetector):
-    """The paper's: a pixel is bright when its gray value is above `intensity`.
+    """The paper's detector: a pixel is bright if its gray value is above `intensity`.
 
-    `"dark"` is the paper: the ROI is what stays dark after `dilations` of the bright pixels by 3 x
-    3, which fill the dark gaps of a bright surround. `"bright"` is its mirror: the ROI is bright,
-    and the dark surround is dilated. Either way a dilation makes the ROI smaller by a pixel at each
-    edge, and speckles of ROI in the surround vanish.
+    `"dark"` is the paper's: `dilations` of the bright pixels by 3 x 3 fill the dark gaps of a
+    bright surround. The pixels that stay dark are ROI. `"bright"` is its mirror: the
+    ROI is bright, and the dark surround is dilated. Either way a dilation makes the ROI smaller by
+    a pixel at each edge, and speckles of ROI in the surround vanish.
 
     Attributes:
         intensity: Gray value, 0 to 254.
         dilations: Passes of the 3 x 3 kernel, 0 to 255.
-        polarity: Which side of `intensity` is the ROI.
+        polarity: Side of `intensity` that is ROI.
 
     >>> import numpy as np
     >>> picture = np.full((9, 9, 3), 200, np.uint8)
@@ -87,7 +87,7 @@ class ThresholdDetector(MaskDetector):
 
     @property
     def words(self) -> str:
-        """What it takes for region."""
+        """Description of its region."""
         side = "darker" if self.polarity == "dark" else "brighter"
         return f"{side} than {self.intensity} of 255"
 
@@ -100,15 +100,15 @@ class ThresholdDetector(MaskDetector):
 
 @dataclass(frozen=True, slots=True)
 class AdaptiveDetector(MaskDetector):
-    """A pixel is ROI when its gray value differs from the mean around it.
+    """Detector of ROI by the difference of its gray value from the mean around it.
 
     Shadows of clouds and a changed exposure move the mean with the pixel. A region must be smaller
     than the window, or it is its own surround.
 
     Attributes:
         window: Side of the square of the mean, as a part of the picture's width, 0.01 to 2.
-        offset: Gray levels by which the pixel is beyond the mean, 0 to 254.
-        polarity: On which side: `"dark"` or `"bright"`.
+        offset: Minimum difference of ROI from the mean, 0 to 254 gray levels.
+        polarity: Side of the mean that is ROI: `"dark"` or `"bright"`.
         dilations: Passes of the 3 x 3 kernel on the surround, 0 to 255.
     """
 
@@ -127,7 +127,7 @@ class AdaptiveDetector(MaskDetector):
 
     @property
     def words(self) -> str:
-        """What it takes for region."""
+        """Description of its region."""
         side = "darker" if self.polarity == "dark" else "brighter"
         return f"{side} than its surroundings by more than {self.offset} of 255"
 
@@ -143,7 +143,7 @@ class AdaptiveDetector(MaskDetector):
 
 @dataclass(frozen=True, slots=True)
 class PavedDetector(MaskDetector):
-    """The ROI is bare ground among plants: lit and not green.
+    """Detector of bare ground among plants, which is lit and not green.
 
     Greenness is the excess green index (Woebbecke and others, 1995), (2 G - R - B) / (R + G + B),
     -1 to 2. As a ratio it keeps its value under another exposure, unlike brightness. Green or dark
@@ -169,12 +169,12 @@ class PavedDetector(MaskDetector):
 
     @property
     def words(self) -> str:
-        """What it takes for region."""
+        """Description of its region."""
         return f"bare ground: not green, and brighter than {self.intensity} of 255"
 
     def _roi(self, image: NDArray[Any]) -> NDArray[Any]:
-        # 3 G - (R + G + B) < greenness (R + G + B), as one sum over the bands; only its sign is
-        # asked, so that it may saturate: a level of an 8-bit result is a 64th of a level here
+        # 3 G - (R + G + B) < greenness (R + G + B), as one sum over the bands. Only its sign
+        # counts, so it may saturate: a level of an 8-bit result is a 64th of a level here.
         rest = 64.0 * (1.0 + self.greenness)
         grey = cv2.transform(image, np.array([[rest, rest - 192.0, rest]]))
         _, lit = cv2.threshold(
@@ -192,24 +192,24 @@ _MOST_BAND: Final = 31
 
 @dataclass(frozen=True, slots=True)
 class IndexDetector:
-    """The ROI is on one side of a value of an index.
+    """Detector of ROI on one side of a value of an index.
 
-    | `kind` | index | range |
-    |---|---|---|
-    | `exg` | excess green: (2 green - red - blue) / (red + green + blue) | -1 to 2 |
-    | `ndvi` | plants: (nir - red) / (nir + red) | -1 to 1 |
-    | `ndwi` | water: (green - nir) / (green + nir) | -1 to 1 |
-    | `hot` | hot spot: the mean of the bands, above the picture's median, in robust standard \
-deviations | |
+    Each `kind` has an index:
+
+    * `exg`: excess green: (2 green - red - blue) / (red + green + blue), from -1 to 2;
+    * `ndvi`: plants: (nir - red) / (nir + red), from -1 to 1;
+    * `ndwi`: water: (green - nir) / (green + nir), from -1 to 1;
+    * `hot`: hot spot: the mean of the bands, above the picture's median, in robust standard
+      deviations.
 
     A picture may have any number of bands, 8 or 16 bits; ratios need no scale.
 
     Attributes:
-        kind: Which.
-        value: The border, -100 to 100.
-        side: Which side of it is the ROI: `"above"` or `"below"`.
-        softness: How far beyond the border the probability is 0.73, 0.001 to 100.
-        blue, green, red, nir: Which band of the picture that is, from 0. A colour picture has
+        kind: Index.
+        value: Border, -100 to 100.
+        side: Side of the border that is ROI: `"above"` or `"below"`.
+        softness: Distance beyond the border at which the probability is 0.73, 0.001 to 100.
+        blue, green, red, nir: Number of that band in the picture, from 0. A colour picture has
             blue 0, green 1, red 2.
 
     >>> wheat, soil = (40, 160, 60), (60, 90, 120)
@@ -243,7 +243,7 @@ deviations | |
 
     @property
     def words(self) -> str:
-        """What it takes for region."""
+        """Description of its region."""
         return f"index {self.kind} {self.side} {self.value:g}"
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:

@@ -1,1 +1,1 @@
-"""Where a vehicle is, by its own pictures."""
+"""The position of a vehicle by its own pictures."""

@@ -1,12 +1,13 @@
-"""How far the camera moved between two pictures, by the ground that both show.
+"""Movement of the camera between two pictures, by the ground that both show.
 
 A picture becomes a patch: the level ground that it shows, north up, without light and shade.
 Patches of the same ground differ by a shift, which their normalised cross-correlation finds to a
 fraction of a pixel. Ground without texture, that repeats itself or runs along a line gets no
 answer.
 
-Patches are laid out by reported heights and headings. When those change while the ground does not,
-the same ground is larger in one patch, or turned: so far the height or heading has drifted.
+Patches are scaled and turned by reported heights and headings. If those change while the ground
+does not, the same ground is larger in one patch, or turned. The difference is the drift of the
+height or heading.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ from numpy.typing import NDArray
 from vision.own_map.ground_patch import NOTHING, STEPS, Patch
 
 LEAST_SCORE: Final = 0.3
-"""Least correlation of the same ground, 0 to 1."""
+"""Minimum correlation of the same ground, 0 to 1."""
 LEAST_LEAD: Final = 0.12
-"""Least lead of a place's correlation over any other's."""
+"""Minimum lead of a place's correlation over that of any other place."""
 
 _LEAST_TEXTURE: Final = 0.35  # root mean square of a patch; of noise alone it has 0.2
-_LEAST_PX: Final = 400  # that two patches have in common
-_AROUND_PX: Final = 4  # a peak's own surroundings, where nothing is another peak
-_CORRELATED: Final = 9.0  # neighbouring pixels err alike: so many count as one
-_FLOOR_PX: Final = 0.06  # what interpolation errs by, in one direction
+_LEAST_PX: Final = 400  # pixels that two patches have in common
+_AROUND_PX: Final = 4  # radius around a peak within which no value is another peak
+_CORRELATED: Final = 9.0  # number of neighbouring pixels with one error, which count as one
+_FLOOR_PX: Final = 0.06  # error of the interpolation in one direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,7 @@ class Match:
     """The movement of the camera over ground between two pictures.
 
     Attributes:
-        moved_m: East and north along the patches' axes, of the place below the camera.
+        moved_m: Movement of the place below the camera, east and north along the patches' axes.
         sigma_m: Standard deviation of each, by the pictures alone, without errors of attitude and
             height.
     """
@@ -50,15 +51,16 @@ class Match:
 def match(
     earlier: Patch, later: Patch, expected_m: tuple[float, float], search_m: float
 ) -> Match | None:
-    """Return how far the camera moved from one picture to another, by the ground.
+    """Return the movement of the camera from one picture to another, by the ground.
 
     Args:
-        later: Another one, with the same pixels and axes.
-        expected_m: The believed movement, east and north.
-        search_m: Its largest error in either direction, above 0.
+        later: Patch of the other picture, with the same pixels and axes.
+        expected_m: The expected movement, east and north.
+        search_m: Maximum error of that in either direction, above 0.
 
     Returns:
-        None if too little is in both, there is no texture, or other places agree nearly as well.
+        None if the common ground is too small or has no texture, or if other places agree nearly as
+        well.
 
     Raises:
         ValueError: The patches have different pixels.
@@ -83,10 +85,10 @@ def match(
 def _canvases(
     earlier: Patch, later: Patch, shift: tuple[int, int], radius: int
 ) -> tuple[NDArray[np.int8], NDArray[np.int8]] | None:
-    """Lay both patches on canvases of one size, the later one where it is expected.
+    """Place both patches on canvases of one size, the later one where it is expected.
 
-    What can have no partner is cut off; the rest is empty, so that no shift within the radius
-    wraps.
+    Pixels without a possible partner are cut off. The rest is empty, so that no shift within the
+    radius wraps.
     """
     spans = []
     for axis in (0, 1):
@@ -184,24 +186,24 @@ def _peak(
 
 # --- scale and rotation --------------------------------------------------------------------------
 _ROUNDS: Final = 3
-_SMOOTH_PX: Final = 3  # so that a start that is off by a pixel leads to the same place
+_SMOOTH_PX: Final = 3  # so that a start with an error of a pixel leads to the same place
 _LEAST_ZOOMED_PX: Final = 600
-_FARTHEST_PX: Final = 2.5  # what is found farther from where it began is not believed
+_FARTHEST_PX: Final = 2.5  # maximum distance of a result from its start
 _LEAST_LIKENESS: Final = 0.3
-_FLOOR: Final = 0.002  # of a zoom: attitudes are a little off, too
+_FLOOR: Final = 0.002  # error of a zoom by the errors of attitudes
 
 Values = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
 class Zoom:
-    """How two patches of the same ground differ.
+    """The difference of two patches of the same ground.
 
     Attributes:
-        moved_px: East + i north: of the camera over ground, in pixels of mean size and direction.
+        moved_px: East + i north: movement of the camera, in pixels of mean size and direction.
         sigma_px: Standard deviation in one direction.
-        zoom: How much larger the later patch shows it, as a share, + i radians counter-clockwise.
-        sigma: Standard deviation of both.
+        zoom: Enlargement of the later patch, as a share, + i radians counter-clockwise.
+        sigma: Standard deviation of both parts of `zoom`.
     """
 
     moved_px: complex
@@ -233,18 +235,18 @@ def resized(patch: Patch, zoom: complex) -> Patch:
 
 
 def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j) -> Zoom | None:
-    """Return scale, rotation and place of what both patches show, from what is nearly right.
+    """Return scale, rotation and place of the ground that both patches show, from a near start.
 
-    Least squares by gradients; both patches are smoothed first, so that up to about two pixels of
-    error are corrected everywhere.
+    Gradients give a least-squares fit. Both patches are smoothed first, so that errors up to about
+    two pixels are corrected everywhere.
 
     Args:
         later: Another one, with the same pixels and axes.
-        moved_px: How far the camera moved, in pixels of the earlier patch.
-        zoom: How much larger the later one is believed to show the ground.
+        moved_px: Expected movement of the camera, in pixels of the earlier patch.
+        zoom: Expected enlargement of the later one.
 
     Returns:
-        None if too little is in both, or it leads elsewhere.
+        None if the common ground is too small, or the fit leads elsewhere.
     """
     size = later.values.shape[1], later.values.shape[0]
     below = _smooth(later.values.astype(np.float32))
@@ -287,7 +289,7 @@ def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j)
         return None
     covariance = np.linalg.inv(normal) * float(off @ off) / count * _CORRELATED
     found = 1.0 / larger - 1.0
-    # of the middle of all that both show, but for where that is not between both cameras
+    # at the middle of the ground that both show, except where it is not between both cameras
     aside = abs(middle + moved / 2.0)
     spread = float(max(covariance[2, 2], covariance[3, 3])) + _FLOOR**2
     sigma = math.sqrt(float(max(covariance[0, 0], covariance[1, 1])) + spread * aside**2)
@@ -297,7 +299,7 @@ def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j)
 def _matrix(
     larger: complex, moved: complex, origin: tuple[int, int], other: tuple[int, int]
 ) -> NDArray[np.float64]:
-    """From columns and rows of one raster to those of another, where p becomes larger p + moved.
+    """Return the map from columns and rows of one raster to another: p becomes larger p + moved.
 
     Origins are the first pixel's place, east and north.
     """
@@ -309,7 +311,7 @@ def _matrix(
 def _warped(
     values: Values, known: NDArray[np.bool_], matrix: NDArray[np.float64], size: tuple[int, int]
 ) -> tuple[Values, NDArray[np.bool_]]:
-    """Return the values on another raster, and where all that they are made of is known."""
+    """Return the values on another raster, and True where all their sources are known."""
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     found = cv2.warpAffine(values, matrix, size, flags=flags)
     whole = cv2.warpAffine(known.astype(np.uint8) * 255, matrix, size, flags=flags) == 255
@@ -322,13 +324,13 @@ def _smooth(values: Values) -> Values:
 
 
 def _inner(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """What is not near the rim, where slopes are of nothing."""
+    """Return the pixels away from the rim, where slopes are wrong."""
     kernel = np.ones((5, 5), np.uint8)
     return cv2.erode(seen.astype(np.uint8), kernel, borderValue=0) > 0
 
 
 def _slopes(values: Values) -> tuple[Values, Values]:
-    """To the east and to the north."""
+    """Return the slopes to the east and to the north."""
     east = cv2.Sobel(values, cv2.CV_32F, 1, 0, ksize=1, scale=0.5)
     south = cv2.Sobel(values, cv2.CV_32F, 0, 1, ksize=1, scale=0.5)
     return np.asarray(east, np.float32), np.asarray(-south, np.float32)

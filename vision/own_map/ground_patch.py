@@ -15,16 +15,16 @@ from missions.geo.footprint import Optics
 from vision.projection import Frame
 
 NOTHING: Final = -128
-"""Value of what a picture does not show."""
+"""Value of a pixel that the picture does not show."""
 STEPS: Final = 40.0
-"""Stored values in a unit of contrast."""
+"""Stored values in one unit of contrast."""
 
 _RESOLUTIONS_M: Final = (0.05, 0.1, 0.2, 0.4)
 _WANTED_PX: Final = 75.0  # along the shorter side of a footprint
-_REACH_HEIGHTS: Final = 2.0  # what is farther from below the camera is seen too flatly
-_WINDOW_PX: Final = 15  # light is what changes over more pixels of the raster than these
-_LEAST_CONTRAST: Final = 2.0  # gray levels; what differs by less counts as noise
-_FEW: Final = 4  # of the pixels in a row one in so many gives the shading
+_REACH_HEIGHTS: Final = 2.0  # maximum distance from below the camera: beyond, the view is too flat
+_WINDOW_PX: Final = 15  # light changes over more pixels of the raster than these
+_LEAST_CONTRAST: Final = 2.0  # gray levels; a smaller difference counts as noise
+_FEW: Final = 4  # one pixel in a row out of this number gives the shading
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +32,8 @@ class Patch:
     """Level ground of one picture, as a raster around the place below the camera.
 
     `values` are int8, row by row from the north: contrast to the surroundings in 1/40 of the local
-    deviation, or `NOTHING`. The centre of the first pixel lies `west_px` pixels east (so negative)
-    and `north_px` pixels north of the place below the camera.
+    deviation, or `NOTHING`. The centre of the first pixel lies `west_px` pixels east (a negative
+    number) and `north_px` pixels north of the place below the camera.
     """
 
     values: NDArray[np.int8]
@@ -43,7 +43,7 @@ class Patch:
 
 
 def resolution_m(camera: Optics, height_m: float) -> float:
-    """Return metres to a pixel of a patch from this height: fine enough, and not finer.
+    """Return the pixel size of a patch, metres, for this height: fine enough, and not finer.
 
     >>> resolution_m(Optics(math.radians(80.0), 640, 480), 12.0)
     0.2
@@ -58,8 +58,8 @@ def patch(
     """Return the ground that a picture shows; None on the ground, or near the horizon.
 
     Args:
-        metres_per_pixel: Of the raster, above 0; by default `resolution_m` of the height. Only
-            equal ones match.
+        metres_per_pixel: Pixel size of the raster, above 0; by default `resolution_m` of the
+            height. Patches match only with equal pixels.
         up_rad: True bearing of the raster's upper edge: 0, or `Grid.convergence_rad` for a grid's
             axes.
     """
@@ -90,7 +90,7 @@ def patch(
 def _box(
     camera: Optics, matrix: NDArray[np.float64], height_m: float, pitch_m: float
 ) -> tuple[int, int, int, int] | None:
-    """Return west, south, east and north of what is shown, in pixels of the raster."""
+    """Return west, south, east and north of the visible ground, in pixels of the raster."""
     right, low = camera.width_px - 1.0, camera.height_px - 1.0
     corners = np.array([[0.0, right, right, 0.0], [0.0, 0.0, low, low], [1.0] * 4])
     ground = np.linalg.solve(matrix, corners)
@@ -116,7 +116,7 @@ def _shrunk(frame: Frame, pitch_m: float) -> tuple[NDArray[np.uint8], NDArray[np
 
 
 def _without_light(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """Return the contrast to the surroundings over its deviation there."""
+    """Return the contrast to the surroundings, divided by its deviation there."""
     window = (_WINDOW_PX, _WINDOW_PX)
 
     def around(values: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -135,7 +135,7 @@ def _without_light(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArra
 
 
 def _shading(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Fit a paraboloid: at the rim of what is seen, local means leave a lens's shading."""
+    """Fit a paraboloid: local means at the rim of the picture would leave the lens's shading."""
     rows, columns = gray.shape
     y = np.linspace(-1.0, 1.0, rows, dtype=np.float32)[:, None]
     x = np.linspace(-1.0, 1.0, columns, dtype=np.float32)[None, :]
@@ -151,7 +151,7 @@ def _shading(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.f
 
 
 def side_m(patch: Patch) -> float:
-    """Return the side of a square as large as what a patch shows.
+    """Return the side of a square with the area of a patch's visible ground.
 
     >>> side_m(Patch(np.ones((30, 30), np.int8), 0, 0, 0.5))
     15.0
@@ -162,12 +162,12 @@ def side_m(patch: Patch) -> float:
 def overlaps(
     patch: Patch, others: Iterable[Patch], sides_m: Iterable[float], away_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the part of a patch that each of some others covers, as squares, 0 to 1.
+    """Return the share of a patch that each of the others covers, as squares, 0 to 1.
 
     Args:
-        others: Those with other pixels cover nothing.
+        others: Other patches; those with different pixels cover nothing.
         sides_m: Their `side_m`.
-        away_m: Where they were taken from there, east and north, shape (n, 2).
+        away_m: Offsets of their cameras from the patch's, east and north, shape (n, 2).
     """
     side = np.minimum(np.array(list(sides_m)), side_m(patch))
     alike = np.array([other.metres_per_pixel == patch.metres_per_pixel for other in others])
@@ -178,13 +178,13 @@ def overlaps(
 def mosaic(
     patches: Iterable[tuple[Patch, tuple[float, float]]], reach_m: float, metres_per_pixel: float
 ) -> Patch:
-    """Return one patch of many; where several show the same ground, the first of them counts.
+    """Return one patch of many; the first patch that shows a place gives its value.
 
     Args:
-        patches: Each with where its picture was taken, metres east and north of the mosaic's
-            middle.
-        reach_m: From its middle in each direction, above 0.
-        metres_per_pixel: Of all the patches.
+        patches: Patches with the positions of their cameras, metres east and north of the
+            mosaic's middle.
+        reach_m: Distance of each edge from its middle, above 0.
+        metres_per_pixel: Pixel size of all patches.
     """
     reach = math.ceil(reach_m / metres_per_pixel)
     size = 2 * reach + 1
@@ -221,7 +221,7 @@ def coarser(patch: Patch) -> Patch:
     mean = cv2.boxFilter(
         patch.values * seen, cv2.CV_32F, (3, 3), borderType=cv2.BORDER_CONSTANT
     ) / np.maximum(around, np.float32(1e-3))
-    # what is averaged has less contrast: it is stretched to what it was
+    # means have less contrast: they are stretched to the contrast of the values
     mean = mean * np.float32(_spread(patch.values[seen > 0]) / max(_spread(mean[seen > 0]), 1.0))
     values = np.clip(np.rint(mean), NOTHING + 1, 127).astype(np.int8)
     values[seen == 0.0] = NOTHING

@@ -1,11 +1,11 @@
-"""A vehicle's position by its own pictures: each is matched with those taken before.
+"""A vehicle's position by its own pictures: each is matched with earlier ones.
 
-Some pictures are kept as keyframes. Each new one is matched with the last, and with the oldest that
-show the same ground: those were taken while satellites were good, and hold the estimate when the
-vehicle comes back over them.
+Some pictures are kept as keyframes. Each new one is matched with the last keyframe, and with the
+oldest ones that show the same ground. Those date from the time of good satellites, and correct the
+estimate when the vehicle comes back over them.
 
-A reported position can leap, no aircraft can: from where and how fast it was, its reach until the
-next picture is small.
+A reported position can leap, an aircraft cannot. Its last position and speed limit its reach until
+the next picture.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from missions.navigation import Estimate, ReportedErrors, Track
 from vision.own_map.ground_match import Match, compare, match, resized
 from vision.own_map.ground_patch import Patch, coarser, mosaic, overlaps, side_m
 
-_FASTEST_M_S2: Final = 8.0  # a multicopter does not accelerate more
-_NOISE_M: Final = 0.3  # by attitudes, of one place against another
-_LONGEST_S: Final = 3.0  # after so long it may be anywhere
+_FASTEST_M_S2: Final = 8.0  # maximum acceleration of a multicopter
+_NOISE_M: Final = 0.3  # error of one place against another, by attitudes
+_LONGEST_S: Final = 3.0  # maximum age of a motion that limits the reach
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Where a vehicle may be: east and north of a keyframe, and how far around."""
+    """Possible positions of a vehicle: a circle, its middle east and north of a keyframe."""
 
     east_m: float
     north_m: float
@@ -35,13 +35,13 @@ class Reach:
 
 
 @dataclass(frozen=True, slots=True)
-class OwnWay:
-    """Where the newest picture with recognised ground was taken, and its speed then.
+class OwnMotion:
+    """Position of the newest picture with recognised ground, and the speed there.
 
     Attributes:
-        key: The keyframe that its place is relative to.
-        velocity_m_s: East and north; None after the first one.
-        over_s: Time over which that is the mean.
+        key: Keyframe to which the position is relative.
+        velocity_m_s: East and north; None after the first picture.
+        over_s: Time over which `velocity_m_s` is the mean.
     """
 
     t_s: float
@@ -52,21 +52,21 @@ class OwnWay:
     velocity_m_s: tuple[float, float] | None = None
     over_s: float = math.inf
 
-    def on(self, t_s: float, key: int, east_m: float, north_m: float, patch: Patch) -> OwnWay:
-        """Return the next one, relative to the keyframe of this one."""
+    def on(self, t_s: float, key: int, east_m: float, north_m: float, patch: Patch) -> OwnMotion:
+        """Return the motion of the next picture, relative to the keyframe of this one."""
         over_s = t_s - self.t_s
         if key != self.key or over_s > _LONGEST_S:
-            return OwnWay(t_s, key, east_m, north_m, patch)
+            return OwnMotion(t_s, key, east_m, north_m, patch)
         velocity = (east_m - self.east_m) / over_s, (north_m - self.north_m) / over_s
-        return OwnWay(t_s, key, east_m, north_m, patch, velocity, over_s)
+        return OwnMotion(t_s, key, east_m, north_m, patch, velocity, over_s)
 
     def reach(self, t_s: float) -> Reach | None:
-        """Return where it can be then; None if unknown.
+        """Return the possible positions at a time; None if unknown.
 
         >>> import numpy as np
         >>> ground = Patch(np.zeros((1, 1), np.int8), 0, 0, 0.2)
-        >>> way = OwnWay(1.0, 7, 4.0, 0.0, ground, (5.0, 0.0), 0.2)
-        >>> reach = way.reach(1.2)
+        >>> motion = OwnMotion(1.0, 7, 4.0, 0.0, ground, (5.0, 0.0), 0.2)
+        >>> reach = motion.reach(1.2)
         >>> round(reach.east_m, 2), round(reach.within_m, 2)
         (5.0, 1.22)
         """
@@ -83,21 +83,21 @@ class OwnWay:
 _KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
 _KEYFRAME_S: Final = 2.0
 _LEAST_OVERLAP: Final = 1.0 / 3.0
-_OLDEST, _NEAREST = 2, 1  # how many keyframes besides the last one a picture is matched with
+_OLDEST, _NEAREST = 2, 1  # number of keyframes matched with a picture, besides the last one
 _LEAST_SEARCH_M: Final = 0.6
 _SEARCH_SIGMAS: Final = 3.5
-_WIDEST_SHARE: Final = 0.5  # of a footprint's side: the farthest a place is searched
-_LEAP_S: Final = 3.0  # for so long a leap waits for a second picture that shows it
-_CERTAIN_M: Final = 2.5  # what is found within such a reach is where the vehicle is
+_WIDEST_SHARE: Final = 0.5  # maximum reach of a search, as a share of a footprint's side
+_LEAP_S: Final = 3.0  # maximum time for a second picture to confirm a leap
+_CERTAIN_M: Final = 2.5  # maximum reach in which a match is certain
 _LOST_M: Final = 1.0
 _SEARCH_EVERY_S: Final = 1.0
-_REACH_SIGMAS: Final = 3.7  # what is farther off would not be believed
-_FARTHEST_M: Final = 60.0  # beyond, a search would take too long
-_COARSE_PX: Final = 25.0  # a search that reaches farther is made with larger pixels
+_REACH_SIGMAS: Final = 3.7  # matches farther off would be rejected
+_FARTHEST_M: Final = 60.0  # maximum reach of a search, by its duration
+_COARSE_PX: Final = 25.0  # maximum reach of a search with the patches' own pixels
 _FINE_M: Final = 1.5
-_ALIKE: Final = 0.01  # pictures whose sizes differ by less are held against each other as they are
-_LEAST_ZOOM: Final = 0.02  # what is known less well of a difference says nothing
-_OF_WAY: Final = 0.01  # heights and headings err differently in two pictures
+_ALIKE: Final = 0.01  # maximum difference of sizes of pictures that are compared as they are
+_LEAST_ZOOM: Final = 0.02  # a difference with a larger uncertainty is no evidence
+_OF_WAY: Final = 0.01  # share of the distance: heights and headings err differently in two pictures
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +111,10 @@ class _Leap:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen(Match):
-    """What a picture and a keyframe have in common.
+class _CommonGround(Match):
+    """The ground that a picture and a keyframe have in common.
 
-    `moved_m` is by the mean scale and rotation of both; `certain`: as the vehicle moved before.
+    `moved_m` is by the mean scale and rotation of both; `certain`: within the vehicle's reach.
     """
 
     zoom: tuple[complex, float] | None = None
@@ -123,11 +123,11 @@ class _Seen(Match):
 
 @dataclass(slots=True)
 class OwnMap:
-    """The pictures that a vehicle has taken, and where it is by them.
+    """The pictures that a vehicle has taken, and its position by them.
 
     Attributes:
-        errors: Of reported positions.
-        most_keyframes: Most that are kept; those near others go first.
+        errors: Errors of reported positions.
+        most_keyframes: Maximum number of keyframes; those near others are removed first.
         track: Keyframes and links: reports the disagreement, receives distrust.
     """
 
@@ -142,35 +142,35 @@ class OwnMap:
     _found_anew_s: float = -math.inf
     _sigma_now_m: float = 0.0
     _leap: _Leap | None = None
-    _way: OwnWay | None = None
+    _motion: OwnMotion | None = None
 
     def __post_init__(self) -> None:
         self.track = Track(self.errors)
 
     @property
     def keyframes(self) -> int:
-        """Count of kept pictures."""
+        """Number of kept pictures."""
         return len(self._patches)
 
-    def take(
-        self, t_s: float, patch: Patch | None, told_m: tuple[float, float], trusted: bool
+    def add_picture(
+        self, t_s: float, patch: Patch | None, reported_m: tuple[float, float], trusted: bool
     ) -> Estimate:
         """Add the next picture of the vehicle; return the error of its reported position.
 
-        Only for plausible pictures (`vision.plausible`): a camera that repeats a picture shows a
-        vehicle that stands while it reports movement.
+        It accepts only plausible pictures (`vision.plausible`): a camera that repeats a picture
+        shows a vehicle at rest while the vehicle reports movement.
 
         Args:
-            t_s: Mission time, later than of all pictures before, or `ValueError`.
-            patch: The ground that it shows, along the axes of `told_m`; None where it shows none.
-            told_m: The reported position, metres east and north.
-            trusted: It comes from satellites, and there is no reason to doubt them.
+            t_s: Mission time, later than of all earlier pictures, or `ValueError`.
+            patch: Visible ground, along the axes of `reported_m`; None if there is none.
+            reported_m: The reported position, metres east and north.
+            trusted: True for a position from satellites that there is no reason to doubt.
         """
         if self._passing is not None:
             self.track.remove(self._passing, bridged=False)
             self._passing = None
         last = next(reversed(self._patches), None)
-        number = self.track.add(t_s, told_m, trusted)
+        number = self.track.add(t_s, reported_m, trusted)
         kept = patch is not None
         if patch is not None and last is not None:
             kept = self._tie(number, patch, t_s, last)
@@ -179,10 +179,10 @@ class OwnMap:
         if patch is None or not kept:
             self._passing = number
             return estimate
-        if self._way is not None and self._way.t_s == t_s:
-            self._way = replace(self._way, key=number, east_m=0.0, north_m=0.0)
+        if self._motion is not None and self._motion.t_s == t_s:
+            self._motion = replace(self._motion, key=number, east_m=0.0, north_m=0.0)
         else:
-            self._way = OwnWay(t_s, number, 0.0, 0.0, patch)
+            self._motion = OwnMotion(t_s, number, 0.0, 0.0, patch)
         self._patches[number] = patch
         self._sides_m[number] = side_m(patch)
         self._last_t_s = t_s
@@ -190,7 +190,7 @@ class OwnMap:
         return estimate
 
     def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> bool:
-        """Link a new picture to keyframes of the same ground; return whether to keep it as one."""
+        """Link a new picture to keyframes of the same ground; return True to keep it as one."""
         if self._leap is not None and t_s - self._leap.t_s > _LEAP_S:
             self._leap = None
         leap = self._leap
@@ -200,20 +200,20 @@ class OwnMap:
         expected = self.track.expected_m(chosen)
         zooms = self.track.expected_zoom(chosen)
         kept = t_s - self._last_t_s >= _KEYFRAME_S
-        away_m, slip = expected[0][:2], (0.0, 0.0)  # the last one is the first to be asked
+        away_m, slip = expected[0][:2], (0.0, 0.0)  # the last one is compared first
         for key, (east, north, sigma_m), zoom in zip(chosen, expected, zooms, strict=True):
             search_m = max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
             search_m = min(search_m, _WIDEST_SHARE * side_m(patch))
             there = east + slip[0], north + slip[1]
-            seen = self._seen(key, patch, there, search_m, zoom)
+            seen = self._find_near(key, patch, there, search_m, zoom)
             if seen is None and leap is not None:
                 there = east + leap.east_m, north + leap.north_m
-                seen = self._seen(key, patch, there, search_m, zoom)
+                seen = self._find_near(key, patch, there, search_m, zoom)
             if seen is None and key == last:
-                seen = self._flown_on(key, patch, t_s, zoom)
+                seen = self._find_by_motion(key, patch, t_s, zoom)
                 if seen is None and leap is None:
                     widest_m = _WIDEST_SHARE * side_m(patch)
-                    seen = self._seen(key, patch, (east, north), widest_m, zoom)
+                    seen = self._find_near(key, patch, (east, north), widest_m, zoom)
                 if seen is not None:
                     kept, slip = True, (seen.moved_m[0] - east, seen.moved_m[1] - north)
                     if not seen.certain:
@@ -223,7 +223,7 @@ class OwnMap:
                 kept = kept or math.hypot(*away_m) >= _KEYFRAME_SHARE * side_m(patch)
             if seen is not None:
                 if key == last:
-                    self._go_on(t_s, key, seen, patch)
+                    self._advance(t_s, key, seen, patch)
                 if kept:
                     seen = self._compared(key, patch, seen, zoom[0])
                 sigma_m = self._sigma_m(seen)
@@ -231,14 +231,14 @@ class OwnMap:
         lost_m = _LOST_M + 2.0 * self.errors.satellites_m
         if self._sigma_now_m > lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
             self._searched_s = t_s
-            self._find_anew(number, patch, t_s)
+            self._search_mosaic(number, patch, t_s)
         return kept or self._found_anew_s == t_s
 
-    def _seen(
+    def _find_near(
         self, key: int, patch: Patch, there: tuple[float, float], search_m: float,
         zoom: tuple[complex, float],
-    ) -> _Seen | None:  # fmt: skip
-        """Find a keyframe's ground in a picture, around a place."""
+    ) -> _CommonGround | None:  # fmt: skip
+        """Find a keyframe's ground in a picture, near a place."""
         larger = zoom[0] if abs(zoom[0]) > _ALIKE else 0j
         found = match(
             self._patches[key], resized(patch, larger) if larger else patch, there, search_m
@@ -246,34 +246,36 @@ class OwnMap:
         if found is None:
             return None
         moved = complex(*found.moved_m) * (1.0 + larger / 2.0)
-        return _Seen((moved.real, moved.imag), found.sigma_m)
+        return _CommonGround((moved.real, moved.imag), found.sigma_m)
 
-    def _flown_on(
+    def _find_by_motion(
         self, key: int, patch: Patch, t_s: float, zoom: tuple[complex, float]
-    ) -> _Seen | None:
-        """Find it where the vehicle can be as it moved before, whatever it reports."""
-        way = self._way
-        reach = None if way is None or way.key != key else way.reach(t_s)
-        if way is None or reach is None:
+    ) -> _CommonGround | None:
+        """Find it within the vehicle's reach, by its earlier motion, whatever it reports."""
+        motion = self._motion
+        reach = None if motion is None or motion.key != key else motion.reach(t_s)
+        if motion is None or reach is None:
             return None
         within_m = min(reach.within_m, _WIDEST_SHARE * side_m(patch))
-        seen = self._seen(key, patch, (reach.east_m, reach.north_m), within_m, zoom)
-        if seen is None and way.patch.metres_per_pixel == patch.metres_per_pixel:
-            east, north = reach.east_m - way.east_m, reach.north_m - way.north_m
-            found = match(way.patch, patch, (east, north), within_m)
+        seen = self._find_near(key, patch, (reach.east_m, reach.north_m), within_m, zoom)
+        if seen is None and motion.patch.metres_per_pixel == patch.metres_per_pixel:
+            east, north = reach.east_m - motion.east_m, reach.north_m - motion.north_m
+            found = match(motion.patch, patch, (east, north), within_m)
             if found is not None:
-                moved_m = way.east_m + found.moved_m[0], way.north_m + found.moved_m[1]
-                seen = _Seen(moved_m, math.hypot(found.sigma_m, self.errors.pointing_m))
+                moved_m = motion.east_m + found.moved_m[0], motion.north_m + found.moved_m[1]
+                seen = _CommonGround(moved_m, math.hypot(found.sigma_m, self.errors.pointing_m))
         return None if seen is None else replace(seen, certain=reach.within_m <= _CERTAIN_M)
 
-    def _go_on(self, t_s: float, key: int, seen: _Seen, patch: Patch) -> None:
-        before = self._way
+    def _advance(self, t_s: float, key: int, seen: _CommonGround, patch: Patch) -> None:
+        before = self._motion
         if before is None or (self._leap is not None and self._leap.t_s == t_s):
-            self._way = OwnWay(t_s, key, *seen.moved_m, patch)  # it may be of another place
+            self._motion = OwnMotion(t_s, key, *seen.moved_m, patch)  # it may be of another place
         else:
-            self._way = before.on(t_s, key, *seen.moved_m, patch)
+            self._motion = before.on(t_s, key, *seen.moved_m, patch)
 
-    def _compared(self, key: int, patch: Patch, seen: _Seen, zoom: complex) -> _Seen:
+    def _compared(
+        self, key: int, patch: Patch, seen: _CommonGround, zoom: complex
+    ) -> _CommonGround:
         pitch_m = patch.metres_per_pixel
         moved = complex(*seen.moved_m) / pitch_m * (1.0 - zoom / 2.0)
         found = compare(self._patches[key], patch, moved, zoom)
@@ -287,8 +289,8 @@ class OwnMap:
             zoom=(found.zoom, found.sigma),
         )
 
-    def _find_anew(self, number: int, patch: Patch, t_s: float) -> None:
-        """Search a picture on the mosaic of all others, and link it to those around it."""
+    def _search_mosaic(self, number: int, patch: Patch, t_s: float) -> None:
+        """Search a picture on the mosaic of all others, and link it to its neighbours."""
         here = self.track.places_m()[-1]
         reach_m = min(_REACH_SIGMAS * self._sigma_now_m, _FARTHEST_M)
         wide_m, pitch_m = side_m(patch), patch.metres_per_pixel
@@ -335,7 +337,7 @@ class OwnMap:
         return [last, *(keys[k] for k in (*oldest, *rest))]
 
     def _thin_out(self) -> None:
-        """Forget the keyframe nearest to an older one, if there are too many."""
+        """Remove the keyframe nearest to an older one, if there are too many."""
         if len(self._patches) <= self.most_keyframes:
             return
         where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))

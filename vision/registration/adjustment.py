@@ -1,8 +1,8 @@
 """Bundle adjustment of views over known ground: all poses at once, by Levenberg-Marquardt.
 
-It minimises tie points of one picture, taken through the ground into the other, against where they
-are there (pixels), beside what the tags say. Ground points are no unknowns: the normal equations
-have 6 unknowns a view, and a block for each overlapping pair.
+It projects tie points of one picture over the ground into the other. It minimises their distances
+there from the points' places (pixels), and the differences from the tags. Ground points are no
+unknowns: the normal equations have 6 unknowns a view, and a block for each overlapping pair.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from vision.registration.views import Floats, Ints
 TIE_SIGMA_PX: Final = 1.0
 
 INDEPENDENT: Final = 12.0
-"""Most independent tie points of a pair: all share the errors of relief and lens."""
+"""Maximum number of independent tie points of a pair: all share the errors of relief and lens."""
 
 HEIGHT, YAW, SLOPE = 0, 1, slice(2, 4)
 """The shared unknowns after the focal lengths."""
 
 SHARED: Final = 4
-"""How many these are."""
+"""Number of these unknowns."""
 
 
 @dataclass
 class Tags:
-    """What tags say of the views of a net; NaN where nothing."""
+    """Tags of the views of a net; NaN for a missing one."""
 
     place_m: Floats
     place_sigma_m: Floats
@@ -62,8 +62,8 @@ class Ties:
     pairs: Ints
 
     @classmethod
-    def of(cls, pairs: Sequence[Pair]) -> Ties:
-        """Return the tie points of pairs that are not held apart."""
+    def from_pairs(cls, pairs: Sequence[Pair]) -> Ties:
+        """Return the tie points of pairs, without those that are held back."""
         ends = np.array([[p.first, p.second] for p in pairs])
         counts = [len(p.in_first) for p in pairs]
         number = np.repeat(np.arange(len(pairs)), counts)
@@ -85,13 +85,13 @@ class Ties:
 
 @dataclass
 class Solution:
-    """The adjusted cameras, and what all of a net have in common.
+    """The adjusted cameras, and the unknowns that a net has in common.
 
     Attributes:
         cameras: Over ground that is level in their frame.
-        shared: The bias of height tags (a share), of headings (radians), and how steeply the ground
-            falls towards east and north (tangents). Sloping ground leans the whole net: a camera
-            above `(x, y)` at height `h` has its geotag at `(x, y) + h slope`.
+        shared: The bias of height tags (a share), of headings (radians), and the slopes of the
+            ground, falling towards east and north (tangents). Sloping ground leans the whole net: a
+            camera above `(x, y)` at height `h` has its geotag at `(x, y) + h slope`.
         middle_m: (east, north) around which the net leans.
         cost: The minimised sum, without unit.
         normal: The normal equations at the end.
@@ -105,12 +105,12 @@ class Solution:
 
     @property
     def slope(self) -> Floats:
-        """Of the ground, towards east and north, tangents; positive where it falls."""
+        """Slope of the ground towards east and north, tangents; positive where it falls."""
         return self.shared[SLOPE]
 
 
 def huber(size: Floats, limit: float) -> tuple[Floats, Floats]:
-    """Return weights and costs of residuals of these sizes."""
+    """Return weights and costs of residuals by their sizes."""
     inside = size <= limit
     safe = np.maximum(size, 1e-12)
     weight = np.where(inside, 1.0, limit / safe)
@@ -122,10 +122,10 @@ SLOPE_SIGMA: Final = 0.05
 """Standard deviation of the slope of the ground in one direction, a tangent."""
 
 KNOWN_SLOPE_SIGMA: Final = 1e-4
-"""The same where an elevation model gives the slope."""
+"""Standard deviation of that slope if an elevation model gives it, a tangent."""
 
-_PRIOR_HUBER = 2.0  # standard deviations of a tag, beyond which it pulls no stronger
-_UNKNOWN_HEIGHT = 0.5  # an untagged height is that of the others, within this share
+_PRIOR_HUBER = 2.0  # residual of a tag, in standard deviations, from which its force is constant
+_UNKNOWN_HEIGHT = 0.5  # an untagged height equals the others within this share
 
 
 class _Rows:
@@ -137,7 +137,7 @@ class _Rows:
         self.by_shared: Floats = np.zeros((views, count, SHARED))
 
     def add(self, normal: Normal, chosen: NDArray[np.bool_] | None = None) -> float:
-        """Add to the normal equations by Huber's weights, `chosen` views only; return the cost."""
+        """Add to the normal equations by Huber's weights, for `chosen` views; return the cost."""
         weight, cost = huber(np.sqrt(np.square(self.off).sum(axis=1)), _PRIOR_HUBER)
         if chosen is not None:
             weight, cost = np.where(chosen, weight, 0.0), np.where(chosen, cost, 0.0)
@@ -226,14 +226,15 @@ def _add_shared(normal: Normal, solution: Solution, tags: Tags) -> float:
 
 
 HUBER_PX: Final = (40.0, 8.0, 2.5)
-"""Residuals from which a tie point pulls no stronger, pixels: wide at first, where poses may be far
-off.
+"""Residuals from which the force of a tie point is constant, pixels.
+
+The first is wide, because first poses may be far off.
 """
 
 _ROUNDS = 25
 _ENOUGH = 1e-5  # a step that gains less than this share ends the search
-_LOST_PX = 500.0  # of a tie point that misses the other picture's ground altogether
-_KEPT = 1e-6  # against singular equations: far below what any tag or tie point says
+_LOST_PX = 500.0  # residual of a tie point that misses the other picture's ground altogether
+_KEPT = 1e-6  # against singular equations: far below the weight of any tag or tie point
 _CHUNK = 40_000  # tie points whose derivatives are in memory at once
 
 
@@ -286,7 +287,7 @@ def linearised(
     of_tags = (_add_places, _add_heights, _add_yaws, _add_tilts, _add_shared)
     cost += sum(add(normal, solution, tags) for add in of_tags)
     index = np.arange(UNKNOWNS)
-    normal.diagonal[:, index, index] += _KEPT  # of a view that all its tie points have lost
+    normal.diagonal[:, index, index] += _KEPT  # for a view that all its tie points have lost
     return Solution(cameras, solution.shared, solution.middle_m, cost), normal
 
 

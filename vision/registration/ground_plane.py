@@ -1,6 +1,6 @@
 """From pixels to the ground and back, for many points at once, with derivatives.
 
-The ground is flat, or the `Relief` of the cameras. A camera is a place (east, north, up), three
+The ground is flat, or the `Relief` of the cameras. A camera is a position (east, north, up), three
 axes, and a focal length. A small turn is a vector in camera axes (right, down, forward), positive
 by the right-hand rule.
 """
@@ -19,18 +19,18 @@ from missions.units import GridPoint
 from vision.registration.views import Floats, Ints
 
 _REACH_M: Final = 500.0
-_ROUNDS: Final = 8  # of a ray's way to the ground: each leaves slope times obliqueness of the error
+_ROUNDS: Final = 8  # of the search along a ray: each multiplies the error by slope * obliqueness
 
 
 @dataclass(frozen=True, slots=True)
 class Relief:
-    """Heights of the ground above the level that cameras' heights are counted from.
+    """Heights of the ground above the level of the cameras' heights.
 
     Attributes:
         terrain: The heights, in metres of a grid.
         matrix: 2 x 2, from metres (true east, true north) to those of the grid.
         offset_m: The middle of the registration in the grid.
-        level_m: The terrain's height where cameras' heights are 0: at the start.
+        level_m: The terrain's height at which cameras' heights are 0: at the start.
     """
 
     terrain: Terrain
@@ -39,12 +39,12 @@ class Relief:
     level_m: float
 
     @classmethod
-    def of(
+    def from_terrain(
         cls, terrain: Terrain, level_m: float, to_grid: Callable[[float, float], GridPoint]
     ) -> Self:
-        """Build one from `to_grid`, which takes metres of the registration into the grid.
+        """Return the relief of a terrain; `to_grid` converts metres of the registration.
 
-        Within kilometres it is straight, to millimetres.
+        Within kilometres that map is linear, to millimetres.
         """
         middle = np.array(to_grid(0.0, 0.0))
         east = (np.array(to_grid(_REACH_M, 0.0)) - np.array(to_grid(-_REACH_M, 0.0))) / 2.0
@@ -52,13 +52,13 @@ class Relief:
         return cls(terrain, np.stack([east, north], axis=1) / _REACH_M, middle, level_m)
 
     def at(self, places: Floats) -> Floats:
-        """Return the height at places (n, 2), metres (east, north); anything where they are NaN."""
+        """Return the height at places (n, 2), metres (east, north); any value for NaN."""
         east, north = (np.nan_to_num(places) @ self.matrix.T + self.offset_m).T
         heights: Floats = self.terrain.at(east, north) - self.level_m
         return heights
 
     def rise(self, places: Floats) -> Floats:
-        """Return how steeply it rises there towards east and north, (n, 2), tangents."""
+        """Return the ground's slopes at places towards east and north, (n, 2), tangents."""
         step_m = self.terrain.step_m / 2.0
         both = []
         for axis in (0, 1):
@@ -67,10 +67,10 @@ class Relief:
             both.append((self.at(places + away) - self.at(places - away)) / (2.0 * step_m))
         return np.stack(both, axis=1)
 
-    def met(self, centre_m: Floats, along: Floats) -> Floats:
-        """Return the ground's height where rays from `centre_m` (n, 3) meet it.
+    def height_along(self, centre_m: Floats, along: Floats) -> Floats:
+        """Return the ground's height at which rays from `centre_m` (n, 3) meet it.
 
-        `along` (n, 2) is how far each goes over the ground for a metre down.
+        `along` (n, 2) is each ray's distance over the ground for a metre down.
         """
         height = self.at(centre_m[:, :2])
         for _ in range(_ROUNDS):
@@ -80,9 +80,9 @@ class Relief:
 
 
 UNKNOWNS = 6
-"""Of a view: east, north, up in metres, and a turn about right, down and forward in radians."""
+"""Unknowns of a view: east, north, up in metres; a turn about right, down, forward in radians."""
 
-_LEAST_DOWN = 0.2  # of a ray's unit length; rays nearer to the horizon say nothing of the ground
+_LEAST_DOWN = 0.2  # of a ray's unit length; rays nearer to the horizon are no evidence
 
 
 @dataclass
@@ -96,7 +96,7 @@ class Cameras:
     relief: Relief | None = None
 
     def above_m(self) -> Floats:
-        """Return the heights above the ground below each."""
+        """Return the height of each camera above the ground below it."""
         high: Floats = self.centre_m[:, 2]
         return high if self.relief is None else high - self.relief.at(self.centre_m[:, :2])
 
@@ -179,9 +179,9 @@ def skew(v: Floats) -> Floats:
 
 
 def to_ground(cameras: Cameras, views: Ints, pixels: Floats) -> Floats:
-    """Return where rays meet the ground, metres (east, north); NaN if they do not look down."""
+    """Return the points where rays meet the ground, metres (east, north); NaN if there are none."""
     rays = _rays(cameras, views, pixels)[1]
-    return _where(cameras, cameras.centre_m[views], rays)[0]
+    return _ground_points(cameras, cameras.centre_m[views], rays)[0]
 
 
 def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats]:
@@ -191,13 +191,13 @@ def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats
     return inner, np.einsum("nij,nj->ni", cameras.axes[views], inner)
 
 
-def _where(cameras: Cameras, centre: Floats, rays: Floats) -> tuple[Floats, Floats]:
-    """Return where rays meet the ground, (n, 2), and how far below the camera."""
+def _ground_points(cameras: Cameras, centre: Floats, rays: Floats) -> tuple[Floats, Floats]:
+    """Return the points where rays meet the ground, (n, 2), and their depths below the camera."""
     down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
     along = rays[:, :2] / down[:, None]
     below = centre[:, 2]
     if cameras.relief is not None:
-        below = below - cameras.relief.met(centre, along)
+        below = below - cameras.relief.height_along(centre, along)
     place: Floats = centre[:, :2] + below[:, None] * along
     return place, below
 
@@ -223,9 +223,9 @@ def _offset(cameras: Cameras, ground: Floats, centre: Floats) -> Floats:
 class Transfer:
     """Pixels of one view in another, through the ground, with derivatives.
 
-    `by_source` and `by_target` are (n, 2, 6), pixels per unknown of the view (`UNKNOWNS`);
-    `by_source_focal` (n, 2), per unit of the logarithm of its focal length. By that of the target
-    it is `pixels`.
+    `by_source` and `by_target` are (n, 2, 6), pixels per unknown of the view (`UNKNOWNS`).
+    `by_source_focal` (n, 2) is per unit of the logarithm of its focal length; for that of the
+    target the derivative is `pixels`.
     """
 
     pixels: Floats
@@ -235,10 +235,10 @@ class Transfer:
 
 
 def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Transfer:
-    """Take pixels of `source` views to the ground, and into the `target` views."""
+    """Project pixels of `source` views onto the ground, and into the `target` views."""
     inner, rays = _rays(cameras, source, pixels)
     down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
-    place, height = _where(cameras, cameras.centre_m[source], rays)
+    place, height = _ground_points(cameras, cameras.centre_m[source], rays)
     # the ground point by a change of the ray: (n, 2, 3)
     count = len(pixels)
     by_ray = np.zeros((count, 2, 3))
@@ -252,7 +252,7 @@ def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Tr
     ground[:, :, 3:] = np.einsum("nij,njk->nik", by_ray, by_turn)
     ground_focal = np.einsum("nij,nj->ni", by_ray, by_log_focal)
     rise = None if cameras.relief is None else cameras.relief.rise(place)
-    if rise is not None:  # where the ground rises, a ray that goes on meets it sooner
+    if rise is not None:  # on rising ground, a longer ray meets it sooner
         along = rays[:, :2] / down[:, None]
         sooner = np.linalg.inv(np.eye(2) + np.einsum("ni,nj->nij", _known(along), rise))
         ground = np.einsum("nij,njk->nik", sooner, ground)
@@ -282,12 +282,12 @@ def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Tr
 
 
 def _known(values: Floats) -> Floats:
-    """Return zero for unknown values: what follows from them is unknown anyway."""
+    """Return zero for unknown values: results that depend on them are unknown anyway."""
     return np.where(np.isfinite(values), values, 0.0)
 
 
 def moved(cameras: Cameras, steps: Floats, log_focal: Floats) -> Cameras:
-    """Return cameras after a step (n, 6) of the unknowns and one (groups,) of focal lengths."""
+    """Return the cameras after a step (n, 6) of the unknowns and one (groups,) of focal lengths."""
     return Cameras(
         cameras.centre_m + steps[:, :3],
         np.einsum("nij,njk->nik", cameras.axes, turned(steps[:, 3:])),

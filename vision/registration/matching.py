@@ -21,17 +21,17 @@ WIDTH_PX: Final = 700
 """Widest picture that is registered, pixels: finer detail costs time and adds nothing to a pose."""
 
 MOST: Final = 1200
-"""Most points of a picture."""
+"""Maximum number of points of a picture."""
 
 _COLUMNS, _ROWS = 10, 6  # of the lattice of buckets that points are spread over
-_LOCAL_PX = (61, 61)  # contrast is measured over so much
+_LOCAL_PX = (61, 61)  # window over which contrast is measured
 _NOISE = 4.0  # gray levels; contrast below it is noise, and is not raised to the level of texture
 _RIM_PX = 4.0
 _LEAST_PX = 32  # a smaller picture has no room for features
 
 
 def extract(gray: NDArray[np.uint8]) -> Features:
-    """Return the features of a gray picture of at most `WIDTH_PX` columns; maybe none.
+    """Return the features of a gray picture of at most `WIDTH_PX` columns; there may be none.
 
     >>> extract(np.full((90, 160), 100, np.uint8)).points.shape
     (0, 2)
@@ -47,7 +47,7 @@ def extract(gray: NDArray[np.uint8]) -> Features:
         return nothing
     points = np.array([k.pt for k in found])
     chosen = _strongest(points, np.array([k.response for k in found]), width, height)
-    # descriptors cost most: only of those that are kept
+    # descriptors cost most: they are computed for the chosen points alone
     kept, descriptors = sift.compute(even, [found[k] for k in chosen])
     middle = np.array([(width - 1) / 2.0, (height - 1) / 2.0])
     return Features(
@@ -101,7 +101,7 @@ def _strongest(
 def _rooted(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return square roots of the histograms (RootSIFT), as whole numbers.
 
-    Their products are exact in float32, in whatever order they are added.
+    Their products are exact in float32, in any order of addition.
     """
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-6)
     scaled = np.round(512.0 * np.sqrt(descriptors / total))
@@ -115,32 +115,32 @@ SECTORS: Final = 8
 NEAREST_IN_SECTOR: Final = 2
 
 LEAST_INLIERS: Final = 16
-"""Least tie points of a pair that overlaps."""
+"""Minimum number of tie points of a pair that overlaps."""
 
 MOST_TIES: Final = 60
-"""Most tie points of a pair in the adjustment."""
+"""Maximum number of tie points of a pair in the adjustment."""
 
-_LENGTH_2 = 512.0**2  # of a descriptor, squared, but for rounding: `features` makes them alike
-_RATIO = 0.85  # a match has to be so much nearer than the second best
+_LENGTH_2 = 512.0**2  # squared length of a descriptor: `features` makes all alike, but for rounding
+_RATIO = 0.85  # maximum distance of a match, as a share of that of the second best
 _TOLERANCE_PX = 4.0  # of the homography: trees and roofs are not on the plane
-_LEAST_SHARE = 0.2  # of the matches, that agree on one homography
+_LEAST_SHARE = 0.2  # of the matches, which agree on one homography
 _SCALES = (0.3, 3.3)  # of two pictures of one flight
-_MOVED_M = 1.0  # between geotags
+_MOVED_M = 1.0  # minimum distance of geotags of a moving camera
 _STAYED_PX = 1.0
 _BUCKETS = 8  # a side, over which tie points are spread
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two views that overlap, and where they show the same ground.
+    """Two views that overlap, with points of the same ground.
 
     Attributes:
         first: Index of a view.
         second: Index of another, above `first`.
         in_first: (n, 2) pixels from the middle of the first picture.
         in_second: (n, 2) the same points in the second.
-        held: (k, 4) tie points kept apart from every fit: pixels in first, in second.
-        inliers: Count of tie points found.
+        held: (k, 4) tie points that no fit uses: pixels in first, in second.
+        inliers: Number of tie points found.
     """
 
     first: int
@@ -154,8 +154,8 @@ class Pair:
 def candidates(views: Sequence[View]) -> list[tuple[int, int]]:
     """Return pairs that may overlap by their geotags, sorted; linear in the views.
 
-    For each view the nearest, and the nearest in each sector around it: pictures that follow each
-    other closely must not crowd out the neighbouring pass.
+    The partners of a view are the nearest ones, and the nearest in each sector around it. The
+    sectors keep the neighbouring pass among them, although pictures of one pass are closer.
     """
     places = np.array([[v.east_m, v.north_m] for v in views]).reshape(-1, 2)
     found: set[tuple[int, int]] = set()
@@ -178,7 +178,8 @@ def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
     a, b = mutual_matches(first, second)
     p, q = first.points[a], second.points[b]
     if math.hypot(one.east_m - other.east_m, one.north_m - other.north_m) > _MOVED_M:
-        # the camera was elsewhere: what kept its pixel is a stamp, dust, the sensor's own pattern
+        # the camera has moved, so a point at the same pixel is a stamp, dust or the sensor's
+        # pattern
         went = np.square(p - q).sum(axis=1) > _STAYED_PX**2
         p, q = p[went], q[went]
     if len(p) < LEAST_INLIERS:
@@ -204,7 +205,7 @@ def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
 def mutual_matches(
     first: Described, second: Described
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return indices of points that are each other's nearest by far."""
+    """Return indices of points that are each other's nearest by a clear margin."""
     none = np.zeros(0, np.int64)
     if len(first.points) < 2 or len(second.points) < 2:
         return none, none
@@ -219,14 +220,14 @@ def mutual_matches(
 
 
 def _plausible(matrix: Floats, points: Floats) -> bool:
-    """Whether two pictures of flat ground from above can be related in this way."""
+    """Return whether two pictures of flat ground from above can be related in this way."""
     x, y = points.mean(axis=0)
     w = matrix[2] @ (x, y, 1.0)
     u, v = (matrix[:2] @ (x, y, 1.0)) / w
     jacobian = (matrix[:2, :2] - np.outer((u, v), matrix[2, :2])) / w
     determinant = float(np.linalg.det(jacobian))
     if not _SCALES[0] ** 2 < determinant < _SCALES[1] ** 2:
-        return False  # mirrored, too, which ground never is
+        return False  # mirrored, which ground never is
     stretch = np.linalg.svd(jacobian, compute_uv=False)
     return bool(stretch[0] < 2.0 * stretch[1])
 
@@ -244,7 +245,7 @@ def _spread(points: Floats) -> NDArray[np.int64]:
 
 
 def apart_m(cameras: Cameras, pair: Pair) -> Floats:
-    """Return how far apart on the ground two pictures show the held tie points, metres."""
+    """Return the distance on the ground between both views of the held tie points, metres."""
     return _lengths(
         to_ground(cameras, np.full(len(pair.held), pair.first), pair.held[:, :2])
         - to_ground(cameras, np.full(len(pair.held), pair.second), pair.held[:, 2:])
@@ -252,7 +253,7 @@ def apart_m(cameras: Cameras, pair: Pair) -> Floats:
 
 
 def transfer_px(cameras: Cameras, pair: Pair) -> Floats:
-    """Return how far from its match a held point of the first falls in the second, pixels."""
+    """Return the distance in the second picture of the first's held points from theirs, pixels."""
     return _misses_px(cameras, pair, pair.held[:, :2], pair.held[:, 2:])
 
 
@@ -268,7 +269,7 @@ def _misses_px(cameras: Cameras, pair: Pair, here: Floats, there: Floats) -> Flo
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
-    """Join the parts; what lies beyond the horizon is infinitely far."""
+    """Join the parts; points beyond the horizon are infinitely far."""
     values = np.concatenate([np.zeros(0), *parts])
     return np.where(np.isfinite(values), values, np.inf)
 

@@ -1,8 +1,8 @@
 """The net of overlapping views: its components, and a first pose for each view.
 
-A level camera shows flat ground by a similarity. With pixels as complex numbers (right - i down,
-levelled by the tagged tilt) and ground points as east + i north, `ground = c pixel + t`: `abs(c)`
-metres a pixel, `-arg(c)` the bearing of the upper edge, `t` the place below the camera.
+A level camera shows flat ground by a similarity. Pixels are complex numbers (right - i down,
+levelled by the tagged tilt), ground points are east + i north, and `ground = c pixel + t`. A pixel
+has `abs(c)` metres, `-arg(c)` is the bearing of the upper edge, `t` the place below the camera.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from vision.registration.views import Floats, View
 Complex: TypeAlias = NDArray[np.complex128]
 
 HEIGHT_BIAS: Final = 0.1
-"""Standard deviation of the common error of a net's height tags, as a share of the height: the
-ground is not at the level of take-off, and the focal length is not as tagged.
+"""Standard deviation of the common error of a net's height tags, as a share of the height.
+The ground is not at the level of take-off, and the focal length differs from its tag.
 """
 
 YAW_BIAS_RAD: Final = math.radians(5.0)
 """Standard deviation of the common error of headings: the compass, the camera's mounting."""
 
 MOST_YAW_SIGMA_RAD: Final = math.radians(15.0)
-"""Largest uncertainty of the heading of a net that is laid on the ground."""
+"""Maximum uncertainty of the heading of a net that is placed on the ground, rad."""
 
 MOST_SCALE_SIGMA: Final = 0.25
-"""The same of its scale, as a share."""
+"""Maximum uncertainty of the scale of such a net, as a share."""
 
-_HALF_TURN_CLEAR_RAD = math.radians(40.0)  # geotags so certain exclude the reverse heading
+_HALF_TURN_CLEAR_RAD = math.radians(40.0)  # this certainty of geotags excludes the reverse heading
 
 
 def components(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]:
@@ -59,7 +59,7 @@ def components(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]:
 
 
 def chained(views: Sequence[View], pairs: Sequence[Pair]) -> tuple[Complex, Complex]:
-    """Return first poses `c`, `t` of connected views: from pair to pair, the surest first.
+    """Return first poses `c`, `t` of connected views: from pair to pair, the most certain first.
 
     The first view has `c = 1`, `t = 0`.
     """
@@ -108,16 +108,16 @@ def _similarity(source: Complex, target: Complex) -> tuple[complex, complex]:
 
 
 @dataclass(frozen=True, slots=True)
-class Laid:
+class PlacedNet:
     """A net on the ground.
 
     Attributes:
         scale: `c` of each view.
         place: `t` of each view, metres.
-        turned: Of each view, whether its tagged heading is that of the lower edge.
-        yaw_sigma_rad: Of the heading of the whole net.
-        scale_sigma: Of its scale, as a share.
-        position_sigma_m: Of geotags one by one, as found; None for too few of them.
+        turned: True for each view whose tagged heading is that of the lower edge.
+        yaw_sigma_rad: Uncertainty of the heading of the whole net.
+        scale_sigma: Uncertainty of its scale, as a share.
+        position_sigma_m: Error of single geotags, as found; None for too few of them.
     """
 
     scale: Complex
@@ -128,8 +128,8 @@ class Laid:
     position_sigma_m: float | None
 
 
-def laid(views: Sequence[View], scale: Complex, place: Complex) -> Laid:
-    """Turn, scale and shift a chained net to where its tags say, robustly."""
+def place_net(views: Sequence[View], scale: Complex, place: Complex) -> PlacedNet:
+    """Turn, scale and shift a chained net to fit its tags, robustly."""
     tags = np.array([complex(v.east_m, v.north_m) for v in views])
     sigmas_m = np.array([v.position_sigma_m for v in views])
     factor, left = _aligned(tags, place, sigmas_m)
@@ -141,7 +141,7 @@ def laid(views: Sequence[View], scale: Complex, place: Complex) -> Laid:
     weights = left / sigmas_m**2
     middle = (weights * (tags - whole * place)).sum() / weights.sum()
     laid_place = whole * place + middle
-    return Laid(
+    return PlacedNet(
         whole * scale, laid_place, turned, angle_sigma, size_sigma, _spread(tags - laid_place)
     )
 
@@ -199,12 +199,12 @@ def _angle(
     if not known:
         return by_tags, sigma, turned
     priors = [p for v in views if (p := v.yaw_rad) is not None]
-    # anticlockwise turn that would give each its tagged heading
+    # anticlockwise turn that would give each view its tagged heading
     wanted = np.array(
         [-p.value - float(np.angle(scale[k])) for p, k in zip(priors, known, strict=True)]
     )
     axis = float(np.angle(np.exp(2j * wanted).sum())) / 2.0
-    for _ in range(5):  # the median is not drawn away by a few that are wrong
+    for _ in range(5):  # a few wrong ones do not shift the median
         axis += float(np.median(np.angle(np.exp(2j * (wanted - axis))))) / 2.0
     if sigma < _HALF_TURN_CLEAR_RAD:
         reverse = math.cos(by_tags - axis) < 0.0
@@ -218,5 +218,5 @@ def _angle(
     share = (1.0 / sigma**2) / (1.0 / sigma**2 + 1.0 / tag_sigma**2)
     off = math.remainder(by_tags - axis, math.tau)
     if abs(off) > 3.0 * math.hypot(sigma, tag_sigma):
-        share = 1.0 if sigma < tag_sigma else 0.0  # one of them is plainly wrong
+        share = 1.0 if sigma < tag_sigma else 0.0  # one of the two is plainly wrong
     return axis + share * off, 1.0 / math.hypot(1.0 / sigma, 1.0 / tag_sigma), turned

@@ -1,7 +1,7 @@
 """Sparse normal equations: blocks of 6 unknowns for each view, and a few unknowns shared by all.
 
 Conjugate gradients solve them. Memory and the cost of a step are linear in the overlaps. All sums
-have one order, so the number of threads changes nothing.
+have one order, so the number of threads does not change the result.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Normal:
     def _conjugate_gradients(self) -> tuple[Floats, Floats]:
         blocks = np.linalg.inv(self.diagonal)
         corner = np.linalg.inv(self.corner) if len(self.corner) else self.corner
-        neighbours = _Neighbours.of(self.pairs, self.across, len(self.diagonal))
+        neighbours = _Neighbours.from_pairs(self.pairs, self.across, len(self.diagonal))
 
         def product(x: Floats, y: Floats) -> tuple[Floats, Floats]:
             views = np.einsum("nij,nj->ni", self.diagonal, x) + neighbours.times(x)
@@ -127,7 +127,7 @@ class _Neighbours:
     views: int
 
     @classmethod
-    def of(cls, pairs: Ints, across: Floats, views: int) -> _Neighbours:
+    def from_pairs(cls, pairs: Ints, across: Floats, views: int) -> _Neighbours:
         rows = np.concatenate([pairs[:, 0], pairs[:, 1]])
         columns = np.concatenate([pairs[:, 1], pairs[:, 0]])
         blocks = np.concatenate([across, across.transpose(0, 2, 1)])
@@ -145,18 +145,18 @@ class _Neighbours:
 
 
 MOST_EXACT: Final = 200
-"""Largest net, in views, that is inverted as a whole."""
+"""Maximum number of views of a net that is inverted as a whole."""
 
 _PIECE = 60  # views
 
-_HOPS = 2  # a view's piece: those that overlap it, and those that overlap them
+_HOPS = 2  # a view's piece: views that overlap it, and views that overlap those
 
 
 def sigmas(normal: Normal) -> Floats:
     """Return standard deviations (views, 6) of the unknowns, tags included.
 
     In a net of more than `MOST_EXACT` views each is computed as if poses farther than `_HOPS`
-    overlaps were known: its certainty beside the views around it.
+    overlaps were known. It is then the certainty relative to the views around it.
     """
     views = len(normal.diagonal)
     links: list[list[int]] = [[] for _ in range(views)]  # the blocks of each view
@@ -178,7 +178,7 @@ def sigmas(normal: Normal) -> Floats:
 
 
 def _inverse_diagonal(normal: Normal, chosen: list[int], links: list[list[int]]) -> Floats:
-    """Return those of the chosen views, in their order; all others are held."""
+    """Return those of the chosen views, in their order; all other poses are fixed."""
     n = len(chosen)
     place = {v: at for at, v in enumerate(chosen)}
     own, shared = UNKNOWNS * n, normal.corner.shape[0]

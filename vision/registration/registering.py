@@ -1,4 +1,4 @@
-"""From views with tags to refined poses: pairs, nets, adjustment, and what is left as tagged."""
+"""From views with tags to refined poses: pairs, nets, adjustment, and the views left as tagged."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from vision.registration.matching import (
 from vision.registration.net import (
     MOST_SCALE_SIGMA,
     MOST_YAW_SIGMA_RAD,
-    Laid,
+    PlacedNet,
     chained,
     components,
-    laid,
+    place_net,
 )
 from vision.registration.normal_equations import sigmas
 from vision.registration.views import (
@@ -46,14 +46,14 @@ from vision.registration.views import (
 )
 
 MOST_TILT: Final = 1.2
-"""Largest tagged tilt of a registered view, a tangent (50 degrees)."""
+"""Maximum tagged tilt of a registered view, a tangent (50 degrees)."""
 
 MOST_RESIDUAL_PX: Final = 4.0
-"""Largest median miss of tie points of a refined view, pixels."""
+"""Maximum median miss of tie points of a refined view, pixels."""
 
 _WRONG_PAIR_PX = 6.0  # pairs that miss by more than this, and than others, are no overlaps
 _WRONG_PAIR_TIMES = 4.0
-_MENDS = 3  # times that wrong pairs are thrown out of a net, and it is begun anew
+_MENDS = 3  # number of times that a net is begun anew without its wrong pairs
 _LEAST_POSITION_SIGMA_M = 0.5
 
 _FEW_POINTS = 40
@@ -61,12 +61,12 @@ _FEW_POINTS = 40
 
 Match = Callable[[tuple[int, int]], Pair | None]
 Many = Callable[[Match, Iterable[tuple[int, int]]], Iterable[Pair | None]]
-"""As `map`: the answers in the items' order; in threads, perhaps."""
+"""A function like `map`: the answers in the items' order, perhaps from threads."""
 
 
 def register(
     views: Sequence[View],
-    say: Callable[[int, int], None] = lambda done, all_: None,
+    progress: Callable[[int, int], None] = lambda done, all_: None,
     many: Many = map,
     relief: Relief | None = None,
 ) -> Registration:
@@ -75,13 +75,13 @@ def register(
     The order of the views and `many` do not change the result.
 
     Args:
-        say: Receives how many of how many possible overlaps were examined.
-        many: Examines them one after the other, or several at once.
-        relief: The ground, where it is known not to be flat.
+        progress: Receives the numbers of examined and of all possible overlaps.
+        many: Examines overlaps, one after the other or several at once.
+        relief: The ground, if it is known not to be flat.
     """
     order = sorted(range(len(views)), key=lambda k: views[k].name)
     found = _Registering([views[k] for k in order], relief)
-    found.run(say, many)
+    found.run(progress, many)
     back = sorted(range(len(order)), key=lambda at: order[at])
     nets = [replace(n, members=tuple(sorted(order[m] for m in n.members))) for n in found.nets]
     return Registration(
@@ -104,8 +104,8 @@ class _Registering:
         self.as_tagged: list[tuple[Cameras, Pair]] | None = []
         self.as_refined: list[tuple[Cameras, Pair]] = []
 
-    def run(self, say: Callable[[int, int], None], many: Many) -> None:
-        """Find the pairs, and adjust the nets that they make."""
+    def run(self, progress: Callable[[int, int], None], many: Many) -> None:
+        """Find the pairs, and adjust their nets."""
         usable = [k for k, v in enumerate(self.views) if math.hypot(*v.tilt) <= MOST_TILT]
         for k in set(range(len(self.views))) - set(usable):
             self.left[k] = SIDEWAYS
@@ -123,7 +123,7 @@ class _Registering:
         for done, pair in enumerate(many(matched, possible), start=1):
             if pair is not None:
                 pairs.append(pair)
-            say(done, len(possible))
+            progress(done, len(possible))
         self._nets(usable, pairs, _MENDS)
 
     def _nets(self, members: list[int], pairs: list[Pair], mends: int) -> None:
@@ -138,20 +138,20 @@ class _Registering:
         views = [self.views[k] for k in members]
         place = {k: at for at, k in enumerate(members)}
         local = [replace(p, first=place[p.first], second=place[p.second]) for p in pairs]
-        on_ground = laid(views, *chained(views, local))
+        on_ground = place_net(views, *chained(views, local))
         if on_ground.yaw_sigma_rad > MOST_YAW_SIGMA_RAD:
             return self._leave(members, NO_HEADING)
         if on_ground.scale_sigma > MOST_SCALE_SIGMA:
             return self._leave(members, NO_SCALE)
         tags, start, cameras = _start(views, on_ground, self.relief)
-        solution = adjust(start, Ties.of(local), tags, HUBER_PX[:-1])
+        solution = adjust(start, Ties.from_pairs(local), tags, HUBER_PX[:-1])
         misses = pair_medians_px(solution.cameras, local)
         limit = max(_WRONG_PAIR_PX, _WRONG_PAIR_TIMES * float(np.median(misses)))
         good = [p for p, miss in zip(pairs, misses, strict=True) if miss <= limit]
         if len(good) < len(pairs) and mends > 0:
             self._leave(members, CONTRADICTED)
             return self._nets(members, good, mends - 1)
-        solution = adjust(solution.cameras, Ties.of(local), tags, HUBER_PX[-2:])
+        solution = adjust(solution.cameras, Ties.from_pairs(local), tags, HUBER_PX[-2:])
         self._keep(members, local, on_ground, solution, tags, cameras)
         return None
 
@@ -163,7 +163,7 @@ class _Registering:
         self,
         members: list[int],
         local: list[Pair],
-        on_ground: Laid,
+        on_ground: PlacedNet,
         solution: Solution,
         tags: Tags,
         cameras: list[str],
@@ -219,7 +219,7 @@ class _Registering:
 
     @staticmethod
     def agreement(pairs: list[tuple[Cameras, Pair]] | None) -> Agreement | None:
-        """Return that of held tie points; None where there are none, or poses are missing."""
+        """Return the agreement of held tie points; None if there are none, or poses are missing."""
         metres = joined([apart_m(cameras, pair) for cameras, pair in pairs or ()])
         pixels = joined([transfer_px(cameras, pair) for cameras, pair in pairs or ()])
         if not len(metres):
@@ -233,7 +233,9 @@ class _Registering:
         )
 
 
-def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, Cameras, list[str]]:
+def _start(
+    views: list[View], net: PlacedNet, relief: Relief | None
+) -> tuple[Tags, Cameras, list[str]]:
     """Return the tags of a net as arrays, its first poses, and its cameras' names."""
     cameras = sorted({v.camera for v in views})
     groups = np.array([cameras.index(v.camera) for v in views])
@@ -246,7 +248,7 @@ def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, C
     yaw = -np.angle(net.scale)
     flip = np.where(net.turned, -1.0, 1.0)
     tilt = np.array([v.tilt for v in views], float) * flip[:, None]
-    found_m = math.inf  # where geotags agree better with the net than their tags say
+    found_m = math.inf  # if geotags agree with the net better than their tags state
     if net.position_sigma_m is not None:
         found_m = max(net.position_sigma_m, _LEAST_POSITION_SIGMA_M)
     height_m, height_sigma_m = _measured([v.height_m for v in views])
@@ -281,7 +283,7 @@ def _measured(tags: Sequence[Measured | None]) -> Floats:
 
 
 def _as_tagged(tags: Tags, solved: Cameras) -> Cameras | None:
-    """Return the cameras as tagged; None where a heading or a height is missing."""
+    """Return the cameras as tagged; None if a heading or a height is missing."""
     if not (np.isfinite(tags.yaw_rad).all() and np.isfinite(tags.height_m).all()):
         return None
     axes = np.array(list(map(tilted_axes, tags.yaw_rad, tags.tilt)))

@@ -1,4 +1,4 @@
-"""Views with their tags, which a registration takes, and refined poses, which it returns.
+"""Views with their tags, the input of a registration, and refined poses, its result.
 
 Positions are metres in one local frame: true east, true north, and up from the ground. Pixels are
 those of `vision.camera`, counted from the middle of the picture.
@@ -39,7 +39,7 @@ class Features:
 
 
 class Described(Protocol):
-    """`Features`, in memory or on disk: those of ten thousand pictures fill a memory."""
+    """`Features`, in memory or on disk: ten thousand pictures have more than fit into memory."""
 
     @property
     def points(self) -> Floats: ...  # noqa: D102
@@ -53,19 +53,18 @@ class Described(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A picture to be registered: its features, and what its tags say; None where they are silent.
+    """A picture to be registered: its features and its tags; None for a missing tag.
 
     Attributes:
         name: Unique.
         focal_px: The focal length in pixels of `features`.
-        camera: Views with the same word share a focal length.
-        position_sigma_m: Of either, without what all tags have in common.
-        height_m: Above the ground; over a relief, above the level that its heights are counted
-            from.
+        camera: Name of the camera; its views share a focal length.
+        position_sigma_m: Error of east and of north, without the common error of all tags.
+        height_m: Height above the ground; over a relief, above the level of its heights.
         yaw_rad: True bearing of the picture's upper edge.
         tilt: Straight down, as the ray (right, down) over forward, in camera axes.
         tilt_sigma: Standard deviation of either, radians.
-        ground_m: The height of the ground below, of a relief.
+        ground_m: The height of the ground below, on a relief.
     """
 
     name: str
@@ -89,11 +88,11 @@ class Refined:
     Attributes:
         centre_m: The camera, metres (east, north, up).
         axes: 3 x 3; columns are the picture's right, down, and forward, in (east, north, up).
-        position_sigma_m: Of east and of north, within the net of overlaps.
-        yaw_sigma_rad: Of the bearing of the upper edge.
+        position_sigma_m: Error of east and of north, within the net of overlaps.
+        yaw_sigma_rad: Error of the bearing of the upper edge.
         component: Number of the net, from 0.
-        turned: The tagged bearing is that of the lower edge: stored upside down.
-        residual_px: Their median transfer error.
+        turned: True for a picture stored upside down: its tagged bearing is that of the lower edge.
+        residual_px: Median transfer error of its matches.
     """
 
     centre_m: Floats
@@ -112,15 +111,15 @@ NO_OVERLAP: Final = "no overlap with another picture was found"
 NO_TEXTURE: Final = "it shows nothing distinctive"
 SIDEWAYS: Final = "it looks too far to the side"
 CONTRADICTED: Final = "its overlaps contradict each other"
-NO_HEADING: Final = "the positions of its net lie too close together to tell which way it faces"
-NO_SCALE: Final = "the positions of its net lie too close together to tell how high it was taken"
+NO_HEADING: Final = "the positions of its net are too close together to give its heading"
+NO_SCALE: Final = "the positions of its net are too close together to give its height"
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How well overlapping pictures agree, by `points` tie points that no fit has used.
+    """The agreement of overlapping pictures, by `points` tie points that no fit has used.
 
-    On the ground in metres, and in pixels of the features; `most` is the 90 % quantile.
+    It is in metres on the ground, and in pixels of the features; `most` is the 90 % quantile.
     """
 
     points: int
@@ -136,11 +135,11 @@ class Net:
 
     Attributes:
         members: Indices of the views.
-        focal: By camera, the focal length as a share of the tagged one.
-        slope: Of the ground towards (east, north), tangents, positive where it falls.
+        focal: Focal length of each camera, as a share of the tagged one.
+        slope: Slope of the ground towards (east, north), tangents, positive where it falls.
         height_bias: Common error of height tags, as a share.
         yaw_bias_rad: Common error of headings.
-        position_sigma_m: Of geotags one by one; None for too few of them.
+        position_sigma_m: Error of single geotags; None for too few of them.
     """
 
     members: tuple[int, ...]
@@ -157,12 +156,12 @@ class Registration:
     """The result for all views, in the order given.
 
     Attributes:
-        refined: The pose; None: left as tagged.
-        left: Why a view was left as tagged; None where it was not.
+        refined: The pose; None if the view was left as tagged.
+        left: Reason why a view was left as tagged; None if it was not.
         nets: The adjusted groups, the largest first.
-        before: Agreement of the refined pictures as tagged (upright); None where tags lack a
-            heading or a height.
-        after: Their agreement now; None where nothing was refined.
+        before: Agreement of the refined pictures as tagged (upright); None if tags lack a heading
+            or a height.
+        after: Their agreement now; None if nothing was refined.
     """
 
     refined: tuple[Refined | None, ...]

@@ -190,7 +190,7 @@ def flown(told: Told, taken: tuple[Taken, ...], check_every: int = 5) -> Outcome
             break
         place = (shot.east_m + error[0], shot.north_m + error[1])
         begin = time.process_time()
-        estimate = own.take(shot.t_s, shot.patch, place, trusted)
+        estimate = own.add_picture(shot.t_s, shot.patch, place, trusted)
         out.ms.append(1e3 * (time.process_time() - begin))
         off = np.array(estimate.error_m) - error
         out.estimate_m.append(float(np.hypot(*off)))

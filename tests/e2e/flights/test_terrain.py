@@ -28,7 +28,7 @@ from uavmap.runner.simulation import relief_of
 from uavmap.ui.cli import main
 from vision.camera import Camera
 from vision.detectors import make_detector
-from vision.projection import Frame, look
+from vision.projection import Frame, judge_frame
 
 ALTITUDE_M = 14.0
 TOWARD_DEG = 225.0
@@ -128,7 +128,7 @@ def test_picture_over_a_slope_judges_each_cell_right(pitch_deg):
         ("ground", above_m, mission.ground), ("home", ALTITUDE_M, None),
     ):  # fmt: skip
         frame = Frame(picture, Pose(place, height_m, attitude), 0.0, CAMERA)
-        verdicts = look(
+        verdicts = judge_frame(
             frame, grid, _DETECTOR, share=0.3, view="all", margin_m=0.5, terrain=terrain
         )
         assert len(verdicts) >= 6

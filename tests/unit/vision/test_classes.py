@@ -17,7 +17,7 @@ from vision.detectors import Detector, make_detector
 from vision.detectors.interface import judged
 from vision.detectors.learned_model import ClassRule, Logistic, Model, model_bytes, read_model
 from vision.detectors.onnx import OnnxSettings
-from vision.projection import Frame, look
+from vision.projection import Frame, judge_frame
 
 GROUND, WEED, OIL = (200, 200, 200), (60, 160, 60), (40, 40, 160)  # blue, green, red
 
@@ -119,7 +119,7 @@ def test_learned_model_of_other_classes_is_refused() -> None:
         parts=(Logistic(mean=(0.0,), scale=(1.0,), weights=(1.0,), bias=0.0),),
         **all_familiar(),
     )
-    with pytest.raises(MissionFileError, match="has the numbers 3; the model tells apart: none"):
+    with pytest.raises(MissionFileError, match="has the numbers 3; the model distinguishes: none"):
         make_detector("learned", model=plain, classes=other)
 
 
@@ -137,7 +137,7 @@ def test_frame_of_two_classes_gives_shares_of_each_cell() -> None:
     grid = Grid.at(LatLon(48.0, 11.0), 3.0)
     down = Quaternion.from_euler(0.0, -np.pi / 2, 0.0)
     frame = Frame(picture(), Pose(LatLon(48.0, 11.0), 9.0, down), 0.0, camera)
-    verdicts = look(frame, grid, color("oil"), share=0.5, view="all")
+    verdicts = judge_frame(frame, grid, color("oil"), share=0.5, view="all")
     by_cell = {verdict.cell: verdict for verdict in verdicts}
     east = max(cell.east for cell in by_cell)
     for verdict in verdicts:

@@ -18,7 +18,7 @@ from vision.camera import Camera
 from vision.detectors.familiarity import NAMES, QUANTILES, Comparison, Familiar, Gaussian, Kind
 from vision.detectors.interface import Judgement
 from vision.detectors.learned_model import LearnedDetector, Logistic, Model
-from vision.projection import Frame, look
+from vision.projection import Frame, judge_frame
 
 SIDE = len(NAMES)
 DENSITIES = tuple(-20.0 + number for number in range(len(QUANTILES)))
@@ -76,7 +76,7 @@ def test_cell_of_unfamiliar_pixels_is_unsure_and_no_region() -> None:
     camera = Camera(1.4, 320, 240)
     pose, _ = nadir_pose(grid, GridPoint(0.0, 0.0), 20.0, 0.0)
     frame = Frame(np.zeros((240, 320, 3), np.uint8), pose, 0.0, camera)
-    verdicts = look(frame, grid, HalfBlind(), share=0.3, view="all")
+    verdicts = judge_frame(frame, grid, HalfBlind(), share=0.3, view="all")
     assert {v.unsure for v in verdicts if v.cell.east < 0} == {False}
     assert {v.unsure for v in verdicts if v.cell.east > 0} == {True}
     assert {v.positive for v in verdicts if v.cell.east < 0} == {True}

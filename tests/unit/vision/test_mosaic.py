@@ -1,4 +1,4 @@
-"""Pictures laid together: one with a wrong pose continues what is laid."""
+"""Pictures of a mosaic: one with a wrong pose continues the others."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from missions.units import GridPoint, LatLon
 from tests.unit.vision.scene import nadir_pose, photograph
 from vision.camera import Camera
 from vision.growing_mosaic import PASS, SEAM_M, GrowingMosaic
-from vision.mosaic import Mosaic, Part, laid
+from vision.mosaic import Mosaic, Part, project_picture
 from vision.raster import Overlay, Raster, framed
 
 GRID = Grid.at(LatLon(48.0, 11.0), 4.0)
@@ -33,13 +33,13 @@ def taken(east_m: float, texture: np.ndarray, north_m: float = 0.0) -> np.ndarra
 
 def overlay(east_m: float, north_m: float = 0.0) -> Overlay:
     pose, _ = nadir_pose(GRID, GridPoint(east_m, north_m), HEIGHT_M, 0.0)
-    return Overlay.of(CAMERA, pose, 0.0, GRID, None)
+    return Overlay.at_pose(CAMERA, pose, 0.0, GRID, None)
 
 
 def moved_m(error_m: float, second: np.ndarray) -> float:
     """By how much a picture is moved that was taken at 2 m east and says otherwise by an error."""
     mosaic = GrowingMosaic(RASTER.whole)
-    for part in laid(overlay(0.0), RASTER, RASTER.whole, lambda: taken(0.0, ground(1))):
+    for part in project_picture(overlay(0.0), RASTER, RASTER.whole, lambda: taken(0.0, ground(1))):
         mosaic.add(part)
     told = overlay(2.0 + error_m)
     found = mosaic.aligned(told, RASTER, RASTER.whole, lambda: taken(2.0, second))
@@ -75,7 +75,7 @@ def test_lane_with_another_error_moves_to_the_lane_beside_it():
             picture = taken(east_m, texture, north_m)
             window = raster.around(*told.bounds())
             found = mosaic.aligned(told, raster, window, lambda: picture)  # noqa: B023
-            for part in laid(found, raster, window, lambda: picture):  # noqa: B023
+            for part in project_picture(found, raster, window, lambda: picture):  # noqa: B023
                 mosaic.add(part)
             place = np.array([[[east_m, north_m]]])
             moved.append(float((found.pixels(place) - told.pixels(place))[0, 0, 0]) * gsd_m)

@@ -1,4 +1,4 @@
-"""look() on pictures whose content is known, over flat ground and over a terrain."""
+"""judge_frame() on pictures whose content is known, over flat ground and over a terrain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.support.ground.hills import SIDE_M, STEP_M, slope
 from tests.unit.vision.scene import nadir_pose, paint, square
 from vision.camera import Camera, project
 from vision.detectors import make_detector
-from vision.projection import Frame, Projection, Verdict, look
+from vision.projection import Frame, Projection, Verdict, judge_frame
 
 BAVARIA = LatLon(48.0, 11.9)  # grid north is 2.2 degrees off true north
 PLAIN = make_detector("threshold", dilations=0)
@@ -42,7 +42,7 @@ def test_painted_cells_are_positive_and_their_neighbours_are_not(
     pose, axes = nadir_pose(grid, over, height_m, yaw_deg, tilt_deg)
     painted = {HERE, Cell(25, -14), Cell(24, -15)}
     image = paint([square(grid, c) for c in painted], grid, WIDE, pose, axes)
-    found = look(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
+    found = judge_frame(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
     assert [v.cell for v in found] == list(HERE.cross())
     assert {v.cell for v in found if v.positive} == painted
     for verdict in found:
@@ -56,7 +56,7 @@ def test_convergence_turns_the_cells() -> None:
     pose, axes = nadir_pose(grid, GridPoint(0.0, -1.9), 12.0, 0.0)
     strip = [GridPoint(e, n) for e, n in ((1.2, 2.0), (2.0, 2.0), (2.0, 6.0), (1.2, 6.0))]
     image = paint([strip], grid, WIDE, pose, axes)
-    found = look(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
+    found = judge_frame(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
     assert shares(found)[Cell(0, 1)] == pytest.approx(0.2, abs=0.01)
     assert shares(found)[Cell(1, 0)] == pytest.approx(0.0, abs=0.005)
 
@@ -77,7 +77,7 @@ def test_turning_the_vehicle_changes_nothing(
     for yaw in (0.0, yaw_deg):
         pose, axes = nadir_pose(grid, SHIFTED, 20.0, yaw)
         image = paint([triangle], grid, WIDE, pose, axes)
-        verdicts = look(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
+        verdicts = judge_frame(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
         seen.append(shares(verdicts))
     assert seen[0].keys() == seen[1].keys() == set(HERE.cross())
     for cell, share in seen[0].items():
@@ -91,10 +91,10 @@ def test_the_cross_follows_the_roi_as_it_drifts() -> None:
     pose, axes = nadir_pose(grid, GridPoint(41.0, 0.5), 12.0, 20.0)
     painted = [square(grid, Cell(0, 0)), square(grid, Cell(1, 0))]
     image = paint(painted, grid, WIDE, pose, axes, t_s=100.0)
-    found = look(Frame(image, pose, 100.0, WIDE), grid, PLAIN, share=0.5, view="cross")
+    found = judge_frame(Frame(image, pose, 100.0, WIDE), grid, PLAIN, share=0.5, view="cross")
     assert {v.cell for v in found if v.positive} == {Cell(0, 0), Cell(1, 0)}
     assert found[0].cell == Cell(0, 0)
-    at_rest = look(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
+    at_rest = judge_frame(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
     assert at_rest[0].cell == Cell(10, 0)
 
 
@@ -103,7 +103,7 @@ def test_the_centre_is_under_the_camera_not_in_the_middle_of_the_picture() -> No
     grid = Grid.at(BAVARIA, 4.0)
     pose, axes = nadir_pose(grid, GridPoint(0.0, 0.0), 12.0, 0.0, (0.0, 20.0))
     image = paint([square(grid, Cell(0, 0))], grid, WIDE, pose, axes)
-    found = look(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
+    found = judge_frame(Frame(image, pose, 0.0, WIDE), grid, PLAIN, share=0.5, view="cross")
     assert [v.cell for v in found if v.positive] == [Cell(0, 0)]
     assert found[0].cell == Cell(0, 0)
 
@@ -116,7 +116,7 @@ def test_a_cell_needs_nine_tenths_inside_the_picture(along_m: float, judged: boo
     assert camera.footprint(12.0)[1] == pytest.approx(along_m)
     pose, axes = nadir_pose(grid, GridPoint(0.0, 0.0), 12.0, 0.0)
     image = paint([], grid, camera, pose, axes)
-    found = look(Frame(image, pose, 0.0, camera), grid, PLAIN, share=0.5, view="cross")
+    found = judge_frame(Frame(image, pose, 0.0, camera), grid, PLAIN, share=0.5, view="cross")
     east_west = [Cell(0, 0), Cell(1, 0), Cell(-1, 0)]
     assert [v.cell for v in found] == (list(Cell(0, 0).cross()) if judged else east_west)
 
@@ -129,10 +129,10 @@ def test_share_is_the_part_that_is_roi_and_the_limit_is_inclusive() -> None:
     image = np.full((480, 480, 3), 220, np.uint8)
     image[200:280, 200:240] = 60  # the west half of cell (0, 0)
     frame = Frame(image, pose, 0.0, camera)
-    (at_limit, *others) = look(frame, grid, PLAIN, share=0.5, view="cross")
+    (at_limit, *others) = judge_frame(frame, grid, PLAIN, share=0.5, view="cross")
     assert at_limit == Verdict(Cell(0, 0), True, 0.5)
     assert all(v.share == 0.0 and not v.positive for v in others)
-    assert not look(frame, grid, PLAIN, share=0.501, view="cross")[0].positive
+    assert not judge_frame(frame, grid, PLAIN, share=0.501, view="cross")[0].positive
 
 
 def test_all_view_judges_every_whole_cell() -> None:
@@ -143,7 +143,7 @@ def test_all_view_judges_every_whole_cell() -> None:
     pose, axes = nadir_pose(grid, GridPoint(0.0, 0.0), 40.0, aligned_deg)
     area = [GridPoint(e, n) for e, n in ((-21.0, -7.0), (13.0, -11.0), (9.0, 17.0))]
     image = paint([area], grid, camera, pose, axes)
-    found = look(Frame(image, pose, 0.0, camera), grid, PLAIN, share=0.5, view="all")
+    found = judge_frame(Frame(image, pose, 0.0, camera), grid, PLAIN, share=0.5, view="all")
     cells = [Cell(e, n) for e in range(-9, 10) for n in range(-7, 8)]
     assert [v.cell for v in found] == cells
     (ax, ay), (bx, by), (cx, cy) = area
@@ -159,11 +159,11 @@ def test_far_from_the_vantage_the_whole_picture_is_judged(
     grid = Grid.at(BAVARIA, 4.0)
     pose, axes = nadir_pose(grid, GridPoint(east_m, 0.0), 50.0, 0.0)
     frame = Frame(paint([], grid, WIDE, pose, axes), pose, 0.0, WIDE)
-    found = look(frame, grid, PLAIN, share=0.5, view=view, vantage=Cell(0, 0))
+    found = judge_frame(frame, grid, PLAIN, share=0.5, view=view, vantage=Cell(0, 0))
     if view == "cross":  # what it was told to judge is not in the picture
         assert found == ()
     else:
-        assert found == look(frame, grid, PLAIN, share=0.5, view=view)
+        assert found == judge_frame(frame, grid, PLAIN, share=0.5, view=view)
         assert len(found) > 300
 
 
@@ -172,8 +172,8 @@ def test_cross_and_all_agree() -> None:
     pose, axes = nadir_pose(grid, SHIFTED, 20.0, 70.0, (5.0, 3.0))
     triangle = [GridPoint(100.0 + e, -60.0 + n) for e, n in ((-9, -7), (8, -3), (1, 9))]
     frame = Frame(paint([triangle], grid, WIDE, pose, axes), pose, 0.0, WIDE)
-    cross = shares(look(frame, grid, PLAIN, share=0.5, view="cross"))
-    everything = shares(look(frame, grid, PLAIN, share=0.5, view="all"))
+    cross = shares(judge_frame(frame, grid, PLAIN, share=0.5, view="cross"))
+    everything = shares(judge_frame(frame, grid, PLAIN, share=0.5, view="all"))
     assert set(cross) < set(everything)
     for cell, share in cross.items():
         assert everything[cell] == pytest.approx(share, abs=0.01)
@@ -183,11 +183,11 @@ def test_a_camera_that_sees_the_horizon_judges_only_what_is_near_and_in_front() 
     grid = Grid.at(LatLon(0.0, 9.0), 4.0)
     pose, _ = nadir_pose(grid, GridPoint(0.0, 0.0), 20.0, 0.0, (0.0, 70.0))
     frame = Frame(np.full((480, 640, 3), 60, np.uint8), pose, 0.0, WIDE)
-    found = look(frame, grid, PLAIN, share=0.5, view="all")
+    found = judge_frame(frame, grid, PLAIN, share=0.5, view="all")
     assert found
     assert all(v.positive for v in found)
     assert all(0 < v.cell.north <= 16 and abs(v.cell.east) <= 16 for v in found)
-    behind = look(frame, grid, PLAIN, share=0.5, view="cross")
+    behind = judge_frame(frame, grid, PLAIN, share=0.5, view="cross")
     assert [v.cell for v in behind] == []
 
 
@@ -195,8 +195,8 @@ def test_a_picture_from_the_ground_says_nothing() -> None:
     grid = Grid.at(BAVARIA, 4.0)
     pose, _ = nadir_pose(grid, GridPoint(0.0, 0.0), 0.0, 0.0)
     frame = Frame(np.full((480, 640, 3), 60, np.uint8), pose, 0.0, WIDE)
-    assert look(frame, grid, PLAIN, share=0.5, view="cross") == ()
-    assert look(frame, grid, PLAIN, share=0.5, view="all") == ()
+    assert judge_frame(frame, grid, PLAIN, share=0.5, view="cross") == ()
+    assert judge_frame(frame, grid, PLAIN, share=0.5, view="all") == ()
 
 
 def test_a_picture_of_another_size_is_refused() -> None:
@@ -204,7 +204,7 @@ def test_a_picture_of_another_size_is_refused() -> None:
     pose, _ = nadir_pose(grid, GridPoint(0.0, 0.0), 12.0, 0.0)
     frame = Frame(np.zeros((240, 320, 3), np.uint8), pose, 0.0, WIDE)
     with pytest.raises(ImageError, match="320 x 240"):
-        look(frame, grid, PLAIN, share=0.5, view="cross")
+        judge_frame(frame, grid, PLAIN, share=0.5, view="cross")
 
 
 class Halfway:
@@ -226,8 +226,8 @@ def test_a_calibrated_cell_has_the_mean_probability(level: Terrain | None) -> No
     pose, axes = nadir_pose(grid, GridPoint(0.0, 0.0), 12.0, 20.0)
     image = paint([square(grid, Cell(0, 0))], grid, WIDE, pose, axes)
     frame = Frame(image, pose, 0.0, WIDE)
-    found = look(frame, grid, Halfway(), share=0.75, view="cross", terrain=level)
-    plain = look(frame, grid, PLAIN, share=0.5, view="cross", terrain=level)
+    found = judge_frame(frame, grid, Halfway(), share=0.75, view="cross", terrain=level)
+    plain = judge_frame(frame, grid, PLAIN, share=0.5, view="cross", terrain=level)
     assert [v.cell for v in found] == [v.cell for v in plain]
     assert [v.positive for v in found] == [v.positive for v in plain]
     for verdict, sure in zip(found, plain, strict=True):
@@ -260,8 +260,8 @@ def test_over_level_ground_it_is_the_homography():
     frame = Frame(picture, at, 0.0, NARROW)
     detector = make_detector("threshold", intensity=150, dilations=0, polarity="dark")
     for view in ("cross", "all"):
-        known = look(frame, HILLY, detector, share=0.3, view=view, margin_m=0.3)
-        found = look(
+        known = judge_frame(frame, HILLY, detector, share=0.3, view=view, margin_m=0.3)
+        found = judge_frame(
             frame, HILLY, detector, share=0.3, view=view, margin_m=0.3, terrain=terrain(0.0)
         )
         shares = {v.cell: v.share for v in found}

@@ -32,7 +32,7 @@ def laid(window: Window) -> tuple[np.ndarray, int]:
     picture = Overlay(aslant, GridPoint(0.0, 0.0), 15.0, WIDTH_PX, HEIGHT_PX)
     found, asked = np.zeros(window.shape, np.float32), 0
     image = framed(np.arange(WIDTH_PX * HEIGHT_PX, dtype=np.float32).reshape(HEIGHT_PX, WIDTH_PX))
-    for part, laying in picture.laid(RASTER, window):
+    for part, laying in picture.on_window(RASTER, window):
         found[part.within(window)] = laying.weight * laying.sampled(image)
         asked += laying.weight.size
     return found, asked

@@ -1,4 +1,4 @@
-"""Judging pictures of a mission: frame -> plausible -> look(frame, grid, detector) -> FrameSeen."""
+"""Judging pictures of a mission: frame -> plausible -> judge_frame -> FrameSeen."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from uavmap.load.detector_source import detector_of_section
 from vision.camera import Camera
 from vision.detectors import Detector
 from vision.plausible import Image, implausible
-from vision.projection import Frame, Verdict, look
+from vision.projection import Frame, Verdict, judge_frame
 
 Verdicts = tuple[Verdict, ...]
 
@@ -109,7 +109,7 @@ class Classifier:
         if reason:
             raise ImageError(reason)
         above = self.from_above if self.is_overview(frame) else None
-        return look(
+        return judge_frame(
             frame,
             self.grid,
             above or self.detector,

@@ -32,7 +32,7 @@ from uavmap.photos.ground.surface import Scene, Shown, Surface, fused
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.workers import Threads
 from vision.contours import Contours, Ring
-from vision.mosaic import Colours, Mosaic, Part, laid
+from vision.mosaic import Colours, Mosaic, Part, project_picture
 from vision.raster import MOST, Raster, Window, framed
 
 HALF: Final = 0.5
@@ -188,7 +188,7 @@ def mosaic(
 
     def parts(tile: Tile) -> list[Part]:
         part = raster.around(*tile.shown.bounds).common(window)
-        return laid(tile.shown.overlay, raster, part, tile.image)
+        return project_picture(tile.shown.overlay, raster, part, tile.image)
 
     for answer in threads.in_order(parts, tiles):
         for part in answer:

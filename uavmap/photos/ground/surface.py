@@ -57,7 +57,7 @@ class Footing:
 
     def overlay(self, grid: Grid, terrain: Terrain | None) -> Overlay:
         """Return the picture over the ground."""
-        return Overlay.of(self.camera, self.pose, self.t_s, grid, terrain)
+        return Overlay.at_pose(self.camera, self.pose, self.t_s, grid, terrain)
 
     @property
     def gsd_m(self) -> float:
@@ -194,8 +194,8 @@ def fused(
         ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
         levels = framed(_levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m))
         return [
-            (shown, laying.sampled(levels), laying.weight)
-            for shown, laying in entry.overlay.laid(scene.raster, part, ratio)
+            (shown, projected.sampled(levels), projected.weight)
+            for shown, projected in entry.overlay.on_window(scene.raster, part, ratio)
         ]
 
     def jobs(near: Sequence[Shown], around: Window) -> Iterator[tuple[Shown, Window, bytes]]:

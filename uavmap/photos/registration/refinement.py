@@ -89,7 +89,9 @@ def refine(
     if ground is not None:
         grid, terrain = ground
         start_m = terrain.height_m(GridPoint(0.0, 0.0))
-        relief = Relief.of(terrain, start_m, lambda e, n: grid.fixed(plane.to_wgs84(e, n)))
+        relief = Relief.from_terrain(
+            terrain, start_m, lambda e, n: grid.fixed(plane.to_wgs84(e, n))
+        )
     result = register([_view(t, plane, relief) for t in taken], say, many, relief)
     return result, {
         one.picture.name: _found(refined, one, plane, result)

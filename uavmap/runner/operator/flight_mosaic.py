@@ -23,7 +23,7 @@ from uavmap.output.drawing.mosaic_file import MOSAIC, Ground, raster_of, write_m
 from uavmap.runner.operator.company import Onlooker
 from vision.camera import Camera
 from vision.growing_mosaic import GrowingMosaic
-from vision.mosaic import Part, laid, shrunk
+from vision.mosaic import Part, project_picture, shrunk
 from vision.raster import Overlay, Raster, framed
 
 NEAR: Final = 0.2
@@ -118,7 +118,7 @@ class FlightMosaic(Onlooker):
         setting, height_m = self._setting, frame.pose.height_m
         image = decoded(picture, frame.frame)
         camera = Camera(math.radians(frame.hfov_deg), *image.shape[1::-1])
-        overlay = Overlay.of(camera, frame.pose, frame.t_s, setting.grid, setting.ground)
+        overlay = Overlay.at_pose(camera, frame.pose, frame.t_s, setting.grid, setting.ground)
         bounds = overlay.bounds()
         if bounds is None:
             return
@@ -128,7 +128,7 @@ class FlightMosaic(Onlooker):
         window = raster.around(*bounds)
         if not window.is_empty:
             overlay = self._mosaic.aligned(overlay, raster, window, lambda: small)
-        for part in laid(overlay, raster, window, lambda: small, times):
+        for part in project_picture(overlay, raster, window, lambda: small, times):
             self._mosaic.add(part)
             self._has_news = True
         if time.monotonic() >= self._due_s:

@@ -23,7 +23,7 @@ from missions.units import GridPoint, Pose, Quaternion
 from tests.support.small_missions import mission, square
 from vision.camera import Camera
 from vision.detectors import make_detector
-from vision.projection import Frame, look
+from vision.projection import Frame, judge_frame
 
 PLAIN = make_detector("threshold", dilations=0)
 
@@ -81,7 +81,7 @@ def rows_shown(setting: Setting, pose: Pose) -> set[int]:
     camera = Camera(optics.hfov_rad, optics.width_px, optics.height_px)
     image = np.full((camera.height_px, camera.width_px, 3), 200, np.uint8)
     frame = Frame(image, pose, 0.0, camera)
-    found = look(
+    found = judge_frame(
         frame, setting.grid, PLAIN, share=0.5, view="all", margin_m=made.camera.pose_error_m
     )
     at = setting.grid.cell_at(pose.position, 0.0)

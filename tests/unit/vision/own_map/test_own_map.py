@@ -49,7 +49,7 @@ def test_it_stays_small():
         north = 2.0 * abs((k + 15) % 30 - 15)
         off = (rng.normal(0.0, 0.2), rng.normal(0.0, 0.2))
         told = off[0], north + off[1]
-        estimate = own.take(3.0 * k, taken(0.0, north, 0.0), told, True)
+        estimate = own.add_picture(3.0 * k, taken(0.0, north, 0.0), told, True)
     assert own.keyframes == 25
     assert len(own.track.numbers) <= 26
     assert math.dist(estimate.error_m, off) < 3.0 * estimate.sigma_m
@@ -60,7 +60,7 @@ def test_a_position_that_leaps_is_noticed_at_once():
     own = OwnMap(ERRORS)
     for k in range(42):
         off = 0.0 if k < 40 else 25.0
-        own.take(k / 5, taken(0.0, 1.2 * k, 0.0), (off, 1.2 * k), True)
+        own.add_picture(k / 5, taken(0.0, 1.2 * k, 0.0), (off, 1.2 * k), True)
         assert own.track.disagreement().wrong(1.0) == (k == 41)
 
 
@@ -78,7 +78,7 @@ def test_a_leap_is_not_taken_for_movement(leap_m, slides_s):
         told = share * leap_m[0], north + share * leap_m[1]
         if k == 33:  # as whoever watches what is told would say
             own.track.distrust(k / 5 - 2.0)
-        estimate = own.take(k / 5, taken(0.0, north, 0.0), told, k < 33)
+        estimate = own.add_picture(k / 5, taken(0.0, north, 0.0), told, k < 33)
         if k >= 33:
             off = math.dist(estimate.error_m, (share * leap_m[0], share * leap_m[1]))
             assert off < 1.0, (k, off)
@@ -89,13 +89,13 @@ def test_it_is_found_anew_after_a_time_without_pictures(off_m):
     own = OwnMap(ERRORS)
     for k in range(40):
         east, north = 8.0 * (k // 10), 4.0 * (k % 10 if k // 10 % 2 == 0 else 9 - k % 10)
-        own.take(float(k), taken(east, north, 0.0), (east, north), True)
+        own.add_picture(float(k), taken(east, north, 0.0), (east, north), True)
     for k in range(40, 90):  # nothing to be seen: it flies away, and back
         share = (k - 40) / 50
         told = 24.0 + share * off_m[0], 6.0 * min(k - 40, 90 - k) + share * off_m[1]
-        lost = own.take(float(k), None, told, False)
+        lost = own.add_picture(float(k), None, told, False)
     assert lost.sigma_m > 2.0
-    found = own.take(91.0, taken(16.0, 20.0, 0.0), (16.0 + off_m[0], 20.0 + off_m[1]), False)
+    found = own.add_picture(91.0, taken(16.0, 20.0, 0.0), (16.0 + off_m[0], 20.0 + off_m[1]), False)
     assert math.dist(found.error_m, off_m) < 0.4
     assert found.sigma_m < 0.5
 
@@ -106,7 +106,7 @@ def test_it_finds_back_to_the_map_made_before():
         east, north = there_and_back(k)
         lost = k >= 30
         off = 0.1 * (k - 30) if lost else 0.0
-        estimate = own.take(k / 2, taken(east, north, k / 2), (east + off, north), not lost)
+        estimate = own.add_picture(k / 2, taken(east, north, k / 2), (east + off, north), not lost)
     assert math.dist(estimate.error_m, (off, 0.0)) < 0.4
     assert estimate.sigma_m < 0.4
 
@@ -117,7 +117,7 @@ def test_it_finds_satellites_that_lie():
     for k in range(60):
         east, north = there_and_back(k)
         off = 0.1 * max(0, k - 20)
-        own.take(k / 2, taken(east, north, k / 2), (east + off, north), True)
+        own.add_picture(k / 2, taken(east, north, k / 2), (east + off, north), True)
         said = own.track.disagreement()
         if found_s is None and said.wrong(1.0):
             found_s = said.since_s

@@ -43,7 +43,7 @@ def terrain(slope, hill_m):
 
 
 def relief_of(ground):
-    return Relief.of(ground, 0.0, lambda e, n: GRID.fixed(PLANE.to_wgs84(e, n)))
+    return Relief.from_terrain(ground, 0.0, lambda e, n: GRID.fixed(PLANE.to_wgs84(e, n)))
 
 
 def flown(ground, seed):

@@ -41,7 +41,7 @@ def test_kinds_of_surround_are_familiar_and_ground_between_them_is_not() -> None
     rows = [FEATURES.index(name) for name in NAMES]
     kinds = middles()[:KINDS, rows].T.astype(np.float32)
     between = np.asarray((kinds[:, :-1] + kinds[:, 1:]) / 2, np.float32)
-    familiar = Familiar.of(ground.familiarity)
+    familiar = Familiar.from_model(ground.familiarity)
     surround = np.zeros(KINDS, np.bool_)
     assert familiar.familiarity(kinds, surround).min() > UNFAMILIAR
     assert familiar.familiarity(between, surround[1:]).max() < UNFAMILIAR
