@@ -1,8 +1,8 @@
-"""Run the notebooks beside this file in a real kernel, and keep what they show.
+"""Run the notebooks beside this file in a real kernel, and keep their output.
 
     python examples/renew.py
 
-A test holds what they show against what the program does now.
+A test compares the stored output with that of the present program.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ HERE = Path(__file__).parent
 
 
 def renew(path: Path) -> None:
-    """Run a notebook from its beginning; raises what a cell raises."""
+    """Run a notebook from its beginning; raise the errors of its cells."""
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(HERE)}}).execute()
     for cell in notebook.cells:

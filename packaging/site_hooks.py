@@ -1,7 +1,7 @@
-"""What the documentation site needs besides docs: pages that lie beside that folder, for GitHub.
+"""Pages of the documentation site from outside the folder docs, which serve GitHub as well.
 
-The guide for contributors, the changelog, and the notebooks of examples, each as a page; links to
-them are turned as they are read.
+They are the guide for contributors, the changelog, and the notebooks of examples, each as a page.
+Links to them are changed as they are read.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ASIDE = ("LICENSE", "CITATION.cff")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add them."""
+    """Add these pages."""
     for name, page in PAGES.items():
         text = (ROOT / name).read_text("utf-8")
         text = re.sub(r"\]\(docs/", "](", text)
@@ -45,7 +45,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Pages that the navigation does not name stand at its end: none is without a way to it."""
+    """Add pages that the navigation does not name at its end, so that each can be reached."""
     named = set(re.findall(r"[\w./-]+\.md", json.dumps(config.nav)))
     docs = Path(config.docs_dir)
     pages = (path.relative_to(docs).as_posix() for path in sorted(docs.rglob("*.md")))
@@ -56,14 +56,14 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Links to the notebooks, and to the folder of decisions, lead to their pages."""
+    """Change links to the notebooks, and to the folder of decisions, to their pages."""
     markdown = markdown.replace("](decisions/)", f"]({DECISIONS})")
     return re.sub(r"\]\(\.\./\.\./examples/([\w-]+)\.ipynb\)", r"](../examples/\1.md)", markdown)
 
 
 def decisions_page() -> str:
-    """A list of the decisions, by number."""
-    lines = ["# Decisions", "", "Why things are as they are, and what else was tried.", ""]
+    """Return a list of the decisions, by number."""
+    lines = ["# Decisions", "", "Reasons for things as they are, and the alternatives.", ""]
     for path in sorted((ROOT / "docs" / "decisions").glob("0*.md")):
         title = path.read_text("utf-8").partition("\n")[0].lstrip("# ")
         lines.append(f"* [{title}]({path.name})")
@@ -72,7 +72,7 @@ def decisions_page() -> str:
 
 # --- notebooks -----------------------------------------------------------------------------------
 def notebook_page(notebook: dict[str, Any], name: str) -> tuple[str, dict[str, bytes]]:
-    """A notebook as Markdown, and its pictures by the names of their files."""
+    """Return a notebook as Markdown, and its pictures by the names of their files."""
     parts: list[str] = []
     pictures: dict[str, bytes] = {}
     for cell in notebook["cells"]:
@@ -82,7 +82,7 @@ def notebook_page(notebook: dict[str, Any], name: str) -> tuple[str, dict[str, b
             continue
         parts.append(f"```python\n{source}\n```")
         for output in cell["outputs"]:
-            for text, data in shown(output):
+            for text, data in outputs(output):
                 if data is None:
                     parts.append(f"```text\n{text.rstrip()}\n```")
                 else:
@@ -92,12 +92,12 @@ def notebook_page(notebook: dict[str, Any], name: str) -> tuple[str, dict[str, b
     return "\n\n".join(parts) + "\n", pictures
 
 
-def shown(output: dict[str, Any]) -> Iterator[tuple[str, bytes | None]]:
-    """What a cell has shown: a text, or a picture with the text in its place."""
+def outputs(output: dict[str, Any]) -> Iterator[tuple[str, bytes | None]]:
+    """Yield the output of a cell: a text, or a picture with the text in its place."""
     data = output.get("data", {})
     text = "".join(data.get("text/plain", output.get("text", "")))
     if "image/png" in data:
-        yield "What the cell above shows", base64.b64decode("".join(data["image/png"]))
+        yield "Output of the cell above", base64.b64decode("".join(data["image/png"]))
     elif text:
         yield text, None
 
@@ -113,7 +113,7 @@ _FETCHED = re.compile(
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
-    """A page that would load something from another host is a fault: who reads may be offline."""
+    """Warn of a page that loads something from another host: a reader may be offline."""
     for found in _FETCHED.findall(output):
         log.warning("%s loads something from elsewhere: %s", page.file.src_uri, found)
     return output

@@ -83,15 +83,16 @@ def source_faults(source: str) -> list[Fault]:
 
 
 CHECKED: Final = (
-    "missions/*.py",
-    *(f"missions/{folder}/**/*.py" for folder in (
-        "flight", "geo", "guardian", "mapping", "mission", "navigation", "planning",
-    )),
+    "examples/*.py",
+    "missions/**/*.py",
+    "packaging/*.py",
     "sitl/**/*.py",
+    "uavmap/*.py",
     *(f"uavmap/{folder}/**/*.py" for folder in (
-        "aircraft", "fleet", "journal", "mavlink", "runner", "ui/api", "ui/app", "ui/cli",
-        "ui/ground", "ui/tak",
+        "aircraft", "base", "fleet", "journal", "lab", "mavlink", "photos", "runner", "ui/api",
+        "ui/app", "ui/cli", "ui/ground", "ui/tak",
     )),
+    "vision/**/*.py",
 )  # fmt: skip
 """Modules that are checked, as patterns."""
 

@@ -5,8 +5,8 @@
     flight = uavmap.fly("runway", sim=True)
     flight.region                                  # a shapely geometry, in longitude and latitude
 
-The names below are loaded when they are first used, so that importing `uavmap` costs nothing.
-What they are is in `uavmap.ui.api`; errors are those of `missions.errors`.
+The names below are loaded at their first use, so that importing `uavmap` costs nothing. They are
+described in `uavmap.ui.api`; errors are those of `missions.errors`.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ _OF_LAB = ("Simulated", "simulate")
 
 
 def __getattr__(name: str) -> Any:
-    """A name of `__all__`, loaded now."""
+    """Return a name of `__all__`, loaded now."""
     if name not in __all__:
         raise AttributeError(f"module 'uavmap' has no attribute {name!r}")
     if name.endswith("Error"):

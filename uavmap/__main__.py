@@ -1,4 +1,4 @@
-"""`python -m uavmap` is the command `uavmap`, and this is where it begins."""
+"""Start of the command `uavmap`, which is also `python -m uavmap`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ INTERRUPTED = 130
 
 
 def main() -> int:
-    """Run the command; returns the exit code. Ctrl-C is heard from the beginning."""
-    gc.disable()  # until all is loaded: that leaves no garbage
+    """Run the command; return the exit code. Ctrl-C is handled from the beginning."""
+    gc.disable()  # until all is loaded, which leaves no garbage
     # its threads wait for each other by spinning, and the last bits depend on their number
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
@@ -31,7 +31,7 @@ def main() -> int:
 def run() -> NoReturn:
     """Run the command and end this process with its exit code.
 
-    The interpreter's end may take seconds, and resets signals that are handled, but not those that
+    The interpreter's end may take seconds. It resets signals that are handled, but not those that
     are ignored: a late Ctrl-C would replace the exit code.
     """
     try:
@@ -39,14 +39,14 @@ def run() -> NoReturn:
     finally:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
-        _let_go_of_output()
+        _flush_output()
     sys.exit(code)
 
 
-def _let_go_of_output() -> None:
-    """Write out what is buffered; where nobody reads it any more, drop it.
+def _flush_output() -> None:
+    """Write out buffered text; drop it if there is no reader any more.
 
-    Else the interpreter tries at its very end, and its failure replaces our exit code.
+    Otherwise the interpreter tries at its very end, and its failure replaces our exit code.
     """
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -57,8 +57,10 @@ def _let_go_of_output() -> None:
 
 
 def _drop_working_folder() -> None:
-    """`python -m` looks for modules where somebody works first: a file `vision.py` there is not
-    ours. Where the program itself lies there, it stays."""
+    """Drop the working folder, where `python -m` looks for modules first.
+
+    A file `vision.py` there is not ours. The folder stays if the program itself is in it.
+    """
     here, first = Path(__file__).resolve().parents[1], sys.path[0]
     if not sys.flags.safe_path and Path(first).resolve() == Path.cwd() != here:
         del sys.path[0]

@@ -1,1 +1,1 @@
-"""Strategies of papers, and what measures them. No mission needs it; the core never imports it."""
+"""Strategies of papers, and their measures. No mission needs them; the core never imports them."""

@@ -286,7 +286,7 @@ class MavlinkVehicle:
         boot_s = self._view.gate.clock.boot_s
         if self._clock_rate is None or boot_s is None:
             return
-        if wrong := self._clock_rate.take(self._view.position_s, boot_s):
+        if wrong := self._clock_rate.check(self._view.position_s, boot_s):
             self._reporter.line(f"vehicle {self.number}: {wrong}")
 
     async def _heard_anew(self) -> None:

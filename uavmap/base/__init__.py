@@ -1,1 +1,1 @@
-"""What every room needs and no room owns: version, time, messages, text and files from outside."""
+"""Base that every package may use: version, time, messages, text and foreign files."""

@@ -1,4 +1,4 @@
-"""What a caller in Python gives, checked as the command line checks its options."""
+"""Checks of arguments from Python, like those of the command line's options."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Paths = str | os.PathLike[str]
 
 
 def path_text(name: str, value: Paths) -> str:
-    """A path as text. Raises `UavmapError` for what is none.
+    """Return a path as text. Raises `UavmapError` for another value.
 
     >>> from pathlib import Path
     >>> path_text("out", Path("results") / "field")
@@ -28,7 +28,7 @@ def path_text(name: str, value: Paths) -> str:
 
 
 def texts(name: str, value: str | Sequence[str]) -> tuple[str, ...]:
-    """One text, or several, as several. Raises `UavmapError`.
+    """Return one text, or several, as a tuple. Raises `UavmapError`.
 
     >>> texts("connect", "udpin://0.0.0.0:14550")
     ('udpin://0.0.0.0:14550',)
@@ -41,7 +41,7 @@ def texts(name: str, value: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def whole(name: str, value: int, low: int, high: int) -> int:
-    """A whole number from `low` to `high`. Raises `UavmapError`.
+    """Return a whole number from `low` to `high`. Raises `UavmapError`.
 
     >>> whole("seed", 7, 0, 100)
     7
@@ -55,7 +55,7 @@ def whole(name: str, value: int, low: int, high: int) -> int:
 
 
 def number(name: str, value: float, low: float, high: float) -> float:
-    """A finite number from `low` to `high`. Raises `UavmapError`."""
+    """Return a finite number from `low` to `high`. Raises `UavmapError`."""
     good = isinstance(value, int | float) and not isinstance(value, bool)
     if not good or not math.isfinite(value) or not low <= value <= high:
         raise UavmapError(f"{name} = {value!r}: expected a number from {low:g} to {high:g}")
@@ -63,7 +63,7 @@ def number(name: str, value: float, low: float, high: float) -> float:
 
 
 def choice(name: str, value: str, known: Sequence[str]) -> str:
-    """One of the known texts. Raises `UavmapError`."""
+    """Return a text that is one of the known ones. Raises `UavmapError`."""
     if value not in known:
         raise UavmapError(f"{name} = {value!r}: expected one of {', '.join(known)}")
     return value

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files that are whole or absent."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, data: bytes, *, private: bool = False) -> None:
-    """Write a file, to be read by its owner only if `private`; a reader, or a crash, meets its old
-    content or the new. Raises `OSError`."""
+    """Write a file, readable by its owner only if `private`. Raises `OSError`.
+
+    A reader, or a crash, meets its old content or the new.
+    """
     write_parts(path, (data,), private=private)
 
 
 def write_parts(path: Path, parts: Iterable[bytes], *, private: bool = False) -> None:
-    """`write_bytes` of parts that are made as they are written, and are never all in memory."""
+    """Write parts like `write_bytes`, as they are made: they are never all in memory."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -24,7 +26,7 @@ def write_parts(path: Path, parts: Iterable[bytes], *, private: bool = False) ->
                 file.write(part)
             file.flush()
             os.fsync(file.fileno())
-        if not private:  # as mkstemp makes files; results are as readable as any other file
+        if not private:  # mkstemp makes private files; results are as readable as any other file
             os.chmod(temporary, 0o666 & ~umask())
         os.replace(temporary, path)
     except BaseException:
@@ -34,12 +36,12 @@ def write_parts(path: Path, parts: Iterable[bytes], *, private: bool = False) ->
 
 
 def umask() -> int:
-    """The bits that new files of this process have not."""
+    """Return the bits that new files of this process lack."""
     mask = os.umask(0)
     os.umask(mask)
     return mask
 
 
 def write_text(path: Path, text: str, *, private: bool = False) -> None:
-    """`write_bytes` of a text in UTF-8."""
+    """Write a text in UTF-8 like `write_bytes`."""
     write_bytes(path, text.encode(), private=private)

@@ -1,4 +1,4 @@
-"""A process of this program beside a flight: what it is started with, and what it complains of."""
+"""A process of this program beside a flight: its start and its complaints."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ from pathlib import Path
 from typing import Final
 
 _REMEMBERED: Final = 4096
-"""Bytes of its standard error that are kept."""
+"""Maximum bytes of its standard error that are kept."""
 
 
 class Child:
-    """A module of this program in a process of its own, fed through `stdin`; a thread reads its
-    standard error. `pass_fds` are open files that it inherits."""
+    """A module of this program in a process of its own, fed through `stdin`.
+
+    A thread reads its standard error. `pass_fds` are open files that it inherits.
+    """
 
     def __init__(self, module: str, name: str, pass_fds: Collection[int] = ()) -> None:
         here = str(Path(__file__).parents[2])  # the child has to find this very program
         paths = [here, *filter(None, [os.environ.get("PYTHONPATH")])]
         self.process = subprocess.Popen(
-            # -P: a folder `missions` where somebody works must not be taken for ours
+            # -P: a folder `missions` in the working folder must not be imported instead of ours
             [sys.executable, "-P", "-m", module],
             env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
             stdin=subprocess.PIPE,
@@ -53,7 +55,7 @@ class Child:
         return lines[-1].strip() if lines else ""
 
     def close(self, wait_s: float) -> None:
-        """It has ended: close what came from it, once that is read, or after so long."""
+        """Close its files once they are read, after its end, or after `wait_s`."""
         self._listener.join(wait_s)
         for pipe in (self.stdout, self._stderr):
             with contextlib.suppress(OSError):

@@ -1,7 +1,7 @@
 """Time as the event loop reports it: real, faster than real, or virtual.
 
 A loop asks its selector to wait until the next timer. The virtual clock does not wait but moves on
-to that instant, so a mission of 73 minutes runs as fast as it can be computed, always in the same
+to that instant. So a mission of 73 minutes runs as fast as it can be computed, always in the same
 order. A scaled clock waits a fraction of the time.
 """
 
@@ -16,20 +16,20 @@ from typing import Any, Final, Protocol, TypeVar
 
 T = TypeVar("T")
 _STEP_S: Final = 0.2
-"""Shortest wait of a time-out in real seconds, seconds of the loop."""
+"""Minimum wait of a time-out in real seconds, seconds of the loop."""
 WINDOW_WALL_S: Final = 10.0
 """Window over which the rates of two clocks are compared, real seconds."""
 OFF: Final = 1.5
-"""Largest ratio of two rates that a busy machine explains."""
-_SAID_AT: Final = 2
-"""Number of wrong windows in a row that are reported: the first may hold a change of pace."""
+"""Maximum ratio of two rates that a busy machine explains."""
+_REPORTED_AT: Final = 2
+"""Number of wrong windows in a row before a report: the first may contain a change of pace."""
 
 
 class Clock(Protocol):
-    """Where a loop's time comes from."""
+    """Source of a loop's time."""
 
     def now_s(self) -> float:
-        """Seconds since the clock was made."""
+        """Return seconds since the clock was made."""
 
     def wait(self, select: _Select, timeout_s: float | None) -> _Ready:
         """Wait for a file or for the time to pass, whichever comes first."""
@@ -47,16 +47,16 @@ class ScaledClock:
         self.start_s = time.monotonic() if start_s is None else start_s
 
     def now_s(self) -> float:
-        """Seconds since `start_s`."""
+        """Return seconds since `start_s`."""
         return (time.monotonic() - self.start_s) * self._speedup
 
     def wait(self, select: _Select, timeout_s: float | None) -> _Ready:
-        """Wait as long as that takes on this clock."""
+        """Wait for that time on this clock."""
         return select(None if timeout_s is None else timeout_s / self._speedup)
 
 
 class VirtualClock:
-    """Time that jumps to the next timer; with `pace`, no faster than so many times real time."""
+    """Time that jumps to the next timer; `pace` limits it to that multiple of real time."""
 
     def __init__(self, pace: float | None = None) -> None:
         self._now_s = 0.0
@@ -101,7 +101,7 @@ class ClockLoop(asyncio.SelectorEventLoop):
         self._clock = clock
 
     def time(self) -> float:
-        """The clock's time."""
+        """Return the clock's time."""
         return self._clock.now_s()
 
 
@@ -125,7 +125,7 @@ async def _named(main: Coroutine[Any, Any, T]) -> T:
 
 
 def main_task() -> asyncio.Task[Any] | None:
-    """What `run` runs in this thread; None outside of it."""
+    """Return the task of `run` in this thread; None outside of it."""
     try:
         tasks = asyncio.all_tasks()
     except RuntimeError:
@@ -144,13 +144,13 @@ class MissionClock:
         return self.start_s + asyncio.get_running_loop().time()
 
     def set(self, now_s: float) -> None:
-        """Have it be this mission time now."""
+        """Set the mission time."""
         self.start_s = now_s - asyncio.get_running_loop().time()
 
 
 @contextlib.asynccontextmanager
 async def wall_timeout(seconds: float) -> AsyncIterator[None]:
-    """As `asyncio.timeout`, in real seconds: a server does not answer faster with `--speedup`."""
+    """Limit a block like `asyncio.timeout`, in real seconds: servers do not follow `--speedup`."""
     loop = asyncio.get_running_loop()
     end_s = time.monotonic() + seconds
     handle: asyncio.Handle | None = None
@@ -161,7 +161,7 @@ async def wall_timeout(seconds: float) -> AsyncIterator[None]:
             left_s = end_s - time.monotonic()
             if left_s <= 0.0:
                 limit.reschedule(loop.time())
-            else:  # on a fast clock it is too early then, and looks again
+            else:  # on a fast clock it is too early then, and checks again
                 handle = loop.call_later(min(max(left_s, _STEP_S), 1.0), look)
 
         look()
@@ -173,12 +173,12 @@ async def wall_timeout(seconds: float) -> AsyncIterator[None]:
 
 
 class ClockRate:
-    """A vehicle's clock beside the loop's, over windows in seconds of the loop.
+    """A comparison of a vehicle's clock with the loop's, over windows in seconds of the loop.
 
-    It shows a wrong `--speedup`, by which all that follows from time is wrong, power first of all.
+    It shows a wrong `--speedup`, by which all times are wrong, and so is the power.
 
     >>> rate = ClockRate(window_s=10.0, speedup=1.0)
-    >>> [said for t in range(40) if (said := rate.take(float(t), 3.0 * t))]
+    >>> [fault for t in range(40) if (fault := rate.check(float(t), 3.0 * t))]
     ['its clock runs 3.0 times as fast as this flight reckons; is --speedup 3 meant?']
     """
 
@@ -190,8 +190,8 @@ class ClockRate:
         self._last_s = float("-inf")
         self._wrong = 0
 
-    def take(self, loop_s: float, boot_s: float) -> str:
-        """Take in the vehicle's time; what is wrong with its pace, said once until it is right."""
+    def check(self, loop_s: float, boot_s: float) -> str:
+        """Compare the vehicle's time; return its fault, once until the pace is right again."""
         restarted, self._last_s = boot_s < self._last_s, boot_s
         if self._begin is None or restarted:
             self._begin = (loop_s, boot_s)
@@ -202,7 +202,7 @@ class ClockRate:
         rate = (boot_s - self._begin[1]) / span_s
         self._begin = (loop_s, boot_s)
         self._wrong = 0 if 1.0 / OFF < rate < OFF else self._wrong + 1
-        if self._wrong != _SAID_AT or rate <= 0.0:  # one that stands still is the gate's to refuse
+        if self._wrong != _REPORTED_AT or rate <= 0.0:  # the gate refuses a clock that stands still
             return ""
         return (
             f"its clock runs {rate:.1f} times as fast as this flight reckons; is --speedup "

@@ -11,18 +11,18 @@ from typing import Any, Final
 from missions.errors import StudyError
 
 ANSWER_S: Final = 10.0
-"""Time in which a Dask scheduler answers, real seconds."""
+"""Maximum time of a Dask scheduler's answer, real seconds."""
 
 
 def install_command(extra: str) -> str:
-    """The command that installs the packages of an extra, ready to be pasted into a shell.
+    """Return the command that installs the packages of an extra, ready to be pasted into a shell.
 
     >>> install_command("fast").partition(" -m ")[2]
     "pip install 'numba>=0.61'"
     """
     try:
         required = metadata.requires("uavmap") or []
-    except metadata.PackageNotFoundError:  # run from its source, installed nowhere
+    except metadata.PackageNotFoundError:  # run from its source, without installation
         return f"pip install -e '.[{extra}]' in the folder with the source of uavmap"
     packages = [
         package
@@ -35,8 +35,10 @@ def install_command(extra: str) -> str:
 def dask_client(
     address: str, answer_s: float | None = None, load: Callable[[str], Any] = import_module
 ) -> Any:
-    """Return a client of the scheduler at `tcp://HOST:PORT`. Raises `StudyError` without Dask, for
-    no address, and without an answer within `answer_s`."""
+    """Return a client of the scheduler at `tcp://HOST:PORT`.
+
+    Raises `StudyError` without Dask, for another address, and without an answer within `answer_s`.
+    """
     try:
         distributed: Any = load("distributed")
     except ImportError:

@@ -1,4 +1,4 @@
-"""One program at a time in a folder: the system ends a lock with its program, however that ends."""
+"""A lock of a folder for one program, which the system ends with the program."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 LOCK: Final = ".lock"
-"""Where there are no locks of folders (Windows), a file in it is locked."""
+"""File that is locked on systems without locks of folders (Windows)."""
 
 
 def locked(folder: Path) -> int:
     """Lock a folder for this process; return a file to close.
 
-    Raises `BlockingIOError` where another process has it, `OSError` where it cannot be opened.
+    Raises `BlockingIOError` if another process has it, `OSError` if it cannot be opened.
     """
     file = os.open(*((folder, os.O_RDONLY) if fcntl else (folder / LOCK, os.O_RDWR | os.O_CREAT)))
     try:

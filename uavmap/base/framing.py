@@ -1,4 +1,4 @@
-"""Which page may show a page of this program within it: that of `uavmap app`, else none."""
+"""The page that may show a page of this program within it: that of `uavmap app`, else none."""
 
 from __future__ import annotations
 

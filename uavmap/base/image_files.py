@@ -1,4 +1,4 @@
-"""Pictures from outside, JPEG or PNG: their size is checked before they are decoded whole."""
+"""Foreign pictures, JPEG or PNG: their size is checked before they are decoded whole."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ Image = NDArray[np.uint8]
 """Shape (rows, columns, 3), blue-green-red."""
 MAX_PICTURE_BYTES: Final = 64 * 2**20
 MAX_PIXELS: Final = 100_000_000
-"""Largest picture that is decoded, which takes some 600 MB for a moment."""
+"""Maximum size of a decoded picture, pixels, which takes some 600 MB for a moment."""
 
-_FORMATS = ("JPEG", "PNG")  # JPEG takes in MPO: with a preview behind it, as cameras write
+_FORMATS = ("JPEG", "PNG")  # JPEG includes MPO, with a preview behind it, as cameras write
 
 
 def decoded(picture: bytes | Image, name: str, size_px: tuple[int, int] | None = None) -> Image:
     """Return the pixels of a picture: of a file, whole and without EXIF orientation, or as given.
 
     Pillow decodes: OpenCV silently fills the missing part of a truncated JPEG with gray. `name` is
-    that in errors. Raises `ImageError` for no picture, one that is corrupt, cut short or too large,
-    and, before it is decoded, one of other columns and rows than `size_px`.
+    the picture's in errors. Raises `ImageError` for a file that is no picture, corrupt, cut short
+    or too large. Before decoding, it also does for a size other than `size_px` (columns, rows).
     """
     if not isinstance(picture, bytes):
         _check_size((picture.shape[1], picture.shape[0]), name, size_px)
@@ -61,7 +61,7 @@ def opened(
     """Open a picture, its size checked; a failure here or in the block is an `ImageError`."""
     try:
         with warnings.catch_warnings():
-            # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name
+            # Pillow warns of a damaged tag and omits it; a tag that matters is reported as missing
             warnings.simplefilter("ignore")
             with PillowImage.open(source, formats=formats) as picture:
                 if picture.width * picture.height > MAX_PIXELS:
@@ -72,10 +72,10 @@ def opened(
                 yield picture
     except UavmapError:
         raise
-    except UnidentifiedImageError as error:  # its own words tell where it lies in memory
+    except UnidentifiedImageError as error:  # its own text gives an address in memory
         kinds = ", ".join(formats)
         raise ImageError(f"{printable(name)}: not a readable picture (no {kinds})") from error
-    except Exception as error:  # decoders raise whatever a damaged file leads them to
+    except Exception as error:  # decoders raise any error for a damaged file
         raise ImageError(
             f"{printable(name)}: not a readable picture ({printable(str(error)) or type(error)})"
         ) from error

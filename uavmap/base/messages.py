@@ -34,7 +34,7 @@ class Display(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """Whose line it is: `scope` is one for all that share displays."""
+    """Source of a line: `scope` is one for all that share displays."""
 
     scope: object
     prefix: str = ""
@@ -91,7 +91,7 @@ def _logging_as(source: _Source) -> Iterator[None]:
 
 
 class _Bound(logging.LoggerAdapter[logging.Logger]):
-    """Logs for the context in which it was made, whoever calls."""
+    """Logs for the context in which it was made, from any caller."""
 
     def __init__(self, name: str) -> None:
         super().__init__(logging.getLogger(name), {"source": _SOURCE.get()})
@@ -103,7 +103,7 @@ class _Bound(logging.LoggerAdapter[logging.Logger]):
         return msg, {**kwargs, "extra": self.extra}
 
     def line(self, text: str) -> None:
-        """Log a line, for an aircraft, which is given a function of a text."""
+        """Log a line; an aircraft gets this as its function of a text."""
         self.info(text)
 
 

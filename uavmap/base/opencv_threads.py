@@ -11,9 +11,9 @@ import cv2
 
 @dataclass(slots=True)
 class _OneThreadEach:
-    """Takes OpenCV's own threads away, which would stand in the way of ours.
+    """Disables OpenCV's own threads, which would compete with ours.
 
-    Several may work at the same time: the last one gives OpenCV its threads back.
+    Several may work at the same time: the last one restores OpenCV's threads.
     """
 
     at_work: int = 0

@@ -1,5 +1,7 @@
-"""Text from outside (a status text, a URL), made safe to show: no escape sequences for a terminal,
-control characters or bidi marks, one line, of bounded length."""
+"""Foreign text (a status text, a URL), made safe to show: one line, of bounded length.
+
+It has no escape sequences for a terminal, control characters or bidi marks.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ def printable(text: str, limit: int = TEXT_LIMIT) -> str:
     >>> printable("x" * 10, limit=8)
     'xxxxx...'
     """
-    # a text of megabytes need not be looked at to its end
+    # the end of a text of megabytes need not be read
     head = text[: 8 * limit + 64]
     line = _BREAK.sub(" ", _SEQUENCE.sub("", head))
     # `isprintable` is false for control, format, surrogate, private and unassigned characters

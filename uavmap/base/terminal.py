@@ -17,7 +17,7 @@ LINE_LIMIT: Final = 4000
 
 
 class PipeConsole(Console):
-    """A console whose reader may go away: `BrokenPipeError`, where rich would end the program."""
+    """A console whose reader may disappear: it raises `BrokenPipeError` instead of an exit."""
 
     def on_broken_pipe(self) -> None:
         """Raise `BrokenPipeError`."""
@@ -25,8 +25,10 @@ class PipeConsole(Console):
 
 
 class Terminal:
-    """Standard error, or another stream, as a `Display`. It writes no more once its terminal is
-    gone: no flight depends on being read."""
+    """Standard error, or another stream, as a `Display`.
+
+    It stops writing once its terminal has disappeared: no flight depends on a reader.
+    """
 
     def __init__(self, stream: TextIO | None = None) -> None:
         file = stream or sys.stderr
@@ -42,24 +44,24 @@ class Terminal:
         self.write(lambda: self.console.print(lines, soft_wrap=True, markup=False))
 
     def write(self, act: Callable[[], None]) -> None:
-        """Call what writes to the console; once the terminal is gone, do nothing."""
+        """Call a function that writes to the console; without a terminal, do nothing."""
         if self._gone:
             return
         try:
             act()
-        except (OSError, ValueError):  # a stream that was closed on our side is a ValueError
+        except (OSError, ValueError):  # a stream that we have closed is a ValueError
             self._gone = True
 
 
 def _is_terminal(stream: TextIO) -> bool:
     try:
         return stream.isatty()
-    except ValueError:  # closed on our side
+    except ValueError:  # we have closed it
         return False
 
 
 def forget_typed(stream: TextIO | None) -> None:
-    """Drop what was typed before a question: it is no answer."""
+    """Drop text that was typed before a question: it is no answer."""
     if stream is not None:
         import termios  # noqa: PLC0415 - questions are asked before flights, which need POSIX
 
@@ -68,7 +70,7 @@ def forget_typed(stream: TextIO | None) -> None:
 
 
 async def read_line(stream: TextIO | None) -> str:
-    """Wait for a line; empty when the terminal is gone."""
+    """Wait for a line; empty if the terminal has disappeared."""
     if stream is None:
         return ""
     loop, file = asyncio.get_running_loop(), stream.fileno()

@@ -1,4 +1,4 @@
-"""Text from files that people name: ordinary files of a size that makes sense."""
+"""Text from files that a user names: ordinary files of a limited size."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ def read_text(path: Path, most_bytes: int) -> str:
 
 
 def read_bytes(path: Path, most_bytes: int) -> bytes:
-    """Return the bytes of an ordinary file; a device or a pipe, which may be endless, is not
-    opened. Raises `OSError` with a readable `strerror` for another kind of file, or one too
-    large."""
+    """Return the bytes of an ordinary file; a device or a pipe may be endless, and is not opened.
+
+    Raises `OSError` with a readable `strerror` for another kind of file, or one too large.
+    """
     try:
         found = path.stat()
     except ValueError as error:  # a mission file can name one with a null byte

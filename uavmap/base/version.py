@@ -1,4 +1,4 @@
-"""The version of the program. It imports nothing, so every room may import it."""
+"""The version of the program. It imports nothing, so every package may import it."""
 
 from __future__ import annotations
 

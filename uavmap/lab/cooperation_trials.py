@@ -30,8 +30,8 @@ from uavmap.output.drawing.raster import Canvas
 from uavmap.output.drawing.scene import Area, Dot, Label, Line, Shape, View
 from uavmap.output.film.film_writers import gif, mp4
 
-LOOKED_AT: Final = 400
-"""Number of points that are checked whether a robot saw them, beside all corners."""
+CHECKED_POINTS: Final = 400
+"""Number of points that are checked for having been seen, besides all corners."""
 _SPACING: Final = 1.0 / 20.0
 """Spacing of robots' places in that check, in ranges."""
 
@@ -66,7 +66,7 @@ class Report:
     numbers: Figures
     unseen: NDArray[np.float64]
     """Checked points that no robot had within range and sight; shape (n, 2)."""
-    looked_at: int
+    checked: int
     watched: Outcome
     alone: Outcome
 
@@ -94,7 +94,7 @@ class Report:
             "reflex_corners": space.reflex_corners,
             "complete": self.complete,
             **numbers,
-            "points_looked_at": self.looked_at,
+            "points_looked_at": self.checked,
             "points_unseen": len(self.unseen),
             "final_places": [
                 {
@@ -123,7 +123,7 @@ def _end(outcome: Outcome, robot: int) -> dict[str, float]:
 def cooperate(
     space: Space, terms: Cooperation, start: Point | None = None, noise: Noise | None = None
 ) -> Report:
-    """Explore, check what was seen, and follow the robots' belief of their places.
+    """Explore, check the seen ground, and follow the robots' belief of their places.
 
     Raises `AreaError` for a start outside of the ground, `StrategyError` for a range that does not
     fit it.
@@ -154,9 +154,9 @@ def _points(space: Space, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw points all over the ground, after its corners."""
     west, south, east, north = space.polygon.bounds
     found = np.array(space.corners)
-    wanted = LOOKED_AT + len(found)
-    for _ in range(1000):  # of a ground that is narrow few points hit it
-        some = rng.uniform((west, south), (east, north), (4 * LOOKED_AT, 2))
+    wanted = CHECKED_POINTS + len(found)
+    for _ in range(1000):  # few points hit a narrow ground
+        some = rng.uniform((west, south), (east, north), (4 * CHECKED_POINTS, 2))
         found = np.vstack([found, some[shapely.contains_xy(space.polygon, some)]])
         if len(found) >= wanted:
             break

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from missions.lab.arena.nonstop import Flown, Team, flown
+from missions.lab.arena.nonstop import FlightResult, Team, fly_team
 from missions.lab.arena.roi import Roi
 from missions.lab.arena.survey import surveyed
 from missions.lab.arena.time_bounds import lower_bound_s, reference
@@ -22,25 +22,25 @@ class FlightTerms:
     box_factor: float | None = None
     """Margin of a survey's box around the region; by default two cells a side."""
     offline: bool = False
-    """True to search for a reference that knows the region; it takes long."""
+    """True to search for a reference that knows the region, which takes long."""
     seed: int = 1
 
 
-def flown_under(
+def fly_strategy(
     roi: Roi, strategy: StrategyInfo, terms: FlightTerms, *, record: bool = False
-) -> Flown:
+) -> FlightResult:
     """Fly in the arena. Raises `StrategyError` for a footprint too small for cells or speed."""
     if strategy is SURVEY:
         return surveyed(
             roi, terms.team, box_factor=terms.box_factor, seed=terms.seed, record=record
         )
-    return flown(roi, terms.team, seed=terms.seed, record=record)
+    return fly_team(roi, terms.team, seed=terms.seed, record=record)
 
 
 def nonstop_trials(
     rois: Sequence[Roi], strategies: Sequence[StrategyInfo], terms: FlightTerms
 ) -> Iterator[Trial]:
-    """Yield every strategy on every ROI, one ROI after the other; raises as `flown_under`."""
+    """Yield every strategy on every ROI, one ROI after the other; raises as `fly_strategy`."""
     for roi in rois:
         needed = {near for cell in roi.cells for near in cell.cross()}
         team = terms.team
@@ -50,7 +50,7 @@ def nonstop_trials(
             offline_s = reference(roi, team, seed=terms.seed).makespan_s
         for strategy in strategies:
             begin_s = time.perf_counter()
-            done = flown_under(roi, strategy, terms)
+            done = fly_strategy(roi, strategy, terms)
             figures: Figures = {
                 "makespan_s": round(done.makespan_s, 6),
                 "lower_bound_s": round(bound_s, 6),

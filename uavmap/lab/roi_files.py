@@ -101,9 +101,7 @@ def _set(name: str, key: str, values: object) -> Roi:
     reached = component(cells, start)
     for cell, i in cells.items():
         if cell not in reached:
-            raise _fault(
-                name, f"{key}.cells[{i}]", listed[i], "does not hang together with the start"
-            )
+            raise _fault(name, f"{key}.cells[{i}]", listed[i], "is not connected with the start")
     return Roi(key, start, frozenset(cells))
 
 
@@ -130,7 +128,7 @@ def _regions(name: str, text: str, cell_m: float, start: LatLon | None) -> list[
         grid = _grid(name, start, cell_m)
         regions = [_on_ground(polygon, grid) for polygon in polygons]
         cells = {cell for region in regions for cell in _covered(name, region, grid)}
-        return [Roi.of(Path(name).stem, _entered_at(name, start, cells, regions, grid), cells)]
+        return [Roi.around(Path(name).stem, _entered_at(name, start, cells, regions, grid), cells)]
     rois = []
     for number, polygon in enumerate(polygons, 1):
         middle = polygon.representative_point()

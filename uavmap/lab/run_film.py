@@ -15,19 +15,19 @@ from uavmap.output.facts.map_model import State
 from uavmap.output.film.film import Change, Film, Fix, Place, Unit
 
 if TYPE_CHECKING:  # loads the compiler
-    from missions.lab.arena.nonstop import Flown, Verdict
+    from missions.lab.arena.nonstop import FlightResult, Verdict
 
 _FIX_S: Final = 0.2
 _GOLDEN_RAD: Final = math.pi * (3.0 - math.sqrt(5.0))
 _SPREAD: Final = 0.36
-"""Robots at one vertex are shown beside each other, within so much of a cell."""
+"""Maximum distance of robots at one vertex, which are shown beside each other, in cells."""
 
 
 def film_of_run(run: Run, roi: Collection[Cell], title: str) -> Film:
     """Create the film of a run on a ROI.
 
-    The states are those that all robots know together. An observed vertex to which no move leads
-    was known beforehand.
+    The states are those that all robots know together. An observed vertex without a move to it was
+    known beforehand.
 
     >>> from missions.lab.arena.arena_run import run
     >>> from missions.planning.stepwise import EXPLORERS
@@ -95,7 +95,7 @@ def _explored_t(tree: Tree, looked_t: dict[Cell, float]) -> dict[Cell, float]:
 
 # --- without stopping ----------------------------------------------------------------------------
 def film_of_nonstop(
-    run: Flown, roi: Roi, cell_m: float, footprint_m: tuple[float, float], title: str
+    run: FlightResult, roi: Roi, cell_m: float, footprint_m: tuple[float, float], title: str
 ) -> Film:
     """Create the film of a recorded run.
 

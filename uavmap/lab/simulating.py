@@ -74,9 +74,9 @@ def simulate(
     loss_rate: float = 0.0,
     seed: int = 1,
 ) -> Simulated:
-    """Let perfect robots explore regions without flying, and hold the time against its bounds.
+    """Let perfect robots explore regions without flying, and compare the time with its bounds.
 
-    It is what the command `uavmap simulate` does.
+    The command `uavmap simulate` does the same.
 
     Args:
         roi: One region or several: a growth `"KIND:CELLS:SEED"` such as `"eden:120:7"`, a file of
@@ -85,11 +85,11 @@ def simulate(
             `survey` do not stop over cells and count in seconds, the others in steps from cell to
             cell, so they cannot be mixed.
         robots: 1 to 1000.
-        speed: Of strategies that stop, in cells a unit of time (default 1); of `swath` and `survey`
-            in m/s (default 6).
-        drift: Of the region, for strategies that stop: its speed, as `speed` is, and the bearing
-            in degrees that it moves towards.
-        comms: `"shared"`; `"meeting"`: robots share what they know only where they meet; or a
+        speed: Speed: of strategies that stop, in cells a unit of time (default 1); of `swath` and
+            `survey` in m/s (default 6).
+        drift: Drift of the region, for strategies that stop: its speed, in the unit of `speed`,
+            and the bearing in degrees that it moves towards.
+        comms: `"shared"`; `"meeting"`: robots share their knowledge only where they meet; or a
             radio, in cells and in the unit of time: `"range:8,loss:0.2,delay:1,rate:5"`.
         cell_m: Edge of a cell in metres, for GeoJSON, `swath` and `survey`.
         start: Latitude and longitude of the start of all robots, for GeoJSON.
@@ -98,12 +98,12 @@ def simulate(
         frame_s: Seconds from frame to frame (`swath`, `survey`).
         error_rate: Share of wrong votes, 0 to 0.4 (`swath`, `survey`).
         loss_rate: Share of lost frames, 0 to 0.4 (`swath`, `survey`).
-        seed: Of these errors, and of the losses of a radio.
+        seed: Seed of these errors, and of the losses of a radio.
 
     Raises:
-        LinkError: A radio that is none.
-        RoiError: A file or a growth that is no region.
-        StrategyError: A strategy that is not known, or that cannot do what is asked.
+        LinkError: The radio is invalid.
+        RoiError: A file or a growth is no region.
+        StrategyError: A strategy is not known, or cannot do this.
 
     Examples:
         >>> done = simulate("eden:40:7", strategy=["rdfs", "greedy"], robots=3)
@@ -216,7 +216,7 @@ _APART_MEANT: Final = "apart:BEGIN-END, or with groups of robots apart:BEGIN-END
 def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
     """Read links; lengths in cells, times in steps. `free` is another word for `shared`.
 
-    The seed is of the losses. Raises `ValueError` with the text and the remedy.
+    The seed is for the losses. Raises `ValueError` with the text and the remedy.
 
     >>> simulated_links("meeting", 3, 1)
     <Comms.MEETING: 'meeting'>
@@ -225,7 +225,7 @@ def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
     """
     words = parse_link_spec(text, KINDS, "CELLS", _KEYS, ("apart",))
     if words.kind == Comms.MEETING and (words.numbers or words.others):
-        raise ValueError("who talks only at a vertex needs no radio; write meeting alone, or range")
+        raise ValueError("meeting needs no radio; write meeting alone, or range")
     if words.kind == Comms.MEETING:
         return Comms.MEETING
     if words.kind != RANGE and not words.numbers and not words.others:
@@ -241,7 +241,7 @@ def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
 
 
 def draws(comms: Comms | Links) -> bool:
-    """Return whether a seed makes a difference.
+    """Return True if a seed makes a difference.
 
     >>> draws(Links(loss=0.1)), draws(Links(loss=1.0)), draws(Comms.SHARED)
     (True, False, False)
@@ -263,5 +263,5 @@ def _apart(text: str, robots: int) -> Partition:
         if not 1 <= robot <= robots:
             raise ValueError(f"apart:{text}: robot {robot} is none of 1 to {robots}")
         if flat.count(robot) > 1:
-            raise ValueError(f"apart:{text}: robot {robot} stands there twice; leave one out")
+            raise ValueError(f"apart:{text}: robot {robot} is named twice; leave one out")
     return Partition(begin, end, tuple(frozenset(n - 1 for n in group) for group in numbers))

@@ -16,7 +16,7 @@ from missions.planning.stepwise import Explorer
 from missions.planning.stepwise.interface import Metric
 
 Figures = dict[str, Any]
-"""As in the JSON of `uavmap simulate`."""
+"""The figures of a trial, with the keys of the JSON of `uavmap simulate`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ def means(rows: Sequence[Figures]) -> Figures:
 
 
 def means_of(rows: Sequence[Figures], keys: Iterable[str], digits: int) -> Figures:
-    """Return rounded means; None where a row has none, of `bound_held` whether all kept it."""
+    """Return rounded means; None if a row has none; for `bound_held` True if all kept it."""
     values: Figures = {}
     for key in keys:
         column = [row[key] for row in rows]
@@ -94,7 +94,7 @@ def means_of(rows: Sequence[Figures], keys: Iterable[str], digits: int) -> Figur
 
 
 def ratio(value: float, of: float, digits: int) -> float | None:
-    """Return a rounded ratio; None of nothing."""
+    """Return a rounded ratio; None without a value."""
     return round(value / of, digits) if of > 0.0 else None
 
 

@@ -1,1 +1,1 @@
-"""What needs no aircraft: replay of photographs, files of regions, trials of strategies."""
+"""Work without aircraft on recorded pictures: replay, registration, training of detectors."""

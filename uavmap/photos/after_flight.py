@@ -1,7 +1,7 @@
-"""After a flight: what takes longer than its map, the boundary at pixel level and ortho.tif.
+"""After a flight: results that take longer than its map, the boundary and ortho.tif.
 
-Kept pictures are judged again with their poses in the air; the map of cells stays as flown. Without
-them ortho.tif is the mosaic of the flight.
+Kept pictures are judged again with their poses in the air; the map of cells stays as flown. If none
+are kept, ortho.tif is the mosaic of the flight.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from uavmap.output.facts.figures import figures
 from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.output.results import flown_flight
 from uavmap.photos.ground.fine_map import FineMap, beneath
-from uavmap.photos.ground.rasters import COLOURS, Rasters, Wishes, there, write_cog
+from uavmap.photos.ground.rasters import COLOURS, Rasters, RasterSettings, there, write_cog
 from uavmap.photos.ground.surface import Footing, Scene
-from uavmap.photos.picture_replay import Looked, look_at_all
+from uavmap.photos.picture_replay import JudgedPictures, judge_pictures
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import FlightFrames, gather
 
@@ -39,12 +39,12 @@ _LOG: Final = logging.getLogger("uavmap.photos")
 
 
 def kept_frames(folder: Path) -> bool:
-    """Whether the flight in a folder kept its pictures."""
+    """Return True if the flight in a folder kept its pictures."""
     return (folder / FRAMES / POSES).is_file()
 
 
 def draw_ground(folder: Path, complain: Callable[[str], None]) -> None:
-    """Write what is made of the pictures of a flight that is over; faults go to `complain`."""
+    """Write the mosaic of a flight that is over; faults go to `complain`."""
     if kept_frames(folder):
         draw_boundary(folder, complain)
     elif there():
@@ -67,15 +67,15 @@ def _write_ortho(folder: Path) -> None:
 def draw_boundary(
     folder: Path,
     complain: Callable[[str], None],
-    wishes: Wishes | None = None,
+    settings: RasterSettings | None = None,
 ) -> None:
     """Write boundary.geojson, the GeoTIFFs, and map.png again, of a flight that is over.
 
-    Every fault, and Ctrl-C, is a line to `complain`: the other results are there already.
+    Every fault, and Ctrl-C, is a line to `complain`: the other results are written already.
     """
     try:
         with Spool() as spool:
-            _draw(folder, spool, wishes or Wishes())
+            _draw(folder, spool, settings or RasterSettings())
     except UavmapError as error:
         complain(f"{error}; all other results are complete")
     except OSError as error:
@@ -90,7 +90,7 @@ def draw_boundary(
         )
 
 
-def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
+def _draw(folder: Path, spool: Spool, settings: RasterSettings) -> None:
     journal = JournalReader(folder / JOURNAL)
     plan = FlightPlan.read(journal)
     setting = plan.setting(lambda _: None)
@@ -102,23 +102,23 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
         "there (Ctrl-C leaves it out)"
     )
     with muted():
-        looked = look_at_all(gathered, setting, spool)
-    scene = Scene.of(_footings(looked), setting)
+        looked = judge_pictures(gathered, setting, spool)
+    scene = Scene.from_footings(_footings(looked), setting)
     if scene is None:
         return
-    fine = FineMap.of(setting, looked.judge, scene, spool, looked.threads)
-    told = _told(fine, looked, state)
-    boundary_file.write(told, folder / BOUNDARY_FILE)
+    fine = FineMap.from_scene(setting, looked.judge, scene, spool, looked.threads)
+    content = _boundary_map(fine, looked, state)
+    boundary_file.write(content, folder / BOUNDARY_FILE)
     data = flown.data.with_boundary(fine.boundary.region)
     ground = beneath(scene, spool, setting.grid, looked.threads, state.t_s)
     write_sheet(map_scene(data), folder / "map.png", ground(map_view(data)))
     write_documents(flown, _LOG.info)
     placed = [shot.placed for shot in looked.shots]
     rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.threads)
-    rasters.write(folder, wishes)
+    rasters.write(folder, settings)
 
 
-def _footings(looked: Looked) -> list[Footing]:
+def _footings(looked: JudgedPictures) -> list[Footing]:
     """Return the used pictures, at the mission times of their exposures: the region may drift."""
     return [
         replace(footing, t_s=looked.shots[footing.number].placed.picture.taken_s or 0.0)
@@ -126,10 +126,10 @@ def _footings(looked: Looked) -> list[Footing]:
     ]
 
 
-def _told(fine: FineMap, looked: Looked, state: State) -> boundary_file.BoundaryMap:
+def _boundary_map(fine: FineMap, looked: JudgedPictures, state: State) -> boundary_file.BoundaryMap:
     belief = state.belief
     seen = sorted(belief.cells())
     undecided = [cell for cell in seen if belief.verdict(cell) is None and cell not in belief.roi]
     sigmas_m = [shot.placed.picture.position_sigma_m for shot in looked.shots if not shot.reason]
     cells, without = (np.array(some, np.int32).reshape(-1, 2) for some in (seen, undecided))
-    return fine.told(state.t_s, sigmas_m, cells, without)
+    return fine.boundary_map(state.t_s, sigmas_m, cells, without)

@@ -1,6 +1,6 @@
 """A map in a few seconds: cells by a new detector over the mosaic, and the pictures to paint next.
 
-Nothing of it is kept but a picture: `uavmap replay` makes the map that is handed on.
+Only a picture of it is kept: `uavmap replay` makes the map for further use.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from uavmap.output.results import map_of
 from uavmap.photos.ground.fine_map import beneath
 from uavmap.photos.ground.surface import Scene
 from uavmap.photos.mission_from_photos import derived
-from uavmap.photos.next_pictures import Next, asked
-from uavmap.photos.picture_replay import Looked, look_at_all
+from uavmap.photos.next_pictures import Next, pictures_to_paint
+from uavmap.photos.picture_replay import JudgedPictures, judge_pictures
 from uavmap.photos.registration.refined_pictures import refined
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import Gathered, gather, open_source
@@ -33,10 +33,10 @@ MAP: Final = "map.png"
 
 
 class Drafts:
-    """Drafts of the map of a folder of pictures, whose places are found once.
+    """Drafts of the map of a folder of pictures, whose positions are found once.
 
     Attributes:
-        asked: The pictures to paint, of the last draft.
+        asked: Pictures to paint next, of the last draft.
     """
 
     def __init__(self, images: Path) -> None:
@@ -47,8 +47,8 @@ class Drafts:
     def draw(self, detector: Path, folder: Path) -> None:
         """Draw `map.png` in a folder.
 
-        Raises `ImageError` where no picture can be placed, `MissionFileError` where no mission
-        covers them.
+        Raises `ImageError` if no picture can be placed, `MissionFileError` if no mission covers
+        them.
         """
         self.asked = ()
         with muted():
@@ -57,13 +57,13 @@ class Drafts:
             text = derived(gathered, None, detector=detector_text(detector))
             setting = setting_of(mission_of_text(text, str(self._images)))
             with Spool() as spool:
-                looked = look_at_all(gathered, setting, spool)
+                looked = judge_pictures(gathered, setting, spool)
                 looked.refuse_empty()
                 self.asked = _drawn(looked, setting, folder / MAP)
 
 
 def _placed(images: Path) -> Gathered:
-    """Return the pictures; registered with each other where tags place less than half of them."""
+    """Return the pictures; overlaps register them if tags place less than half of them."""
     gathered = gather(open_source(images))
     verdicts = credible(gathered.posed)
     if 2 * sum(isinstance(verdict, Placed) for verdict in verdicts) >= len(verdicts):
@@ -71,14 +71,14 @@ def _placed(images: Path) -> Gathered:
     return refined(gathered).gathered
 
 
-def _drawn(looked: Looked, setting: Setting, path: Path) -> list[Next]:
+def _drawn(looked: JudgedPictures, setting: Setting, path: Path) -> list[Next]:
     sums = FrameSums()
     table, _ = looked.counted(sums)
     end_s = looked.shots[looked.numbers[-1]].t_s
     data = replace(map_of(setting, end_s, table, ()), pictures=len(looked.numbers))
-    scene = Scene.of(looked.footings(), setting)
+    scene = Scene.from_footings(looked.footings(), setting)
     ground = None
     if scene is not None:
         ground = beneath(scene, looked.spool, setting.grid, looked.threads, end_s)(map_view(data))
     write_sheet(map_scene(data), path, ground)
-    return asked(looked.judged(), sums, setting.grid.cell_m**2)
+    return pictures_to_paint(looked.judged(), sums, setting.grid.cell_m**2)

@@ -19,15 +19,15 @@ from uavmap.photos.sources.picture_record import Placed, credible
 from vision.camera import Lens
 
 WIDTH_PX: Final = 1000
-"""Width at which pictures are judged: finer than a cell needs, and fast."""
+"""Width at which pictures are judged, pixels: finer than a cell needs, and fast."""
 PIXELS_A_CELL: Final = 25
-_HFOV_DEG: Final = 75.0  # of most drones' cameras, for pictures that do not say
+_HFOV_DEG: Final = 75.0  # of most drones' cameras, for pictures without an angle of view
 _LEAST_CELLS: Final = 8  # across the shorter side of a picture
 _OVERLAPPING: Final = 1.5  # pictures of a place, on the mean
 DETECTOR: Final = """\
 [detector]
-# Of the detectors this one depends least on the light: bare ground among plants. Another region
-# needs another detector, or other limits.
+# This detector depends least on the light: it finds bare ground among plants. Another region needs
+# another detector, or other limits.
 name = "paved"
 greenness = 0.04
 intensity = 90
@@ -46,7 +46,7 @@ def derived(
 ) -> str:
     """Return the text of a mission file for these pictures, with the table `detector` in it.
 
-    Its start is the middle of all that they show, its box goes round that, and a cell has
+    The start is the middle of the visible ground, and the box surrounds it. A cell has
     `PIXELS_A_CELL` pixels from their usual height. Raises `ImageError` if no picture can be used.
     """
     verdicts = credible(gathered.posed, any_day=any_day)
@@ -114,7 +114,7 @@ def _view_from(placed: Sequence[Placed], gathered: Gathered, lens: Lens | None) 
         name, count = min(told.items(), key=lambda item: (-item[1], item[0]))
         whence = f"from {name} of {count} of {len(placed)} pictures"
     else:
-        whence = "a guess: no picture tells its angle of view; see --calibration"
+        whence = "a guess: no picture states its angle of view; see --calibration"
     refined = any(p.picture.name in gathered.refined for p in placed)
     return f"{whence}, corrected by overlaps" if refined else whence
 
@@ -122,7 +122,7 @@ def _view_from(placed: Sequence[Placed], gathered: Gathered, lens: Lens | None) 
 def _places(
     placed: Sequence[Placed], optics: Optics, height_m: float
 ) -> tuple[LatLon, list[LatLon], list[LatLon]]:
-    """Return start, box and fence around all that the pictures show."""
+    """Return start, box and fence around all the visible ground."""
     first = Grid.at(placed[0].pose.position, 1.0)
     points = [first.fixed(p.pose.position) for p in placed]
     reach_m = math.hypot(*optics.footprint(height_m)) / 2.0
@@ -143,9 +143,9 @@ def _places(
 
 
 def _votes(placed: Sequence[Placed], optics: Optics, start: LatLon) -> tuple[int, int]:
-    """Return the votes of a place, and their majority: two of three where pictures overlap.
+    """Return the votes of a place, and their majority: two of three if pictures overlap.
 
-    Never two: both would have to agree, also where more pictures show the place.
+    They are never two: both would have to agree, even where more pictures show the place.
     """
     grid = Grid.at(start, 1.0)
     points = [grid.fixed(p.pose.position) for p in placed]

@@ -1,8 +1,8 @@
-"""Which picture to paint next: the one that settles most of the ground that is unsure.
+"""Choice of the pictures to paint next: those that settle most of the unsure ground.
 
-A painted picture settles what it shows, and what looks like it elsewhere. So unsure ground is
-compared by its features: places within `REACH` of a place in a picture count as settled by it.
-Pictures are taken one by one, each the best beside those that are taken already.
+A painted picture settles its own ground, and similar ground elsewhere. So unsure ground is compared
+by its features: places within `REACH` of a place in a picture count as settled by it. The choice
+goes picture by picture: each is the best one besides those that are chosen already.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from missions.mapping.evidence import CellSums
 from missions.mapping.frame_sums import FrameSums
 from uavmap.base.atomic_write import write_text
-from uavmap.photos.scratch_file import Said
+from uavmap.photos.scratch_file import StoredJudgement
 
 NEXT: Final = "next.txt"
 REACH: Final = 2.5
 """Distance of standardised features within which ground looks alike."""
 MOST: Final = 12
-"""Pictures that are named at most."""
+"""Maximum number of pictures that are named."""
 LEAST: Final = 0.01
-"""Part of the unsure ground that a named picture settles at least."""
+"""Minimum share of the unsure ground that a named picture settles."""
 _PLACES: Final = 8000
 _PEERS: Final = 3
 
@@ -35,7 +35,7 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class UnsureGround:
-    """The unsure ground in a picture: some of its places' features, (places, features), and area.
+    """The unsure ground in a picture: features of some of its places, (places, features), and area.
 
     Ground that several pictures show is divided among them.
     """
@@ -53,7 +53,7 @@ class Next(NamedTuple):
 
 
 def next_pictures(unsure: Sequence[UnsureGround]) -> list[Next]:
-    """Return the pictures to paint, the best first; none where all is sure.
+    """Return the pictures to paint, the best first; none if no ground is unsure.
 
     >>> soil, roof = np.zeros((4, 2), np.float32), np.full((4, 2), 9, np.float32)
     >>> ground = [("a", soil, 50.0), ("b", soil + 0.1, 40.0), ("c", roof, 30.0)]
@@ -82,12 +82,14 @@ def next_pictures(unsure: Sequence[UnsureGround]) -> list[Next]:
     return found
 
 
-def asked(judged: Iterable[tuple[str, Said]], sums: FrameSums, cell_m2: float) -> list[Next]:
+def pictures_to_paint(
+    judged: Iterable[tuple[str, StoredJudgement]], sums: FrameSums, cell_m2: float
+) -> list[Next]:
     """Return the pictures whose painting would settle most of the unsure ground.
 
     Args:
         judged: The pictures of a map, by name.
-        sums: Of the frames of the map.
+        sums: Sums of the frames of the map.
     """
     pictures = [(name, said) for name, said in judged if said.unlike is not None]
     shown = CellSums(1)
@@ -104,7 +106,7 @@ def asked(judged: Iterable[tuple[str, Said]], sums: FrameSums, cell_m2: float) -
 
 
 def _near(mine: Array, places: Array) -> NDArray[np.bool_]:
-    """Return which places look like several of a picture's own, (places,)."""
+    """Return for each place whether it resembles several of a picture's own, (places,)."""
     squares = (mine**2).sum(axis=1)[:, None] + (places**2).sum(axis=1) - 2.0 * mine @ places.T
     peers = min(_PEERS, len(mine))
     found: NDArray[np.bool_] = np.partition(squares, peers - 1, axis=0)[peers - 1] <= REACH**2

@@ -3,10 +3,10 @@
     source -> tags of all pictures -> credible -> decoded and judged one by one -> votes -> map
 
 The first pass reads tags only, and selects the pictures. The second decodes each once, at the
-mission's size, on all cores. Judgements wait on disk until all pictures were seen: which are upside
-down, or blurred, shows only beside the others. A cell is decided by the weighed mean of all
-pictures (`votes.recorded`, `missions.mapping.evidence`), or as in a flight by the first
-`votes.frames` that show it, in the order of exposure.
+mission's size, on all cores. Judgements wait on disk until all pictures are read: only a comparison
+shows pictures that are upside down or blurred. The weighted mean of all pictures decides a cell
+(`votes.recorded`, `missions.mapping.evidence`). Or, as in a flight, the first `votes.frames` that
+show it do, in the order of exposure.
 
 A bad picture is refused with its reason, and never ends the run.
 """
@@ -39,10 +39,10 @@ from uavmap.output.facts.flown_mission import TAKEN, Calendar, taken_meta
 from uavmap.output.results import Decided, Replayed, Votes, flown_replay, weighed, write_replay
 from uavmap.photos.ground.fine_map import FineMap, beneath, write_ground
 from uavmap.photos.ground.judging import Judge, Task
-from uavmap.photos.ground.rasters import Rasters, Wishes
+from uavmap.photos.ground.rasters import Rasters, RasterSettings
 from uavmap.photos.ground.surface import Footing, Scene
-from uavmap.photos.next_pictures import asked, write_next
-from uavmap.photos.scratch_file import Said, Spool
+from uavmap.photos.next_pictures import pictures_to_paint, write_next
+from uavmap.photos.scratch_file import Spool, StoredJudgement
 from uavmap.photos.sources.inventory import PICTURES_FILE, Gathered, PictureRow, write_pictures
 from uavmap.photos.sources.picture_record import Placed, above_ground, credible
 from uavmap.photos.workers import Crew, Threads, threads_of
@@ -52,14 +52,14 @@ from vision.upright import UprightSearch
 _LOG: Final = logging.getLogger("uavmap.photos")
 VEHICLE: Final = 1
 BLURRED: Final = 0.2
-"""Least sharpness of a picture, as a part of the others' usual one."""
-_LEAST_SHARP: Final = 4  # so many pictures say what is usual
+"""Minimum sharpness of a picture, as a share of the others' usual one."""
+_LEAST_SHARP: Final = 4  # number of pictures that give a usual sharpness
 _LINES: Final = 20
 
 
 @dataclass(slots=True)
 class Shot:
-    """A judged picture, in the order of exposure; `reason` is why it is not used."""
+    """A judged picture, in the order of exposure; `reason` is empty if it is used."""
 
     placed: Placed
     t_s: float
@@ -71,11 +71,11 @@ class Shot:
 
 
 @dataclass(slots=True)
-class Looked:
-    """All pictures of a replay, judged; nothing is written yet.
+class JudgedPictures:
+    """All pictures of a replay, judged, before any result is written.
 
-    `refused` gives by name why pictures were not decoded; `fine` is set once the results are
-    written.
+    `refused` gives by name the reason why a picture was not decoded; `fine` is set once the results
+    are written.
     """
 
     setting: Setting
@@ -89,7 +89,7 @@ class Looked:
 
     def written(self, journal: Journal, folder: Path) -> dict[str, Any]:
         """Write journal, map and figures of the replay; return the summary."""
-        scene = Scene.of(self.footings(), self.setting)
+        scene = Scene.from_footings(self.footings(), self.setting)
         votes, evidence = self._counters()
         log = FlightLog()
         sums = FrameSums()
@@ -109,9 +109,11 @@ class Looked:
         def boundary() -> BoundaryMap | None:
             if scene is None:
                 return None
-            self.fine = FineMap.of(self.setting, self.judge, scene, self.spool, self.threads)
+            self.fine = FineMap.from_scene(
+                self.setting, self.judge, scene, self.spool, self.threads
+            )
             positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
-            return self.fine.told(mapped.end_s, positions_m, table.cells, undecided)
+            return self.fine.boundary_map(mapped.end_s, positions_m, table.cells, undecided)
 
         self._write_judged(folder)
         ground = None
@@ -119,13 +121,13 @@ class Looked:
             grid = self.setting.grid
             ground = beneath(scene, self.spool, grid, self.threads, mapped.end_s)
             write_ground(folder, scene, self.spool, self.setting, self.threads)
-        said: list[str] = []
-        summary = write_replay(made, boundary, ground, said.append)
-        for line in said:
+        lines: list[str] = []
+        summary = write_replay(made, boundary, ground, lines.append)
+        for line in lines:
             _LOG.info(line)
         write_pictures(self._rows(), folder / PICTURES_FILE)
         if any(self.spool.get(n).unlike is not None for n in self.numbers[:1]):
-            write_next(asked(self.judged(), sums, self.setting.grid.cell_m**2), folder)
+            write_next(pictures_to_paint(self.judged(), sums, self.setting.grid.cell_m**2), folder)
         self._log()
         return summary
 
@@ -146,14 +148,14 @@ class Looked:
         table, undecided = votes.counted() if evidence is None else weighed(evidence, section.share)
         return table.with_sums(sums, section.explored), undecided
 
-    def judged(self) -> Iterator[tuple[str, Said]]:
+    def judged(self) -> Iterator[tuple[str, StoredJudgement]]:
         """Yield the name and the judgement of each used picture."""
         for number in self.numbers:
             yield self.shots[number].placed.picture.name, self.spool.get(number)
 
     @property
     def numbers(self) -> list[int]:
-        """The numbers of the used pictures."""
+        """Numbers of the used pictures."""
         return [number for number, shot in enumerate(self.shots) if not shot.reason]
 
     def _write_judged(self, folder: Path) -> None:
@@ -165,8 +167,8 @@ class Looked:
             drawn = judged.outlined(image, self.judge.detector.mask(image))
             write_bytes(folder / judged.FILE, drawn)
 
-    def taken(self) -> dict[str, Any]:
-        """Return when the first picture was taken, and by which clock, for the journal's meta."""
+    def start_time(self) -> dict[str, Any]:
+        """Return the time of the first picture, and its clock, for the journal's meta."""
         pictures = [shot.placed.picture for shot in self.shots]
         times = [picture.taken_s for picture in pictures if picture.taken_s is not None]
         clocks = {picture.clock for picture in pictures if picture.taken_s is not None}
@@ -174,28 +176,28 @@ class Looked:
             return {}
         return taken_meta(min(times), "utc" if clocks == {"utc"} else "camera")
 
-    def write_rasters(self, folder: Path, wishes: Wishes) -> bool:
-        """Write the GeoTIFFs, after all else; return whether any is. Raises `OutputError`."""
+    def write_rasters(self, folder: Path, settings: RasterSettings) -> bool:
+        """Write the GeoTIFFs, after all else; return True if any is. Raises `OutputError`."""
         if self.fine is None:
             return False
         placed, t_s = [shot.placed for shot in self.shots], self._used[-1].t_s
         rasters = Rasters(self.fine, self.judge, placed, t_s, self.threads)
-        return rasters.write(folder, wishes)
+        return rasters.write(folder, settings)
 
     def refuse_empty(self) -> None:
-        """Raise `ImageError` if no picture at all is used."""
+        """Raise `ImageError` if no picture is used."""
         if not self._used:
             reasons = {shot.placed.picture.name: shot.reason for shot in self.shots}
             aside = {picture.name: reason for picture, reason in self.gathered.aside}
             raise self.gathered.none_usable({**reasons, **self.refused, **aside})
 
     def unused(self) -> dict[str, str]:
-        """Return by name the pictures that were looked at and are not in the map, and why."""
+        """Return by name the examined pictures that are not in the map, with their reasons."""
         bad = {shot.placed.picture.name: shot.reason for shot in self.shots if shot.reason}
         return {**self.refused, **bad} if self._used else {}
 
     def footings(self) -> list[Footing]:
-        """Return the used pictures, where they were taken."""
+        """Return the used pictures with their positions."""
         return [
             Footing(number, shot.camera, shot.placed.pose, shot.t_s, shot.turned)
             for number, shot in enumerate(self.shots)
@@ -209,7 +211,7 @@ class Looked:
     def _events(
         self, votes: Votes, evidence: Evidence | None, sums: FrameSums
     ) -> Iterator[Tracked | FrameSeen | FrameWeighed | FrameLost]:
-        """Yield the events of a journal; count, or weigh, the votes on the way."""
+        """Yield the events of a journal; count, or weigh, their votes."""
         grid, share = self.setting.grid, self.setting.mission.detector.share
         for number, shot in enumerate(self.shots):
             point = grid.fixed(shot.placed.pose.position)
@@ -223,18 +225,18 @@ class Looked:
             rated = kept.shares >= 0.0
             cells, positive = kept.cells[rated].astype(np.int32), kept.shares[rated] >= share
             shares = kept.shares[rated].round(3)
-            told = zip(cells.tolist(), positive.tolist(), shares.tolist(), strict=True)
-            said = tuple(Vote(Cell(*cell), yes, part) for cell, yes, part in told)
-            shot.cells = len(said)
+            columns = zip(cells.tolist(), positive.tolist(), shares.tolist(), strict=True)
+            votes_seen = tuple(Vote(Cell(*cell), yes, part) for cell, yes, part in columns)
+            shot.cells = len(votes_seen)
             doubtful = kept.unsure[rated]
             classes = kept.class_shares(rated)
             sums.add(cells, doubtful, classes)
             those = tuple(Cell(*cell) for cell in cells[doubtful].tolist()) or None
             yield FrameSeen(
-                VEHICLE, shot.t_s, kept.vantage, said, unsure=those, classes=classes or None
+                VEHICLE, shot.t_s, kept.vantage, votes_seen, unsure=those, classes=classes or None
             )
             if evidence is None:
-                votes.add(kept.vantage, said)
+                votes.add(kept.vantage, votes_seen)
                 continue
             weights = kept.weights[rated].round(3)
             evidence.add_columns(cells, positive, shares, weights)
@@ -243,7 +245,7 @@ class Looked:
             yield FrameLost(VEHICLE, self.shots[-1].t_s, f"{printable(picture.name)}: {reason}")
 
     def _rows(self) -> list[PictureRow]:
-        """Return a row for each picture and each file that is none, by name."""
+        """Return a row for each picture and each unreadable file, by name."""
         shots = {shot.placed.picture.name: shot for shot in self.shots}
         rows = [PictureRow(None, name, reason, 0, False) for name, reason in self.gathered.refused]
         rows += [PictureRow(p, p.name, reason, 0, False) for p, reason in self.gathered.aside]
@@ -279,7 +281,7 @@ class Looked:
 
 
 # --- the two passes ------------------------------------------------------------------------------
-def look_at_all(
+def judge_pictures(
     gathered: Gathered,
     setting: Setting,
     spool: Spool,
@@ -287,11 +289,11 @@ def look_at_all(
     *,
     lens: Lens | None = None,
     any_day: bool = False,
-) -> Looked:
+) -> JudgedPictures:
     """Make both passes over the pictures.
 
-    `crew` is threads, one a core, by default; `lens` a calibration instead of tags; `any_day` uses
-    pictures of other days than most. Raises `ImageError` if no tags allow to use one.
+    `crew` is by default threads, one a core. `lens` is a calibration instead of tags. `any_day`
+    uses pictures of other days than most. Raises `ImageError` if no picture's tags allow its use.
     """
     crew = crew or Threads()
     verdicts = credible(gathered.posed, setting.mission, any_day=any_day)
@@ -309,30 +311,30 @@ def look_at_all(
         raise gathered.none_usable(refused)
     shots = _timed(placed)
     search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
-    judge = Judge.of(setting.mission, setting.grid, search, lens)
+    judge = Judge.for_mission(setting.mission, setting.grid, search, lens)
     placed_all = all(entry.picture.name in gathered.refined for entry in placed)
     judge = replace(judge, compare=not placed_all)
     _judge_all(judge, shots, spool, crew)
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
-    # what was compared is not needed any more
+    # the compared features are not needed any more
     judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
-    # marks and pictures that were judged elsewhere are laid on the ground here
-    return Looked(setting, gathered, refused, shots, spool, judge, threads_of(crew))
+    # pictures that were judged elsewhere are projected here
+    return JudgedPictures(setting, gathered, refused, shots, spool, judge, threads_of(crew))
 
 
 def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
-    """Judge again what is stored upside down: its mask, turned."""
+    """Judge again the pictures stored upside down: their masks, turned."""
     for number, (shot, turned) in enumerate(zip(shots, judge.search.turned(), strict=True)):
         if shot.reason or not turned or shot.camera is None:
             continue
-        said = spool.get(number)
-        spool.put(number, judge.turned(shot.placed, shot.t_s, shot.camera, said))
+        stored = spool.get(number)
+        spool.put(number, judge.turned(shot.placed, shot.t_s, shot.camera, stored))
         shot.turned = True
 
 
 def _timed(placed: Sequence[Placed]) -> list[Shot]:
-    """Give pictures distinct times, also within a second, and without any time."""
+    """Give pictures distinct times, also within a second, and those without a time."""
     shots, last_s = [], 0.0
     for number, entry in enumerate(placed, start=1):
         last_s = last_s if entry.taken_s is None else max(last_s, entry.taken_s)
@@ -345,24 +347,24 @@ def _judge_all(judge: Judge, shots: Sequence[Shot], spool: Spool, crew: Crew) ->
     seen: dict[bytes, int] = {}
     every = max(1, len(shots) // 10)
     tasks = (_task(shot, judge, crew) for shot in shots)
-    answers = crew.in_order(judge.said, tasks)
-    for number, (shot, said) in enumerate(zip(shots, answers, strict=True)):
-        if isinstance(said, str):
-            shot.reason = said
+    answers = crew.in_order(judge.judge, tasks)
+    for number, (shot, answer) in enumerate(zip(shots, answers, strict=True)):
+        if isinstance(answer, str):
+            shot.reason = answer
         else:
-            same = seen.setdefault(said.fingerprint, number)
+            same = seen.setdefault(answer.fingerprint, number)
             if not judge.mission.camera.noiseless:
                 shot.reason = _repeats(same, number, shots)
-            shot.sharpness = said.sharpness
-        if isinstance(said, str) or shot.reason:
+            shot.sharpness = answer.sharpness
+        if isinstance(answer, str) or shot.reason:
             judge.search.add(None)
         else:
-            judge.search.add(said.patch)
-            shot.camera = said.camera
-            spool.put(number, said.said)
+            judge.search.add(answer.patch)
+            shot.camera = answer.camera
+            spool.put(number, answer.stored)
         if number % every == every - 1 or number + 1 == len(shots):
             name = printable(shot.placed.picture.name)
-            _LOG.info(f"looked at {number + 1} of {len(shots)}: {name}")
+            _LOG.info(f"judged {number + 1} of {len(shots)}: {name}")
 
 
 def _task(shot: Shot, judge: Judge, crew: Crew) -> Task:
@@ -379,7 +381,7 @@ def _repeats(same: int, number: int, shots: Sequence[Shot]) -> str:
 
 
 def _refuse_blurred(shots: Sequence[Shot]) -> None:
-    """Refuse pictures less sharp than the others: a camera that shook, or was out of focus."""
+    """Refuse pictures less sharp than the others: the camera shook, or was out of focus."""
     known = [shot.sharpness for shot in shots if not shot.reason]
     if len(known) < _LEAST_SHARP:
         return

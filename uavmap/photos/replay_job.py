@@ -1,6 +1,6 @@
-"""A whole replay, from the user's wishes to the files in its folder.
+"""A whole replay, from the user's options to the files in its folder.
 
-Free memory is returned, and where it runs out, a line says so, whichever library notices first.
+Free memory is returned to the system. If memory runs out, a line reports it.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from uavmap.load.detector_source import (
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output.drawing.mosaic_file import ORTHO
 from uavmap.output.facts.flown_mission import DERIVED
-from uavmap.photos.ground.rasters import Wishes
+from uavmap.photos.ground.rasters import RasterSettings
 from uavmap.photos.mission_from_photos import DETECTOR, derived
-from uavmap.photos.picture_replay import Looked, look_at_all
+from uavmap.photos.picture_replay import JudgedPictures, judge_pictures
 from uavmap.photos.registration.calibration import calibration_of
 from uavmap.photos.registration.refined_pictures import Overlaps
 from uavmap.photos.scratch_file import FeatureFile, Spool
@@ -54,18 +54,18 @@ MEMORY_HELPS: Final = (
     "(grid.cell_m of a mission file)"
 )
 MISSION_FILE = "mission.toml"
-"""Name of the derived mission in the results, of a replay without --mission."""
+"""Name of the derived mission in the results of a replay without --mission."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class ReplayOptions:
     """The options of `uavmap replay`.
 
     Attributes:
         path: A folder of pictures, or one file.
         mission: A mission file, or the name of a shipped one; None: derived from the pictures.
         video_start: Begin of a video with a .tlog beside it, in seconds since 1970.
-        refine: Whether to refine poses where pictures overlap.
+        refine: True to refine poses by overlaps of pictures.
     """
 
     path: str
@@ -76,11 +76,11 @@ class Wanted:
     any_day: bool = False
     video_start: float | None = None
     refine: bool = True
-    rasters: Wishes = field(default_factory=Wishes)
+    rasters: RasterSettings = field(default_factory=RasterSettings)
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class ReplayResult:
     """A replay that is over. `interrupted`: all but the GeoTIFFs is complete."""
 
     folder: Path
@@ -88,36 +88,38 @@ class Done:
     interrupted: bool = False
 
 
-def replay_pictures(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Done:
-    """Map what pictures show, into a folder.
+def replay_pictures(
+    options: ReplayOptions, crew: Crew, complain: Callable[[str], None]
+) -> ReplayResult:
+    """Map the ground of recorded pictures, into a folder.
 
     `crew` examines them; `complain` receives faults of the GeoTIFFs, without which the results are
     complete. Raises `MissionFileError`, `ImageError`, `OutputError`, `JournalError`, and
     `UavmapError` where memory runs out.
     """
-    with memory_told(f"{wanted.path} is not mapped", MEMORY_HELPS):
-        return _replayed(wanted, crew, complain)
+    with report_memory_error(f"{options.path} is not mapped", MEMORY_HELPS):
+        return _replayed(options, crew, complain)
 
 
-def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Done:
-    wanted.rasters.check()
+def _replayed(options: ReplayOptions, crew: Crew, complain: Callable[[str], None]) -> ReplayResult:
+    options.rasters.check()
     # faults of the mission and the detector are reported before pictures are read
-    given = None if wanted.mission is None else load(wanted.mission, wanted.detector)
+    given = None if options.mission is None else load(options.mission, options.detector)
     if given is not None:
-        refuse_undecided(given.detector, wanted.mission or "")
+        refuse_undecided(given.detector, options.mission or "")
     detector = DETECTOR
-    if given is None and wanted.detector is not None:
-        detector = detector_text(Path(wanted.detector))
-    lens = calibration_of(wanted.calibration, given, wanted.mission)
-    if wanted.out is not None:  # said before pictures are read, which may take long
-        refuse_unwritable(results_folder(wanted.out, ""))
-    gathered = gather(open_source(Path(wanted.path), wanted.video_start))
-    source = wanted.mission or DERIVED
+    if given is None and options.detector is not None:
+        detector = detector_text(Path(options.detector))
+    lens = calibration_of(options.calibration, given, options.mission)
+    if options.out is not None:  # reported before pictures are read, which may take long
+        refuse_unwritable(results_folder(options.out, ""))
+    gathered = gather(open_source(Path(options.path), options.video_start))
+    source = options.mission or DERIVED
     with Spool() as spool, FeatureFile() as kept:
         overlaps = None
-        if wanted.refine:
-            overlaps = Overlaps.of(gathered, given, kept, lens=lens, crew=crew)
-        bad = contradicted(gathered.pictures, given, any_day=wanted.any_day)
+        if options.refine:
+            overlaps = Overlaps.examine(gathered, given, kept, lens=lens, crew=crew)
+        bad = contradicted(gathered.pictures, given, any_day=options.any_day)
         if len(bad) < len(gathered.pictures):
             gathered = gathered.without(bad)
         while True:
@@ -125,22 +127,22 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
             gathered = gathered if better is None else better.gathered
             text, mission = "", given
             if mission is None:
-                text = derived(gathered, lens, any_day=wanted.any_day, detector=detector)
+                text = derived(gathered, lens, any_day=options.any_day, detector=detector)
                 mission = mission_of_text(text, source)
             refuse_unknown_ground(mission, source)
-            looked = look_at_all(
-                gathered, setting_of(mission), spool, crew, lens=lens, any_day=wanted.any_day
+            looked = judge_pictures(
+                gathered, setting_of(mission), spool, crew, lens=lens, any_day=options.any_day
             )
             bad = looked.unused()
             if not bad or (given is not None and overlaps is None):
                 break
-            # poses, and cells that come from them, are those of the others alone
+            # poses, and cells that depend on them, come from the others alone
             _LOG.info(f"{len(bad)} of them are set aside; once more without")
             gathered = gathered.without(bad)
         looked.refuse_empty()
-        folder = results_folder(wanted.out, mission.name)
+        folder = results_folder(options.out, mission.name)
         if given is None:
-            for line in _shown(mission, wanted):
+            for line in _choices(mission, options):
                 _LOG.info(line)
         make_folder(folder)
         keep_detector(mission.detector, folder)
@@ -151,14 +153,14 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
                 write_text(folder / MISSION_FILE, with_relative_model(text))
                 _LOG.info(f"the mission file is {folder / MISSION_FILE}: edit it, replay again")
             began_s = time.perf_counter()
-            meta = journal_meta(mission, source, wanted.path) | looked.taken()
+            meta = journal_meta(mission, source, options.path) | looked.start_time()
             with Journal.create(folder / JOURNAL, meta) as journal:
                 summary = looked.written(journal, folder)
             _LOG.info(f"results written in {time.perf_counter() - began_s:.2f} s")
         except OSError as error:
             raise OutputError(_unwritten(folder, error)) from None
-        interrupted = _rasters(looked, folder, wanted.rasters, complain)
-    return Done(folder, summary, interrupted)
+        interrupted = _rasters(looked, folder, options.rasters, complain)
+    return ReplayResult(folder, summary, interrupted)
 
 
 def _unwritten(folder: Path, error: OSError) -> str:
@@ -173,17 +175,19 @@ def _unwritten(folder: Path, error: OSError) -> str:
 
 
 def _rasters(
-    looked: Looked,
+    looked: JudgedPictures,
     folder: Path,
-    wishes: Wishes,
+    settings: RasterSettings,
     complain: Callable[[str], None],
 ) -> bool:
-    """Write the GeoTIFFs, without which the results are complete; return whether interrupted."""
+    """Write the GeoTIFFs, which are optional; return True if interrupted."""
     began_s = time.perf_counter()
     give_back()
     try:
-        with memory_told("not all GeoTIFFs are written", "try a coarser --gsd, or --no-ortho"):
-            if looked.write_rasters(folder, wishes):
+        with report_memory_error(
+            "not all GeoTIFFs are written", "try a coarser --gsd, or --no-ortho"
+        ):
+            if looked.write_rasters(folder, settings):
                 _LOG.info(f"GeoTIFFs written in {time.perf_counter() - began_s:.1f} s more")
     except UavmapError as error:
         complain(f"{error}; all other results are complete")
@@ -193,15 +197,15 @@ def _rasters(
     return False
 
 
-def _shown(mission: Mission, wanted: Wanted) -> list[str]:
-    """Return what a replay without --mission has chosen, and how to choose otherwise."""
-    camera, path = mission.camera, shlex.quote(wanted.path)
+def _choices(mission: Mission, options: ReplayOptions) -> list[str]:
+    """Return the choices of a replay without --mission, and the options for others."""
+    camera, path = mission.camera, shlex.quote(options.path)
     lines = [
         f"cells of {mission.grid.cell_m:g} m, pictures judged at {camera.width_px} px, "
         f"{camera.hfov_deg:.1f} deg wide, from {mission.altitude_m(0):.0f} m",
         f"region = {region_in_words(mission.detector)}",
     ]
-    if wanted.detector is None:
+    if options.detector is None:
         lines += [
             f"that is the detector {mission.detector.name}, which depends least on the light and "
             "needs no examples; it knows nothing of your region",
@@ -213,7 +217,7 @@ def _shown(mission: Mission, wanted: Wanted) -> list[str]:
 
 
 def journal_meta(mission: Mission, source: str, path: str) -> dict[str, Any]:
-    """Return the begin of a replay's journal: its mission, and where the pictures lie."""
+    """Return the begin of a replay's journal: its mission, and the path of the pictures."""
     plan = FlightPlan(
         mission_source=source,
         simulated=True,
@@ -226,21 +230,21 @@ def journal_meta(mission: Mission, source: str, path: str) -> dict[str, Any]:
 
 # --- memory -------------------------------------------------------------------------------------
 def give_back() -> None:
-    """Have the C library return free memory to the system, where it can.
+    """Have the C library return free memory to the system, if it can.
 
-    Many threads take memory for a moment each, and glibc keeps it for them: after the maps of 1,000
+    Many threads use memory for a moment each, and glibc keeps it for them. After the maps of 1,000
     pictures a quarter of the process's memory was free.
     """
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:  # glibc; others give back by themselves
+    if trim is not None:  # glibc; other libraries return memory by themselves
         trim(0)
 
 
 @contextlib.contextmanager
-def memory_told(what: str, remedy: str) -> Iterator[None]:
-    """Report memory that runs out in the block in a line; other errors pass.
+def report_memory_error(what: str, remedy: str) -> Iterator[None]:
+    """Report in a line that memory ran out in the block; other errors pass.
 
-    >>> with memory_told("the map is not written", "map fewer pictures"):
+    >>> with report_memory_error("the map is not written", "map fewer pictures"):
     ...     raise MemoryError
     Traceback (most recent call last):
     missions.errors.UavmapError: memory ran out: the map is not written; map fewer pictures
@@ -254,7 +258,7 @@ def memory_told(what: str, remedy: str) -> Iterator[None]:
 
 
 def ran_out(error: BaseException) -> bool:
-    """Whether an error says that there was no memory left, in Python, NumPy, OpenCV or GEOS.
+    """Return True if an error means lack of memory, in Python, NumPy, OpenCV or GEOS.
 
     >>> ran_out(MemoryError()), ran_out(RuntimeError("can't start new thread")), ran_out(KeyError())
     (True, True, False)
@@ -265,5 +269,5 @@ def ran_out(error: BaseException) -> bool:
         return error.code == cv2.Error.StsNoMem or "bad_alloc" in str(error)
     if isinstance(error, shapely.errors.GEOSException):
         return "bad_alloc" in str(error)
-    # a stack is memory, too
+    # a stack needs memory as well
     return isinstance(error, RuntimeError) and "can't start new thread" in str(error)

@@ -22,8 +22,8 @@ from vision.registration.views import Features
 class ScratchFile:
     """A file that vanishes with this object; for any thread.
 
-    Every call raises `OutputError` if the disk refuses: `waits` is the content, `remedy` helps
-    besides more room.
+    Every call raises `OutputError` if the disk refuses. The error names the content, `waits`, and
+    `remedy`, which helps besides more room.
     """
 
     def __init__(self, waits: str, remedy: str) -> None:
@@ -40,7 +40,7 @@ class ScratchFile:
         self._file.close()
 
     def append(self, *parts: bytes) -> int:
-        """Keep bytes; return where they begin."""
+        """Keep bytes; return their offset."""
         with self._one_at_a_time, self._refusals():
             offset = self._end
             self._file.seek(offset)
@@ -51,7 +51,7 @@ class ScratchFile:
             return offset
 
     def read(self, offset: int, length: int) -> bytes:
-        """Return bytes that were kept."""
+        """Return kept bytes."""
         with self._one_at_a_time, self._refusals():
             self._file.seek(offset)
             return self._file.read(length)
@@ -67,21 +67,21 @@ class ScratchFile:
             ) from None
 
 
-class Said(NamedTuple):
+class StoredJudgement(NamedTuple):
     """The judgement of a picture.
 
     Attributes:
         vantage: The cell over which its votes count.
-        cells: Shape (n, 2): columns and rows of the cells that it shows.
-        shares: Shape (n,): the part of each that is ROI; -1 where it is not in the picture.
-        marks: The detector's, packed.
-        weights: Shape (n,): of the shares, 0 to 1; 1 where votes are counted.
+        cells: Shape (n, 2): columns and rows of the cells in the picture.
+        shares: Shape (n,): the part of each that is ROI; -1 if it is not in the picture.
+        marks: The detector's marks, packed.
+        weights: Shape (n,): weights of the shares, 0 to 1; 1 if votes are counted.
         small: A JPEG of the picture, small.
-        unsure: Shape (n,): which look like nothing that the detector knows.
-        unfamiliar: The pixels that do, packed; empty of a detector that is a rule.
+        unsure: Shape (n,): True for a cell unlike all that the detector knows.
+        unfamiliar: Pixels unlike all that it knows, packed; empty for a detector without examples.
         unlike: Features of some of them, (places, features).
-        numbers: Of the classes that it shows.
-        classes: The share of each in the cells, (n, classes).
+        numbers: Numbers of the classes in the picture.
+        classes: The share of each class in the cells, (n, classes).
         class_marks: The number of each pixel's class, packed; empty without classes.
     """
 
@@ -99,7 +99,7 @@ class Said(NamedTuple):
     class_marks: bytes = b""
 
     def class_shares(self, some: NDArray[np.bool_]) -> tuple[ClassShare, ...]:
-        """Return the shares of classes in some of the cells, those above 0, of three digits."""
+        """Return the shares of classes in some of the cells, those above 0, with three digits."""
         if self.classes is None:
             return ()
         shares = self.classes.round(3)
@@ -112,28 +112,30 @@ class Said(NamedTuple):
 class Spool(ScratchFile):
     """Judgements of pictures by number, in a file that vanishes with this object; for any thread.
 
-    >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]),
-    ...             b"", np.array([False]))
+    >>> cells, weights, unsure = np.array([[1, 2]]), np.array([0.7]), np.array([False])
+    >>> stored = StoredJudgement(
+    ...     Cell(0, 0), cells, np.array([0.5]), b"marks", weights, b"", unsure
+    ... )
     >>> with Spool() as spool:
-    ...     spool.put(7, said)
+    ...     spool.put(7, stored)
     ...     found = spool.get(7)
     >>> found.cells.tolist(), found.shares.tolist(), found.marks
     ([[1, 2]], [0.5], b'marks')
     """
 
     def __init__(self) -> None:
-        super().__init__("what pictures say waits", "or have TMPDIR name another folder")
+        super().__init__("judgements of pictures wait", "or set TMPDIR to another folder")
         self._kept: dict[int, tuple[int, int]] = {}
 
-    def put(self, number: int, said: Said) -> None:
+    def put(self, number: int, stored: StoredJudgement) -> None:
         """Keep a judgement, or replace it. Raises `OutputError` on a full disk."""
-        data = pickle.dumps(said)
+        data = pickle.dumps(stored)
         self._kept[number] = self.append(data), len(data)
 
-    def get(self, number: int) -> Said:
-        """Return what was kept under a number. Raises `KeyError` where nothing was."""
-        said: Said = pickle.loads(self.read(*self._kept[number]))
-        return said
+    def get(self, number: int) -> StoredJudgement:
+        """Return the judgement of a number. Raises `KeyError` if there is none."""
+        stored: StoredJudgement = pickle.loads(self.read(*self._kept[number]))
+        return stored
 
 
 _WORDS: int = 128
@@ -143,7 +145,7 @@ class FeatureFile(ScratchFile):
     """Features in a file that vanishes with this object; for any thread."""
 
     def __init__(self) -> None:
-        remedy = "have TMPDIR name another folder, or replay with --refine off"
+        remedy = "set TMPDIR to another folder, or replay with --refine off"
         super().__init__("features of pictures wait", remedy)
 
     def put(self, features: Features) -> KeptFeatures:
@@ -156,7 +158,7 @@ class FeatureFile(ScratchFile):
 
 @dataclass(frozen=True, slots=True)
 class KeptFeatures:
-    """`Features` that are read at each access."""
+    """`Features` that are read from the file at each access."""
 
     file: FeatureFile
     offset: int

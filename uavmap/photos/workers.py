@@ -1,6 +1,6 @@
-"""Work on many pictures, in threads or on a Dask cluster: the answers in the items' order.
+"""Work on many pictures, in threads or on a Dask cluster, with answers in the items' order.
 
-Few items are in memory at a time. On a cluster a picture's bytes travel with it, so workers need
+Few items are in memory at a time. On a cluster a picture's bytes travel with it: workers need
 neither the files nor the detector's, only the same version of uavmap. The map is the same, byte for
 byte. Dask gives the work of a dead worker to another.
 """
@@ -36,17 +36,17 @@ class Crew(Protocol):
     """Examines pictures: `Threads` here, or a `Cluster`."""
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
-        """Yield `work` of every item, in their order; what it raises is raised here."""
+        """Yield the answer of `work` to every item, in order; errors of `work` are raised here."""
         ...
 
     def sent(self, picture: Picture, max_width_px: int) -> Picture:
-        """Return the picture in the form that the crew can use, at least so wide."""
+        """Return the picture in the form that the crew needs, at least that wide."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Threads:
-    """Threads of this process; None: one a core.
+    """Threads of this process; None for one a core.
 
     >>> list(Threads(3).in_order(lambda n: n * n, range(5)))
     [0, 1, 4, 9, 16]
@@ -74,23 +74,23 @@ class Threads:
                     future.cancel()
 
     def sent(self, picture: Picture, max_width_px: int) -> Picture:
-        """See `Crew.sent`: as it is, on this computer."""
+        """See `Crew.sent`: unchanged, on this computer."""
         return picture
 
 
 def worker_count() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
 
 
 def threads_of(crew: Crew) -> Threads:
-    """Return the threads for work of a crew that has to be done here."""
+    """Return the threads for the work of a crew that runs here."""
     return crew if isinstance(crew, Threads) else Threads()
 
 
 # --- a cluster -----------------------------------------------------------------------------------
 MOST_WAITING: Final = 64
-"""Most pictures under way, however large the cluster."""
+"""Maximum number of pictures under way, on a cluster of any size."""
 NO_WORKER_S: Final = 60.0
 """Maximum time without any worker, s."""
 _ASK_S: Final = 2.0
@@ -109,7 +109,7 @@ class Travelling(NamedTuple):
         return self.sha256
 
     def decode(self, max_width_px: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """See `Content.decode`. Pixels that travel have the wanted size already."""
+        """See `Content.decode`. Pixels that travel have the right size already."""
         if self.fault:
             raise ImageError(self.fault)
         return decoded(self.data, max_width_px) if isinstance(self.data, bytes) else self.data
@@ -119,8 +119,8 @@ class Travelling(NamedTuple):
 class Cluster:
     """A Dask cluster that examines pictures; a context manager.
 
-    Raises `StudyError`, in a line, if it cannot be reached or has no worker, a worker has another
-    version of uavmap, or its scheduler or last worker goes away.
+    Raises `StudyError` if it cannot be reached or has no worker. It also does if a worker has
+    another version of uavmap, or if the scheduler or the last worker stops.
     """
 
     address: str
@@ -143,7 +143,7 @@ class Cluster:
         self._client.close()
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
-        """Yield `work` of every item, in their order; both must be picklable."""
+        """Yield the answer of `work` to every item, in order; both must be picklable."""
         packed = pickle.dumps(work)
         waiting: deque[Any] = deque()
         most = min(2 * self._threads() + 1, MOST_WAITING)
@@ -163,7 +163,7 @@ class Cluster:
                 future.release()
 
     def sent(self, picture: Picture, max_width_px: int) -> Picture:
-        """See `Crew.sent`: files travel as they are, frames of videos decoded."""
+        """See `Crew.sent`: files are sent as they are, frames of videos decoded."""
         content = picture.content
         try:
             data = (
@@ -188,13 +188,13 @@ class Cluster:
                 ) from None
             except TimeoutError:
                 if self._client.status == "closed":
-                    raise self._fault("the scheduler has gone away") from None
+                    raise self._fault("the scheduler has stopped") from None
                 now_s = time.monotonic()
                 lonely_s = None if self._threads() else (lonely_s or now_s)
                 if lonely_s is not None and now_s - lonely_s > NO_WORKER_S:
-                    raise self._fault(f"it has lost its last worker; {self._start}") from None
+                    raise self._fault(f"its last worker has stopped; {self._start}") from None
             except (self._distributed.CancelledError, OSError):
-                raise self._fault("the scheduler has gone away") from None
+                raise self._fault("the scheduler has stopped") from None
 
     @property
     def _start(self) -> str:
@@ -207,14 +207,14 @@ class Cluster:
         try:
             return int(sum(self._client.nthreads().values()))
         except (OSError, TimeoutError):
-            raise self._fault("the scheduler has gone away") from None
+            raise self._fault("the scheduler has stopped") from None
 
     def _check_workers(self) -> None:
         if not self._threads():
             raise self._fault(f"it has no worker; {self._start}")
         try:
             versions = self._client.run(_version)
-        except Exception as error:  # whatever comes back from over there
+        except Exception as error:  # any error may come back from a worker
             raise self._fault(
                 f"its workers cannot run uavmap ({type(error).__name__}: {error}); install uavmap "
                 f"{__version__} there"
@@ -222,8 +222,8 @@ class Cluster:
         for worker, version in sorted(versions.items()):
             if version != __version__:
                 raise self._fault(
-                    f"{worker} has uavmap {version}, and here is {__version__}; install one "
-                    "version everywhere"
+                    f"{worker} has uavmap {version}, this computer has {__version__}; install "
+                    "one version everywhere"
                 )
 
 
@@ -234,7 +234,7 @@ def _version() -> str:
 
 @lru_cache(maxsize=4)
 def _unpacked(packed: bytes) -> Callable[[Any], Any]:
-    """Return the same object for all pictures of a replay: it keeps what it has computed."""
+    """Return one object for all pictures of a replay: it keeps its computed values."""
     cv2.setNumThreads(1)
     work: Callable[[Any], Any] = pickle.loads(packed)
     return work

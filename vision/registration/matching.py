@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.registration.ground_plane import Cameras, to_ground, to_pixels
-from vision.registration.views import Described, Features, Floats, View
+from vision.registration.views import Features, FeaturesLike, Floats, View
 
 WIDTH_PX: Final = 700
 """Widest picture that is registered, pixels: finer detail costs time and adds nothing to a pose."""
@@ -203,7 +203,7 @@ def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
 
 
 def mutual_matches(
-    first: Described, second: Described
+    first: FeaturesLike, second: FeaturesLike
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return indices of points that are each other's nearest by a clear margin."""
     none = np.zeros(0, np.int64)

@@ -38,7 +38,7 @@ class Features:
     height_px: int
 
 
-class Described(Protocol):
+class FeaturesLike(Protocol):
     """`Features`, in memory or on disk: ten thousand pictures have more than fit into memory."""
 
     @property
@@ -68,7 +68,7 @@ class View:
     """
 
     name: str
-    features: Described
+    features: FeaturesLike
     focal_px: Measured
     camera: str
     east_m: float

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from missions.errors import StrategyError
-from missions.lab.arena.radio import Links, Mind, Radio, look
+from missions.lab.arena.radio import Links, Mind, Radio, observe
 from missions.mapping.tree import Tree
 from missions.planning.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
 from missions.planning.stepwise import Decision, Explorer, Situation
@@ -53,7 +53,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """The outcome: when the last robot was done, the joined tree, every move, the last places."""
+    """The outcome: time of the last robot, the joined tree, every move, the last places."""
 
     makespan: float
     tree: Tree
@@ -62,7 +62,7 @@ class Run:
 
 
 Team = Callable[[float, Tree], Collection[int]]
-"""The robots that take part at an instant: from the time and what is known."""
+"""The robots that take part at an instant, from the time and the known tree."""
 
 
 def run(
@@ -99,7 +99,7 @@ def run(
     4.0
     """
     metric = metric if metric is not None else Metric()
-    known = look(tree if tree is not None else Tree.rooted(start), start, roi)
+    known = observe(tree if tree is not None else Tree.rooted(start), start, roi)
     slowest = 1.0 / (metric.speed - metric.drift_speed) + metric.look
     radio = Radio(comms, known.vertices.keys() | set(roi)) if isinstance(comms, Links) else None
     mind = Mind(known, dict.fromkeys(range(robots), (0.0, start)))
@@ -115,7 +115,7 @@ def run(
 
 
 def patience_of(explorer: Explorer) -> float:
-    """The factor by which a strategy without a map may take longer than others."""
+    """Return the factor by which a strategy without a map may take longer than others."""
     return float(getattr(explorer, "patience", 1.0))
 
 
@@ -133,18 +133,18 @@ class _Arena:
     t: float = 0.0
     flying: dict[int, Leg] = field(default_factory=dict)
     legs: list[Leg] = field(default_factory=list)
-    told: dict[int, Mind] = field(default_factory=dict)
+    decided_from: dict[int, Mind] = field(default_factory=dict)
     """The mind from which each robot decided last."""
 
     def play(self, limit: float) -> None:
         """Run instant after instant until all are done."""
-        self._hear()
+        self._receive()
         anew = True
         while True:
             present = self._present()
             moved = self._decide(present, anew=anew)
             if self.radio is not None and self.radio.links.delay:
-                self.radio.tell(self.minds)
+                self.radio.send(self.minds)
             if not self.flying:
                 if all(self.minds[r].done(self.at[r]) for r in self.at):
                     return
@@ -163,7 +163,7 @@ class _Arena:
                 )
 
     def everything(self) -> Tree:
-        """Return the tree that all know together."""
+        """Return the tree of the joint knowledge of all."""
         minds = list(self.minds.values())
         all_of_it = minds[0]
         for mind in minds[1:]:
@@ -181,14 +181,16 @@ class _Arena:
         for group in self._groups(self.ready & present):
             mind = self.minds[group[0]]
             asked = tuple(r for r in group if not mind.done(self.at[r]))
-            if not asked or not (anew or any(self.minds[r] is not self.told.get(r) for r in group)):
+            if not asked or not (
+                anew or any(self.minds[r] is not self.decided_from.get(r) for r in group)
+            ):
                 continue
-            at = {r: mind.heard[r][1] for r in sorted(mind.heard) if r in present}
+            at = {r: mind.known_at[r][1] for r in sorted(mind.known_at) if r in present}
             situation = Situation(mind.tree, at, asked, mind.memory, self.metric)
             decision = self.explorer.decide(situation)
             refuse_impossible(self.explorer.name, situation, decision)
             moved |= self._go(mind, group, decision)
-            self.told.update((r, self.minds[r]) for r in group)
+            self.decided_from.update((r, self.minds[r]) for r in group)
         return moved
 
     def _groups(self, ready: Iterable[int]) -> list[list[int]]:
@@ -203,17 +205,17 @@ class _Arena:
         return list(together.values())
 
     def _audience(self, here: Sequence[int]) -> Iterable[int]:
-        """Return the robots that know at once what a group sees and does."""
+        """Return the robots that know at once the observations and actions of a group."""
         if self.comms is Comms.SHARED:
             return self.minds
         return here if self.radio is None else self.radio.together(here[0]) or here
 
     def _go(self, mind: Mind, group: list[int], decision: Decision) -> bool:
-        heard = dict(mind.heard)
+        known_at = dict(mind.known_at)
         moves = {r: cell for r, cell in decision.moves.items() if cell is not None}
         for robot, cell in moves.items():
             start = self.at[robot]
-            heard[robot] = (self.t, cell)
+            known_at[robot] = (self.t, cell)
             leg_t = self.metric.leg(start, cell)
             if self.metric.look and not mind.tree.has_looked(cell):
                 leg_t += self.metric.look
@@ -221,16 +223,15 @@ class _Arena:
             self.flying[robot] = leg
             self.legs.append(leg)
             self.ready.discard(robot)
-        after = replace(mind, heard=heard, memory=decision.memory)
+        after = replace(mind, known_at=known_at, memory=decision.memory)
         for robot in self._audience(group):
             self.minds[robot] = after
         if self.radio is not None:
-            self.radio.tell_places(group[0], self.minds)
+            self.radio.send_places(group[0], self.minds)
         return bool(moves)
 
     def _arrive(self) -> bool:
-        """Pass time until robots arrive, observe and join their knowledge; return whether any has
-        arrived.
+        """Pass time until robots arrive, observe and join their knowledge; return True if any do.
 
         With a radio the time passes at most to the next whole unit.
         """
@@ -241,17 +242,17 @@ class _Arena:
             self.ready.add(robot)
         if self.comms is Comms.MEETING:
             self._meet({self.at[r] for r in arrived})
-        self._hear()
+        self._receive()
         for cell in self._in_order(arrived):
             here = sorted(r for r in self.ready if self.at[r] == cell)
             mind = self.minds[here[0]]
             if not mind.tree.has_looked(cell):
-                looked = 0 if self.radio is None else mind.looked | self.radio.bit(cell)
-                seen = replace(mind, tree=look(mind.tree, cell, self.roi), looked=looked)
+                observed = 0 if self.radio is None else mind.observed | self.radio.bit(cell)
+                seen = replace(mind, tree=observe(mind.tree, cell, self.roi), observed=observed)
                 for robot in self._audience(here):
                     self.minds[robot] = seen
         if self.radio is not None and not self.radio.links.delay:
-            self.radio.tell(self.minds)
+            self.radio.send(self.minds)
             self._meet({self.at[r] for r in self.ready})
         return bool(arrived)
 
@@ -262,7 +263,7 @@ class _Arena:
         unit_t = math.floor(self.t + _SAME_INSTANT) + 1.0
         return arrival_t if arrival_t <= unit_t + _SAME_INSTANT else unit_t
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         if self.radio is None:
             return
         places = {r: (float(cell.east), float(cell.north)) for r, cell in self.at.items()}
@@ -272,7 +273,7 @@ class _Arena:
             places[robot] = (leg.start.east + flown * east, leg.start.north + flown * north)
         self.radio.tune(self.t, places, {r: self.at[r] for r in self.ready})
         self._meet({self.at[r] for r in self.ready})
-        self.radio.hear(self.minds, {r for r in self.ready if self.minds[r].done(self.at[r])})
+        self.radio.deliver(self.minds, {r for r in self.ready if self.minds[r].done(self.at[r])})
         self._meet({self.at[r] for r in self.ready})
 
     def _in_order(self, arrived: list[int]) -> list[Cell]:

@@ -1,4 +1,4 @@
-"""A check of what every strategy must do, for strategies of your own:
+"""A check of the duties of every strategy, for strategies of your own:
 
     from missions.lab.arena.conformance import check
     check(MyStrategy())
@@ -19,7 +19,7 @@ import numpy as np
 
 from missions.errors import StrategyError
 from missions.lab.arena.arena_run import Comms, Run, patience_of, run
-from missions.lab.arena.radio import Links, look
+from missions.lab.arena.radio import Links, observe
 from missions.lab.arena.roi import component, eden, thin
 from missions.mapping.tree import Tree
 from missions.planning.stepwise.interface import (
@@ -56,14 +56,14 @@ def check(explorer: Explorer, *, cells: int = 18, seed: int = 1) -> None:
 
 
 def failures(explorer: Explorer, *, cells: int = 18, seed: int = 1) -> dict[str, str]:
-    """The first reason of every failed check, by its name."""
+    """Return the first reason of every failed check, by its name."""
     rois = small_rois(cells, seed)
     found = ((name, _first_failure(each, explorer, rois)) for name, each in CHECKS.items())
     return {name: why for name, why in found if why is not None}
 
 
 def small_rois(cells: int, seed: int) -> Rois:
-    """ROIs of several shapes around the start, each of about `cells` cells."""
+    """Return ROIs of several shapes around the start, each of about `cells` cells."""
     rng = np.random.default_rng(seed)
     side = max(2, round(cells**0.5))
     block = {Cell(east, north) for east in range(side) for north in range(side)}
@@ -84,18 +84,18 @@ _Check = Callable[[Explorer, Rois], Iterator[str]]
 
 
 def _first_failure(each: _Check, explorer: Explorer, rois: Rois) -> str | None:
-    """Return the first fault; a defect of the strategy is a failure like any other."""
+    """Return the first fault; a defect of the strategy is a failure as well."""
     try:
         return next(each(explorer, rois), None)
     except StrategyError as error:
         return str(error)
-    except Exception as error:  # whatever a strategy may raise
+    except Exception as error:  # a strategy may raise any error
         return f"{type(error).__name__}: {error}"
 
 
 # --- the checks: each yields faults in words -----------------------------------------------------
 def _explores(teams: Collection[int] = TEAMS, kinds: Collection[str] = (), **how: object) -> _Check:
-    """The check that teams of some sizes explore all ROIs, or those of `kinds`, and come home."""
+    """Return the check that teams explore all ROIs, or those of `kinds`, and come home."""
 
     def check(explorer: Explorer, rois: Rois) -> Iterator[str]:
         chosen = {kind: roi for kind, roi in rois.items() if not kinds or kind in kinds}
@@ -144,7 +144,7 @@ def _bound(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 
 def _dropouts(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """Yield faults of five robots of which one joins late, and two leave for a while.
+    """Yield faults of five robots, one of which joins late, and two leave for a while.
 
     One comes back at the very end.
     """
@@ -176,7 +176,7 @@ def _restart(explorer: Explorer, rois: Rois) -> Iterator[str]:
     """Yield faults after a restart: the journal restores the tree but not the memory."""
     for kind, roi in rois.items():
         for rounds in (3, len(roi) // 2, len(roi)):
-            party = _Party.of(3, roi)
+            party = _Party.at_start(3, roi)
             party = replace(party.after(explorer, roi, rounds), memory=None)
             yield from _ends(explorer, party, roi, f"{kind}, memory lost after {rounds} rounds")
 
@@ -185,7 +185,7 @@ def _late(explorer: Explorer, rois: Rois) -> Iterator[str]:
     """Yield faults of a cell that becomes ROI late: half way, and when all else is explored."""
     for kind, roi in rois.items():
         for rounds in (len(roi) // 2, None):
-            party = _Party.of(2, roi).after(explorer, roi, rounds)
+            party = _Party.at_start(2, roi).after(explorer, roi, rounds)
             where = max(c for c, v in party.tree.vertices.items() if v.looked)
             late = Cell(where.east + 1, where.north)
             if late in roi:
@@ -206,7 +206,7 @@ CHECKS: Mapping[str, _Check] = {
     "more robots than cells to visit": _explores((20,), ("block", "tree")),
     "the stated bound holds": _bound,
     "a drifting ROI": _explores(metric=Metric(drift_east=0.5, drift_north=-0.2)),
-    # legs and looks differ, so that robots decide one at a time; some ways are barred
+    # legs and observations differ, so that robots decide one at a time; some ways are barred
     "straight flight, one decision at a time": _explores(
         metric=Metric(1.3, 0.3, 0.1, straight=True, look=0.7, passable=_not_too_far)
     ),
@@ -220,7 +220,7 @@ CHECKS: Mapping[str, _Check] = {
 }
 
 
-# --- what drives them -----------------------------------------------------------------------------
+# --- the drivers of the checks --------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class _Party:
     """Robots in step on a resting ROI, whose tree and memory can be changed in between."""
@@ -230,11 +230,11 @@ class _Party:
     memory: Memory | None = None
 
     @classmethod
-    def of(cls, robots: int, roi: Collection[Cell]) -> _Party:
-        return cls(look(Tree.rooted(START), START, roi), dict.fromkeys(range(robots), START))
+    def at_start(cls, robots: int, roi: Collection[Cell]) -> _Party:
+        return cls(observe(Tree.rooted(START), START, roi), dict.fromkeys(range(robots), START))
 
     def after(self, explorer: Explorer, roi: Collection[Cell], rounds: int | None) -> _Party:
-        """The party `rounds` later; None: when all is done."""
+        """Return the party `rounds` later; None: when all is done."""
         limit = int(50 * (len(roi) + 1) * patience_of(explorer)) if rounds is None else rounds
         party = self
         for _ in range(limit):
@@ -257,7 +257,7 @@ class _Party:
             if cell not in self.at[robot].neighbours() or cell not in self.tree:
                 raise StrategyError(f"robot {robot} jumps from {self.at[robot]} to {cell}")
             if not tree.has_looked(cell):
-                tree = look(tree, cell, roi)
+                tree = observe(tree, cell, roi)
         return _Party(tree, {**self.at, **moves}, decision.memory)
 
 
@@ -272,7 +272,7 @@ class _Watch:
         return getattr(self.explorer, name)
 
     def decide(self, situation: Situation) -> Decision:
-        """Decide, and note where a second decision differs."""
+        """Decide; note if a second decision differs."""
         before = copy.deepcopy(situation)
         decision = self.explorer.decide(situation)
         said = copy.deepcopy(decision)

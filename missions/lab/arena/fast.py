@@ -1,6 +1,6 @@
 """The figures of `rdfs` in the arena, compiled, for studies on regions of 100,000 cells.
 
-For shared communication and a team that stays; all else needs `missions.lab.arena.arena_run`.
+It is for shared communication and a team that stays; all else needs `missions.lab.arena.arena_run`.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ class Lattice:
     cells: NDArray[np.int64]
     """East and north of every cell; shape (C, 2)."""
     near: NDArray[np.int32]
-    """The neighbours north, east, south and west of every cell, -1 where there is none; (C, 4)."""
+    """The neighbours north, east, south and west of every cell, -1 if there is none; (C, 4)."""
 
     @classmethod
-    def of(cls, roi: Collection[Cell] | NDArray[np.int64]) -> Lattice:
+    def from_cells(cls, roi: Collection[Cell] | NDArray[np.int64]) -> Lattice:
         """Return the lattice of cells, or of an array (C, 2) of east and north.
 
-        Raises `RoiError` without cells, or when they are too far apart to be numbered.
+        Raises `RoiError` without cells, or if they are too far apart to be numbered.
 
-        >>> Lattice.of([Cell(0, 0), Cell(1, 0)]).near.tolist()
+        >>> Lattice.from_cells([Cell(0, 0), Cell(1, 0)]).near.tolist()
         [[-1, 1, -1, -1], [-1, -1, -1, 0]]
         """
         if isinstance(roi, np.ndarray):
@@ -59,7 +59,7 @@ class Lattice:
         return cls(np.stack(np.divmod(keys, tall), axis=1) + low, near)
 
     def index(self, cell: Cell) -> int:
-        """The number of a cell. Raises `RoiError` for a foreign one."""
+        """Return the number of a cell. Raises `RoiError` for a foreign one."""
         found = np.flatnonzero((self.cells[:, 0] == cell.east) & (self.cells[:, 1] == cell.north))
         if not len(found):
             raise RoiError(f"the start {tuple(cell)} is not a cell of the ROI")
@@ -94,7 +94,7 @@ def run_rdfs(
     from missions.lab.kernels import rdfs_kernels as rdfs  # noqa: PLC0415 - as above
     from missions.planning.kernels import ground  # noqa: PLC0415 - importing numba takes a second
 
-    lattice = roi if isinstance(roi, Lattice) else Lattice.of(roi)
+    lattice = roi if isinstance(roi, Lattice) else Lattice.from_cells(roi)
     root = lattice.index(start)
     metric = metric if metric is not None else Metric()
     cost = np.array([metric.leg(Cell(0, 0), step) for step in _STEPS])

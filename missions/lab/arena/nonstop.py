@@ -25,11 +25,11 @@ from missions.planning.sweep.sweep_planner import Planner
 from missions.units import Cell, GridPoint
 
 FRUITLESS_PLANS: Final = 30
-"""Plans flown to their end without news after which the rest is given up."""
+"""Number of plans without news after which the rest is given up."""
 LONGEST_S: Final = 200_000.0
 """Time after which a run is given up, s."""
 REPLAN_S: Final = 0.4
-"""Least time between two plans in flight, s."""
+"""Minimum time between two plans in flight, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +40,12 @@ class Camera:
     north_m: float
     frame_s: float = 0.2
     frames: int = 5
-    """Votes of a cell that count at most; `majority` of them make it ROI."""
+    """Maximum number of counted votes of a cell; `majority` of them make it ROI."""
     majority: int = 3
     error_rate: float = 0.0
-    """The chance of each vote to be wrong."""
+    """Probability of each vote to be wrong."""
     loss_rate: float = 0.0
-    """The chance of each frame to be lost."""
+    """Probability of each frame to be lost."""
 
     @property
     def against(self) -> int:
@@ -53,7 +53,7 @@ class Camera:
         return self.frames - self.majority + 1
 
     def kinematics(self, speed_m_s: float, accel_m_s2: float, cell_m: float) -> Kinematics:
-        """The kinematics of a vehicle with this camera.
+        """Return the kinematics of a vehicle with this camera.
 
         Raises `StrategyError` for a footprint that never shows a whole cell for long enough.
         """
@@ -78,7 +78,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class FlightResult:
     """The outcome of a run."""
 
     makespan_s: float
@@ -155,7 +155,7 @@ class Ground:
         return m.east_m - kin.tilt_m_s2 * east, m.north_m - kin.tilt_m_s2 * north
 
     def decided(self) -> NDArray[np.bool_]:
-        """By cell, whether further votes could not change it."""
+        """Return True for each cell whose verdict further votes could not change."""
         chart, camera = self.chart, self.camera
         return np.asarray((chart.yes >= camera.majority) | (chart.no >= camera.against))
 
@@ -166,11 +166,11 @@ class Ground:
         return standing
 
     def needed(self) -> NDArray[np.int64]:
-        """The cells to decide: the region and its neighbours."""
+        """Return the cells to decide: the region and its neighbours."""
         cells = {near for cell in self.roi.cells for near in cell.cross()}
         return np.array(sorted(map(self.chart.index, cells)), np.int64)
 
-    def along(self, paths: Sequence[Trajectory]) -> Flown:
+    def along(self, paths: Sequence[Trajectory]) -> FlightResult:
         """Fly paths to their ends, frame by frame, without a plan."""
         end_s = max(path.end_s for path in paths)
         for tick in range(math.floor(end_s / self.camera.frame_s + 1e-9) + 1):
@@ -180,11 +180,11 @@ class Ground:
 
     def outcome(
         self, makespan_s: float, decisions: int, paths: tuple[tuple[Trajectory, ...], ...]
-    ) -> Flown:
-        """The outcome of a run that ended at `makespan_s`."""
+    ) -> FlightResult:
+        """Return the outcome of a run that ended at `makespan_s`."""
         decided = self.decided()
         roi = self.chart.yes >= self.camera.majority
-        return Flown(
+        return FlightResult(
             makespan_s,
             int((~decided[self.needed()]).sum()),
             int((decided & (roi != (self.truth == 1))).sum()),
@@ -210,7 +210,7 @@ class Team:
         return self.camera.kinematics(self.speed_m_s, self.accel_m_s2, self.cell_m)
 
     def over(self, roi: Roi, seed: int = 1, *, record: bool = False) -> Ground:
-        """A region that no vehicle has seen yet. Raises `StrategyError` as `kinematics` does."""
+        """Return an unseen region. Raises `StrategyError` as `kinematics` does."""
         return Ground(roi, self.cell_m, self.kinematics, self.camera, seed, record)
 
 
@@ -232,7 +232,7 @@ class Run:
         self.routes = [None] * self.robots
         self._flown = [[] for _ in range(self.robots)]
 
-    def fly(self) -> Flown:
+    def fly(self) -> FlightResult:
         """Fly to the end."""
         ground = self.ground
         tick, planned_s, news, fruitless = 0, -math.inf, True, 0
@@ -251,7 +251,7 @@ class Run:
         return ground.outcome(max(ends_s), self.decisions, tuple(map(tuple, self._flown)))
 
     def _decide(self) -> Plan:
-        """Plan, and take over what is new."""
+        """Plan, and adopt the new part."""
         ground, camera, kinematics = self.ground, self.ground.camera, self.ground.kinematics
         root = ground.chart.index(ground.roi.start)
         valued = self.planner.worth(ground.chart, root, camera.frames, camera.majority)
@@ -280,12 +280,12 @@ class Run:
         )
 
 
-def flown(roi: Roi, team: Team, *, seed: int = 1, record: bool = False) -> Flown:
+def fly_team(roi: Roi, team: Team, *, seed: int = 1, record: bool = False) -> FlightResult:
     """Fly one run of a team that plans in flight; raises as `Team.kinematics`.
 
     >>> from missions.units import Cell
     >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))
-    >>> run = flown(lake, Team(1, Camera(15.0, 15.0)))
+    >>> run = fly_team(lake, Team(1, Camera(15.0, 15.0)))
     >>> run.missed, run.makespan_s < 10.0
     (0, True)
     """

@@ -2,7 +2,7 @@
 
 At each instant (an arrival, or a whole unit of time) pairs in contact are drawn, both ways. Lost
 news is sent again at the next instant; a robot relays all that it knows. News is the cells that
-robots have observed, and so which of their neighbours are ROI. A robot is not sent news that it has
+robots have observed, and thus which of their neighbours are ROI. A robot gets no news that it has
 or that is on its way. Others' knowledge and positions come with every message and cost nothing.
 """
 
@@ -22,7 +22,7 @@ from missions.mapping.tree import Tree
 from missions.units import Cell
 
 
-def look(tree: Tree, cell: Cell, roi: Collection[Cell]) -> Tree:
+def observe(tree: Tree, cell: Cell, roi: Collection[Cell]) -> Tree:
     """Return the tree after a noise-free observation of a cell."""
     return tree.looked(cell, [c for c in cell.neighbours() if c in roi])
 
@@ -32,9 +32,9 @@ class Mind:
     """The tree, the last known places and the strategy's memory, of one robot or of all."""
 
     tree: Tree
-    heard: Mapping[int, tuple[float, Cell]]
+    known_at: Mapping[int, tuple[float, Cell]]
     memory: object = None
-    looked: int = 0
+    observed: int = 0
     """Observed cells, a bit each as `Radio` numbers them; 0 without a radio."""
 
     def meet(self, other: Mind) -> Mind:
@@ -42,13 +42,13 @@ class Mind:
         if other is self:
             return self
         tree = self.tree if other.tree is self.tree else self.tree.join(other.tree)
-        heard = {r: max(self.heard[r], other.heard[r]) for r in self.heard}
-        return Mind(tree, heard, self.memory, self.looked | other.looked)
+        known_at = {r: max(self.known_at[r], other.known_at[r]) for r in self.known_at}
+        return Mind(tree, known_at, self.memory, self.observed | other.observed)
 
-    def told(
+    def with_news(
         self,
         news: Iterable[tuple[Cell, int]],
-        heard: Mapping[int, tuple[float, Cell]],
+        known_at: Mapping[int, tuple[float, Cell]],
         roi: Collection[Cell],
     ) -> Mind:
         """Return this mind after news of observations (cells with their bits) and of places.
@@ -56,18 +56,20 @@ class Mind:
         The robot adds these cells as its own observations, in the order of the news: cells in its
         tree stay there. Places outside the tree are ignored. Without news it is `self`.
         """
-        tree, looked = self.tree, self.looked
+        tree, observed = self.tree, self.observed
         for cell, bit in news:
-            if not looked & bit:
-                tree, looked = look(tree, cell, roi), looked | bit
+            if not observed & bit:
+                tree, observed = observe(tree, cell, roi), observed | bit
         newer = {
-            robot: heard[robot]
-            for robot, mine in self.heard.items()
-            if heard[robot] is not mine and heard[robot][0] > mine[0] and heard[robot][1] in tree
+            robot: known_at[robot]
+            for robot, mine in self.known_at.items()
+            if known_at[robot] is not mine
+            and known_at[robot][0] > mine[0]
+            and known_at[robot][1] in tree
         }
-        if looked == self.looked and not newer:
+        if observed == self.observed and not newer:
             return self
-        return replace(self, tree=tree, heard={**self.heard, **newer}, looked=looked)
+        return replace(self, tree=tree, known_at={**self.known_at, **newer}, observed=observed)
 
     def done(self, at: Cell) -> bool:
         """Return whether a robot at a cell has nothing to do."""
@@ -76,7 +78,7 @@ class Mind:
 
 _SAME_INSTANT: Final = 1e-9
 _NEAR: Final = 1e-9
-"""Cells: places are computed."""
+"""Distance that counts as 0, cells: places are computed."""
 
 Pairs = npt.NDArray[np.bool_]
 
@@ -108,9 +110,9 @@ class Links:
 @dataclass(frozen=True, slots=True)
 class _Message:
     due_t: float
-    hearer: int
+    receiver: int
     news: tuple[tuple[Cell, int], ...]
-    heard: Mapping[int, tuple[float, Cell]]
+    known_at: Mapping[int, tuple[float, Cell]]
 
 
 @dataclass(slots=True)
@@ -120,9 +122,9 @@ class Radio:
     links: Links
     roi: Collection[Cell]
     touch: dict[int, tuple[int, ...]] = field(default_factory=dict)
-    """Robots in contact at this instant, by robot, also by relays, and itself."""
+    """Robots in contact at each robot at this instant, also by relays, and itself."""
     _reach: Pairs = field(init=False)
-    _hear: Pairs = field(init=False)
+    _receivers: Pairs = field(init=False)
     _cells: tuple[Cell, ...] = field(init=False)
     _bits: dict[Cell, int] = field(init=False)
     _random: np.random.Generator = field(init=False)
@@ -132,13 +134,13 @@ class Radio:
     _coming: dict[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._reach = self._hear = np.zeros((0, 0), dtype=np.bool_)
+        self._reach = self._receivers = np.zeros((0, 0), dtype=np.bool_)
         self._cells = tuple(sorted(self.roi))
         self._bits = {cell: 1 << number for number, cell in enumerate(self._cells)}
         self._random = np.random.default_rng(self.links.seed)
 
     def bit(self, cell: Cell) -> int:
-        """The bit of a cell in `Mind.looked`."""
+        """Return the bit of a cell in `Mind.observed`."""
         return self._bits[cell]
 
     def tune(
@@ -158,7 +160,7 @@ class Radio:
         stands = np.array([r in at for r in range(robots)])
         meets = (here[:, None, :] == here[None, :, :]).all(axis=2)
         meets &= stands[:, None] & stands[None, :]
-        self._reach, self._hear = reach | meets, (reach & kept) | meets
+        self._reach, self._receivers = reach | meets, (reach & kept) | meets
         most = max(links.rate, 1.0)
         for robot in range(robots):
             spare = self._spare.get(robot, most) + links.rate * (t - self._t)
@@ -177,14 +179,14 @@ class Radio:
         return reach
 
     def _groups(self) -> Iterator[tuple[int, ...]]:
-        left = np.ones(len(self._hear), dtype=np.bool_)
+        left = np.ones(len(self._receivers), dtype=np.bool_)
         for first in range(len(left)):
             if not left[first]:
                 continue
             group, todo = [first], [first]
             left[first] = False
             while todo:
-                fresh = np.flatnonzero(self._hear[todo.pop()] & left).tolist()
+                fresh = np.flatnonzero(self._receivers[todo.pop()] & left).tolist()
                 left[fresh] = False
                 group += fresh
                 todo += fresh
@@ -194,7 +196,7 @@ class Radio:
         """Return the robots that decide with one because they are in contact at once; else none."""
         return self.touch[robot] if self.links.at_once else ()
 
-    def hear(self, minds: dict[int, Mind], done: Collection[int] = ()) -> None:
+    def deliver(self, minds: dict[int, Mind], done: Collection[int] = ()) -> None:
         """Deliver the news of this instant, before any observations.
 
         A group that knows the same at once has one memory: that of its first robot that is not
@@ -207,8 +209,8 @@ class Radio:
                 self._share(leader, group, minds)
         while self._on_the_way and self._on_the_way[0].due_t <= self._t + _SAME_INSTANT:
             message = self._on_the_way.popleft()
-            hearer = message.hearer
-            minds[hearer] = minds[hearer].told(message.news, message.heard, self.roi)
+            receiver = message.receiver
+            minds[receiver] = minds[receiver].with_news(message.news, message.known_at, self.roi)
 
     def _share(self, leader: int, group: Sequence[int], minds: dict[int, Mind]) -> None:
         """Give a group one mind, with the memory of its leader."""
@@ -216,62 +218,62 @@ class Radio:
         for robot in group:
             other = minds[robot]
             if other is not mind:
-                news = self._news(other, other.looked & ~mind.looked)
-                mind = mind.told(news, other.heard, self.roi)
+                news = self._news(other, other.observed & ~mind.observed)
+                mind = mind.with_news(news, other.known_at, self.roi)
         for robot in group:
             minds[robot] = mind
 
-    def tell_places(self, robot: int, minds: dict[int, Mind]) -> None:
+    def send_places(self, robot: int, minds: dict[int, Mind]) -> None:
         """Without a delay, send the places that a robot knows to those in touch with it."""
         if self.links.delay == 0.0:
             for other in self.touch[robot]:
-                minds[other] = minds[other].told((), minds[robot].heard, self.roi)
+                minds[other] = minds[other].with_news((), minds[robot].known_at, self.roi)
 
-    def tell(self, minds: dict[int, Mind]) -> None:
+    def send(self, minds: dict[int, Mind]) -> None:
         """Have every robot send its news; without a delay it arrives, and is relayed, at once.
 
-        Robots that share all at once have done so already.
+        Robots with shared knowledge have done so already.
         """
         if self.links.at_once:
             return
-        said = dict.fromkeys(minds, 0)
-        told = True
-        while told:
-            told = False
+        sent = dict.fromkeys(minds, 0)
+        news_left = True
+        while news_left:
+            news_left = False
             for sender in sorted(minds):
-                told |= self._say(sender, minds, said)
+                news_left |= self._send_one(sender, minds, sent)
             if self.links.delay == 0.0:
-                self.hear(minds)
+                self.deliver(minds)
             else:
-                told = False
+                news_left = False
 
-    def _say(self, sender: int, minds: Mapping[int, Mind], said: dict[int, int]) -> bool:
+    def _send_one(self, sender: int, minds: Mapping[int, Mind], sent: dict[int, int]) -> bool:
         """Send one message: news nearest to the root first, so that it fits the receiver's tree.
 
-        Return whether it held any news.
+        Return True if it held any news.
         """
         mind = minds[sender]
         lacks = {
-            hearer: mind.looked & ~(minds[hearer].looked | self._coming.get(hearer, 0))
-            for hearer in np.flatnonzero(self._reach[sender]).tolist()
-            if hearer != sender
+            receiver: mind.observed & ~(minds[receiver].observed | self._coming.get(receiver, 0))
+            for receiver in np.flatnonzero(self._reach[sender]).tolist()
+            if receiver != sender
         }
         wanted = 0
         for cells in lacks.values():
             wanted |= cells
-        news = self._news(mind, wanted & ~said[sender])
+        news = self._news(mind, wanted & ~sent[sender])
         if len(news) > self._spare[sender]:
             news = news[: int(self._spare[sender] + _NEAR)]
         self._spare[sender] -= len(news)
         for _, bit in news:
-            said[sender] |= bit
-        for hearer, cells in lacks.items():
-            if self._hear[sender, hearer]:
+            sent[sender] |= bit
+        for receiver, cells in lacks.items():
+            if self._receivers[sender, receiver]:
                 mine = tuple((cell, bit) for cell, bit in news if cells & bit)
                 for _, bit in mine:
-                    self._coming[hearer] = self._coming.get(hearer, 0) | bit
+                    self._coming[receiver] = self._coming.get(receiver, 0) | bit
                 due_t = self._t + self.links.delay
-                self._on_the_way.append(_Message(due_t, hearer, mine, mind.heard))
+                self._on_the_way.append(_Message(due_t, receiver, mine, mind.known_at))
         return bool(news)
 
     def _news(self, mind: Mind, wanted: int) -> list[tuple[Cell, int]]:

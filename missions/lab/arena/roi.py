@@ -1,7 +1,7 @@
 """ROIs to explore without flying: sets of cells with a start.
 
-Growths return random cells around (0, 0), which is among them; `grown` makes a `Roi` of one, with a
-random cell of its boundary as the start.
+Growths return random cells around (0, 0), which is one of them. `grown` makes a `Roi` of one, with
+a random cell of its boundary as the start.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MAX_CELLS = 1_000_000
 class Roi:
     """Connected cells, and the start of all robots.
 
-    >>> Roi.of("pair", Cell(0, 0), {Cell(0, 0), Cell(0, 1), Cell(7, 7)}).cells == {
+    >>> Roi.around("pair", Cell(0, 0), {Cell(0, 0), Cell(0, 1), Cell(7, 7)}).cells == {
     ...     Cell(0, 0), Cell(0, 1)}
     True
     """
@@ -36,30 +36,30 @@ class Roi:
     cells: frozenset[Cell]
 
     @classmethod
-    def of(cls, name: str, start: Cell, cells: Collection[Cell]) -> Roi:
+    def around(cls, name: str, start: Cell, cells: Collection[Cell]) -> Roi:
         """Return the part of `cells` that is connected with `start`."""
         return cls(name, start, frozenset(component(cells, start)))
 
 
 def component(roi: Collection[Cell], start: Cell) -> set[Cell]:
-    """The cells that are 4-connected to `start`, itself among them."""
+    """Return the cells that are 4-connected to `start`, itself among them."""
     return set(reached(neighbours_in(roi), start))
 
 
 def boundary(roi: Collection[Cell]) -> list[Cell]:
-    """The cells of a ROI that have a neighbour outside, ascending."""
+    """Return the cells of a ROI that have a neighbour outside, ascending."""
     return sorted(cell for cell in roi if any(near not in roi for near in cell.neighbours()))
 
 
 def eden(cells: int, rng: np.random.Generator) -> set[Cell]:
-    """A compact cluster: every next cell is drawn from the rim, each rim cell equally likely."""
+    """Return a compact cluster: each next cell is drawn from the rim with equal probability."""
     return _cluster(cells, rng, most_contacts=4)
 
 
 def thin(cells: int, rng: np.random.Generator) -> set[Cell]:
-    """A cluster without cycles: a cell is added only where it touches one other cell.
+    """Return a cluster without cycles: a cell is added only where it touches one other cell.
 
-    A rim that closes up ends the growth early, so it may hold fewer cells than asked for.
+    A rim that closes up ends the growth early, so it may hold fewer cells than requested.
     """
     return _cluster(cells, rng, most_contacts=1)
 
@@ -84,7 +84,7 @@ def _cluster(cells: int, rng: np.random.Generator, most_contacts: int) -> set[Ce
 
 
 def ragged(cells: int, rng: np.random.Generator) -> set[Cell]:
-    """A cluster with bays and holes: invasion percolation.
+    """Return a cluster with bays and holes: invasion percolation.
 
     Every cell of the plane has a random strength; the weakest of the rim is taken next.
     """
@@ -102,7 +102,7 @@ def ragged(cells: int, rng: np.random.Generator) -> set[Cell]:
 
 
 def rectangle(cells: int, rng: np.random.Generator) -> set[Cell]:
-    """A rectangle of a random shape, at most 4 to 1; the last row may be short."""
+    """Return a rectangle of a random shape, at most 4 to 1; the last row may be short."""
     aspect = 4.0 ** float(rng.uniform(-1.0, 1.0))
     width = min(max(round(math.sqrt(cells * aspect)), 1), cells)
     return {Cell(i % width, i // width) for i in range(cells)}
@@ -117,7 +117,7 @@ KINDS: dict[str, Callable[[int, np.random.Generator], set[Cell]]] = {
 
 
 def grown(kind: str, cells: int, seed: int) -> Roi:
-    """A ROI by its kind, size and seed: the same for the same three.
+    """Return a ROI by its kind, size and seed: the same for the same three.
 
     Raises `RoiError` for an unknown kind, or a number of cells outside 1 to `MAX_CELLS`.
     """

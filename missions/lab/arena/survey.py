@@ -16,7 +16,7 @@ import numpy as np
 
 from missions.errors import StrategyError
 from missions.geo.trajectory import Trajectory, rounded_path
-from missions.lab.arena.nonstop import Flown, Ground, Team
+from missions.lab.arena.nonstop import FlightResult, Ground, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.kernels import worth as kernels
 from missions.planning.sweep.paths import Kinematics
@@ -29,7 +29,7 @@ CUT_M = 1.0
 _INSETS = (0.9, 0.75, 0.6, 0.45, 0.3, 0.15, 0.0)
 """Distances before its last cell at which a lane may end, in half views."""
 _TURN_S = 2.5
-"""Rough time of a lane's end, s: only to share lanes out."""
+"""Rough time of a lane's end, s: for the sharing of lanes only."""
 
 _Lane = tuple[GridPoint, GridPoint]
 
@@ -43,7 +43,7 @@ class Box:
 
     @classmethod
     def around(cls, roi: Roi, factor: float | None = None) -> Box:
-        """The bounding box of a region, two cells wider on each side; or `factor` times as wide."""
+        """Return the bounding box of a region, two cells wider on each side, or `factor` times."""
         easts, norths = zip(*roi.cells, strict=True)
         east, north = MARGIN_CELLS, MARGIN_CELLS
         if factor is not None:
@@ -62,8 +62,8 @@ def surveyed(
     box_factor: float | None = None,
     seed: int = 1,
     record: bool = False,
-) -> Flown:
-    """Return a survey of the box around a region, judged as `missions.lab.arena.nonstop.flown` is.
+) -> FlightResult:
+    """Return a survey of the box around a region, judged as in `missions.lab.arena.nonstop`.
 
     Raises `StrategyError` for a footprint that never shows a whole cell, or not for long enough.
     """
@@ -83,7 +83,7 @@ def survey_paths(box: Box, robots: int, ground: Ground) -> list[Trajectory]:
             plan = _Lanes(box, ground, along_north, flip_along, flip_across, inset)
             paths = plan.paths(robots)
             end_s = max(path.end_s for path in paths)
-            if end_s >= best_s:  # and shorter insets take longer
+            if end_s >= best_s:  # shorter insets take longer
                 break
             if _shows(box, paths, ground):
                 best, best_s = paths, end_s
@@ -105,7 +105,7 @@ class _Lanes:
     inset: float
 
     def paths(self, robots: int) -> list[Trajectory]:
-        """The path of each vehicle; one without a lane stays where it is."""
+        """Return the path of each vehicle; one without a lane stays where it is."""
         kin: Kinematics = self.ground.kinematics
         home = self.ground.home
         found = []

@@ -1,38 +1,37 @@
 """Bounds in seconds of flight without stopping: a lower one, and the best way that was found.
 
-*Lower bound*: what no team can beat, whatever it knows.
+*Lower bound*: the time that no team can beat, whatever it knows.
 
 A vehicle is a point with |velocity| <= v and |acceleration| <= a (as vectors), at rest over the
-start at first and at last. A frame shows a rectangle whose sides, F_x and F_y, lie along the grid;
-a cell of edge w is seen when all of it is shown. Then the vehicle is within the cell's *view*, a
+start at first and at last. A frame shows a rectangle whose sides, F_x and F_y, lie along the grid.
+A cell of edge w is seen when all of it is shown. Then the vehicle is within the cell's *view*, a
 rectangle with the sides F_x - w and F_y - w around the cell's centre.
 
-*Seconds of a way.* From rest to rest a way of length L takes at least L / v + v / a, and where
-L < v^2 / a at least 2 sqrt(L / a): the speed changes by at most a. `least_s` is this.
+*Seconds of a way.* The speed changes by at most a. From rest to rest a way of length L takes at
+least L / v + v / a. If L < v^2 / a, it takes at least 2 sqrt(L / a). `least_s` is this.
 
 *Far.* Let d be the distance from the start to the view of a needed cell, and u the direction of
-its nearest point. The view is convex, so all of it lies at least d along u. Who sees the cell gets
-that far: at the farthest point along u its speed along u is 0, so the way there takes at least
-`least_s`(d), and so does the way back: T >= 2 `least_s`(d).
+its nearest point. The view is convex, so all of it lies at least d along u. A vehicle that sees the
+cell gets that far: at the farthest point along u its speed along u is 0. So the way there takes at
+least `least_s`(d), and so does the way back: T >= 2 `least_s`(d).
 
-*Area.* The cells that a vehicle sees on a stretch of its way lie wholly in what the rectangle
-sweeps on it. Sweeping along a line in the direction (cos, sin) for dL adds at most
-(F_y |cos| + F_x |sin|) dL <= D dL with D = sqrt(F_x^2 + F_y^2), so a stretch of length L sweeps at
+*Area.* The cells that a vehicle sees on a stretch of its way lie wholly in the area that the
+rectangle sweeps on it. Sweeping along a line in the direction (cos, sin) for dL adds at most
+(F_y |cos| + F_x |sin|) dL <= D dL with D = sqrt(F_x^2 + F_y^2). So a stretch of length L sweeps at
 most F_x F_y + D L. Cells do not overlap. Hence k cells need L >= (k w^2 - F_x F_y) / D. All begin
-over the same cell, whose rectangle is counted once: R vehicles that see N cells have together
-N w^2 <= F_x F_y + D (L_1 + ... + L_R), and the longest way is at least
-(N w^2 - F_x F_y) / (R D).
+over the same cell, whose rectangle is counted once. So R vehicles that see N cells have together
+N w^2 <= F_x F_y + D (L_1 + ... + L_R). The longest way is at least (N w^2 - F_x F_y) / (R D).
 
-*Shells.* Of the N_d cells whose views are at least d from the start some vehicle sees
-k >= ceil(N_d / R). It flies at least d before the first of them, at least d after the last, and
-the stretch between has the length above: L >= 2 d + max(0, k w^2 - F_x F_y) / D.
+*Shells.* N_d cells have views at least d from the start. Some vehicle sees k >= ceil(N_d / R) of
+them. It flies at least d before the first of them, and at least d after the last. The stretch
+between has the length above: L >= 2 d + max(0, k w^2 - F_x F_y) / D.
 
-The bound is the largest of these over all d. It does not use that a frame shows whole cells only at
-certain places, nor how many frames a cell needs, so it is far from tight where cells are large.
+The bound is the largest of these over all d. It ignores that a frame shows whole cells only at
+certain places, and the number of frames that a cell needs. So it is far from tight for large cells.
 
 *Reference*: the best found way of a team that knows the region. It anneals over the same paths and
-frames as the planner in flight, with all needed cells as work from the first moment, from several
-starts and with many more moves. It is no bound; its paths are flown and judged as those of every
+frames as the planner in flight. All needed cells are work from the first moment, and it has several
+starts and many more moves. It is no bound; its paths are flown and judged as those of every
 other run.
 """
 
@@ -48,7 +47,7 @@ from numpy.typing import NDArray
 
 from missions.errors import StrategyError
 from missions.geo.trajectory import Trajectory, least_s
-from missions.lab.arena.nonstop import Flown, Ground, Team
+from missions.lab.arena.nonstop import FlightResult, Ground, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.kernels import swath as kernels
 from missions.planning.sweep.kernel_paths import path_of, row_of
@@ -108,7 +107,7 @@ _LAST: Final = 0.9
 """Share of the last vehicle in the team's time."""
 _MENDS: Final = 20
 _MEND_MOVES, _MEND_S = 2000, 0.3
-"""Moves and their temperature where a cell was missed."""
+"""Moves and their temperature after a cell was missed."""
 
 
 @dataclass(slots=True)
@@ -150,17 +149,19 @@ class _Search:
         )
 
     def paths(self, ways: kernels.Ways) -> list[Trajectory]:
-        """The waypoints as paths."""
+        """Return the waypoints as paths."""
         return [path_of(self.team, ways, k, 0.0)[0] for k in range(self.robots)]
 
 
-def reference(roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: int = 1) -> Flown:
+def reference(
+    roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: int = 1
+) -> FlightResult:
     """Return the best run found for a team that knows the region; frames do not err or get lost.
 
     Raises `StrategyError` as `Team.kinematics`, and if none is found.
     """
     team = replace(team, camera=replace(team.camera, error_rate=0.0, loss_rate=0.0))
-    best: Flown | None = None
+    best: FlightResult | None = None
     for start in range(3):
         search = _Search(team.over(roi), team.robots, seed=seed * 7919 + start * 104729)
         ways = _first(search.ground, team.robots, start)

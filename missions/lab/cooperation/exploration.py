@@ -35,7 +35,7 @@ class Move:
 
     robot: int
     path: tuple[Point, ...]
-    """From where it stood to where it stops, in metres; at least two points."""
+    """Points from its first place to its last, in metres; at least two."""
     why: Why
 
     @property
@@ -84,7 +84,7 @@ class Exploration:
     pieces: list[Piece] = field(default_factory=list)
 
     def figures(self) -> Figures:
-        """Path, steps, turns and the map."""
+        """Return path, steps, turns and the map in numbers."""
         mapped = sum(_area(piece.outline) for piece in self.pieces)
         return Figures(
             path_m=sum(move.length_m for move in self.moves),
@@ -116,7 +116,7 @@ def _area(ring: Sequence[Point]) -> float:
 
 
 def _courses(moves: Sequence[Move]) -> list[tuple[float, Why]]:
-    """Return the bearing of each leg that leads anywhere, and its purpose."""
+    """Return the bearing of each leg with a length, and its purpose."""
     return [
         (math.atan2(b[1] - a[1], b[0] - a[0]), move.why)
         for move in moves
@@ -147,7 +147,7 @@ def _turns(moves: Sequence[Move]) -> int:
     return turns
 
 
-# --- what was seen of the ground, by the robots' places alone, whatever the map says ------------
+# --- the ground in sight, from the robots' places alone, whatever the map shows -------------------
 def places_of(exploration: Exploration, spacing_m: float) -> NDArray[np.float64]:
     """Return robots' places: the start, ends of legs, and between them at most `spacing_m`
     apart."""
@@ -158,7 +158,7 @@ def places_of(exploration: Exploration, spacing_m: float) -> NDArray[np.float64]
 
 
 def along(move: Move, spacing_m: float) -> Iterator[tuple[Point, bool]]:
-    """Yield points along a move, after its first, and whether each is the end of a leg."""
+    """Yield points along a move, after its first, and True for each end of a leg."""
     for a, b in pairwise(move.path):
         parts = max(int(np.ceil(math.dist(a, b) / spacing_m)), 1)
         for part in range(1, parts + 1):
@@ -170,8 +170,8 @@ def unseen(
 ) -> NDArray[np.float64]:
     """Return those of the points, shape (n, 2), that were never in range and sight of any robot.
 
-    Robots are checked every `spacing_m` along their ways: a point may only be missed in between,
-    never the other way round.
+    Robots are checked every `spacing_m` along their ways. So a point may be missed in between, but
+    never counted wrongly as seen.
     """
     left = points
     # few points need the many places
@@ -185,7 +185,7 @@ def unseen(
 def _is_seen(
     exploration: Exploration, point: NDArray[np.float64], places: NDArray[np.float64]
 ) -> bool:
-    """Return whether a point is in sight of one of the places within the range, nearest first."""
+    """Return True if a point is in range and sight of one of the places, nearest first."""
     squares = ((places - point) ** 2).sum(axis=1)
     near = np.flatnonzero(squares <= exploration.range_m**2 * (1.0 + _SLACK))
     near = near[np.argsort(squares[near], kind="stable")]
@@ -242,8 +242,7 @@ class Team:
             self.move(robot, [place], Why.WAY)
 
     def spread(self, rows: Sequence[Point]) -> list[int]:
-        """Spread from one place onto a line through it, a robot on each row; return which is on
-        which.
+        """Spread from one place onto a line through it, a robot on each row; return their rows.
 
         Each row is taken before those behind it: its robot sees the next one pass.
         """

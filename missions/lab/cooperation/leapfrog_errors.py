@@ -1,9 +1,9 @@
 """The position errors of two multicopters that track each other, and of one alone.
 
 A Kalman filter over both: place, heading, and the scale error of the odometer. It is linearised
-about the plan, which both follow. All measurements then agree on what cannot be seen (where north
-is), so that the filter gains no false certainty. Both start at known places with known headings, in
-any frame: the map's place on the earth does not matter.
+about the plan, which both follow. So all measurements agree on what cannot be seen (the direction
+of north), and the filter gains no false certainty. Both start at known places with known headings,
+in any frame: the map's place on the earth does not matter.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from missions.planning.leapfrog_geometry import Leapfrog, Role, Step
 
 Array = NDArray[np.float64]
 
-_EACH: Final = 4  # east, north, heading, share that the odometer reads too much
+_EACH: Final = 4  # east, north, heading, share by which the odometer reads too much
 _INDEX = {Role.MAPPER: 0, Role.TRACKER: _EACH}
 
 
@@ -32,15 +32,15 @@ class LeapfrogNoise:
     """Standard deviations of the measurements of both; those of sightings are above 0.
 
     Attributes:
-        scale: Of an odometer (optical flow over a height): relative error of the distance, the
-            same for the whole flight.
-        drift_rad: Of the heading after a metre, growing with the root of the way: that of a gyro,
-            without a compass (beneath steel there is none to trust).
-        place_m: Of a sighting, aside: the attitude's error times the height above.
-        yaw_rad: Of the marker's heading in the tracker's picture.
-        hover_m: Of the place that a hovering vehicle holds while the other one moves: it compares
-            the ground with its picture at the stop.
-        hover_rad: Of its heading meanwhile.
+        scale: Relative error of an odometer's distance (optical flow over a height), the same for
+            the whole flight.
+        drift_rad: Error of the heading after a metre, growing with the root of the way. It is that
+            of a gyro, without a compass (beneath steel there is none to trust).
+        place_m: Error of a sighting, aside: the attitude's error times the height above.
+        yaw_rad: Error of the marker's heading in the tracker's picture.
+        hover_m: Error of the place that a hovering vehicle holds while the other one moves: it
+            compares the ground with its picture at the stop.
+        hover_rad: Error of its heading meanwhile.
     """
 
     scale: float = 0.02
@@ -76,7 +76,7 @@ class Team:
         """Add a straight leg by plan, metres east and north.
 
         `read` is the odometer's value, in the axes of the vehicle at the beginning of the leg;
-        `drift_rad` is the gyro's error of turn. Both are accepted, as nothing else is known.
+        `drift_rad` is the gyro's error of turn. Both are accepted: there is no other measurement.
         """
         i = _INDEX[role]
         heading, scale = self.mean[i + 2], self.mean[i + 3]
@@ -122,13 +122,13 @@ class Team:
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class LeapfrogFlight:
     """One flight with one draw of the noise, after each hop of the mapper.
 
     Attributes:
-        errors_m: (hops, 2), what is believed of the mapper's place less where it is.
+        errors_m: (hops, 2), the believed place of the mapper less its true place.
         sigmas_m: (hops,), the root of the expected square of their length.
-        nees: (hops,), normalised estimation error squared: 2 on average where that is honest.
+        nees: (hops,), normalised estimation error squared: 2 on average for an honest filter.
     """
 
     errors_m: Array
@@ -137,11 +137,13 @@ class Flown:
 
     @property
     def rms_m(self) -> float:
-        """The root of the mean square of the mapper's errors: that of its map."""
+        """Root of the mean square of the mapper's errors, m: that of its map."""
         return float(np.sqrt((self.errors_m**2).sum(axis=1).mean()))
 
 
-def fly_leapfrog(plan: Leapfrog, noise: LeapfrogNoise, seed: int) -> tuple[Flown, Flown]:
+def fly_leapfrog(
+    plan: Leapfrog, noise: LeapfrogNoise, seed: int
+) -> tuple[LeapfrogFlight, LeapfrogFlight]:
     """Fly both on their plan, with one draw of the noise: tracked, and by odometry alone.
 
     Both read the same odometer.
@@ -177,7 +179,7 @@ def fly_leapfrog(plan: Leapfrog, noise: LeapfrogNoise, seed: int) -> tuple[Flown
             by_sight.append((place - at[mover], spread))
             place, spread = alone.place(mover)
             by_odometry.append((place - step.end, spread))
-    return _flown(by_sight), _flown(by_odometry)
+    return _flight(by_sight), _flight(by_odometry)
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,11 +247,11 @@ def _drawn(covariance: Array, rng: np.random.Generator) -> Array:
     return np.asarray(vectors @ shares, dtype=np.float64)
 
 
-def _flown(ends: list[tuple[Array, Array]]) -> Flown:
+def _flight(ends: list[tuple[Array, Array]]) -> LeapfrogFlight:
     errors = np.stack([error for error, _ in ends])
     sigmas = np.array([math.sqrt(float(np.trace(spread))) for _, spread in ends])
     nees = np.array([float(error @ np.linalg.solve(spread, error)) for error, spread in ends])
-    return Flown(errors, sigmas, nees)
+    return LeapfrogFlight(errors, sigmas, nees)
 
 
 def _across(leg: Array) -> Array:

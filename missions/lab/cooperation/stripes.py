@@ -97,7 +97,7 @@ class Stripe:
 
 
 def stripes_of(space: Space, line_y: float, height_m: float) -> list[Stripe]:
-    """All stripes of a ground, of layers `height_m` high, one of whose lines is at `line_y`."""
+    """Return all stripes, of layers `height_m` high, one of whose lines is at `line_y`."""
     ys = space.edges[:, 1]
     first = math.floor((ys.min() - line_y) / height_m + 1e-9)
     last = math.ceil((ys.max() - line_y) / height_m - 1e-9)
@@ -117,7 +117,7 @@ def stripes_of(space: Space, line_y: float, height_m: float) -> list[Stripe]:
 
 
 def _trapezoids(space: Space, bottom: float, top: float) -> list[Trapezoid]:
-    """A layer, cut at every corner and wherever a wall enters or leaves it; from west to east."""
+    """Return a layer from west to east, cut at every corner and at the ends of each wall."""
     edges = space.edges
     inside = (edges[:, 1] >= bottom - _THIN_M) & (edges[:, 1] <= top + _THIN_M)
     cuts = [edges[inside, 0]]

@@ -1,8 +1,8 @@
 """The errors of robots' positions: by odometry alone, and observed by a waiting robot.
 
-An extended Kalman filter over the places and headings of all robots at once: the position of the
-observer is uncertain itself, and its error passes to the observed robot. All start at a known place
-with a known heading.
+An extended Kalman filter estimates the places and headings of all robots at once. The position of
+the observer is uncertain itself, and its error passes to the observed robot. All start at a known
+place with a known heading.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class Noise:
     """Standard deviations of odometers and of the tracker.
 
     Odometry: `along_m` and `drift_rad` after a metre, both growing with the root of the way, and
-    `turn_rad` at each turn. The tracker measures at the end of each leg: `range_m` along the line
-    of sight and also across it (a target is no point), `bearing_rad` of the direction,
-    `heading_rad` of the other's heading.
+    `turn_rad` at each turn. The tracker measures at the end of each leg. Its errors are `range_m`
+    along the line of sight, `bearing_rad` of the direction, and `heading_rad` of the other's
+    heading. `range_m` is also the error across the line: a target is no point.
     """
 
     along_m: float = 0.03
@@ -65,7 +65,7 @@ class Known:
     """Covariance of the errors as `Filter` counts them."""
 
     def place(self, robot: int) -> tuple[Array, Array]:
-        """The place of a robot in m, and its covariance in m^2."""
+        """Return the place of a robot in m, and its covariance in m^2."""
         i = 3 * robot
         east, north = self.mean[i : i + 2]
         turned_too = np.array([[1.0, 0.0, -north], [0.0, 1.0, east]])
@@ -80,7 +80,7 @@ class Ellipse:
     major_m: float
     minor_m: float
     angle_deg: float
-    """Of the longer axis, from east against the clock, 0 to 180."""
+    """Direction of the longer axis, from east against the clock, 0 to 180."""
 
 
 def legs_of(exploration: Exploration) -> Iterator[Leg]:
@@ -121,9 +121,9 @@ def first_courses(legs: list[Leg], robots: int) -> list[float]:
 class Filter:
     """The estimates, leg by leg.
 
-    Errors are kept as a turn of the robot's world about the origin, and the remaining error of its
-    place (a right-invariant filter). A common turn of all robots is what no tracker can see. In
-    these terms it looks the same for any estimate, so that the filter gains no false certainty.
+    Errors are stored as a turn of the robot's world about the origin, and the remaining error of
+    its place (a right-invariant filter). No tracker can see a common turn of all robots. In these
+    terms it is the same for any estimate, so that the filter gains no false certainty.
     """
 
     def __init__(self, noise: Noise, start: Point, courses: list[float]) -> None:
@@ -201,7 +201,7 @@ def swing(angle_rad: float) -> Array:
 def odometry_noise(noise: Noise, leg: Leg) -> Array:
     """Return the covariance of the values of a leg: turn, ahead, aside, drift.
 
-    The heading drifts all along the leg, so that its drift and the way aside are correlated.
+    The heading drifts all along the leg, so its drift and the way aside are correlated.
     """
     length, drift = leg.length_m, noise.drift_rad**2
     turn = noise.turn_rad**2 if abs(leg.turn_rad) > _STILL_M else 0.0
@@ -235,7 +235,7 @@ class Outcome:
         return float(np.hypot(*(place - self.truth[3 * robot : 3 * robot + 2])))
 
     def sigma_m(self, robot: int) -> float:
-        """Return its own estimate of that: the root of the expected square, m."""
+        """Return its own estimate of that error: the root of the expected square, m."""
         return math.sqrt(float(np.trace(self.known.place(robot)[1])))
 
     def nees(self, robot: int) -> float:
@@ -275,7 +275,7 @@ def followed(
         i = 3 * leg.robot
         truth[i : i + 3] = (*leg.end, truth[i + 2] + leg.turn_rad)
         exact = np.array([leg.turn_rad, leg.length_m, 0.0, 0.0])
-        # a covariance that is singular where nothing was turned: its root is drawn part by part
+        # a covariance is singular if nothing was turned: its root is drawn part by part
         read = exact + _drawn(odometry_noise(noise, leg), odometers)
         watched.reckon(read, leg)
         alone.reckon(read, leg)

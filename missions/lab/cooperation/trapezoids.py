@@ -5,9 +5,9 @@ those of every other row wait and observe, the others move on as far as they are
 robots on two rows each move covers a triangle, or a diamond; more robots are a column. The stripes
 are explored depth first.
 
-The explorer uses only ground in sight of a waiting robot: floor and ceiling within the range of the
-observer, and doors on the line along which a robot went. A stripe is read only when robots are in
-it. Its ends count when they are within the range, its doors when it is swept.
+The explorer uses only ground in sight of a waiting robot. It knows floor and ceiling within the
+range of the observer, and doors on the line along which a robot went. A stripe is read only when
+robots are in it. Its ends count when they are within the range, its doors when it is swept.
 """
 
 from __future__ import annotations
@@ -205,7 +205,7 @@ class _Explorer:
             moving = 1 - moving
 
     def _reach(self, stripe: Stripe, x: float, stop: float, moving: int) -> float:
-        """Return how far the moving rows may go, up to `stop`, in sight of those at x."""
+        """Return the reach of the moving rows, up to `stop`, in sight of those at x."""
         watching = self._pattern.rows(stripe, x)
 
         def too_far(target: float) -> float:

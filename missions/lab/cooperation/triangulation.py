@@ -5,8 +5,8 @@ a corner that both see: the triangle is mapped. If the next corner along a wall 
 that one. Edges of triangles with unknown ground behind them are explored depth first. On the way to
 one the robots step from triangle to triangle, so that the waiting robot sees the moving one.
 
-The explorer uses only the corners that both see, and whether anything is in the triangle, which
-they see as well.
+The explorer uses only the corners that both see, and the emptiness of the triangle, which they see
+as well.
 """
 
 from __future__ import annotations
@@ -123,8 +123,7 @@ class _Explorer:
         raise AssertionError("unknown ground beside an edge has a triangle there")
 
     def _is_new(self, a: Corner, b: Corner, c: Corner, borders: NDArray[np.int64]) -> bool:
-        """Return whether a triangle is free and unknown: no corner in it, no wall or front through
-        it."""
+        """Return True if a triangle is free and unknown: no corner, wall or front is in it."""
         if _in_triangle(self._corners, a, b, c).any():
             return False
         return not (_crossed(a, c, borders).any() or _crossed(b, c, borders).any())

@@ -59,9 +59,9 @@ LRV, LRTA, RANDOM = 0, 1, 2
 """Rules of walks.
 
 LRV: in the direction that the vertex has chosen least often, of equals the first in `near`. Then
-these counts differ by one at most, and the directions follow each other round and round: a pointer
-says the same. LRTA (1-LRTA*): to the neighbour of least weight; the vertex gets that weight and one
-more. Of equals one by chance, with the state 0 the first in `near`. RANDOM leaves no marks.
+these counts differ by one at most, and the directions follow each other round and round, as with a
+pointer. LRTA (1-LRTA*): to the neighbour of least weight; the vertex gets that weight and one more.
+Of equals one by chance, with the state 0 the first in `near`. RANDOM leaves no marks.
 """
 
 
@@ -102,17 +102,17 @@ def coverage(
     place: int,
     state: int,
 ) -> tuple[int, int, int]:
-    """One coverage: (steps, place, state of the random numbers).
+    """Return the steps of one coverage, the last place, and the state of the random numbers.
 
     Args:
-        rule: of the walk.
+        rule: rule of the walk.
         near: the neighbours of every vertex, `degree` of them used.
         degree: as `neighbours` returns it.
-        marks: what the robot left at the vertices, changed; at first zeros.
+        marks: the robot's marks at the vertices, changed; at first zeros.
         visited: the last coverage in which a vertex was visited, changed; at first -1.
-        number: of this coverage.
-        place: where the robot is.
-        state: of the random numbers, not 0 unless the rule says so.
+        number: number of this coverage.
+        place: place of the robot.
+        state: state of the random numbers, not 0 unless the rule allows it.
     """
     visited[place] = number
     left, steps = len(near) - 1, 0

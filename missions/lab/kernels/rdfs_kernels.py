@@ -1,9 +1,9 @@
 """The figures of `rdfs` in the arena, on arrays: millions of moves a second.
 
-Studies of its bounds need regions of 100,000 cells, whose trees are 40,000 deep. What flies is
+Studies of its bounds need regions of 100,000 cells, whose trees are 40,000 deep. Flights use
 `missions.planning.stepwise.rdfs`; a property test holds the two to the same figures. Only the
-counting differs, for no robot walks up the tree: the robots at or below a vertex change by one
-where a robot steps down or up, and a vertex marks itself as explored at its parent, once.
+counting differs, because no robot walks up the tree. A step down or up changes the robots at or
+below a vertex by one. A vertex marks itself as explored at its parent, once.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ _ENTERED = 1 << 30
 UNKNOWN = -1
 
 # A vertex is a row, half a cache line: its neighbours north, east, south, west, and
-PARENT = 4  # the vertex above, the start's is itself; -1 where no robot came
+PARENT = 4  # the vertex above, the start's is itself; -1 if no robot came
 DEPTH = 5
-_STATE = 6  # _LOOKED if it was observed, and a bit for each neighbour that is unfinished
+_STATE = 6  # _OBSERVED if it was observed, and a bit for each neighbour that is unfinished
 _BELOW = 7  # robots at or below it; not kept for the start
 
-_LOOKED = 16
+_OBSERVED = 16
 
 
 @part
-def _look(rows: Ints, v: int) -> None:
+def _observe(rows: Ints, v: int) -> None:
     """Observe v: add new children, and mark the subtrees that are explored by it."""
-    rows[v, _STATE] |= _LOOKED
+    rows[v, _STATE] |= _OBSERVED
     for d in range(4):
         w = rows[v, d]
         if w >= 0 and rows[w, PARENT] == UNKNOWN:
             rows[w, PARENT] = v
             rows[w, DEPTH] = rows[v, DEPTH] + 1
             rows[v, _STATE] |= 1 << d
-    while rows[v, _STATE] == _LOOKED and rows[v, PARENT] != v:
+    while rows[v, _STATE] == _OBSERVED and rows[v, PARENT] != v:
         p = rows[v, PARENT]
         for d in range(4):
             if rows[p, d] == v:
@@ -55,7 +55,7 @@ def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
     for i in range(low, high):
         child = branch[i]
         robots += rows[child, _BELOW]
-        if rows[child, _STATE] & _LOOKED or rows[child, _BELOW]:
+        if rows[child, _STATE] & _OBSERVED or rows[child, _BELOW]:
             entered = _ENTERED
     return entered + robots
 
@@ -111,7 +111,7 @@ def _arrive(
         arrived[count] = robot
         count += 1
         v = at[robot]
-        if rows[v, _STATE] & _LOOKED:
+        if rows[v, _STATE] & _OBSERVED:
             continue
         i = new
         while i > 0 and _later(rows, away, fresh[i - 1], v):
@@ -120,8 +120,8 @@ def _arrive(
         fresh[i] = v
         new += 1
     for i in range(new):
-        if not rows[fresh[i], _STATE] & _LOOKED:
-            _look(rows, fresh[i])
+        if not rows[fresh[i], _STATE] & _OBSERVED:
+            _observe(rows, fresh[i])
     return count
 
 
@@ -150,8 +150,8 @@ def play(
         start: the first cell of all robots.
         robots: their number.
         cost: time of a move north, east, south, west.
-        look_cost: time of a look.
-        steps: steps from every cell to the start, for the way home; empty: up the tree.
+        look_cost: time of an observation.
+        steps: steps from every cell to the start, for the return path; empty: up the tree.
 
     Returns:
         The makespan, the number of moves, and the rows of the vertices (C, 8), whose columns
@@ -163,7 +163,7 @@ def play(
             rows[v, d] = near[v, d]
         rows[v, PARENT] = UNKNOWN
     rows[start, PARENT] = start
-    _look(rows, start)
+    _observe(rows, start)
     branch = np.empty(4, np.int32)
     fresh = np.empty(robots, np.int32)
     arrived = np.arange(robots).astype(np.int32)
@@ -175,7 +175,7 @@ def play(
         for i in range(count):
             robot = arrived[i]
             v = at[robot]
-            explored = rows[start, _STATE] == _LOOKED
+            explored = rows[start, _STATE] == _OBSERVED
             if explored and v == start:
                 continue  # for good
             if explored and len(steps) > 0:
@@ -190,7 +190,7 @@ def play(
             while rows[v, d] != w:
                 d += 1
             leg_t = cost[d]
-            if not rows[w, _STATE] & _LOOKED:
+            if not rows[w, _STATE] & _OBSERVED:
                 leg_t += look_cost
             at[robot] = w
             end_t[robot] = t + leg_t

@@ -25,13 +25,13 @@ DIRECTIONS: Final = (NORTH, WEST, SOUTH, EAST)
 STEP: Final = ((0, 1), (-1, 0), (0, -1), (1, 0))
 """Cells east and north, by direction."""
 RING: Final = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))
-"""The same of the eight neighbours."""
+"""Cells east and north of the eight neighbours, in the order of the ring."""
 FREE: Final = 0xFF
 """The pattern of a cell whose neighbours are all unobstructed."""
 
 
 def back(direction: int) -> int:
-    """The opposite direction."""
+    """Return the opposite direction."""
     return (direction + 2) % 4
 
 
@@ -41,7 +41,7 @@ def is_free(pattern: int, direction: int) -> bool:
 
 
 def keep_right(pattern: int, heading: int) -> int:
-    """The next direction of a robot with the obstacle at its right hand.
+    """Return the next direction of a robot with the obstacle at its right hand.
 
     It faces right and turns left until it faces an unobstructed cell. Raises `ValueError` where
     there is none.
@@ -53,7 +53,7 @@ def keep_right(pattern: int, heading: int) -> int:
 
 
 def keep_left(pattern: int, heading: int) -> int:
-    """The same with the obstacle at its left hand.
+    """Return the next direction of a robot with the obstacle at its left hand.
 
     >>> keep_left(FREE, NORTH) == WEST
     True
@@ -69,7 +69,9 @@ def _first_free(pattern: int, begin: int, step: int) -> int:
 
 
 def heading_beside(pattern: int, obstructed: int) -> int:
-    """The heading with which a robot that keeps obstructed neighbour 0 to 7 at its right comes in.
+    """Return the heading with which a robot comes in that keeps neighbour 0 to 7 at its right.
+
+    The neighbour is obstructed.
 
     >>> heading_beside(FREE & ~0b10, 1) == SOUTH  # NW alone: in from the north, out to the west
     True
@@ -94,10 +96,10 @@ def is_beside(heading: int, direction: int, neighbour: int) -> bool:
 
 
 def label(pattern: int) -> int:
-    """The number of connected components that the obstructed neighbours form, 0 to 4.
+    """Return the number of connected components that the obstructed neighbours form, 0 to 4.
 
-    Cells are connected where they share at least a corner, within the square of nine. It is how
-    often the cell is entered when all obstacles are circumnavigated (Lemma 2).
+    Cells are connected if they share at least a corner, within the square of nine. The number is
+    how often the cell is entered when all obstacles are circumnavigated (Lemma 2).
     """
     # between two unobstructed edge neighbours lies at most one component
     edges = [i for i in (0, 2, 4, 6) if pattern >> i & 1]
@@ -111,7 +113,7 @@ def label(pattern: int) -> int:
 class GridMap:
     """The cells of a grid in ascending order; everything else refers to them by their number.
 
-    >>> pair = GridMap.of({Cell(5, 5), Cell(6, 5)})
+    >>> pair = GridMap.from_cells({Cell(5, 5), Cell(6, 5)})
     >>> pair.size, pair.width, pair.height, pair.patterns
     (2, 2, 1, (64, 4))
     """
@@ -120,16 +122,16 @@ class GridMap:
     patterns: tuple[int, ...]
     """Sensed pattern of each cell (`missions.lab.localization.grid_map`)."""
     steps: tuple[tuple[int, ...], ...]
-    """By direction: the number of the cell there for each cell, -1 where there is none."""
+    """Number of the cell in each direction from each cell, -1 if there is none."""
     own: tuple[bool, ...]
     """True for each cell that is unobstructed itself: False only among `places` beside the grid."""
 
     @classmethod
-    def of(cls, free: Collection[Cell], places: Collection[Cell] | None = None) -> GridMap:
-        """A map of unobstructed cells; of a region, for an aircraft.
+    def from_cells(cls, free: Collection[Cell], places: Collection[Cell] | None = None) -> GridMap:
+        """Return a map of unobstructed cells; of a region, for an aircraft.
 
         A robot on the ground can be in these only; `places` are those of an aircraft. Raises
-        `LocalizationError` without cells, or where some cannot be reached from the others.
+        `LocalizationError` without cells, or if some cannot be reached from the others.
         """
         known = frozenset(free)
         cells = tuple(sorted(known if places is None else frozenset(places)))
@@ -185,7 +187,7 @@ class GridMap:
 
     @cached_property
     def alike(self) -> dict[int, tuple[int, ...]]:
-        """The numbers of the cells in which a pattern is sensed, by pattern."""
+        """Numbers of the cells in which a pattern is sensed, by pattern."""
         found: dict[int, list[int]] = {}
         for i, pattern in enumerate(self.patterns):
             found.setdefault(pattern, []).append(i)
@@ -198,8 +200,7 @@ class GridMap:
 
     @cached_property
     def landings(self) -> NDArray[np.intp]:
-        """By direction, where a move ends: in the cell there, or, where there is none, where it
-        began."""
+        """End of a move in each direction: the cell there, or the same cell if there is none."""
         steps = np.array(self.steps, np.intp)
         return np.where(steps >= 0, steps, np.arange(self.size))
 
@@ -227,7 +228,7 @@ def first_candidates(known: GridMap, pattern: int) -> Candidates:
     """Return the possible cells of a robot that senses a pattern.
 
     >>> from missions.units import Cell
-    >>> corridor = GridMap.of({Cell(i, 0) for i in range(5)})
+    >>> corridor = GridMap.from_cells({Cell(i, 0) for i in range(5)})
     >>> first_candidates(corridor, corridor.patterns[1])
     (1, 2, 3)
     """
@@ -240,7 +241,7 @@ def candidates_after(
     """Return the possible cells after a move, with a pattern sensed there.
 
     >>> from missions.units import Cell
-    >>> corridor = GridMap.of({Cell(i, 0) for i in range(5)})
+    >>> corridor = GridMap.from_cells({Cell(i, 0) for i in range(5)})
     >>> candidates_after(corridor, (1, 2, 3), 1, corridor.patterns[0])
     (0,)
     """
@@ -261,10 +262,10 @@ def split(known: GridMap, candidates: Candidates, direction: int) -> list[Candid
 
 
 def chevrons(k: int, m: int) -> tuple[set[Cell], Cell]:
-    """G_{k,m} of Figure 6 and the cell A where the Homing Robot starts: the worst that is known.
+    """Return G_{k,m} of Figure 6 and the start A of the Homing Robot there: the worst known grid.
 
     m obstacles of 2 k + 1 cells point west. Rows -(k + 1) to k + 1 are each moved east by their
-    distance from the middle; all but the outermost are (free, free, obstructed) m times, then free,
+    distance from the middle. All but the outermost are (free, free, obstructed) m times, then free,
     free.
     """
     width = 3 * m + 2
@@ -286,12 +287,15 @@ def studded(k: int) -> set[Cell]:
 
 
 def corridor(cells: int) -> set[Cell]:
-    """A row of cells, on which any deterministic method needs n - 3 moves at worst (Theorem 3)."""
+    """Return a row of cells, the worst grid: any deterministic method needs n - 3 moves there.
+
+    Theorem 3 of the paper proves it.
+    """
     return {Cell(east, 0) for east in range(cells)}
 
 
 def cluttered(width: int, height: int, share: float, rng: np.random.Generator) -> set[Cell]:
-    """A room in which a share of the cells is obstructed, at random: the largest part of it."""
+    """Return the largest part of a room in which a random share of the cells is obstructed."""
     free = rng.random((width, height)) >= share
     left = {Cell(int(e), int(n)) for e, n in np.argwhere(free)} or {Cell(0, 0)}
     return set(patches(left)[0])

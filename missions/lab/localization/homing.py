@@ -1,22 +1,23 @@
 """The Homing Robot of Wongngamnit and Angluin (section 6): around obstacles, westwards.
 
-It goes west until it meets an obstacle, goes around it once with the obstacle at its right, returns
-to a westernmost cell of its boundary by the shorter way, and goes west again. The last obstacle is
-the border of the grid, whose circumnavigation shows the extent of the grid in both directions.
-It remembers some counters, and nothing of where it was: O(log n) bits. At most 4 n moves.
+It goes west until it meets an obstacle, and goes around it once with the obstacle at its right. It
+returns to a westernmost cell of the boundary by the shorter way, and goes west again. The last
+obstacle is
+the border of the grid, whose circumnavigation shows the extent of the grid in both directions. It
+remembers some counters and no places: O(log n) bits. It makes at most 4 n moves.
 
 A search of the whole grid with a compass and counters, after Blum and Kozen (section 4.2).
 
 Each obstacle but the border has one cell of its own: the one below its lowest cell, of several the
-westernmost. From there a ray leads south to another obstacle, which reaches lower; so obstacles and
-rays are a tree with the border as its root, and who keeps the obstacle at the right hand, along the
-rays as well, goes around the whole tree. On the way every column of unobstructed cells is walked up
-and down from its lower end, so every cell is visited.
+westernmost. From there a ray leads south to another obstacle, which reaches lower. So obstacles and
+rays are a tree with the border as its root. A robot that keeps the obstacle at the right hand,
+along the rays as well, goes around the whole tree. On the way it walks every column of unobstructed
+cells up and down from its lower end, so it visits every cell.
 
-Whether a cell is the one of its obstacle is found by going around the obstacle with the distance to
-it in two counters. So it remembers O(log n) bits, and pays with O(n^2) moves: columns take at most
-2 n of them, boundaries 8/3 n, and each of at most n cells below an obstacle is tried twice, which
-takes a way around, at most 8/3 n. With the way south to the first obstacle: 16/3 n^2 + 6 n.
+A trip around the obstacle, with the distance in two counters, shows whether a cell is the
+obstacle's own. So it remembers O(log n) bits, and pays with O(n^2) moves. Columns take at most 2 n
+of them, boundaries 8/3 n. Each of at most n cells below an obstacle is tried twice, which takes a
+way around, at most 8/3 n. With the way south to the first obstacle: 16/3 n^2 + 6 n.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ from missions.lab.localization.grid_map import (
 
 Moves = Generator[int, int, None]
 """A method under way: it yields the direction of its next move, and is sent the pattern of the cell
-where that has led."""
+where the move ended.
+"""
 
 AHEAD: Final = (2, 1, 3, 0, 4)
 """The neighbours that are at least as far west as the cell itself: W, NW, SW, N, S."""
@@ -85,7 +87,7 @@ def _go_around(pattern: int, hit: int) -> Generator[int, int, int]:
 
 
 def depth_first(pattern: int) -> Moves:
-    """Go to a neighbour that was not visited, in the order N, W, S, E, or back where there is none.
+    """Go to an unvisited neighbour, in the order N, W, S, E, or back if there is none.
 
     It remembers every cell that it has visited. It ends where it began, after 2 n - 2 moves.
 
@@ -110,7 +112,7 @@ def depth_first(pattern: int) -> Moves:
 
 
 def random_walk(pattern: int, rng: np.random.Generator) -> Moves:
-    """Go to any unobstructed neighbour, each as likely as the others. It never ends by itself."""
+    """Go to any unobstructed neighbour with equal probability. It never ends by itself."""
     while True:
         ways = [d for d in DIRECTIONS if is_free(pattern, d)]
         pattern = yield ways[int(rng.integers(len(ways)))]
@@ -128,7 +130,7 @@ def blum_kozen(pattern: int) -> Moves:
         if is_beside(heading, direction, _BELOW):
             pattern = yield from _straight(pattern, NORTH)
             if (yield from _is_own_cell(pattern)):
-                # the ray of an obstacle above: around that first
+                # the ray of an obstacle above: around that obstacle first
                 heading = heading_beside(pattern, _ABOVE)
             else:
                 pattern = yield from _straight(pattern, SOUTH)
@@ -149,10 +151,10 @@ def _straight(pattern: int, direction: int) -> Generator[int, int, int]:
 
 
 def _is_own_cell(pattern: int) -> Generator[int, int, bool]:
-    """Go around the obstacle above: whether this is the one cell from which its ray begins.
+    """Go around the obstacle above; return True for the one cell from which its ray begins.
 
-    It is not where the obstacle reaches lower, or as low farther in the west, nor where it is the
-    border, which shows itself by being below a cell that is as low as this.
+    It is another cell if the obstacle reaches lower, or as low farther in the west. It also is if
+    the obstacle is the border, which is below a cell as low as this.
     """
     first = heading = heading_beside(pattern, _ABOVE)
     east = north = 0

@@ -1,17 +1,17 @@
 """A planner with a map: the moves after which the fewest candidates are left, as soon as possible.
 
 All candidates sense the same, so a sequence of moves is possible in all of them or in none. They
-*split* when they sense different things. The planner looks for the nearest splits, breadth first
-over the places that all candidates reach alike, and for the moves to certainty that are expected
-after each, split by split: of a few candidates (`EXACT`) the least of all plans, of more to some
-depth (`LOOK_AHEAD`), beyond which it reckons with a number of moves for each halving. It plans anew
-after each split.
+*split* when they sense different things. The planner searches the nearest splits, breadth first
+over the places that all candidates reach alike, and the expected moves to certainty after each. For
+a few candidates (`EXACT`) it finds the least of all plans. For more it looks ahead to some depth
+(`LOOK_AHEAD`), beyond which it assumes a number of moves for each halving. It plans anew after each
+split.
 
 Every set of candidates splits somewhere. Two that never do would make the grid equal to itself
 moved by their distance, which no finite grid is.
 
 **The guarantee.** On a map of n cells the Homing Robot needs at most h = (n - b) + 3/2 c moves from
-wherever it starts (Lemma 1: b boundary cells, c moves around all obstacles), and h <= 4 n (Lemma
+any cell (Lemma 1). There are b boundary cells, c moves around all obstacles, and h <= 4 n (Lemma
 5). The planner continues while its moves, those to the next split, and h are at most 4 n together.
 Then the Homing Robot takes over. So it never takes more than 4 n moves.
 """
@@ -32,29 +32,29 @@ from missions.lab.localization.grid_map import (
 from missions.lab.localization.homing import Moves, homing
 
 EXACT: Final = 2
-"""Up to so many candidates the best of all plans is found; more take too long on large maps."""
+"""Maximum number of candidates for the best of all plans; more take too long on large maps."""
 LOOK_AHEAD: Final = ((300, 3), (1500, 2))
-"""With more candidates: up to so many, so many splits are looked ahead; of yet more, one."""
+"""Pairs of a maximum number of candidates, and of splits to look ahead; one split beyond."""
 BREADTH: Final = 4
-"""With more candidates: splits that are looked into, of those that are as many moves away."""
+"""Maximum number of splits at one distance that are considered for more candidates."""
 MOVES_A_HALVING: Final = 0.7
 """Assumed moves beyond: found on grown regions of 120 and 500 cells."""
 MAX_KEPT: Final = 200_000
-"""Values that are remembered."""
+"""Maximum number of remembered values."""
 
 Way = tuple[int, ...]
 """Directions, one after the other."""
 
 
 def homing_bound(known: GridMap) -> int:
-    """Moves that the Homing Robot needs at most, from any cell (Lemma 1); never above 4 n."""
+    """Return the most moves of the Homing Robot from any cell (Lemma 1); never above 4 n."""
     return known.labels[0] + 3 * known.circumnavigation // 2
 
 
 class Planner:
     """Plans for one map, remembered for many robots.
 
-    For up to `exact` candidates the best of all plans is found; beyond some hundred cells that
+    For up to `exact` candidates it finds the best of all plans; beyond some hundred cells that
     takes too long for all.
     """
 
@@ -65,21 +65,21 @@ class Planner:
         self._values: dict[tuple[Candidates, int], tuple[float, Way]] = {}
 
     def way(self, candidates: Candidates) -> Way:
-        """The moves to the split that is best for candidates of which there are several."""
+        """Return the moves to the split that is best for candidates of which there are several."""
         return self._best(candidates, _depth(candidates))[1]
 
     def expected_moves(self) -> float:
         """Estimated mean of the moves to certainty over all starts.
 
-        Exact where no more than `exact` cells look alike.
+        It is exact if at most `exact` cells look alike.
         """
         alike = self.known.alike.values()
         return sum(self._best(c, _depth(c))[0] for c in alike) / self.known.size
 
     def _best(self, candidates: Candidates, depth: int) -> tuple[float, Way]:
-        """Moves to certainty, summed over the candidates, and the first of them.
+        """Return moves to certainty, summed over the candidates, and the first of them.
 
-        Up to `exact` candidates it is the least of all plans, whatever the depth.
+        Up to `exact` candidates it is the least of all plans, at any depth.
         """
         size = len(candidates)
         if size == 1:
@@ -96,7 +96,7 @@ class Planner:
         return kept
 
     def _searched(self, candidates: Candidates, depth: int) -> tuple[float, Way]:
-        """Branch and bound: whoever is not alone after a split needs a move more at least."""
+        """Search by branch and bound: candidates that are not alone need one more move at least."""
         size = len(candidates)
         best: tuple[float, Way] = (math.inf, ())
         met = {candidates}
@@ -111,7 +111,7 @@ class Planner:
         return best
 
     def _sum(self, groups: list[Candidates], moves: float, limit: float, depth: int) -> float:
-        """Moves so far and those of all groups after them; infinite if not below the limit."""
+        """Return moves so far plus those of all groups after them; infinite from the limit on."""
         open_groups = sorted((group for group in groups if len(group) > 1), key=len)
         least = sum(map(len, open_groups))
         for group in open_groups:
@@ -124,8 +124,7 @@ class Planner:
     def _moved_on(
         self, rim: list[tuple[Candidates, Way]], met: set[Candidates]
     ) -> tuple[list[tuple[float, Way, list[Candidates]]], list[tuple[Candidates, Way]]]:
-        """One move on from the rim: splits, each with what it leaves at a glance, and the new
-        rim."""
+        """Move on from the rim; return the splits, with their estimated rests, and the new rim."""
         splits: list[tuple[float, Way, list[Candidates]]] = []
         outer: list[tuple[Candidates, Way]] = []
         for here, way in rim:
@@ -146,14 +145,14 @@ def _depth(candidates: Candidates) -> int:
 
 
 def _reckoned(candidates: Candidates) -> float:
-    """Moves to certainty at a glance, summed over the candidates."""
+    """Return estimated moves to certainty, summed over the candidates."""
     return MOVES_A_HALVING * len(candidates) * math.log2(len(candidates))
 
 
-def plan(pattern: int, planner: Planner, told: Callable[[], None] | None = None) -> Moves:
+def plan(pattern: int, planner: Planner, notify: Callable[[], None] | None = None) -> Moves:
     """Move as planned; as the Homing Robot once no more than its bound is left of 4 n moves.
 
-    `pattern` is sensed at first; `told` is called when the Homing Robot takes over.
+    `pattern` is sensed at first; `notify` is called when the Homing Robot takes over.
     """
     known = planner.known
     candidates = first_candidates(known, pattern)
@@ -161,8 +160,8 @@ def plan(pattern: int, planner: Planner, told: Callable[[], None] | None = None)
     while len(candidates) > 1:
         way = planner.way(candidates)
         if len(way) > spare:
-            if told is not None:
-                told()
+            if notify is not None:
+                notify()
             yield from homing(pattern)
         spare -= len(way)
         for direction in way:

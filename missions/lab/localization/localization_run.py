@@ -23,10 +23,9 @@ class Method:
 
     name: str
     start: Start
-    """Begins, from the first pattern; the planner is that of the map, if there is a map."""
+    """Function that begins, from the first pattern; the planner is that of the map, if any."""
     bound: Callable[[int], int] | None
-    """Moves that it takes at most without errors, from n; None where that holds in the mean
-    only."""
+    """Function from n to the maximum moves without errors; None if that is a mean only."""
     promise: str
     """The bound in words."""
     needs_map: bool = False
@@ -107,8 +106,10 @@ class Localized:
 
 
 def longest_walk(known: GridMap) -> int:
-    """Moves after which a random walk is given up: 32 times the most that it needs in the mean to
-    visit all cells, 2 |E| (n - 1). At most one in 65,000 is not done by then."""
+    """Return moves after which a random walk is given up: 32 times the bound of its mean.
+
+    The bound for a visit of all cells is 2 |E| (n - 1). At most one in 65,000 is not done by then.
+    """
     return 64 * known.edges * max(known.size - 1, 1)
 
 
@@ -126,7 +127,7 @@ def localize(
     map.
 
     >>> from missions.lab.localization.localization_run import METHODS
-    >>> row = GridMap.of({Cell(i, 0) for i in range(6)})
+    >>> row = GridMap.from_cells({Cell(i, 0) for i in range(6)})
     >>> done = localize(row, Cell(2, 0), METHODS["homing"], np.random.default_rng(1))
     >>> done.moves, done.right
     (7, True)
@@ -141,8 +142,8 @@ def localize(
         if len(fitting) == 1:
             return Localized(known.cells[here], known.cells[fitting[0]], moves, 1.0)
         if planner is None and (place := been.place) is not None:
-            told = Cell(known.west + place[0], known.south + place[1])
-            return Localized(known.cells[here], told, moves, 1.0)
+            reported = Cell(known.west + place[0], known.south + place[1])
+            return Localized(known.cells[here], reported, moves, 1.0)
         direction = None if moves >= limit else _next(walk, seen)
         if direction is None:
             return Localized(known.cells[here], None, moves, 0.0)

@@ -2,13 +2,13 @@
 
 A planner for a robot whose sensor and odometry err: moves after which its belief is sharper.
 
-It looks at some cells, the more probable ones first. What tells two of them apart along a way is
-the number of neighbours in which they differ: after each such neighbour the probability to take one
-for the other is smaller by a factor, the Bhattacharyya coefficient of the two readings. All ways of
-`AHEAD` moves and straight ways as long as the grid are tried in all these cells at once; the best
-is the one with the fewest moves, together with what is still needed after it. Where none helps, it
-is the shortest way after which the two most probable cells look different. It is gone to its end,
-or until the doubt has shrunk by a third; then everything is planned anew. There is no bound.
+It considers some cells, the more probable ones first. The number of neighbours in which two of them
+differ along a way distinguishes them. After each such neighbour the probability to confuse them is
+smaller by a factor, the Bhattacharyya coefficient of the two readings. All ways of `AHEAD` moves
+and straight ways as long as the grid are tried in all these cells at once. The best needs the
+fewest moves, together with the expected ones after it. If none helps, the robot takes the shortest
+way after which the two most probable cells look different. It follows the way to its end, or until
+the doubt has shrunk by a third; then it plans everything anew. There is no bound.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ MAX_RATE: Final = 0.49
 class Noise:
     """The error rate of a sensor, about each neighbour independently of the others.
 
-    A positive is an unobstructed cell, a cell of the region. Both rates are 0 to `MAX_RATE`; a
-    `LocalizationError` names the one that is not.
+    A positive is an unobstructed cell, a cell of the region. Both rates are 0 to `MAX_RATE`, or
+    `LocalizationError` names the wrong one.
     """
 
     false_positive: float = 0.0
-    """Of obstructed cells, the share that is taken for unobstructed ones."""
+    """Share of obstructed cells that are taken for unobstructed ones."""
     false_negative: float = 0.0
-    """Of unobstructed cells, the share that is taken for obstructed ones."""
+    """Share of unobstructed cells that are taken for obstructed ones."""
 
     def __post_init__(self) -> None:
         for name in ("false_positive", "false_negative"):
@@ -53,8 +53,10 @@ class Noise:
                 raise LocalizationError(f"{name} = {value:g}: expected 0 to {MAX_RATE}")
 
     def likelihoods(self, seen: int, judged: int = ALL) -> NDArray[np.float64]:
-        """The likelihood of the pattern `seen` where the truth is each of the 256 patterns; only
-        neighbours in the mask `judged` were sensed."""
+        """Return the likelihood of the pattern `seen` if each of the 256 patterns is the truth.
+
+        Only neighbours in the mask `judged` were sensed.
+        """
         free, blocked = _EVERY & judged, ~_EVERY & judged
         unseen = ~seen & 0xFF
         hits, misses = np.bitwise_count(free & seen), np.bitwise_count(free & unseen)
@@ -76,10 +78,10 @@ EXACT: Final = Noise()
 class Belief:
     """The probability of each cell of a map to be the one: a histogram filter.
 
-    A value: every change makes a new one. Given right error rates, and errors that are independent
-    of each other, of all answers given with 95 % confidence 95 % are right.
+    A value: every change makes a new one. With right error rates, and errors that are independent
+    of each other, 95 % of all answers with 95 % confidence are right.
 
-    >>> row = GridMap.of({Cell(i, 0) for i in range(4)})
+    >>> row = GridMap.from_cells({Cell(i, 0) for i in range(4)})
     >>> belief = Belief.uniform(row).saw(row.patterns[1], Noise(0.05, 0.1))
     >>> belief.best, round(belief.confidence, 3)
     (Cell(east=1, north=0), 0.474)
@@ -90,7 +92,7 @@ class Belief:
 
     known: GridMap
     mass: NDArray[np.float64]
-    """Of each cell, in the order of the map; the sum is 1."""
+    """Probability of each cell, in the order of the map; the sum is 1."""
 
     @classmethod
     def uniform(cls, known: GridMap) -> Belief:
@@ -98,7 +100,7 @@ class Belief:
         return cls(known, np.full(known.size, 1.0 / known.size))
 
     def moved(self, dx: int, dy: int, slip: float = 0.0) -> Belief:
-        """The belief after a move of `dx` cells east and `dy` north, cell by cell, east first.
+        """Return the belief after a move of `dx` cells east and `dy` north, east first.
 
         With the probability `slip` a step stays or goes in one of the three other directions, each
         of the four equally likely. A step off the map stays, unnoticed. Raises `LocalizationError`
@@ -132,11 +134,11 @@ class Belief:
         judged: int = ALL,
         own: bool | None = None,
     ) -> Belief:
-        """The belief after a look that shows a pattern of `neighbours`, sensed where `judged` says.
+        """Return the belief after an observation of `neighbours`; `judged` is the sensed mask.
 
-        `own`: whether the cell itself looks unobstructed, for an aircraft, which may be beside the
-        region; None where that was not sensed. Raises `LocalizationError` where no cell fits: the
-        map is of something else, or the sensor errs more than `noise` says.
+        `own`: True if the cell itself looks unobstructed, for an aircraft, which may be beside the
+        region; None if that was not sensed. Raises `LocalizationError` if no cell fits: the map is
+        of another place, or the sensor errs more often than `noise` states.
         """
         mass = self.mass * noise.likelihoods(neighbours, judged)[self.known.pattern_array]
         if own is not None:
@@ -146,7 +148,7 @@ class Belief:
         total = float(mass.sum())
         if not total > 0.0:
             raise LocalizationError(
-                "what is seen fits no cell of the map that is still possible: the map is of "
+                "the observation fits no cell of the map that is still possible: the map is of "
                 "another place, or the error rates are too small"
             )
         return Belief(self.known, mass / total)
@@ -172,7 +174,7 @@ QUANTILES: Final = 40
 MOST_PROBABLE: Final = 8
 """Further cells that are considered."""
 AHEAD: Final = 3
-"""Moves of the ways that are all tried."""
+"""Length of the ways that are all tried, moves."""
 LEAST_GAIN: Final = 0.1
 """Expected moves: a way that saves fewer does not help."""
 NEWS: Final = 2 / 3
@@ -181,7 +183,7 @@ MOVES_A_HALVING: Final = 1.0
 """Expected moves for each halving of the doubt that is left."""
 
 Doubts = NDArray[np.float64]
-"""Of each way and pair of hypotheses: how probable it is that one is taken for the other."""
+"""Probability of each way and pair of hypotheses that one is taken for the other."""
 
 
 class NoisyPlanner:
@@ -198,7 +200,7 @@ class NoisyPlanner:
         self._doubt = 1.0
 
     def move(self, belief: Belief) -> int:
-        """The direction to go next."""
+        """Return the direction to go next."""
         doubt = 1.0 - float((belief.mass**2).sum())
         if not self._way or doubt < NEWS * self._doubt:
             self._way, self._doubt = self._planned(belief), doubt
@@ -212,7 +214,7 @@ class NoisyPlanner:
         for length in range(1, AHEAD + 1):
             directions = np.tile(DIRECTIONS, len(at))
             at = self._known.landings[directions, np.repeat(at, 4, axis=0).T].T
-            ways = np.repeat(ways, 4, axis=0) * self._told_apart(at)
+            ways = np.repeat(ways, 4, axis=0) * self._distinction(at)
             value, number = self._best(ways, length)
             if value < best[0]:
                 best = (value, [number // 4**i % 4 for i in reversed(range(length))])
@@ -220,10 +222,10 @@ class NoisyPlanner:
         if reckoned < self._best(doubts[None], 0)[0] - LEAST_GAIN:
             return best[1]
         first, second = np.argsort(-belief.mass, kind="stable")[:2]
-        return self._telling_apart(int(first), int(second))
+        return self._distinguishing_way(int(first), int(second))
 
-    def _telling_apart(self, first: int, second: int) -> list[int]:
-        """The shortest way after which two cells look different."""
+    def _distinguishing_way(self, first: int, second: int) -> list[int]:
+        """Return the shortest way after which two cells look different."""
         landings, patterns = self._known.landings, self._known.patterns
         met = {(first, second)}
         rim: list[tuple[int, int, list[int]]] = [(first, second, [])]
@@ -240,7 +242,7 @@ class NoisyPlanner:
     def _hypotheses(
         self, mass: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Cells to weigh: quantiles, for many that are alike, and the most probable ones."""
+        """Return cells to weigh: quantiles, for many that are alike, and the most probable ones."""
         middles = (np.arange(QUANTILES) + 0.5) / QUANTILES
         drawn = np.minimum(np.searchsorted(mass.cumsum(), middles), len(mass) - 1)
         weights = np.bincount(drawn, minlength=len(mass)) / QUANTILES
@@ -257,14 +259,14 @@ class NoisyPlanner:
             if length >= best[0]:
                 break
             at = self._known.landings[directions[:, None], at]
-            ways = ways * self._told_apart(at)
+            ways = ways * self._distinction(at)
             value, direction = self._best(ways, length)
             if value < best[0]:
                 best = (value, [direction] * length)
         return best
 
-    def _told_apart(self, at: NDArray[np.intp]) -> Doubts:
-        """By what a look in these places, way by way, multiplies the doubts."""
+    def _distinction(self, at: NDArray[np.intp]) -> Doubts:
+        """Return the factors of the doubts by observations in these places, way by way."""
         patterns = self._known.pattern_array[at]
         factors: Doubts = self._factors[
             np.bitwise_count(patterns[:, :, None] ^ patterns[:, None, :])
@@ -272,7 +274,7 @@ class NoisyPlanner:
         return factors
 
     def _best(self, ways: Doubts, length: int) -> tuple[float, int]:
-        """The moves to certainty by the way that leaves the least doubt, and its number."""
+        """Return the moves to certainty by the way with the least doubt, and its number."""
         left = ways.sum(axis=(1, 2))
         least = int(left.argmin())
         more = math.log2(max(float(left[least]) / self._enough, 1.0))
@@ -280,7 +282,7 @@ class NoisyPlanner:
 
 
 PATIENCE: Final = 50
-"""Moves a cell after which a robot gives up."""
+"""Moves for each cell after which a robot gives up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -292,7 +294,7 @@ class Errors:
     slip: float = 0.0
     """Probability that a move does not happen or goes elsewhere, 0 to 0.9."""
     confidence: float = 0.95
-    """Probability of a cell with which a robot is content, 0.5 to 0.9999."""
+    """Probability of a cell that is enough for the robot, 0.5 to 0.9999."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.slip <= 0.9:
@@ -304,13 +306,12 @@ class Errors:
 def localize_with_errors(
     known: GridMap, start: Cell, method: Method, errors: Errors, rng: np.random.Generator
 ) -> Localized:
-    """Put a robot with a map into a cell, and let it go on until it is sure enough.
+    """Put a robot with a map into a cell, and let it move until it is certain enough.
 
-    It senses its first cell and each cell after a move, and believes by `Belief`. A method is
-    shown the neighbours of the most probable cell, which a map makes more reliable than those that
-    were sensed. It begins anew when it has no more moves, and when the most probable cell is not
-    the one where the last move should have led. `plan` is `NoisyPlanner`. Raises KeyError for a
-    start off the map.
+    It senses its first cell and each cell after a move, and believes by `Belief`. A method gets the
+    neighbours of the most probable cell, which a map makes more reliable than the sensed ones. It
+    begins anew when it has no more moves, and when the most probable cell is not the expected one
+    after the last move. `plan` is `NoisyPlanner`. Raises KeyError for a start off the map.
     """
     here = known.index[start]
     walk = _Walk(known, method, errors, rng)
@@ -330,7 +331,7 @@ def localize_with_errors(
 
 
 class _Walk:
-    """A method that goes on, whatever it is shown."""
+    """A method that continues, whatever it senses."""
 
     def __init__(
         self, known: GridMap, method: Method, errors: Errors, rng: np.random.Generator
@@ -341,10 +342,10 @@ class _Walk:
             self._planner = NoisyPlanner(known, errors.noise, errors.confidence)
         self._moves: Moves | None = None
         self._ahead = -1
-        """The cell where the last move should have led."""
+        """The expected cell after the last move."""
 
     def move(self, belief: Belief) -> int:
-        """The next direction."""
+        """Return the next direction."""
         if self._planner is not None:
             return self._planner.move(belief)
         here = belief.number
@@ -353,7 +354,7 @@ class _Walk:
         return direction
 
     def _next(self, here: int) -> int:
-        """The method's next direction; it begins anew where it has none, or at another place."""
+        """Return the method's next direction; it begins anew without one, or at another place."""
         pattern = self._known.patterns[here]
         if self._moves is not None and here == self._ahead:
             try:

@@ -1,4 +1,4 @@
-"""Strategies of papers, to compare with; they register themselves when this is imported."""
+"""Strategies of papers, for comparison; they register themselves when this is imported."""
 
 from __future__ import annotations
 

@@ -1,16 +1,16 @@
 """Breadth-First Depth-Next of Cosson, Massoulié and Viennot (DISC 2023).
 
 A robot at the root gets an anchor: a visited vertex with an unvisited child, of least depth, and
-among these with the fewest robots. It goes down the tree to its anchor (breadth first), and from
-then on enters an unvisited child that no other robot enters, otherwise goes up (depth next), until
-it is back at the root and is given another anchor.
+among these with the fewest robots. It goes down the tree to its anchor (breadth first). From then
+on it enters an unvisited child that no other robot enters, otherwise goes up (depth next). Back at
+the root it gets another anchor.
 
-The bound is the paper's Theorem 1: 2 n / k + D^2 (min(ln Delta, ln k) + 3) rounds on a tree of n
-vertices, depth D and greatest degree Delta, with k robots and the return. It holds on a ROI with
-cycles as well: robots move along the exploration tree alone, the children of a vertex are all known
-once it was looked from, and so nobody can tell the run from one on the final tree, with n = C, D =
-depth_T and Delta <= 4. It supposes rounds: robots of one speed on a resting ROI, all in touch, and
-no cell that becomes ROI later.
+The bound is the paper's Theorem 1: 2 n / k + D^2 (min(ln Delta, ln k) + 3) rounds. It is for a tree
+of n vertices, depth D and greatest degree Delta, with k robots and the return. It holds on a ROI
+with cycles as well. Robots move along the exploration tree alone, and one observation of a vertex
+shows all its children. So the run equals one on the final tree, with n = C, D = depth_T and Delta
+<= 4. It assumes rounds: robots of one speed on a resting ROI, all in contact, and no cell that
+becomes ROI later.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ class Bfdn:
     when: str = "a great many cells lie near the start: the best promise where depth_T^2 < C / R"
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """Theorem 1."""
+        """Return the bound of Theorem 1."""
         return 2.0 * cells / robots + depth**2 * (min(math.log(_DEGREE), math.log(robots)) + 3.0)
 
     def bound_holds(self, robots: int, metric: Metric) -> bool:
-        """In rounds: where no move takes longer than another, or one robot is alone."""
+        """Return True in rounds: no move takes longer than another, or one robot is alone."""
         return robots == 1 or (metric.drift_speed == 0.0 and metric.look == 0.0)
 
     def decide(self, situation: Situation) -> Decision:
-        """One robot after the other. The memory is the anchor of each."""
+        """Move one robot after the other. The memory is the anchor of each."""
         tree, at = situation.tree, situation.at
         before = cast("Mapping[int, _Anchor]", situation.memory or {})
         anchors = {r: before.get(r, _Anchor(tree.root)) for r in at}
@@ -75,14 +75,14 @@ class _Anchor:
 
 
 def _anchor(tree: Tree, anchors: Mapping[int, _Anchor], robot: int) -> Cell:
-    """The open vertex of least depth with the fewest robots; the root if there is none."""
+    """Return the open vertex of least depth with the fewest robots; the root if there is none."""
     load = Counter(anchor.cell for r, anchor in anchors.items() if r != robot)
     opened = {v.parent for v in tree.vertices.values() if not v.looked and v.parent is not None}
     return min(opened, key=lambda c: (tree.vertices[c].depth, load[c], c), default=tree.root)
 
 
 def _move(tree: Tree, busy: Collection[Cell], cell: Cell, anchor: _Anchor) -> Cell | None:
-    """Down to the anchor, else into a child that is free, else up."""
+    """Move down to the anchor, else into a child that is free, else up."""
     if anchor.ahead:
         below = None
         for ancestor in tree.path_up(anchor.cell):

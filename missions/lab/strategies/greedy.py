@@ -1,8 +1,9 @@
 """Greedy Mapping of Tovey and Koenig: always to the nearest unvisited cell.
 
 One robot moves along a shortest way over known cells to the nearest unvisited one, until there is
-none. Several robots each go to the nearest of the cells that the fewest others head for: to one of
-its own while there are any, then to another's, so that no robot waits for one that may never come.
+none. Several robots each go to the nearest of the cells that the fewest others head for. A robot
+goes to a cell of its own while there are any, then to another's. So no robot waits for one that may
+never come.
 """
 
 from __future__ import annotations
@@ -27,20 +28,20 @@ class Greedy:
     """
 
     name: str = "greedy"
-    guarantee: str = "one robot, cell by cell: at most 2 C^1.5 + 4 C moves and the way home"
+    guarantee: str = "one robot, cell by cell: at most 2 C^1.5 + 4 C moves and the return"
     source: str = "Tovey and Koenig, Improved Analysis of Greedy Mapping, Theorem 2"
-    when: str = "you want a rule that anybody can follow, and short tours on most regions"
+    when: str = "you want a rule that is easy to follow, and short tours on most regions"
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """Theorem 2, and the return; for one robot only."""
+        """Return the bound of Theorem 2, with the return; for one robot only."""
         return 2.0 * cells**1.5 + 4.0 * cells + depth if robots == 1 else None
 
     def bound_holds(self, robots: int, metric: Metric) -> bool:
-        """Cell by cell only: the theorem counts edges of a graph."""
+        """Return True cell by cell only: the theorem counts edges of a graph."""
         return not metric.straight
 
     def decide(self, situation: Situation) -> Decision:
-        """One robot after the other. The memory is the goal of each."""
+        """Move one robot after the other. The memory is the goal of each."""
         tree, at = situation.tree, situation.at
         before = cast("Mapping[int, Cell]", situation.memory or {})
         goals = {r: before.get(r, at[r]) for r in at}

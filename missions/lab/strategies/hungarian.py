@@ -1,9 +1,9 @@
 """Robots are assigned to the open cells as cheaply as possible, far cells first.
 
 At every decision all robots are assigned to the known unvisited cells by the Hungarian method. A
-cell costs the way to it less a share of its return path: far cells are done on the way out, so that
-what is left lies towards home. When there are more robots than cells a cell is given out again, the
-dearer the more often.
+cell costs the way to it less a share of its return path. Thus far cells are done on the way out,
+and the rest lies towards home. If there are more robots than cells a cell is assigned again, a more
+expensive one more often.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from missions.units import Cell
 
 
 def assign(costs: Sequence[Sequence[float]]) -> list[int]:
-    """For every row a column of its own, so that the sum of the costs is least.
+    """Return a column for every row, each its own, so that the sum of the costs is least.
 
     Shortest augmenting paths with potentials (Kuhn 1955, Munkres 1957; in this form Jonker and
     Volgenant 1987), O(rows^2 x columns). Raises ValueError for more rows than columns, and for
@@ -31,7 +31,7 @@ def assign(costs: Sequence[Sequence[float]]) -> list[int]:
     rows, columns = len(costs), len(costs[0]) if costs else 0
     if rows > columns or any(len(row) != columns for row in costs):
         raise ValueError(f"{rows} rows need as many columns each at least, not {columns}")
-    # row and column 0 are made up: the path to a free column starts there
+    # row and column 0 are artificial: the path to a free column starts there
     u, v = [0.0] * (rows + 1), [0.0] * (columns + 1)
     row_of = [0] * (columns + 1)
     for row in range(1, rows + 1):
@@ -98,7 +98,7 @@ class Hungarian:
     when: str = "you want short flights of several robots with little to compute"
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """None is proven."""
+        """Return None: no bound is proven."""
         return None
 
     def decide(self, situation: Situation) -> Decision:
@@ -117,9 +117,9 @@ class Hungarian:
 
 
 def _goals(tree: Tree, ways: Ways, at: Mapping[int, Cell]) -> dict[int, Cell]:
-    """The goal of every robot; empty when all cells are visited."""
+    """Return the goal of every robot; empty when all cells are visited."""
     depth = ways.steps(tree.root)
-    todo = sorted(ways.unvisited, key=lambda cell: -depth[cell])  # of equally dear ones the far
+    todo = sorted(ways.unvisited, key=lambda cell: -depth[cell])  # of equal costs the far one
     if not todo:
         return {}
     far = {robot: ways.lengths(cell, todo) for robot, cell in at.items()}

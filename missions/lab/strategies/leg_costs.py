@@ -1,7 +1,7 @@
 """Ways and their lengths, cell by cell or straight as in flight.
 
-Lengths are in cells. Where robots fly straight a leg's length is the time that it adds to a closed
-tour, times the speed; a leg that is not allowed is as long as the way over known cells.
+Lengths are in cells. If robots fly straight, a leg's length is the time that it adds to a closed
+tour, times the speed. A leg that is not allowed is as long as the way over known cells.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from missions.units import Cell
 
 
 class Ways:
-    """Ways over what is known at one decision.
+    """Ways over the known cells at one decision.
 
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1)])
     >>> tree = tree.looked(Cell(0, 1), [Cell(1, 1)])
@@ -35,14 +35,14 @@ class Ways:
         # most ways are short: the next cell should not cost the whole map
         self._near = cache(neighbours_in(known))
         self.unvisited = [cell for cell, vertex in known.items() if not vertex.looked]
-        """The known cells from which no robot has looked, in the order in which they were found."""
+        """Known cells that no robot has observed, in the order in which they were found."""
 
     def steps(self, start: Cell, until: Collection[Cell] = ()) -> dict[Cell, int]:
-        """Steps to every vertex, nearest first; with `until` as far as to the nearest of these."""
+        """Return steps to every vertex, nearest first; with `until` up to the nearest of these."""
         return reached(self._near, start, until)
 
     def nearest(self, start: Cell, goals: Collection[Cell]) -> list[Cell]:
-        """The nearest of some vertices: several when they are equally near."""
+        """Return the nearest of some vertices: several if they are equally near."""
         wanted = frozenset(goals)
         if self._metric.straight:
             far = self.lengths(start, wanted)
@@ -52,12 +52,12 @@ class Ways:
         return [cell for cell, count in steps.items() if count == last and cell in wanted]
 
     def nearest_free(self, start: Cell, others: Mapping[Cell, int]) -> list[Cell]:
-        """The nearest of the unvisited vertices that the fewest others head for."""
+        """Return the nearest of the unvisited vertices that the fewest others head for."""
         fewest = min(others.get(cell, 0) for cell in self.unvisited)
         return self.nearest(start, [c for c in self.unvisited if others.get(c, 0) == fewest])
 
     def lengths(self, start: Cell, goals: Collection[Cell]) -> dict[Cell, float]:
-        """The length of the way to each of some vertices, nearest first."""
+        """Return the length of the way to each of some vertices, nearest first."""
         wanted = frozenset(goals)
         found = {cell: float(n) for cell, n in self.steps(start).items() if cell in wanted}
         if not self._metric.straight:
@@ -68,7 +68,7 @@ class Ways:
         return dict(sorted(found.items(), key=lambda item: item[1]))
 
     def next_stop(self, start: Cell, goal: Cell) -> Cell:
-        """The next vertex on the way to another: that one where robots fly straight."""
+        """Return the next vertex on the way to another: the goal itself if robots fly straight."""
         if self._metric.straight and self._is_straight(start, goal):
             return goal
         steps = self.steps(goal, [start])

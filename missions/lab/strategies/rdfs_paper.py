@@ -1,8 +1,8 @@
 """Algorithm 1 read literally: children in the fixed order north, east, south, west.
 
-A group that stands at a vertex is split in two halves in that order; a robot that comes alone
-takes the first unfinished child, wherever the others are. It explores everything, but breaks the
-paper's own Lemma 1 on most trees; it is here to be compared with.
+A group at a vertex is split into two halves in that order. A robot that comes alone takes the first
+unfinished child, wherever the others are. It explores everything, but breaks the paper's own Lemma
+1 on most trees. It is here for comparison.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ class RdfsPaper:
     when: str = "you compare with the paper as printed"
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """None is kept."""
+        """Return None: it keeps no bound."""
         return None
 
     def decide(self, situation: Situation) -> Decision:
-        """The robots that decide at one vertex are a group."""
+        """Decide for the robots at one vertex as a group."""
         tree, at, robots = situation.tree, situation.at, situation.robots
         return Decision(
             {
@@ -38,7 +38,7 @@ class RdfsPaper:
         )
 
     def _move(self, tree: Tree, group: list[int], robot: int, v: Cell) -> Cell | None:
-        """One pass through the listing; the numbers are the lines of Algorithm 1."""
+        """Run once through the listing; the numbers are the lines of Algorithm 1."""
         neighbours = [w for w in tree.children(v) if not tree.is_explored(w)]  # 8-13
         if not neighbours:  # 22-23
             return tree.parent(v)

@@ -1,20 +1,20 @@
 """SmartDFS of Icking, Kamphans, Klein and Langetepe: along the wall, layer by layer.
 
-A robot keeps its left hand at what it has visited or at the outside: at every new cell it tries
-left, ahead, right. From a dead end it goes by the shortest visited way to the last cell that has an
-unvisited neighbour left. Where a cell splits what is unvisited into parts, the part that lies
-towards the start comes last, so that no robot goes there twice.
+A robot keeps its left hand at visited cells or at the outside: at every new cell it tries left,
+ahead, right. From a dead end it goes by the shortest visited way to the last cell that has an
+unvisited neighbour left. If a cell splits the unvisited ones into parts, the part towards the start
+comes last, so that no robot goes there twice.
 
-One robot on a ROI without holes, from its rim: at most C + E / 2 - 3 moves, E the number of edges
-between ROI and other cells, so never more than 2 C - 2. With holes the visits still are in the
-order of a depth-first search and ways are shortest ones, so 2 C - 2 holds there as well. The paper
-tells the last part of a split by the numbers of the layers around it; here it is the one with the
-shortest return path, which is the same side without the bookkeeping, and was never seen to exceed
-the paper's bound.
+One robot on a ROI without holes, from its rim, makes at most C + E / 2 - 3 moves. E is the number
+of edges between ROI and other cells, so it never makes more than 2 C - 2. With holes the visits
+still are in the order of a depth-first search and ways are shortest ones. So 2 C - 2 holds there as
+well. The paper finds the last part of a split by the numbers of the layers around it. Here it is
+the part with the shortest return path, which is the same side without the bookkeeping. It was never
+seen to exceed the paper's bound.
 
-Several robots each go by the rule, and leave out the cells that others head for. A robot without a
-cell goes to the nearest unvisited cell with the fewest robots and begins anew there; for that there
-is no bound.
+Several robots each follow the rule, and leave out the cells that others head for. A robot without a
+cell goes to the nearest unvisited cell with the fewest robots and begins anew there. There is no
+bound for that.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ class SmartDfs:
     when: str = "one vehicle maps a compact region and should fly long straight lines"
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """2 C - 2 for one robot."""
+        """Return 2 C - 2 for one robot."""
         return 2.0 * (cells - 1) if robots == 1 else None
 
     def decide(self, situation: Situation) -> Decision:
-        """One robot after the other."""
+        """Move one robot after the other."""
         tree, at = situation.tree, situation.at
         before = cast("_Memory", situation.memory or _Memory())
         trails = {r: before.trails.get(r, ()) for r in at}
@@ -89,7 +89,7 @@ class _Memory:
 
 
 def _fork(tree: Tree, ways: Ways, trail: tuple[_Fork, ...], here: Cell) -> _Fork:
-    """Left, ahead, right of the way on which the robot came; after a split the last part last."""
+    """Return left, ahead, right of the robot's course; after a split the last part comes last."""
     around = here.neighbours()
     if trail and trail[-1].cell in around:
         back = around.index(trail[-1].cell)
@@ -101,18 +101,18 @@ def _fork(tree: Tree, ways: Ways, trail: tuple[_Fork, ...], here: Cell) -> _Fork
         parts = {cell: _part(tree, cell) for cell in todo}
         if len(set(parts.values())) > 1:
             home = ways.steps(tree.root)
-            todo.sort(key=lambda cell: -_way_home(tree, home, parts[cell], here))
+            todo.sort(key=lambda cell: -_return_steps(tree, home, parts[cell], here))
     return _Fork(here, tuple(todo))
 
 
-def _way_home(tree: Tree, home: Mapping[Cell, int], part: Collection[Cell], here: Cell) -> int:
-    """Steps to the root from the nearest visited cell beside a part, other than where it split."""
+def _return_steps(tree: Tree, home: Mapping[Cell, int], part: Collection[Cell], here: Cell) -> int:
+    """Return steps to the root from the nearest visited cell beside a part, but for the split."""
     beside = {n for cell in part for n in cell.neighbours() if n in tree and n != here}
     return min((home[n] for n in beside if tree.has_looked(n)), default=home[here])
 
 
 def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
-    """The known unvisited cells that may hang together with one, over sides or open corners."""
+    """Return the known unvisited cells that may be connected with one, over sides or corners."""
     part, todo = {start}, [start]
     while todo:
         e, n = todo.pop()
@@ -128,7 +128,7 @@ def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
 
 
 def _shut(tree: Tree, cell: Cell) -> bool:
-    """Return whether no way leads over a cell to an unvisited one: visited, or not ROI."""
+    """Return True if no way leads over a cell to an unvisited one: visited, or not ROI."""
     if cell in tree:
         return tree.has_looked(cell)
     return any(n in tree and tree.has_looked(n) for n in cell.neighbours())
@@ -137,19 +137,19 @@ def _shut(tree: Tree, cell: Cell) -> bool:
 def _unfinished(
     tree: Tree, others: Mapping[Cell, int], trail: tuple[_Fork, ...]
 ) -> tuple[_Fork, ...]:
-    """The trail up to the last fork with a neighbour that is left to this robot."""
+    """Return the trail up to the last fork with a neighbour that is left to this robot."""
     while trail and not any(_left(tree, others, cell) for cell in trail[-1].order):
         trail = trail[:-1]
     return trail
 
 
 def _left(tree: Tree, others: Mapping[Cell, int], cell: Cell) -> bool:
-    """Return whether a cell is unvisited and no other robot heads for it."""
+    """Return True if a cell is unvisited and no other robot heads for it."""
     return not tree.has_looked(cell) and not others.get(cell)
 
 
 def _towards(tree: Tree, here: Cell, fork: Cell, goal: Cell) -> Cell:
-    """The next cell on the shortest visited way to a fork, and from there to the goal."""
+    """Return the next cell on the shortest visited way to a fork, and from there to the goal."""
     if here == fork:
         return goal
     return step_towards({c for c, v in tree.vertices.items() if v.looked}, here, fork)

@@ -26,7 +26,7 @@ class _Walk:
     __slots__ = ()
 
     def bound_moves(self, cells: int, depth: int, robots: int) -> float | None:
-        """None: what is proven of a walk holds on trees only, in the mean, or not here."""
+        """Return None: what is proven of a walk holds on trees only, in the mean, or not here."""
         return None
 
     def _moves(self, situation: Situation, choose: Choice) -> dict[int, Cell | None]:
@@ -43,15 +43,16 @@ class _Walk:
 
 @dataclass(frozen=True, slots=True)
 class Lrv(_Walk):
-    """Least Recently Visited of Batalin and Sukhatme: the direction that was taken least often.
+    """Least Recently Visited of Batalin and Sukhatme: the direction that was used least often.
 
-    Each vertex carries a weight for each direction, which counts how often a robot left that way or
-    came from there (Algorithm 1); of equal ones the first in the order north, east, south, west.
+    Each vertex carries a weight for each direction. It counts how often a robot left in that
+    direction or came from it (Algorithm 1). Of equal ones the first counts, in the order north,
+    east, south, west.
 
-    On a tree one robot is done after 2 |E| moves (Theorem 3), which needs the arrivals to be
-    counted: a robot that enters a vertex tries the other directions before it turns back. Without
-    them (`arrivals=False`) the directions take turns, a rotor-router; that is what the published
-    figures for large lattices come from.
+    On a tree one robot is done after 2 |E| moves (Theorem 3), if arrivals are counted. Then a robot
+    that enters a vertex tries the other directions before it turns back. Without arrivals
+    (`arrivals=False`) the directions take turns, a rotor-router. The published figures for large
+    lattices come from that.
 
     >>> from missions.lab.arena.arena_run import run
     >>> run(Lrv(), {Cell(0, 0), Cell(0, 1), Cell(1, 0)}, Cell(0, 0), 1).makespan
@@ -66,7 +67,7 @@ class Lrv(_Walk):
     arrivals: bool = True
 
     def decide(self, situation: Situation) -> Decision:
-        """The memory is the weights: (vertex, neighbour), count."""
+        """Move by the weights, which are the memory: (vertex, neighbour), count."""
         weights = dict(cast("Mapping[tuple[Cell, Cell], int]", situation.memory or {}))
 
         def choose(robot: int, near: list[Cell]) -> Cell:
@@ -82,11 +83,11 @@ class Lrv(_Walk):
 
 @dataclass(frozen=True, slots=True)
 class Lrta(_Walk):
-    """1-LRTA*, as Batalin and Sukhatme print it (Algorithm 3): learning how far the unvisited is.
+    """1-LRTA*, as Batalin and Sukhatme print it (Algorithm 3): learns distances to unvisited cells.
 
     Each vertex carries a weight, 0 at first. A robot moves to the neighbour of least weight and
-    leaves behind that weight plus one; of equal ones it takes the first, in the order north, east,
-    south, west, to which no other robot moves.
+    leaves behind that weight plus one. Of equal ones it takes the first to which no other robot
+    moves, in the order north, east, south, west.
 
     >>> from missions.lab.arena.arena_run import run
     >>> run(Lrta(), {Cell(0, 0), Cell(0, 1), Cell(1, 0), Cell(1, 1)}, Cell(0, 0), 1).makespan
@@ -100,7 +101,7 @@ class Lrta(_Walk):
     patience: float = 4.0
 
     def decide(self, situation: Situation) -> Decision:
-        """The memory is the weights."""
+        """Move by the weights, which are the memory."""
         at = dict(situation.at)
         weights = dict(cast("Mapping[Cell, int]", situation.memory or {}))
 
@@ -116,7 +117,7 @@ class Lrta(_Walk):
 
 @dataclass(frozen=True, slots=True)
 class RandomWalk(_Walk):
-    """To any neighbour, each as likely as the others.
+    """Moves to any neighbour with equal probability.
 
     The numbers come from a hash of the seed, the count of decisions and the robot, so that the same
     flight takes the same way.
@@ -135,7 +136,7 @@ class RandomWalk(_Walk):
     seed: int = 0
 
     def decide(self, situation: Situation) -> Decision:
-        """The memory counts the decisions."""
+        """Move by chance; the memory counts the decisions."""
         count = cast("int", situation.memory or 0)
 
         def choose(robot: int, near: list[Cell]) -> Cell:
@@ -145,7 +146,7 @@ class RandomWalk(_Walk):
 
 
 def mix(*numbers: int) -> int:
-    """64 well mixed bits from some integers: the finaliser of SplitMix64 over their chain."""
+    """Return 64 well mixed bits from integers: the finaliser of SplitMix64 over their chain."""
     state = 0
     for number in numbers:
         state = (state + number + 0x9E3779B97F4A7C15) & _MASK

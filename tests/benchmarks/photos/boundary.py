@@ -36,7 +36,7 @@ from uavmap.load.mission_source import load
 from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.output.facts.score import true_roi
 from uavmap.photos.after_flight import draw_boundary
-from uavmap.photos.ground.rasters import Wishes
+from uavmap.photos.ground.rasters import RasterSettings
 from uavmap.runner.flight import fly
 from uavmap.ui.cli import main as uavmap
 
@@ -88,7 +88,7 @@ def flown(seeds: int) -> None:
     for seed in range(1, seeds + 1):
         text = first_patch(named_text("runway").text)
         with frame.flown("runway", text, fly=flying, seed=seed) as (_, folder):
-            draw_boundary(folder, print, Wishes(ortho=False))
+            draw_boundary(folder, print, RasterSettings(ortho=False))
             region = mapped(folder, setting.grid, "boundary")
             cells = mapped(folder, setting.grid, "outline")
             features = json.loads((folder / BOUNDARY_FILE).read_text("utf-8"))["features"]

@@ -23,7 +23,7 @@ from missions.units import Cell
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.examples import Example, read_picture
 from uavmap.photos.tune.selection import Choice, Counts
-from uavmap.photos.tune.tune_job import DETECTOR, MODEL, Wishes, learned
+from uavmap.photos.tune.tune_job import DETECTOR, MODEL, TuneSettings, learn
 from vision.detectors.learned_model import Model, model_bytes
 
 DATA = Path(__file__).parents[2] / "data" / "brighton"
@@ -89,11 +89,11 @@ def learned_from(
     every: Sequence[Example],
     painted: Sequence[int],
     others: Sequence[Example],
-    wishes: Wishes = Wishes(),  # noqa: B008 - frozen
+    settings: TuneSettings = TuneSettings(),  # noqa: B008 - frozen
 ) -> tuple[Model, Choice]:
     """A model learned from some photographs, for others that are not painted."""
     pictures = [example.picture for example in others]
-    model, choice, *_ = learned([every[i] for i in painted], pictures, wishes, lambda _: None)
+    model, choice, *_ = learn([every[i] for i in painted], pictures, settings, lambda _: None)
     return model, choice
 
 

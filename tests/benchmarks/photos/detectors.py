@@ -26,7 +26,7 @@ from tests.benchmarks.photos.brighton import PAINTED, learned_from
 from uavmap.load.mission_source import load
 from uavmap.photos.tune.examples import Example
 from uavmap.photos.tune.selection import KINDS, SETS, Counts, cell_counts, total
-from uavmap.photos.tune.tune_job import Wishes
+from uavmap.photos.tune.tune_job import TuneSettings
 from uavmap.ui.cli import main as uavmap
 from vision.detectors import Detector, make_detector
 from vision.detectors.learned_model import LearnedDetector
@@ -55,7 +55,7 @@ def judged(detector: Detector, example: Example, share: float) -> Judged:
     )
     region = example.region.astype(np.float32)
     return (
-        Counts.of(mask, example.region, sure),
+        Counts.compare(mask, example.region, sure),
         cell_counts(values, region, sure, CELL_PX, share),
     )
 
@@ -84,14 +84,16 @@ def by_picture(examples: list[Example]) -> None:
         row(name, [judged(detector, example, 0.5) for example in examples])
     every: list[Judged] = []
     for painted in PAINTED:
-        every += one_training(examples, painted, Wishes())
+        every += one_training(examples, painted, TuneSettings())
     row("learned, all three", every)
 
 
-def one_training(examples: list[Example], painted: Sequence[int], wishes: Wishes) -> list[Judged]:
+def one_training(
+    examples: list[Example], painted: Sequence[int], settings: TuneSettings
+) -> list[Judged]:
     """Learn from some, judge the others."""
     others = [example for i, example in enumerate(examples) if i not in painted]
-    model, choice = learned_from(examples, painted, others, wishes)
+    model, choice = learned_from(examples, painted, others, settings)
     found = [judged(LearnedDetector(model), example, choice.share) for example in others]
     row(f"learned from {painted}: {choice.kind}, {choice.features}", found)
     return found
@@ -126,8 +128,8 @@ def times(examples: list[Example]) -> None:
     detectors = fixed()
     for kind in KINDS:
         for names in SETS:
-            wishes = Wishes(kinds=(kind,), sets=(names,))
-            model, _ = learned_from(examples, PAINTED[0], [], wishes)
+            settings = TuneSettings(kinds=(kind,), sets=(names,))
+            model, _ = learned_from(examples, PAINTED[0], [], settings)
             detectors[f"learned: {kind}, {names}"] = LearnedDetector(model)
     for name, detector in detectors.items():
         ms = cpu_ms(partial(detector.probability, examples[9].picture), times=5)

@@ -45,9 +45,9 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.detector_source import detector_text
 from uavmap.load.mission_source import mission_of_text
-from uavmap.photos.ground.rasters import Wishes
+from uavmap.photos.ground.rasters import RasterSettings
 from uavmap.photos.mission_from_photos import derived
-from uavmap.photos.picture_replay import look_at_all
+from uavmap.photos.picture_replay import judge_pictures
 from uavmap.photos.registration.refined_pictures import refined
 from uavmap.photos.replay_job import journal_meta
 from uavmap.photos.scratch_file import Spool
@@ -154,7 +154,7 @@ def looked(gathered: Gathered, detector: Path, workers: int) -> tuple[float, flo
     setting = setting_of(mission_of_text(text, "derived"))
     begun, used = time.perf_counter(), time.process_time()
     with Spool() as spool:
-        look_at_all(gathered, setting, spool, Threads(workers))
+        judge_pictures(gathered, setting, spool, Threads(workers))
     return time.perf_counter() - begun, time.process_time() - used
 
 
@@ -224,13 +224,13 @@ def _result_costs(gathered: Gathered, mission: Mission, path: str) -> NDArray[np
     """Wall and CPU seconds (columns) of results and GeoTIFFs (rows) of a replay."""
     with tempfile.TemporaryDirectory() as name, Spool() as spool:
         folder, times = Path(name), []
-        judged = look_at_all(gathered, setting_of(mission), spool)
+        judged = judge_pictures(gathered, setting_of(mission), spool)
         times.append((time.perf_counter(), time.process_time()))
-        meta = journal_meta(mission, "derived", path) | judged.taken()
+        meta = journal_meta(mission, "derived", path) | judged.start_time()
         with Journal.create(folder / JOURNAL, meta) as journal:
             judged.written(journal, folder)
         times.append((time.perf_counter(), time.process_time()))
-        judged.write_rasters(folder, Wishes())
+        judged.write_rasters(folder, RasterSettings())
         times.append((time.perf_counter(), time.process_time()))
     return np.diff(times, axis=0)
 

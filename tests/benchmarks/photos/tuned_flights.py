@@ -104,7 +104,7 @@ def drill(seed: int, folder: Path) -> str:
     file = mission(place, folder, learned | {"model": "eyes/model.json"})
     run("fly", str(file), "--sim", "--seed", str(seed), "--out", str(out))
     region, unsure, truth = sites.judged_cells(out, place)
-    rows = [Counts.of(region, truth, known) for known in (unsure | True, ~unsure)]
+    rows = [Counts.compare(region, truth, known) for known in (unsure | True, ~unsure)]
     summary = json.loads((out / "summary.json").read_text("utf-8"))
     beside = float((region & ~truth).sum() / max(1, (~truth).sum()))
     return (

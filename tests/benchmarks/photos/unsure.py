@@ -70,7 +70,7 @@ def calibration_error(eyes: Path, photos: Path, shots: Sequence[sites.Shot]) -> 
 def figures(out: Path, eyes: Path, place: sites.Site, error: float) -> str:
     """Return a map against the truth, and how well what judged it is calibrated."""
     region, unsure, truth = sites.judged_cells(out, place)
-    rows = [Counts.of(region, truth, known) for known in (unsure | True, ~unsure)]
+    rows = [Counts.compare(region, truth, known) for known in (unsure | True, ~unsure)]
     wrong = float((region != truth)[~unsure].mean())
     bound = json.loads((eyes / "model.json").read_text("utf-8"))["wrong_at_most"]
     row = "      ".join(f"{c.iou:.2f}  {c.precision:.2f}  {c.recall:.2f}" for c in rows)

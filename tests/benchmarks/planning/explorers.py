@@ -36,7 +36,9 @@ DENSITY = 0.8
 def holed_square(cells: int) -> tuple[Lattice, Cell]:
     """A square with holes, of about so many cells, and a cell in its middle."""
     side = round((cells / DENSITY) ** 0.5)
-    lattice = Lattice.of(np.argwhere(np.random.default_rng(1).random((side, side)) < DENSITY))
+    lattice = Lattice.from_cells(
+        np.argwhere(np.random.default_rng(1).random((side, side)) < DENSITY)
+    )
     east, north = lattice.cells[len(lattice.cells) // 2].tolist()
     return lattice, Cell(east, north)
 

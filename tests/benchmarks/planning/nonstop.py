@@ -13,7 +13,7 @@ import time
 from statistics import fmean, stdev
 from typing import Any
 
-from missions.lab.arena.nonstop import Camera, Run, Team, flown
+from missions.lab.arena.nonstop import Camera, Run, Team, fly_team
 from missions.lab.arena.roi import Roi, grown
 from missions.lab.arena.survey import surveyed
 from missions.lab.arena.time_bounds import reference
@@ -38,7 +38,7 @@ def row(case: str, rois: list[Roi], team: Team, offline: int, planner_seeds: int
     """A row; of each region the mean over seeds of the planner: two of them differ by some 10 %."""
     begin_s = time.perf_counter()
     seeds = range(1, planner_seeds + 1)
-    found = [[flown(roi, team, seed=seed) for seed in seeds] for roi in rois]
+    found = [[fly_team(roi, team, seed=seed) for seed in seeds] for roi in rois]
     runs = [run for of_one in found for run in of_one]
     wall_s = (time.perf_counter() - begin_s) / len(runs)
     swath_s = [fmean(run.makespan_s for run in of_one) for of_one in found]

@@ -16,7 +16,7 @@ import pytest
 from tests.unit.uavmap.ui.cli.commands.test_cli_new import Terminal
 from uavmap.load.detector_source import detector_of_section
 from uavmap.load.mission_source import load
-from uavmap.photos.tune.tune_job import MODEL, OVERLAYS, Wishes
+from uavmap.photos.tune.tune_job import MODEL, OVERLAYS, TuneSettings
 from uavmap.ui.cli import detector_choice, main
 from vision.detectors.learned_model import LearnedDetector
 
@@ -26,8 +26,8 @@ NEW = ["new", "--at", "52.4568,13.3044", "--size", "40x30", "--drone", "sim", "-
 @pytest.fixture(autouse=True)
 def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    quick = Wishes(kinds=("logistic",), sets=("color",))
-    monkeypatch.setattr(detector_choice, "WISHES", quick)
+    quick = TuneSettings(kinds=("logistic",), sets=("color",))
+    monkeypatch.setattr(detector_choice, "TUNE_SETTINGS", quick)
 
 
 def photograph(number: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from tests.support.ground import sites
 from uavmap.photos.tune.paint_page import Easel, served
 from uavmap.photos.tune.selection import Counts
 from uavmap.photos.tune.study import Study
-from uavmap.photos.tune.tune_job import Wishes
+from uavmap.photos.tune.tune_job import TuneSettings
 from uavmap.ui.cli import main
 
 
@@ -39,7 +39,7 @@ def test_ground_like_no_example_is_unsure_and_sure_ground_is_right(mapped):
     folder, place, _ = mapped
     region, unsure, truth = sites.judged_cells(folder / "map", place)
     assert 0.6 < 1 - unsure.mean() < 0.85  # bare and ploughed soil, roofs, panels are not
-    assert Counts.of(region, truth, ~unsure).iou > 0.85
+    assert Counts.compare(region, truth, ~unsure).iou > 0.85
 
 
 def test_picture_that_settles_most_is_asked_for_and_the_summary_counts(mapped):
@@ -61,7 +61,7 @@ def test_picture_that_settles_most_is_asked_for_and_the_summary_counts(mapped):
 def test_page_learns_and_outlines_unfamiliar_ground_on_the_map(mapped, tmp_path):
     folder, *_ = mapped
     photos, painted = folder / "photos", folder / "painted"
-    study = Study(photos, painted, tmp_path / "eyes", Wishes())
+    study = Study(photos, painted, tmp_path / "eyes", TuneSettings())
     easel = Easel(photos, painted, 1000, study)
     with served(easel) as address:
         before = json.loads(asked(address, "round"))

@@ -24,7 +24,7 @@ from missions.units import LatLon
 from uavmap.base.printable import printable
 from uavmap.base.text_files import read_text
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.runs import NONSTOP_DEFAULTS, free_file, print_table, refuse, tell
+from uavmap.lab.commands.runs import NONSTOP_DEFAULTS, free_file, print_line, print_table, refuse
 from uavmap.lab.cooperation_trials import (
     Cooperation,
     Mode,
@@ -52,7 +52,7 @@ _OTHERS: Final = (
 
 
 def run_cooperation(options: argparse.Namespace) -> int:
-    """Simulate; return the exit code."""
+    """Simulate robots that watch each other; return the exit code."""
     terms = Cooperation(
         mode=Mode(options.cooperate or Mode.TRAPEZOID),
         robots=_checked_robots(options),
@@ -74,17 +74,17 @@ def run_cooperation(options: argparse.Namespace) -> int:
     except (AreaError, StrategyError) as error:
         raise type(error)(f"{options.polygon}: {error}") from None
     except KeyboardInterrupt:
-        tell("uavmap: interrupted")
+        print_line("uavmap: interrupted")
         return INTERRUPTED
     if not print_figures(report.figures(), summary, as_json=options.json):
         _print_tables(report, Path(options.polygon).name)
     if out is not None:
         save(out / FILES[1], moves_csv(report).encode())
         write_picture(report, out / FILES[2])
-        tell(f"results in {out}")
+        print_line(f"results in {out}")
     if options.animate is not None:
         write_animation(report, options.animate)
-        tell(f"animation in {options.animate}")
+        print_line(f"animation in {options.animate}")
     return 0 if report.complete else INCOMPLETE
 
 
@@ -156,8 +156,8 @@ def _print_tables(report: Report, name: str) -> None:
         (str(end["robot"]), *_error_texts(end["watched"]), *_error_texts(end["alone"]))
         for end in figures["final_places"]
     ]
-    print_table("where robots are in the end, one sigma", columns, ends, left=0)
-    print("alone: the same odometers, and nobody watching")
+    print_table("final places of the robots, one sigma", columns, ends, left=0)
+    print("alone: the same odometers, without an observer")
 
 
 def _error_texts(end: Mapping[str, float]) -> tuple[str, str]:
@@ -192,16 +192,16 @@ def read_polygon_file(name: str) -> Ground:
         text = ""  # the readers of areas report what is no text
     try:
         if text[:7].casefold() == "polygon":
-            return Ground(_of_wkt(text), None)
+            return Ground(_from_wkt(text), None)
         if text.startswith("{") and '"polygon_m"' in text:
-            return Ground(_of_json(text), None)
-        return _of_area(name)
+            return Ground(_from_json(text), None)
+        return _from_area(name)
     except AreaError as error:
-        said = str(error)
-        raise AreaError(said if said.startswith(name) else f"{name}: {said}") from None
+        reason = str(error)
+        raise AreaError(reason if reason.startswith(name) else f"{name}: {reason}") from None
 
 
-def _of_wkt(text: str) -> Space:
+def _from_wkt(text: str) -> Space:
     try:
         polygon = shapely.from_wkt(text)
     except ShapelyError as error:
@@ -214,7 +214,7 @@ def _of_wkt(text: str) -> Space:
     return _space_of(polygon)
 
 
-def _of_json(text: str) -> Space:
+def _from_json(text: str) -> Space:
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -242,7 +242,7 @@ def _ring(value: Any, key: str) -> list[Point]:
     return found
 
 
-def _of_area(name: str) -> Ground:
+def _from_area(name: str) -> Ground:
     drawing = read_area_file(name)
     if len(drawing.areas) > 1:
         names = ", ".join(area.name for area in drawing.areas[:5])

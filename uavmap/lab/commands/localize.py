@@ -49,7 +49,7 @@ def localization_trials(
 ) -> Iterator[Trial]:
     """Yield every method on every ROI, from the same starts and with the same random numbers."""
     for number, roi in enumerate(rois):
-        known = GridMap.of(roi.cells)
+        known = GridMap.from_cells(roi.cells)
         planner = Planner(known) if terms.with_map else None
         for method in methods:
             done = [
@@ -117,17 +117,17 @@ def add_localize_options(parser: argparse.ArgumentParser) -> None:
     """Add --localize and its options."""
     group = parser.add_argument_group(
         "--localize",
-        "a robot that senses the eight neighbours of its cell finds out which cell of the ROI "
-        "that is, in moves from cell to cell",
+        "a robot that senses the eight neighbours of its cell finds out its cell in the ROI, in "
+        "moves from cell to cell",
     )
     add = value_options(group)
     methods = f"one or, with commas or given again, several of {', '.join(METHODS)}"
     add("--localize", "METHOD", methods, action="append")
-    with_map = "whether the robot has a map (default), or knows the width and height only"
+    with_map = "the robot has a map (default), or knows the width and height only"
     group.add_argument("--map", action=argparse.BooleanOptionalAction, default=None, help=with_map)
-    add("--noise", "FP,FN", "how often an outside cell looks inside, and the reverse")
-    add("--slip", "P", "how often a move stays, or goes elsewhere", number_type(float, 0.0, 0.9))
-    sure = f"with --noise or --slip: how sure it has to be (default {CONFIDENCE})"
+    add("--noise", "FP,FN", "rates of outside cells that look inside, and the reverse")
+    add("--slip", "P", "rate of moves that stay, or go elsewhere", number_type(float, 0.0, 0.9))
+    sure = f"with --noise or --slip: the certainty to reach (default {CONFIDENCE})"
     add("--confidence", "P", sure, number_type(float, 0.5, 0.9999))
     trials = number_type(int, 1, 1_000_000)
     add("--trials", "N", f"starts on each ROI (default {TRIALS})", trials)
@@ -165,10 +165,10 @@ def _print_tables(outcome: Outcome, terms: Terms) -> None:
         and {**mean, "promise": METHODS[name].promise if terms.errors is None else "none"}
         for name, mean in outcome.means.items()
     }
-    title = f"{outcome.of}, {terms.trials} starts each, {knowing}"
+    title = f"{outcome.title}, {terms.trials} starts each, {knowing}"
     print_means(title, _COLUMNS, means, ("method", "bound"))
     print("moves from cell to cell until the robot knows its cell, most of one start; bound for n")
-    print("cells, without errors; right: it was there; certainty: what it thought of that itself")
+    print("cells, without errors; right: it was there; certainty: its own estimate")
 
 
 def _methods(options: argparse.Namespace) -> list[Method]:
@@ -195,8 +195,7 @@ def _terms(options: argparse.Namespace) -> Terms:
     errors = _errors(options)
     if errors is not None and options.map is False:
         raise LocalizationError(
-            "--no-map: who errs compares what it sees with a map; leave out --noise and --slip, "
-            "or --no-map"
+            "--no-map: a robot with errors needs a map; leave out --noise and --slip, or --no-map"
         )
     return Terms(options.map is not False, errors, trials, seed)
 
@@ -219,7 +218,7 @@ def _errors(options: argparse.Namespace) -> Errors | None:
     if options.noise is None and options.slip is None:
         if options.confidence is not None:
             raise LocalizationError(
-                "--confidence is for --noise or --slip: who does not err ends when it is certain"
+                "--confidence is for --noise or --slip: without errors a robot is certain"
             )
         return None
     noise = EXACT

@@ -15,11 +15,11 @@ from uavmap.lab.commands.runs import (
     NONSTOP_DEFAULTS,
     Column,
     Outcome,
+    print_line,
     print_means,
     run_trials,
-    tell,
 )
-from uavmap.lab.nonstop_trials import FlightTerms, flown_under, nonstop_means, nonstop_trials
+from uavmap.lab.nonstop_trials import FlightTerms, fly_strategy, nonstop_means, nonstop_trials
 from uavmap.lab.run_film import film_of_nonstop
 from uavmap.load.strategy_source import tell_if_uncompiled
 from uavmap.ui.cli.commands.animate import wants_pictures, write_pictures
@@ -35,9 +35,9 @@ def run_nonstop(
     strategies: Sequence[StrategyInfo],
     out: Path | None,
 ) -> int:
-    """Simulate; return the exit code."""
+    """Simulate flight without stopping; return the exit code."""
     terms, names = _terms(options), [strategy.name for strategy in strategies]
-    tell_if_uncompiled(names, tell)
+    tell_if_uncompiled(names, print_line)
     outcome = run_trials(
         nonstop_trials(rois, strategies, terms), len(rois), names, nonstop_means, out,
         as_json=options.json,
@@ -46,11 +46,11 @@ def run_nonstop(
         _print_tables(outcome, terms)
     if wants_pictures(options) and outcome.code == 0:
         roi, strategy, team = rois[options.index], strategies[0], terms.team
-        shown = flown_under(roi, strategy, terms, record=True)
+        shown = fly_strategy(roi, strategy, terms, record=True)
         title = f"{roi.name}   ·   {strategy.name}, {_vehicles(terms)}"
         shows_m = (team.camera.east_m, team.camera.north_m)
         film = film_of_nonstop(shown, roi, team.cell_m, shows_m, title)
-        write_pictures(options, film, None, tell)
+        write_pictures(options, film, None, print_line)
     return outcome.code
 
 
@@ -101,13 +101,13 @@ _LAST: Final = {
 
 
 def _print_tables(outcome: Outcome, terms: FlightTerms) -> None:
-    title = f"{outcome.of}, {_vehicles(terms)}" if outcome.done else ""
+    title = f"{outcome.title}, {_vehicles(terms)}" if outcome.done else ""
     columns = _COLUMNS | (_OFFLINE if terms.offline else {}) | _LAST
     print_means(title, columns, outcome.means, ("strategy",))
     print("T makespan, LB lower bound for any strategy, s real time of a run; without take-off")
-    print("and search: from the start cell until everything is decided and everybody is back")
+    print("and search: from the start cell until everything is decided and all are back")
     if terms.offline:
-        print("offline: the best way found for who knows the region; not proven to be the best")
+        print("offline: the best way found with a known region; not proven to be the best")
 
 
 def _vehicles(terms: FlightTerms) -> str:

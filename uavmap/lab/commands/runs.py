@@ -46,7 +46,7 @@ def run_all(trials: Iterable[T], runs: int) -> tuple[list[T], int]:
 def free_file(out: str | None, names: Sequence[str]) -> Path | None:
     """Return the first of some files in a folder for results.
 
-    Raises `OutputError` where one of them exists, or `out` is no folder.
+    Raises `OutputError` if one of them exists, or `out` is no folder.
     """
     if out is None:
         return None
@@ -61,15 +61,15 @@ class Outcome(NamedTuple):
 
     done: list[Trial]
     means: dict[str, Figures]
-    """By strategy or method."""
+    """Means of the figures, by strategy or method."""
     code: int
     """The exit code."""
     printed: bool
     """True if the figures are printed already, as JSON."""
 
     @property
-    def of(self) -> str:
-        """The ROI, or how many there are; nothing without trials."""
+    def title(self) -> str:
+        """The ROI, or the number of ROIs; empty without trials."""
         runs = len(self.done) // len(self.means)
         return "" if not self.done else self.done[0].roi if runs == 1 else f"means of {runs} ROIs"
 
@@ -84,7 +84,7 @@ def run_trials(
     as_json: bool,
     more: Mapping[str, Any] = MappingProxyType({}),
 ) -> Outcome:
-    """Run the trials of strategies or methods on so many ROIs; write and print their figures.
+    """Run trials of strategies or methods on a number of ROIs; write and print their figures.
 
     `more` adds a text to each strategy.
     """
@@ -106,7 +106,7 @@ class Column(NamedTuple):
     absent: str = ""
     """Text instead of None."""
 
-    def shown(self, figures: Figures) -> str:
+    def text(self, figures: Figures) -> str:
         """Return its text."""
         value = figures[self.key]
         if value is None:
@@ -121,7 +121,7 @@ def print_means(
 ) -> None:
     """Print a row of means by heading, for each strategy that has any; the first is its name."""
     rows = (
-        (name, *(column.shown(mean) for column in columns.values()))
+        (name, *(column.text(mean) for column in columns.values()))
         for name, mean in means.items()
         if mean
     )
@@ -146,7 +146,7 @@ def print_table(
     Console().print(table)
 
 
-def tell(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line to standard error."""
     print(text, file=sys.stderr)
 
@@ -161,7 +161,7 @@ NONSTOP_DEFAULTS: Final[dict[str, Any]] = {
     "box_factor": None,
     "offline": False,
 }
-"""By option. The parser has none, so that it is known which were given."""
+"""Default of each option. The parser has none, to distinguish the given ones."""
 
 Add = Callable[..., None]
 

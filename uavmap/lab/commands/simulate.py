@@ -23,10 +23,10 @@ from uavmap.lab.commands.runs import (
     Column,
     Outcome,
     free_file,
+    print_line,
     print_means,
     refuse,
     run_trials,
-    tell,
     value_options,
 )
 from uavmap.lab.cooperation_trials import Mode
@@ -51,10 +51,10 @@ from uavmap.ui.cli.commands.animate import (
 from uavmap.ui.cli.common import number_type, pair, seed_number
 
 _COMMS_HELP: Final = (
-    "who knows what the others saw: shared (or free), all at once (default); meeting, only who "
-    "stands at one vertex; or a radio, range:CELLS. After range:CELLS or shared, with commas: "
-    "loss:SHARE, delay:TIME, rate:CELLS_A_UNIT_OF_TIME, apart:BEGIN-END (nobody hears "
-    "anybody then; apart:10-30:1+2/3+4: only those in one group do)"
+    "knowledge of the others' observations: shared (or free), all at once (default); meeting, "
+    "only at one vertex; or a radio, range:CELLS. After range:CELLS or shared, with commas: "
+    "loss:SHARE, delay:TIME, rate:CELLS_A_UNIT_OF_TIME, apart:BEGIN-END (no contact "
+    "then; apart:10-30:1+2/3+4: contact only within one group)"
 )
 COOPERATION_OPTIONS: Final = ("cooperate", "range", "theta", "cover")
 _SUMMARY: Final = "summary.json"
@@ -79,10 +79,10 @@ NOTES: Final = """\
 A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
 Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
 which V cells are flown. swath and survey do not stop over cells: their times are seconds, and
-their speed and cells are in metres. wall_s (what the run took) and lower_bound_wall_s (what the
-lower bound took, once for all strategies) alone are not the same from run to run.
+their speed and cells are in metres. Only wall_s (time of the run) and lower_bound_wall_s (time of
+the lower bound, once for all strategies) differ from run to run.
 """
-DESCRIPTION: Final = "Explore ROIs with perfect robots, and hold the makespan against its bounds."
+DESCRIPTION: Final = "Explore ROIs with perfect robots, and compare the makespan with its bounds."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -95,7 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source("--polygon", "FILE", polygon)
     add = value_options(parser)
     add("--cells", "N", f"of a grown ROI (default {_CELLS})", number_type(int, 1, MAX_CELLS))
-    add("--count", "K", f"how many to grow (default {_COUNT})", number_type(int, 1, 100_000))
+    add("--count", "K", f"number of ROIs to grow (default {_COUNT})", number_type(int, 1, 100_000))
     seed = f"of the first (default {_SEED}); then S + 1; of swath's errors; of a --comms loss"
     add("--seed", "S", seed, seed_number)
     cell_m = "cell size for GeoJSON, swath and survey (default 4)"
@@ -103,7 +103,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--start",
         "LAT,LON",
-        "where to start, for GeoJSON: in the region, or at its rim (default: its west end); "
+        "start, for GeoJSON: in the region, or at its rim (default: its west end); "
         "for --polygon (default: its southern corner; EAST,NORTH for a file in metres)",
     )
     names = "one or, with commas or given again, several (default rdfs); see uavmap strategies"
@@ -117,7 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_localize_options(parser)
     _add_cooperation_options(parser)
     add_picture_options(parser, several=True)
-    out = f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png"
+    out = f"write {_SUMMARY} into this folder; of a polygon also moves.csv, map.png"
     add("--out", "DIR", out)
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
@@ -129,7 +129,7 @@ def _add_nonstop_options(parser: argparse.ArgumentParser) -> None:
         "flight without stopping, in seconds and metres, from the start cell back to it",
     )
     add, rate = value_options(group), number_type(float, 0.0, 0.4)
-    add("--footprint", "M[,M]", "what a frame shows, m east and north (default 15)")
+    add("--footprint", "M[,M]", "ground in a frame, m east and north (default 15)")
     add("--accel", "A", "acceleration, m/s^2 (default 2.5)", number_type(float, 0.1, 20.0))
     add("--frame-s", "S", "from frame to frame (default 0.2)", number_type(float, 0.02, 10.0))
     add("--error-rate", "P", "of votes that are wrong (default 0)", rate)
@@ -148,14 +148,14 @@ def _add_cooperation_options(parser: argparse.ArgumentParser) -> None:
     )
     add, modes, covers = value_options(group), [m.value for m in Mode], [c.value for c in Cover]
     add("--cooperate", None, "how the polygon is explored", choices=modes)
-    add("--range", "M", "how far a robot sees, metres", number_type(float, 0.01, 1e5))
-    theta = "what a move takes up for who watches it, 1 to 170 degrees (default 60)"
+    add("--range", "M", "range of a robot's sight, metres", number_type(float, 0.01, 1e5))
+    theta = "angle of a move for its observer, 1 to 170 degrees (default 60)"
     add("--theta", "DEG", theta, number_type(float, 1.0, 170.0))
-    add("--cover", None, "of trapezoid: what a move covers (default triangles)", choices=covers)
+    add("--cover", None, "of trapezoid: area of a move (default triangles)", choices=covers)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Simulate."""
+    """Run the simulation."""
     if options.localize is not None:
         if options.polygon is not None:
             raise StrategyError(
@@ -196,7 +196,7 @@ def _run_stepwise(
     radio = {"comms": options.comms} if isinstance(comms, Links) else {}
     team = ", ".join([team, *radio.values()])
     rois, names = _rois(options, seeded=draws(comms)), [e.name for e in explorers]
-    tell_if_uncompiled(names, tell)
+    tell_if_uncompiled(names, print_line)
     runs = trials(rois, explorers, terms)
     outcome = run_trials(runs, len(rois), names, means, out, as_json=options.json, more=radio)
     if not outcome.printed:
@@ -205,7 +205,7 @@ def _run_stepwise(
         roi, explorer = rois[options.index], explorers[0]
         shown = explored(roi, explorer, terms)
         film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {team}")
-        write_pictures(options, film, shown.tree, tell)
+        write_pictures(options, film, shown.tree, print_line)
     return outcome.code
 
 
@@ -230,7 +230,7 @@ def _metric(speed: float, drift: str | None) -> Metric:
 
 
 def _rois(options: argparse.Namespace, *, nonstop: bool = False, seeded: bool = False) -> list[Roi]:
-    """Read or grow the ROIs; `seeded`: the seed counts for more than growing."""
+    """Read or grow the ROIs; `seeded`: the seed serves for more than growing."""
     if options.generate is not None:
         geojson = ("start",) if nonstop else ("cell_m", "start")
         refuse(options, geojson, RoiError, "is for --roi with GeoJSON")
@@ -262,9 +262,9 @@ _COLUMNS: Final = {
 
 
 def _print_tables(outcome: Outcome, team: str) -> None:
-    title = f"{outcome.of}, {team}" if outcome.done else ""
+    title = f"{outcome.title}, {team}" if outcome.done else ""
     print_means(title, _COLUMNS, outcome.means, ("strategy",))
-    print("T makespan, LB lower bound for any strategy, bound what the strategy promises")
+    print("T makespan, LB lower bound for any strategy, bound of the strategy")
     if outcome.done:
         mean_s = means([trial.figures for trial in outcome.done])["lower_bound_wall_s"]
         print(f"s real time of a run; the lower bound of a ROI took another {mean_s:.3f} s")

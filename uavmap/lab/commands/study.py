@@ -1,4 +1,4 @@
-"""uavmap study: what the papers measured, measured again."""
+"""uavmap study: the measurements of the papers, repeated."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from uavmap.lab.studies.study_model import Page
 from uavmap.ui.cli.common import refuse_existing, seed_number, worker_count
 
 SHOWN_ROWS: Final = 20
-"""Longer tables are not printed, only written."""
+"""Maximum length of a printed table; longer ones are only written."""
 
 EXAMPLES: Final = """\
   uavmap study greedy-table-1 --quick               a few seconds' worth of it
@@ -31,9 +31,8 @@ EXAMPLES: Final = """\
   uavmap study strategies --scheduler tcp://10.0.0.5:8786
 """
 NOTES: Final = """\
-Each writes NAME.csv, NAME.png and NAME.md. The same seed gives the same files, wherever the trials
-are computed. Needs the extra study; for --scheduler also the extra cluster, and uavmap on every
-worker.
+Each writes NAME.csv, NAME.png and NAME.md. The same seed gives the same files on any computer.
+Needs the extra study; for --scheduler also the extra cluster, and uavmap on every worker.
 """
 
 _NAMES = "\n".join(f"  {study.name:16}{study.about}" for study in STUDIES.values())
@@ -92,9 +91,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 SHARES: Final = 16
-"""Batches a worker: few enough to cost little, many enough to end together."""
+"""Number of batches for each worker: few cost little, many end together."""
 MOST_JOBS: Final = 20
-"""Maximum of a batch: progress is shown by the batch."""
+"""Maximum number of jobs in a batch: progress is shown by the batch."""
 PATIENCE_S: Final = 2.0
 LINE_S: Final = 3.0
 REDRAW_S: Final = 0.2
@@ -113,7 +112,7 @@ def spread(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> list[Any]:
-    """Compute `[trial(job) for job in jobs]` anywhere.
+    """Compute `[trial(job) for job in jobs]` on processes or a cluster.
 
     Args:
         trial: A pure function that can be pickled.
@@ -121,7 +120,7 @@ def spread(
         scheduler: Address of a Dask scheduler, used instead of processes.
         progress: Shows the number of finished jobs.
 
-    Raises `StudyError` where the scheduler does not answer, or Dask is not installed.
+    Raises `StudyError` if the scheduler does not answer, or Dask is not installed.
     """
     if scheduler is not None:
         found = _dask(trial, jobs, scheduler)
@@ -151,7 +150,7 @@ def _run(trial: Trial, batch: Batch) -> Batch:
 
 
 def _ignore_interrupts() -> None:
-    """Ctrl-C reaches the whole process group; the parent alone answers it."""
+    """Ignore Ctrl-C, which reaches the whole process group: the parent alone handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -162,7 +161,7 @@ def _processes(trial: Trial, jobs: Sequence[Any], workers: int) -> Generator[Bat
         waiting = [pool.submit(_run, trial, batch) for batch in _batches(jobs, workers)]
         for future in as_completed(waiting):
             yield future.result()
-    except BaseException:  # cancelled trials are not waited for
+    except BaseException:  # do not wait for cancelled trials
         for process in set(active_children()) - others:
             process.terminate()
         raise

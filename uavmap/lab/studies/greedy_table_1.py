@@ -1,12 +1,12 @@
 """Table 1 of Tovey and Koenig: a graph on which Greedy Mapping walks to and fro.
 
-A stem v_0 ... v_{n^n}; for i = 1..n there are n^(n-i) branches of length L_i = (n^i - n) / (n - 1),
-at the stem's every n^i-th vertex, from v_0 on for even i and from v_{n^i} on for odd i. A branch is
-two parallel paths of L_i edges that meet at a junction, which bears a leaf; for L_i = 0 it is a
-bare leaf. One more leaf hangs on v_0. The robot starts at v_{n^n}.
+The graph has a stem v_0 ... v_{n^n}. For i = 1..n there are n^(n-i) branches of length L_i = (n^i -
+n) / (n - 1). They are at the stem's every n^i-th vertex, from v_0 on for even i and from v_{n^i} on
+for odd i. A branch is two parallel paths of L_i edges that meet at a junction, which bears a leaf;
+for L_i = 0 it is a bare leaf. One more leaf hangs on v_0. The robot starts at v_{n^n}.
 
 Of several nearest vertices it takes one of a branch, then one of the stem, then the leaf of the
-lowest level; so it comes home from every branch by the other path and leaves the leaf behind, and
+lowest level. So it comes home from every branch by the other path and leaves the leaf behind. It
 has to sweep the stem once for each level.
 """
 
@@ -33,7 +33,7 @@ PAPER: Final = {
 }
 """Travel and vertices as printed."""
 SIMULATED: Final = 8
-"""The largest n whose graph is walked; the rest is by formula."""
+"""Largest n whose graph is walked; the rest is by formula."""
 QUICK: Final = 5
 
 _BRANCH, _STEM, _EXTRA = 0, 1, 2
@@ -134,7 +134,7 @@ def trial(job: tuple[int, bool]) -> Row:
 
 
 def conclude(rows: Sequence[Row]) -> Page:
-    """Set the table beside the paper's."""
+    """Compare the table with the paper's."""
     columns = ("n", "travel", "vertices", "ratio", "paper: travel", "paper: vertices",
                "paper: ratio", "equal", "2 sqrt(V) + 4", "by")  # fmt: skip
     table = Table(
@@ -155,8 +155,8 @@ def conclude(rows: Sequence[Row]) -> Page:
     text = f"""\
 Tovey and Koenig, *Improved Analysis of Greedy Mapping*, Table 1: {equal} of {len(rows)} rows are
 the paper's to the digit. Up to n = {max(walked)} the robot walks the graph, always to a nearest
-vertex that it has not visited; what is beyond is by formula. The ratio of travel to vertices grows
-without bound, as Theorem 1 says, and stays far below the 2 sqrt(V) + 4 of Theorem 2.
+vertex that it has not visited; larger n are by formula. The ratio of travel to vertices grows
+without bound, as in Theorem 1, and stays far below the 2 sqrt(V) + 4 of Theorem 2.
 """
 
     def draw(figure: Figure) -> None:

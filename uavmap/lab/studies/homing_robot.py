@@ -1,5 +1,7 @@
-"""The Homing Robot of Wongngamnit and Angluin: their bounds and worst grids, and beyond them the
-effect of a map, a planner, and errors of sensor and odometry."""
+"""The Homing Robot of Wongngamnit and Angluin: its bounds and worst grids.
+
+Further trials show the effect of a map, a planner, and errors of sensor and odometry.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ from uavmap.lab.studies.homing_robot_page import (
     OPTIMUM,
     SUMMED,
     WORST,
-    Found,
+    MethodResult,
     page,
 )
 from uavmap.lab.studies.outcomes import grouped
@@ -50,7 +52,7 @@ class Job:
     part: str
     grid: str
     size: int
-    """k of a family of grids, otherwise cells; of a batch of grids how many."""
+    """k of a family of grids, or number of cells; for a batch of grids their number."""
     other: int = 0
     """m of a family of grids."""
     seed: int = 0
@@ -78,7 +80,7 @@ def jobs(quick: bool, seed: int) -> list[Job]:
     return sorted(found, key=lambda job: -job.size * job.starts)
 
 
-def trial(job: Job) -> list[Found]:
+def trial(job: Job) -> list[MethodResult]:
     """Localize robots."""
     parts = {WORST: _worst, MANY_GRIDS: _many_grids, NOISE: _noise, OPTIMUM: _optimum}
     return parts.get(job.part, _methods)(job)
@@ -86,15 +88,15 @@ def trial(job: Job) -> list[Found]:
 
 @lru_cache(256)
 def _map_of(kind: str, cells: int, seed: int) -> GridMap:
-    return GridMap.of(grown(kind, cells, seed).cells)
+    return GridMap.from_cells(grown(kind, cells, seed).cells)
 
 
 def _count(
     job: Job, method: str, with_map: bool, known: GridMap, done: Sequence[Localized]
-) -> Found:
+) -> MethodResult:
     bound = METHODS[method].bound
     errs = job.part == NOISE
-    return Found(
+    return MethodResult(
         job.part, job.grid, known.size, method, with_map, len(done),
         float(sum(one.moves for one in done)),
         max(one.moves for one in done) / known.size,
@@ -106,21 +108,21 @@ def _count(
     )  # fmt: skip
 
 
-def _worst(job: Job) -> list[Found]:
+def _worst(job: Job) -> list[MethodResult]:
     """Localize on the paper's grids: Figure 6, Lemma 8, Theorem 3."""
     rng = np.random.default_rng(1)
     if job.grid == "studded":
-        known = GridMap.of(studded(job.size))
+        known = GridMap.from_cells(studded(job.size))
         ratio = known.circumnavigation / known.size
-        return [Found(WORST, f"studded {job.size}", known.size, "c / b", False, 1,
+        return [MethodResult(WORST, f"studded {job.size}", known.size, "c / b", False, 1,
                       known.circumnavigation, ratio, 0, 1, 1.0)]  # fmt: skip
     if job.grid == "chevrons":
         cells, start = chevrons(job.size, job.other)
-        known = GridMap.of(cells)
+        known = GridMap.from_cells(cells)
         done = [localize(known, start, METHODS["homing"], rng)]
         own = replace(job, grid=f"chevrons {job.size}, {job.other}")
         return [_count(own, "homing", False, known, done)]
-    known = GridMap.of(corridor(job.size))
+    known = GridMap.from_cells(corridor(job.size))
     found = []
     for name, method in METHODS.items():
         for planner in (None, Planner(known)):
@@ -132,7 +134,7 @@ def _worst(job: Job) -> list[Found]:
     return found
 
 
-def _many_grids(job: Job) -> list[Found]:
+def _many_grids(job: Job) -> list[MethodResult]:
     """Check the bounds on random grids of all kinds, from a random start each."""
     rng = np.random.default_rng(job.seed)
     found = []
@@ -145,7 +147,7 @@ def _many_grids(job: Job) -> list[Found]:
             )
         else:
             cells = grown(kind, int(rng.integers(1, 250)), int(rng.integers(2**31))).cells
-        known = GridMap.of(cells)
+        known = GridMap.from_cells(cells)
         planner = Planner(known)
         start = known.cells[int(rng.integers(known.size))]
         for name in ("homing", "depth-first", "plan"):
@@ -156,7 +158,7 @@ def _many_grids(job: Job) -> list[Found]:
     return _merged(found)
 
 
-def _methods(job: Job) -> list[Found]:
+def _methods(job: Job) -> list[MethodResult]:
     """Compare all methods from the same starts, without and with a map."""
     known = _map_of(job.grid, job.size, job.seed)
     planner = Planner(known)
@@ -174,17 +176,17 @@ def _methods(job: Job) -> list[Found]:
     return found
 
 
-def _optimum(job: Job) -> list[Found]:
+def _optimum(job: Job) -> list[MethodResult]:
     """Find the moves of the best of all plans, over all cells as starts."""
     known = _map_of(job.grid, job.size, job.seed)
     rng = np.random.default_rng(1)
-    if job.grid == "rectangle":  # alike in thousands of ways: searching them all takes too long
+    if job.grid == "rectangle":  # it has thousands of like cells: a full search takes too long
         return []
     best = Planner(known, exact=known.size).expected_moves() * known.size
     alone = sum(len(alike) > 1 for alike in known.alike.values() for _ in alike)
     found = [
-        Found(OPTIMUM, job.grid, known.size, name, True, known.size, moves, 0.0, 0, known.size,
-              float(known.size))
+        MethodResult(OPTIMUM, job.grid, known.size, name, True, known.size, moves, 0.0, 0,
+                     known.size, float(known.size))
         for name, moves in ((BEST, best), ("cells that look like others", alone))
     ]  # fmt: skip
     for name in ("plan", "homing"):
@@ -194,7 +196,7 @@ def _optimum(job: Job) -> list[Found]:
     return found
 
 
-def _noise(job: Job) -> list[Found]:
+def _noise(job: Job) -> list[MethodResult]:
     known = _map_of(job.grid, job.size, job.seed)
     found = []
     for name, method in METHODS.items():
@@ -207,10 +209,10 @@ def _noise(job: Job) -> list[Found]:
     return found
 
 
-def _merged(found: Sequence[Found]) -> list[Found]:
-    """The sum over jobs of one kind."""
+def _merged(found: Sequence[MethodResult]) -> list[MethodResult]:
+    """Return the sum over jobs of one kind."""
 
-    def key(one: Found) -> tuple[str, str, int, int, bool, str]:
+    def key(one: MethodResult) -> tuple[str, str, int, int, bool, str]:
         cells = 0 if one.part == MANY_GRIDS else one.cells
         method = list(METHODS).index(one.method) if one.method in METHODS else -1
         return one.part, one.grid, cells, method, one.with_map, one.method
@@ -225,11 +227,11 @@ def _merged(found: Sequence[Found]) -> list[Found]:
     ]
 
 
-def conclude(results: Sequence[Sequence[Found]]) -> Page:
+def conclude(results: Sequence[Sequence[MethodResult]]) -> Page:
     """Write the page, beside the paper's numbers."""
     return page(_merged([one for some in results for one in some]))
 
 
 STUDY: Final = Study(
-    "homing-robot", "where a robot is on a grid (Wongngamnit and Angluin)", jobs, trial, conclude
+    "homing-robot", "localization on a grid (Wongngamnit and Angluin)", jobs, trial, conclude
 )

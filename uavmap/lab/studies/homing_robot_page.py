@@ -14,7 +14,7 @@ PRINTED: Final = {"homing": "at most 4", "depth-first": "at most 2 - 2 / n"}
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class MethodResult:
     """The moves of one method in a job."""
 
     part: str
@@ -24,22 +24,22 @@ class Found:
     with_map: bool
     runs: int
     moves: float
-    """Of all runs together."""
+    """Sum of the moves of all runs."""
     most: float
-    """Moves a cell of the longest run."""
+    """Moves for each cell in the longest run."""
     broken: int
-    """Runs above the method's bound, or with a wrong answer where there are no errors."""
+    """Runs above the method's bound, or with a wrong answer without errors."""
     right: int
     confidence: float
-    """Of all runs together."""
+    """Sum of the certainties of all runs."""
 
 
 SUMMED: Final = ("runs", "moves", "broken", "right", "confidence")
 """The sums over jobs."""
 
 
-def page(rows: Sequence[Found]) -> Page:
-    """The page of the study."""
+def page(rows: Sequence[MethodResult]) -> Page:
+    """Return the page of the study."""
     table = Table(
         ("part", "grid", "cells", "method", "map", "runs", "mean moves", "most moves / n",
          "paper, moves / n", "bound broken", "right", "stated certainty"),
@@ -57,7 +57,7 @@ def page(rows: Sequence[Found]) -> Page:
     return Page("The Homing Robot", _text(rows), table, lambda f: _draw(f, rows), (11.0, 4.5))
 
 
-def _printed(row: Found) -> Value:
+def _printed(row: MethodResult) -> Value:
     if row.part == WORST and row.grid.startswith("chevrons"):
         return "towards 3"
     if row.part == WORST and row.grid.startswith("studded"):
@@ -67,7 +67,7 @@ def _printed(row: Found) -> Value:
     return PRINTED.get(row.method) if row.part != OPTIMUM else None
 
 
-def _text(rows: Sequence[Found]) -> str:
+def _text(rows: Sequence[MethodResult]) -> str:
     grids = [row for row in rows if row.part == MANY_GRIDS]
     runs, broken = sum(row.runs for row in grids), sum(row.broken for row in grids)
     wrong = sum(row.broken for row in rows if row.part in (WORST, COMPARED))
@@ -76,7 +76,7 @@ def _text(rows: Sequence[Found]) -> str:
     short = sum(row.most * row.cells < row.cells - 3 - 1e-9 for row in corridors)
     return f"""\
 Wongngamnit and Angluin, *The Robot, the Grid, and the Algorithm* (1999): a robot senses the eight
-neighbours of its cell and finds out which cell it is in, told the width and height of the grid.
+neighbours of its cell and finds out its cell, with the given width and height of the grid.
 Moves from cell to cell are counted, over the n cells of the grid.
 
 **Bounds.** {max((row.runs for row in grids), default=0)} random grids (rooms with obstacles, and
@@ -86,13 +86,13 @@ parts.
 
 **The paper's grids.** On the chevrons of Figure 6 the Homing Robot tends towards 3 n moves; on
 those of Lemma 8 circumnavigations over boundary cells tend towards 8/3. In a corridor of n cells
-each method needs n - 3 moves from its worst start (Theorem 3), with a map, too: {short} of
+each method needs n - 3 moves from its worst start (Theorem 3), also with a map: {short} of
 {len(corridors)} needed fewer.
 
 {_ratios(rows).markdown()}
 
 **Methods.** Mean moves from random starts of grown regions, without a map / with one. With a map
-the robot ends when one cell alone fits what it has sensed, which is soon.
+the robot ends when one cell alone fits its readings, which is soon.
 
 {_methods(rows).markdown()}
 
@@ -103,15 +103,15 @@ the planner needs {above:.1%} more moves than the best at most.
 
 {_optimum(rows).markdown()}
 
-**With errors**: 27 of 483 obstructed cells look unobstructed, 53 of 483 the reverse (what Sung and
-Tokekar counted in flight), one move of fifty stays or goes elsewhere; the robot has a map and ends
-at 95 % certainty. Methods are shown the neighbours of the most probable cell.
+**With errors**: 27 of 483 obstructed cells look unobstructed, 53 of 483 the reverse (counted in
+flight by Sung and Tokekar), one move of fifty stays or goes elsewhere; the robot has a map and ends
+at 95 % certainty. Methods get the neighbours of the most probable cell.
 
 {_errors(rows).markdown()}
 """
 
 
-def _ratios(rows: Sequence[Found]) -> Table:
+def _ratios(rows: Sequence[MethodResult]) -> Table:
     shown = [row for row in rows if row.part == WORST and not row.grid.startswith("corridor")]
     return Table(
         ("grid", "n", "moves, or c", "/ n", "paper"),
@@ -122,8 +122,8 @@ def _ratios(rows: Sequence[Found]) -> Table:
     )
 
 
-def _by_region(rows: Sequence[Found], shown: Callable[[str, int, str], Value]) -> Table:
-    """A table with a row for each set of regions and a column for each method."""
+def _by_region(rows: Sequence[MethodResult], shown: Callable[[str, int, str], Value]) -> Table:
+    """Return a table with a row for each set of regions and a column for each method."""
     names = list(dict.fromkeys(row.method for row in rows))
     sets = dict.fromkeys((row.grid, row.cells) for row in rows)
     return Table(
@@ -132,7 +132,7 @@ def _by_region(rows: Sequence[Found], shown: Callable[[str, int, str], Value]) -
     )
 
 
-def _methods(rows: Sequence[Found]) -> Table:
+def _methods(rows: Sequence[MethodResult]) -> Table:
     shown = [row for row in rows if row.part == COMPARED]
     mean = {(r.grid, r.cells, r.method, r.with_map): r.moves / r.runs for r in shown}
 
@@ -143,7 +143,7 @@ def _methods(rows: Sequence[Found]) -> Table:
     return _by_region(shown, both)
 
 
-def _mean(rows: Sequence[Found], grid: str, method: str) -> float:
+def _mean(rows: Sequence[MethodResult], grid: str, method: str) -> float:
     return next(
         row.moves / row.runs
         for row in rows
@@ -151,24 +151,24 @@ def _mean(rows: Sequence[Found], grid: str, method: str) -> float:
     )
 
 
-def _grids(rows: Sequence[Found]) -> list[str]:
+def _grids(rows: Sequence[MethodResult]) -> list[str]:
     return list(dict.fromkeys(row.grid for row in rows if row.part == OPTIMUM))
 
 
-def _best_of_homing(rows: Sequence[Found]) -> str:
+def _best_of_homing(rows: Sequence[MethodResult]) -> str:
     return ", ".join(
         f"{_mean(rows, grid, BEST) / _mean(rows, grid, 'homing'):.2f} ({grid})"
         for grid in _grids(rows)
     )
 
 
-def _optimum(rows: Sequence[Found]) -> Table:
+def _optimum(rows: Sequence[MethodResult]) -> Table:
     shown = [row for row in rows if row.part == OPTIMUM]
     mean = {(row.grid, row.cells, row.method): row.moves / row.runs for row in shown}
     return _by_region(shown, lambda *key: round(mean[key], 3))
 
 
-def _errors(rows: Sequence[Found]) -> Table:
+def _errors(rows: Sequence[MethodResult]) -> Table:
     return Table(
         ("regions", "cells", "method", "runs", "mean moves", "right", "stated certainty"),
         tuple(
@@ -182,7 +182,7 @@ def _errors(rows: Sequence[Found]) -> Table:
     )  # fmt: skip
 
 
-def _draw(figure: Figure, rows: Sequence[Found]) -> None:
+def _draw(figure: Figure, rows: Sequence[MethodResult]) -> None:
     worst, compared = figure.subplots(1, 2)
     for i, (family, limit, label) in enumerate(
         (("chevrons", 3.0, "Homing Robot, Figure 6"), ("studded", 8 / 3, "c / b, Lemma 8"))

@@ -73,20 +73,20 @@ _COLUMNS: Final = (
     "times better", "NEES tracked", "NEES alone",
 )  # fmt: skip
 _NOTES: Final = """\
-Two multicopters without satellites: one maps, the other hovers above and sees the marker on its
-top; then the mapper hovers, and the tracker flies on in sight of it. The camera has 78 degrees
+Two multicopters fly without satellites. One maps, the other hovers above and sees the marker on its
+top. Then the mapper hovers, and the tracker flies on in sight of it. The camera has 78 degrees
 across at 4:3, the marker is 0.4 m wide.
 
 Errors are those of the mapper's place after each hop, root mean square of {runs} flights. Odometers
 read 2 % of the distance too much or too little, the same all through a flight. Headings are those
-of a gyro without a compass, which beneath steel nobody can trust: {drifts} degrees after a metre,
+of a gyro, because a compass fails beneath steel: {drifts} degrees after a metre,
 growing with the root of the way. Sightings err by half a degree of attitude, and by 0.12 degrees of
-heading; who hovers compares the ground with what it saw when it stopped, to 2 cm and 0.05 degrees.
-Both start with a known heading.
+heading. A hovering vehicle compares the ground with its picture at the stop, to 2 cm and 0.05
+degrees. Both start with a known heading.
 
-Tracked errors are {worst:.1f} to {best:.1f} times smaller. What limits them is the heading that is
-handed from one to the other, not the place: with a better gyro one alone does not lose north
-either, and less is won. NEES of the last place is 2 where the filter is honest.
+Tracked errors are {worst:.1f} to {best:.1f} times smaller. The limit is the heading that one
+hands to the other, not the place. With a better gyro one vehicle alone keeps north as well, so the
+gain is smaller. NEES of the last place is 2 for an honest filter.
 """
 
 

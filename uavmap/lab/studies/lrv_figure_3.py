@@ -1,6 +1,6 @@
 """Figure 3 of Batalin and Sukhatme: the time to cover a square lattice again and again.
 
-Beside LRV (Least Recently Visited) run depth-first search, which has a map, 1-LRTA* with ties
+LRV is Least Recently Visited. The others are depth-first search, which has a map, 1-LRTA* with ties
 broken by chance and in a fixed order, and a random walk. LRV's cover time is the mean over 50
 coverages after 300; each vertex breaks ties in an order of its own.
 """
@@ -53,7 +53,7 @@ class Cover:
 
 
 def formula(m: int) -> float:
-    """Return 2 |E| / V^1.0005: in the steady state LRV goes round all edges, once each way.
+    """Return 2 |E| / V^1.0005: in the steady state LRV passes all edges, once in each direction.
 
     >>> round(formula(1500), 4)
     3.9682
@@ -74,7 +74,7 @@ def jobs(quick: bool, seed: int) -> list[Job]:
 
 
 def trial(job: Job) -> Cover:
-    """Walk."""
+    """Walk over one lattice."""
     from missions.lab.kernels import lattice_walks as walks  # noqa: PLC0415, numba takes a second
 
     near, degree = walks.neighbours(job.m)
@@ -89,7 +89,7 @@ def trial(job: Job) -> Cover:
 
 
 def conclude(covers: Sequence[Cover]) -> Page:
-    """Set ours beside the paper's sequence and the other walks."""
+    """Compare with the paper's sequence and the other walks."""
     found = {(c.walk, c.m): c.steps for c in covers}
     sizes = sorted(
         {*PAPER, *(c.m for c in covers)} if (LRV, 200) in found else {m for _, m in found}
@@ -127,7 +127,7 @@ direction: 2 |E| = 4 m (m - 1) steps, and the formula 4 (1 - 1/m) / m^0.001 give
 sequence, its fall at the end included. So the growth that the paper fits by V^1.0005 is that of the
 share of inner vertices: the cover time stays below 4 V for every m.
 
-Depth-first search takes 2 V - 2 with a map. 1-LRTA* beats LRV, as Figure 3c says, when ties are
+Depth-first search takes 2 V - 2 with a map. 1-LRTA* beats LRV, as in Figure 3c, when ties are
 broken in a fixed order (the first {MEASURED[LRTA_FIXED]} coverages); by chance it does so on small
 lattices only. The random walk lies between V ln V and 2 V^2.
 """

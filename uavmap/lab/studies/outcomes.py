@@ -22,7 +22,7 @@ K = TypeVar("K")
 _SHARED_BY_TRIALS = 256
 MANY_CELLS = 5000
 PLAIN = "rdfs, plain"
-"""`rdfs` with the child rule and no more, as `missions.lab.arena.fast.run_rdfs` has it."""
+"""`rdfs` with the child rule alone, as in `missions.lab.arena.fast.run_rdfs`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ def eccentricity(roi: Roi) -> int:
 @lru_cache(_SHARED_BY_TRIALS)
 def lattice_of(roi: Roi) -> Lattice:
     """Return its arrays."""
-    return Lattice.of(roi.cells)
+    return Lattice.from_cells(roi.cells)
 
 
 @dataclass(frozen=True, slots=True)

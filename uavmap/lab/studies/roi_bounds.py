@@ -1,8 +1,8 @@
-"""Which bound on Algorithm 1 holds: Lemma 1 with a child rule, Lemma 1 as printed, Theorem 1.
+"""Bounds on Algorithm 1: Lemma 1 with a child rule, Lemma 1 as printed, Theorem 1.
 
 Lemma 1 (resting ROI, unit speed): T <= 2 (C - 1 + d floor(log2 R)) / (1 + floor(log2 R)). With d
 the depth of the exploration tree it holds for `rdfs`; the listing read literally (`rdfs-paper`)
-breaks it. Theorem 1 takes d for a distance in the graph, which no tour can undercut; but the tree
+breaks it. Theorem 1 takes d for a distance in the graph, which no tour can undercut. But the tree
 of a grid with cycles may be far deeper than its graph.
 """
 
@@ -57,7 +57,7 @@ def lemma_1_ecc(run: Explored) -> float:
 
 
 def theorem_1(run: Explored) -> float:
-    """Return the ratio of Theorem 1 times what an optimum needs at most, moves."""
+    """Return the ratio of Theorem 1 times the most that an optimum needs, moves."""
     robots, halvings = run.job.robots, math.floor(math.log2(run.job.robots))
     # a depth-first tour of the shortest-path tree, cut into R pieces, and the ways to and fro
     optimum_at_most = 2 * run.eccentricity + 2 * math.ceil((run.found.cells - 1) / robots)
@@ -65,7 +65,7 @@ def theorem_1(run: Explored) -> float:
 
 
 def _above(runs: Sequence[Explored]) -> tuple[int, ...]:
-    """Return how many are above Lemma 1 with the depth, with the distance, above Theorem 1."""
+    """Return the numbers above Lemma 1 with the depth, with the distance, above Theorem 1."""
     return tuple(
         sum(run.found.makespan > bound(run) * (1 + _ROUNDING) for run in runs)
         for bound in (lemma_1, lemma_1_ecc, theorem_1)
@@ -122,8 +122,8 @@ On {largest} cells, of which the farthest is on average {far:.0f} away, the tree
 {plain_deep:.0f} deep. In {len(plain)} runs it exceeds Lemma 1 with depth_T
 {plain_above[0]} times, with that distance {plain_above[1]} times, and the
 ratio of Theorem 1 {plain_above[2]} times. The tree of `rdfs` is {deep:.0f} deep there,
-and what it exceeds is {above[0]}, {above[1]} and
-{above[2]} times. No proof keeps its tree as shallow as the ROI; so this project
+and it exceeds these {above[0]}, {above[1]} and
+{above[2]} times. No proof keeps its tree as shallow as the ROI. So this project
 states Lemma 1 with depth_T, and prints depth_T.
 """
     return Page(

@@ -1,7 +1,7 @@
 """Figure 7 of Sung and Tokekar: the time of Algorithm 1 between its bounds.
 
-C = 120 cells, R = 20 robots, Sr / Sp = 2.5, of which one varies; the ROI drifts with one cell per
-unit of time in one of the four directions of the grid. 100 trials each, on three kinds of ROI.
+One of C = 120 cells, R = 20 robots and Sr / Sp = 2.5 varies. The ROI drifts with one cell per unit
+of time in one of the four directions of the grid. There are 100 trials each, on three kinds of ROI.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A trial: a ROI, and what is flown over it."""
+    """A trial: a ROI, and the parameters of its exploration."""
 
     kind: str
     varied: str
     value: float
     seed: int
 
-    def of(self, name: str) -> float:
+    def parameter(self, name: str) -> float:
         """Return a parameter of this trial."""
         return self.value if name == self.varied else FIXED[name]
 
@@ -67,7 +67,7 @@ class Times:
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """Return all trials; those of one number share their ROI where their cells are equal."""
+    """Return all trials; those of one number share their ROI if they have equally many cells."""
     return [
         Job(kind, varied, value, trial_seed(seed, number))
         for kind in KINDS
@@ -78,8 +78,12 @@ def jobs(quick: bool, seed: int) -> list[Job]:
 
 
 def trial(job: Job) -> Times:
-    """Explore, and mow."""
-    cells, robots, speed = int(job.of("cells")), int(job.of("robots")), job.of("speed ratio")
+    """Explore a ROI, and mow its rectangle."""
+    cells, robots, speed = (
+        int(job.parameter("cells")),
+        int(job.parameter("robots")),
+        job.parameter("speed ratio"),
+    )
     metric = Metric(speed, *_WINDS[job.seed % len(_WINDS)])
     roi = roi_of(job.kind, cells, job.seed)
     done = explore("rdfs", roi, robots, metric)
@@ -175,11 +179,11 @@ def _statements(cases: Sequence[Case]) -> Table:
     ):  # fmt: skip
         of = {k: [c for c in cases if (c.kind, c.varied) == (k, varied)] for k in KINDS}
         rows.append((statement, *("yes" if holds(of[kind]) else "no" for kind in KINDS)))
-    return Table(("the paper says", *(f"here, {kind}" for kind in KINDS)), tuple(rows))
+    return Table(("the paper states", *(f"here, {kind}" for kind in KINDS)), tuple(rows))
 
 
 def _rises(values: Sequence[float]) -> bool:
-    """Return whether values rise on the whole: no step back of more than a tenth of the way."""
+    """Return True if values rise on the whole: no step back exceeds a tenth of the way."""
     way = values[-1] - values[0]
     return way > 0 and all(b - a > -0.1 * way for a, b in pairwise(values))
 

@@ -47,7 +47,7 @@ row for each of `ROBOTS`."""
 
 
 def reference(kind: str, cells: int, robots: int, strategy: str) -> float | None:
-    """Return the ratio of a prototype; None where there was none.
+    """Return the ratio of a prototype; None if there was none.
 
     >>> reference("eden", 120, 4, "rdfs")
     2.1
@@ -76,7 +76,7 @@ def jobs(quick: bool, seed: int) -> list[Job]:
 
 
 def conclude(found: Sequence[Explored]) -> Page:
-    """Set the ratios beside those of the prototypes."""
+    """Compare the ratios with those of the prototypes."""
     groups = grouped(found, lambda f: (f.job.kind, f.job.cells, f.job.robots, f.job.strategy))
     makespans = {key: mean(f.found.makespan for f in fs) for key, fs in groups.items()}
     lowers = {key: mean(f.found.lower_bound for f in fs) for key, fs in groups.items()}
@@ -98,7 +98,7 @@ def conclude(found: Sequence[Explored]) -> Page:
     text = f"""\
 Mean makespan over the mean lower bound on the optimum, resting ROIs at unit speed, from a random
 cell of the boundary, all robots sharing one map. In brackets: prototypes of the same strategies on
-other ROIs of the same kind. *Offline*: the best tours known when the ROI is known beforehand.
+other ROIs of the same kind. *Offline*: the best known tours with a known ROI.
 
 {_matrix(names, sets, ratios).markdown()}
 
@@ -152,7 +152,7 @@ def _draw(
 
 STUDY: Final = Study(
     "strategies",
-    "every strategy on every kind of ROI, beside the lower bound",
+    "every strategy on every kind of ROI, and the lower bound",
     jobs,
     explored,
     conclude,

@@ -28,7 +28,7 @@ else:  # matplotlib is an extra
 Value = str | int | float | bool | None
 
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Okabe and Ito's, which stay apart for colour-blind eyes."""
+"""Colours of Okabe and Ito, distinct for colour-blind eyes."""
 PNG_COLOURS: Final = 64
 MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X")
 
@@ -121,13 +121,13 @@ class Study:
 
     name: str
     about: str
-    """For the help, in a line."""
+    """Description for the help, in a line."""
     jobs: Callable[[bool, int], Sequence[Any]]
-    """The jobs, from whether it should be quick and the seed."""
+    """Function that returns the jobs; its arguments are True for quick ones, and the seed."""
     trial: Callable[[Any], Any]
-    """The work of a job; a function of a module, so that it can be sent to a process."""
+    """Function for a job; a function of a module, so that it can be sent to a process."""
     conclude: Callable[[Sequence[Any]], Page]
-    """The page, from the results in the order of the jobs."""
+    """Function that returns the page, from the results in the order of the jobs."""
 
 
 def trial_seed(seed: int, *numbers: int) -> int:

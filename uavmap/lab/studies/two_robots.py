@@ -67,7 +67,7 @@ class Followed(NamedTuple):
     alone_m: float
     times_better: float
     nees_watched: float
-    """Of place and heading: 3 where the filter is honest."""
+    """NEES of place and heading: 3 for an honest filter."""
     nees_alone: float
     runs: int
 
@@ -139,25 +139,25 @@ _COLUMNS: Final = (
 _NOTES: Final = """\
 Rekleitis, Dudek and Milios, *Multi-Robot Exploration of an Unknown Environment* (IJCAI 1997),
 Table 1: {stripes} stripes of {moves} moves each, range 10 m, explored by two robots that do not
-know the rectangle. What the formulas leave out are the ends of stripes: there the robots stand side
-by side, which takes up to three steps more in a stripe; a stripe has one diamond's tip less, and
-those beside the walls are cut off; nobody leaves the last stripe, so that of the 2Y between stripes
-up to one breadth of a stripe is not gone, and of the turns two are not made. The farthest off are
+know the rectangle. The formulas leave out the ends of stripes. There the robots stand side by side,
+which takes up to three steps more in a stripe. A stripe has one diamond's tip less, and those
+beside the walls are cut off. No robot leaves the last stripe. So up to one breadth of a stripe is
+missing from the 2Y between stripes, and so are two turns. The largest differences are
 path by {path:.2f} %, steps by {steps:.2f} %, and turns by {turns:.2f} % of the corrected formula.
 
 The diamonds' turns as printed, 2Y/R + 4X/(R sqrt(2 - 2 cos theta)), count the turns inside of one
-stripe; multiplied by the Y/R stripes they are those that the robots make.
+stripe. Multiplied by the Y/R stripes they are those of the robots.
 
-How far robots are from where they believe to be at the end of squares, root mean square of both
-robots: watched, and by the same odometers alone. NEES is the normalised estimation error squared of
-place and heading, which is 3 where a filter is honest.
+The table below has the errors of the believed places at the end of squares, root mean square of
+both robots: watched, and by the same odometers alone. NEES is the normalised estimation error
+squared of place and heading, which is 3 for an honest filter.
 
 {table}
 """
 
 
 def conclude(results: Sequence[Result]) -> Page:
-    """Set the table beside the paper's, with the errors of places."""
+    """Compare the table with the paper's; add the errors of places."""
     rows = [row for row in results if isinstance(row, Covered)]
     ends = [row for row in results if isinstance(row, Followed)]
     cells = [

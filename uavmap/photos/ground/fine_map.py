@@ -1,4 +1,4 @@
-"""A replay's results beside its cells: the boundary at pixel level, and the ground itself.
+"""A replay's results besides its cells: the boundary at pixel level, and the mosaic.
 
     Surface -> lines of P = 0.1, a level between, 0.9 -> polygons with holes -> simplified
 
@@ -28,7 +28,7 @@ from uavmap.output.drawing.mosaic_file import raster_of, write_mosaic
 from uavmap.output.drawing.scene import View
 from uavmap.output.facts.boundary_file import Boundary, BoundaryMap, Line
 from uavmap.photos.ground.judging import Judge, class_mask
-from uavmap.photos.ground.surface import Scene, Shown, Surface, fused
+from uavmap.photos.ground.surface import Scene, ScenePicture, Surface, fused
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.workers import Threads
 from vision.contours import Contours, Ring
@@ -40,14 +40,14 @@ HALF: Final = 0.5
 LOW: Final = 0.1
 HIGH: Final = 0.9
 TOLERANCE: Final = 0.5
-"""Largest error of simplified lines, pixels of the raster."""
+"""Maximum error of simplified lines, pixels of the raster."""
 LEAST_PART: Final = 0.5
-"""Least size of a part of the region, or of a hole in it, in cells."""
+"""Minimum size of a part of the region, or of a hole in it, in cells."""
 _APART: Final = 0.05  # between the level of the boundary and those of its band
 
 
 def boundary_of(surface: Surface, cell_m: float, level: float = HALF) -> Boundary:
-    """Return where P is `level` on a surface, without parts and holes below `LEAST_PART`."""
+    """Return the lines where P is `level`, without parts and holes below `LEAST_PART`."""
     level = min(max(level, LOW + _APART), HIGH - _APART)
     raster, least_m2 = surface.raster, LEAST_PART * cell_m**2
     contours = {p: Contours(p * MOST - 0.5, raster.columns) for p in (LOW, level, HIGH)}
@@ -99,7 +99,7 @@ def _polygons(raster: Raster, rings: Sequence[Ring]) -> MultiPolygon:
 
 
 def _simplified(shape: MultiPolygon, tolerance_m: float) -> BaseGeometry:
-    """Return the shape with fewer points; line by line, or, if lines then cross, with care."""
+    """Return the shape with fewer points: line by line, or slower if those lines cross."""
     quick = shapely.simplify(shape, tolerance_m, preserve_topology=False)
     return quick if quick.is_valid else shapely.simplify(shape, tolerance_m)
 
@@ -131,7 +131,7 @@ def _lines(
 
 
 def _distances(points: NDArray[np.float64], shape: MultiPolygon) -> NDArray[np.float64]:
-    """Return the distance of each point from the edge of a shape; infinite where there is none."""
+    """Return the distance of each point from the edge of a shape; infinite if there is none."""
     found = np.full(len(points), np.inf)
     edges = [
         np.asarray(shapely.linestrings(np.stack([ring[:-1], ring[1:]], axis=1)), object)
@@ -149,7 +149,7 @@ def _distances(points: NDArray[np.float64], shape: MultiPolygon) -> NDArray[np.f
 
 
 def _open_parts(raster: Raster, rings: Sequence[Ring]) -> NDArray[np.float64]:
-    """Return pieces of rings along unseen ground, shape (n, 2, 2), two points each."""
+    """Return pieces of rings along ground without pictures, shape (n, 2, 2), two points each."""
     pieces = [np.zeros((0, 2, 2))]
     for ring in rings:
         both = ring.open & np.roll(ring.open, -1)
@@ -163,22 +163,22 @@ class Tile(NamedTuple):
     """A picture of a mosaic.
 
     `shown.window` is of another raster and not used. `image` returns blue-green-red, of any size,
-    `framed`; None if it cannot be read; any thread may call it.
+    `framed`; None if it cannot be read. Any thread may call it.
     """
 
-    shown: Shown
+    shown: ScenePicture
     image: Callable[[], Colours | None]
 
 
 def mosaic(
     raster: Raster, window: Window, tiles: Iterable[Tile], threads: Threads
 ) -> Colours | None:
-    """Return a window of a mosaic; None where no picture shows anything of it.
+    """Return a window of a mosaic; None if no picture shows any of it.
 
-    Where pictures overlap the one that looks down most steeply shows; each fades into the next.
+    The steepest view of a place shows; each picture fades into the next.
 
     Args:
-        raster: In the grid's moving frame.
+        raster: A raster in the grid's moving frame.
         tiles: The pictures that may show something of the window.
 
     Returns:
@@ -205,10 +205,10 @@ class FineMap:
     surface: Surface
     boundary: Boundary
     classes: Mapping[str, Boundary]
-    """Of each class of the region, by name."""
+    """Boundary of each class of the region, by name."""
 
     @classmethod
-    def of(
+    def from_scene(
         cls,
         setting: Setting,
         judge: Judge,
@@ -216,7 +216,7 @@ class FineMap:
         spool: Spool,
         threads: Threads,
     ) -> FineMap:
-        """Make it of the pictures of a scene."""
+        """Make it from the pictures of a scene."""
         shrinks_px = int(getattr(judge.detector, "shrinks_px", 0))
         surface = fused(scene, spool, shrinks_px, threads, setting.mission.votes.positive)
         level = setting.mission.detector.share if judge.detector.calibrated else HALF
@@ -232,7 +232,7 @@ class FineMap:
         classes = {names[number]: of_class(number) for number in section.explored}
         return cls(setting, scene, surface, boundary, classes)
 
-    def told(
+    def boundary_map(
         self,
         t_s: float,
         positions_m: Sequence[float],
@@ -244,7 +244,7 @@ class FineMap:
         Args:
             positions_m: Standard deviation of each picture's position.
             seen: The examined cells, sorted; shape (n, 2).
-            undecided: Those that too few pictures show.
+            undecided: Those with too few pictures.
         """
         mission = self.setting.mission
         return BoundaryMap(
@@ -264,9 +264,9 @@ class FineMap:
 def beneath(
     scene: Scene, spool: Spool, grid: Grid, threads: Threads, t_s: float
 ) -> Callable[[View], NDArray[np.uint8] | None]:
-    """Return the mosaic beneath a map's picture, as `mosaic` gives it."""
+    """Return the mosaic behind a map's picture, as `mosaic` returns it."""
 
-    def laid(view: View) -> NDArray[np.uint8] | None:
+    def draw(view: View) -> NDArray[np.uint8] | None:
         raster = Raster(
             view.left_m - grid.drift_east_m_s * t_s,
             view.top_m - grid.drift_north_m_s * t_s,
@@ -277,7 +277,7 @@ def beneath(
         tiles = (Tile(entry, _small(entry, spool)) for entry in scene.shown)
         return mosaic(raster, raster.whole, tiles, threads)
 
-    return laid
+    return draw
 
 
 def write_ground(
@@ -293,7 +293,7 @@ def write_ground(
         write_mosaic(folder, image, raster, setting.grid)
 
 
-def _small(entry: Shown, spool: Spool) -> Callable[[], NDArray[np.uint8] | None]:
+def _small(entry: ScenePicture, spool: Spool) -> Callable[[], NDArray[np.uint8] | None]:
     data = spool.get(entry.footing.number).small
 
     def decoded() -> NDArray[np.uint8] | None:
@@ -304,5 +304,5 @@ def _small(entry: Shown, spool: Spool) -> Callable[[], NDArray[np.uint8] | None]
 
 
 def upright(image: NDArray[np.uint8], *, turned: bool) -> NDArray[np.uint8]:
-    """Return an image the right way up that may be stored turned by 180 degrees."""
+    """Return an image the right way up, turned by 180 degrees if it is stored so."""
     return np.ascontiguousarray(image[::-1, ::-1]) if turned else image

@@ -1,8 +1,8 @@
 """The judgement of one recorded picture: decoded, checked for plausibility, and classified.
 
-A `Judge` knows no order and keeps nothing, so any number of threads may use it. What depends on
-other pictures (repeated, upside down, blurred) is returned as numbers. `look_at` judges a single
-picture, and tells where it lies on the grid.
+A `Judge` needs no order and keeps nothing, so any number of threads may use it. Results that depend
+on other pictures (repeated, upside down, blurred) are returned as numbers. `inspect_picture` judges
+a single picture, with its place on the grid.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.photos.registration.calibration import Lenses
-from uavmap.photos.scratch_file import Said
+from uavmap.photos.scratch_file import StoredJudgement
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.picture_record import Picture, Placed, above_ground, credible
 from vision.camera import Camera, Lens, project
@@ -35,29 +35,29 @@ from vision.upright import Patch, UprightSearch
 
 LEAST_WIDTH_PX: Final = 64
 LEAST_PIXELS_A_CELL: Final = 8.0
-"""Least pixels along a cell's edge for a vote."""
+"""Minimum pixels along a cell's edge for a vote."""
 WHITE_SHARE: Final = 0.6
-"""Least part of white pixels of an over-exposed picture."""
+"""Minimum share of white pixels of an over-exposed picture."""
 DARK_SHARE: Final = 0.95
 _WHITE, _DARK = 250, 12
-_EVERY = 12  # what is asked of all of a picture is asked of every so many rows
+_EVERY = 12  # measures of a whole picture use one row out of this number
 
 MINIATURE_PX: Final = 250
 """Columns of the picture that is kept for the background of the map."""
 
 WHOLE_AREA: Final = Cell(0, 0)
-"""The vantage of all pictures under the view "all": one look over the whole area."""
+"""Vantage of all pictures under the view "all": one observation of the whole area."""
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
-    """The judgement of a picture as it is stored; `said` goes to the spool.
+class JudgedPicture:
+    """The judgement of a picture as it is stored; `stored` goes to the spool.
 
-    Equal pictures have equal `fingerprint`s. `sharpness` is the finest detail beside the contrast,
-    at the judged size.
+    Equal pictures have equal `fingerprint`s. `sharpness` is the finest detail relative to the
+    contrast, at the judged size.
     """
 
-    said: Said
+    stored: StoredJudgement
     camera: Camera
     patch: Patch | None
     fingerprint: bytes
@@ -73,7 +73,7 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """Judges the pictures of a replay; `compare`: whether to look for pictures upside down."""
+    """Judges the pictures of a replay; with `compare` it also searches for upside-down ones."""
 
     mission: Mission
     grid: Grid
@@ -83,8 +83,10 @@ class Judge:
     compare: bool = True
 
     @classmethod
-    def of(cls, mission: Mission, grid: Grid, search: UprightSearch, lens: Lens | None) -> Judge:
-        """Return the judge that a mission file describes; `lens` is a calibration."""
+    def for_mission(
+        cls, mission: Mission, grid: Grid, search: UprightSearch, lens: Lens | None
+    ) -> Judge:
+        """Return the judge for a mission file; `lens` is a calibration."""
         lenses = Lenses(mission.camera.hfov_deg, lens)
         return cls(mission, grid, detector_of(mission), search, lenses)
 
@@ -93,59 +95,61 @@ class Judge:
         made = (self.mission, self.grid, self.detector, search, self.lenses, self.compare)
         return Judge, made
 
-    def said(self, task: Task) -> Judged | str:
-        """Return a picture's judgement, or why it is no evidence."""
+    def judge(self, task: Task) -> JudgedPicture | str:
+        """Return a picture's judgement, or the reason why it is no evidence."""
         try:
             return self._judged(*task)
         except ImageError as error:
             return str(error)
 
-    def _judged(self, placed: Placed, t_s: float) -> Judged:
+    def _judged(self, placed: Placed, t_s: float) -> JudgedPicture:
         frame = self.frame(placed, t_s)
-        vantage, cells = self._asked(frame.camera, placed, t_s)
+        vantage, cells = self._visible_cells(frame.camera, placed, t_s)
         some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row
         self._refuse_implausible(some)
         found = judged(self.detector, frame.image)
-        laid, unfamiliar = self.laid(frame.camera, placed, t_s), found.unfamiliar
+        projection, unfamiliar = self.projection(frame.camera, placed, t_s), found.unfamiliar
         if self.mission.by_evidence:
-            shares, weights = laid.weighed(found.marks, cells)
+            shares, weights = projection.weighed(found.marks, cells)
         else:
-            shares, weights = laid.shares(found.marks, cells), np.ones(len(cells))
-        said = Said(
+            shares, weights = projection.shares(found.marks, cells), np.ones(len(cells))
+        stored = StoredJudgement(
             vantage, cells, shares, packed(found.marks), weights, miniature(frame.image),
-            laid.unsure(unfamiliar, cells), b"" if unfamiliar is None else packed(unfamiliar),
-            found.unlike, *laid.by_class(found.classes, cells),
+            projection.unsure(unfamiliar, cells), b"" if unfamiliar is None else packed(unfamiliar),
+            found.unlike, *projection.by_class(found.classes, cells),
             b"" if found.classes is None else packed_levels(found.classes),
         )  # fmt: skip
-        return Judged(
-            said,
+        return JudgedPicture(
+            stored,
             frame.camera,
             self.search.patch(frame) if self.compare else None,
             hashlib.blake2b(some.data, digest_size=16).digest(),
             sharpness(frame.image),
         )
 
-    def turned(self, placed: Placed, t_s: float, camera: Camera, said: Said) -> Said:
+    def turned(
+        self, placed: Placed, t_s: float, camera: Camera, stored: StoredJudgement
+    ) -> StoredJudgement:
         """Return the judgement of a picture that is stored upside down; its weights stay."""
         size = (camera.height_px, camera.width_px)
-        upright = unpacked(said.marks, *size, upside_down=True)
-        laid = self.laid(camera, placed, t_s)
+        upright = unpacked(stored.marks, *size, upside_down=True)
+        projection = self.projection(camera, placed, t_s)
         if self.mission.by_evidence:
-            shares = laid.shares_of(upright, said.cells, said.weights)
+            shares = projection.shares_of(upright, stored.cells, stored.weights)
         else:
-            shares = laid.shares(upright, said.cells)
-        if said.class_marks:
-            classes = unpacked_levels(said.class_marks, *size, upside_down=True)
-            numbers, parts = laid.by_class(classes, said.cells)
-            said = said._replace(numbers=numbers, classes=parts)
-        if not said.unfamiliar:
-            return said._replace(shares=shares)
-        unfamiliar = unpacked(said.unfamiliar, *size, upside_down=True)
-        unsure = laid.unsure(np.asarray(unfamiliar, np.uint8), said.cells)
-        return said._replace(shares=shares, unsure=unsure)
+            shares = projection.shares(upright, stored.cells)
+        if stored.class_marks:
+            classes = unpacked_levels(stored.class_marks, *size, upside_down=True)
+            numbers, parts = projection.by_class(classes, stored.cells)
+            stored = stored._replace(numbers=numbers, classes=parts)
+        if not stored.unfamiliar:
+            return stored._replace(shares=shares)
+        unfamiliar = unpacked(stored.unfamiliar, *size, upside_down=True)
+        unsure = projection.unsure(np.asarray(unfamiliar, np.uint8), stored.cells)
+        return stored._replace(shares=shares, unsure=unsure)
 
-    def laid(self, camera: Camera, placed: Placed, t_s: float) -> Projection:
-        """Lay the picture on the mission's ground."""
+    def projection(self, camera: Camera, placed: Placed, t_s: float) -> Projection:
+        """Return the projection of the picture onto the mission's ground."""
         return Projection(camera, placed.pose, t_s, self.grid, self.mission.ground)
 
     def frame(self, placed: Placed, t_s: float, most_width_px: int | None = None) -> Frame:
@@ -159,8 +163,8 @@ class Judge:
         image, camera = self.lenses.straightened(image, self.lenses.lens(picture))
         return Frame(image, placed.pose, t_s, camera)
 
-    def _asked(self, camera: Camera, placed: Placed, t_s: float) -> tuple[Cell, Cells]:
-        """Return the vantage, and the cells that the picture shows."""
+    def _visible_cells(self, camera: Camera, placed: Placed, t_s: float) -> tuple[Cell, Cells]:
+        """Return the vantage, and the cells in the picture."""
         cell_px = camera.pixels_per_cell(placed.pose.height_m, self.grid.cell_m)
         if cell_px < LEAST_PIXELS_A_CELL:
             raise ImageError(
@@ -168,7 +172,7 @@ class Judge:
                 f"{placed.pose.height_m:.0f} m; {LEAST_PIXELS_A_CELL:g} are needed"
             )
         view, margin_m = self.mission.detector.view, self.mission.camera.pose_error_m
-        cells = self.laid(camera, placed, t_s).cells(
+        cells = self.projection(camera, placed, t_s).cells(
             view, margin_m, partly=self.mission.by_evidence
         )
         vantage = WHOLE_AREA
@@ -193,7 +197,7 @@ class Judge:
 
 
 def sharpness(image: NDArray[np.uint8]) -> float:
-    """Return the part of the contrast in a picture's middle that is detail of a pixel or two."""
+    """Return the share of a picture's contrast, in its middle, in details of a pixel or two."""
     rows, columns = image.shape[:2]
     middle = image[rows // 4 : rows - rows // 4, columns // 4 : columns - columns // 4]
     gray = cv2.cvtColor(middle, cv2.COLOR_BGR2GRAY)
@@ -222,12 +226,12 @@ def packed_levels(levels: NDArray[np.uint8]) -> bytes:
     return zlib.compress(levels.tobytes(), 1)
 
 
-def class_mask(said: Said, number: int) -> bytes:
-    """Return the mask of a class in a picture, as `packed` gives it, without what is unfamiliar."""
-    numbers = np.frombuffer(zlib.decompress(said.class_marks), np.uint8)
+def class_mask(stored: StoredJudgement, number: int) -> bytes:
+    """Return the mask of a class in a picture, packed, without unfamiliar pixels."""
+    numbers = np.frombuffer(zlib.decompress(stored.class_marks), np.uint8)
     there = numbers == number
-    if said.unfamiliar:
-        unfamiliar = unpacked(said.unfamiliar, 1, len(numbers))[0]
+    if stored.unfamiliar:
+        unfamiliar = unpacked(stored.unfamiliar, 1, len(numbers))[0]
         there &= unfamiliar == 0
     return packed(there.view(np.uint8) * np.uint8(255))
 
@@ -263,7 +267,7 @@ _ROI: Final = (60, 200, 60)
 _NOT_ROI: Final = (200, 200, 200)
 _MASK: Final = (255, 120, 0)
 _BELOW: Final = (0, 0, 255)
-_LETTER_PX: Final = 34  # a cell whose edge has fewer pixels gets no number
+_LETTER_PX: Final = 34  # minimum edge of a cell with a number, pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,15 +275,15 @@ class PictureReport:
     """The judgement of one picture.
 
     Attributes:
-        verdicts: By cell, sorted.
+        verdicts: Verdicts by cell, sorted.
         footprint: The ground at its corners, from the upper left clockwise; none if one shows the
             sky.
-        doubt: Why a mission would not count it; empty where it would.
+        doubt: Reason why a mission would not count it; empty if it would.
     """
 
     placed: Placed
     frame: Frame
-    laid: Projection
+    projection: Projection
     mask: NDArray[np.uint8]
     verdicts: tuple[Verdict, ...]
     footprint: tuple[LatLon, ...]
@@ -313,50 +317,50 @@ class PictureReport:
         }
 
 
-def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> PictureReport:
-    """Return what a mission sees in a picture. Raises `ImageError`: why it can see nothing."""
+def inspect_picture(picture: Picture, mission: Mission, lens: Lens | None = None) -> PictureReport:
+    """Return a mission's verdicts on a picture. Raises `ImageError` with the reason for none."""
     (placed,) = credible([picture], mission)
     if isinstance(placed, str):
         raise ImageError(f"{picture.name}: {placed}")
     setting = setting_of(mission)
     placed, grid = replace(placed, pose=above_ground(placed.pose, setting)), setting.grid
     search = UprightSearch(grid, UprightSearch.pitch_for([placed.pose.height_m]))
-    judge = Judge.of(mission, grid, search, lens)
+    judge = Judge.for_mission(mission, grid, search, lens)
     try:
         frame = judge.frame(placed, 0.0)
     except ImageError as error:
         raise ImageError(f"{picture.name}: {error}") from None
-    section, laid = mission.detector, judge.laid(frame.camera, placed, 0.0)
-    cells = laid.cells(section.view, mission.camera.pose_error_m)
+    section, projection = mission.detector, judge.projection(frame.camera, placed, 0.0)
+    cells = projection.cells(section.view, mission.camera.pose_error_m)
     mask, found = judge.detector.mask(frame.image), judged(judge.detector, frame.image)
-    shares = laid.shares(found.marks, cells) if len(cells) else np.zeros(0)
-    seen = verdicts(laid, found, cells, shares, section.share)
+    shares = projection.shares(found.marks, cells) if len(cells) else np.zeros(0)
+    seen = verdicts(projection, found, cells, shares, section.share)
     doubt = implausible(frame.image, noiseless=mission.camera.noiseless) or ""
-    return PictureReport(placed, frame, laid, mask, seen, _footprint(laid), doubt)
+    return PictureReport(placed, frame, projection, mask, seen, _footprint(projection), doubt)
 
 
-def annotated(looked: PictureReport) -> NDArray[np.uint8]:
-    """Draw the detector's mask as a line, the cells, and each one's share in per cent.
+def annotated(report: PictureReport) -> NDArray[np.uint8]:
+    """Draw the detector's mask as a line, the cells, and the share of each in per cent.
 
     Shape (rows, columns, 3), blue-green-red.
     """
-    image = looked.frame.image.copy()
-    edges, _ = cv2.findContours(looked.mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)
+    image = report.frame.image.copy()
+    edges, _ = cv2.findContours(report.mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)
     cv2.drawContours(image, edges, -1, _MASK, 1, cv2.LINE_AA)
     for positive in (False, True):  # the region's cells over their neighbours
-        for verdict in looked.verdicts:
+        for verdict in report.verdicts:
             if verdict.positive == positive:
-                _draw_cell(image, verdict, looked.laid)
-    below = looked.laid.grid.fixed(looked.placed.pose.position)
-    (middle,) = looked.laid.pixels(np.array([[below.east_m, below.north_m]]))
+                _draw_cell(image, verdict, report.projection)
+    below = report.projection.grid.fixed(report.placed.pose.position)
+    (middle,) = report.projection.pixels(np.array([[below.east_m, below.north_m]]))
     if np.isfinite(middle).all():
         at = (round(float(middle[0])), round(float(middle[1])))
         cv2.drawMarker(image, at, _BELOW, cv2.MARKER_CROSS, 16, 2)
     return image
 
 
-def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Projection) -> None:
-    pixels = laid.pixels(np.array(laid.grid.corners_of(verdict.cell), dtype=np.float64))
+def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, projection: Projection) -> None:
+    pixels = projection.pixels(np.array(projection.grid.corners_of(verdict.cell), dtype=np.float64))
     corners = np.round(pixels).astype(np.int32)
     colour = _ROI if verdict.positive else _NOT_ROI
     cv2.polylines(image, [corners], True, colour, 2 if verdict.positive else 1, cv2.LINE_AA)
@@ -369,10 +373,13 @@ def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Projection) -> 
         )  # fmt: skip
 
 
-def _footprint(laid: Projection) -> tuple[LatLon, ...]:
-    """Return where the corners' rays meet the level of the ground below the camera."""
-    grid, matrix = laid.grid, laid.camera.homography(laid.pose, laid.grid, laid.t_s)
-    right, low = laid.camera.width_px - 0.5, laid.camera.height_px - 0.5
+def _footprint(projection: Projection) -> tuple[LatLon, ...]:
+    """Return the points where the corners' rays meet the level of the ground below the camera."""
+    grid, matrix = (
+        projection.grid,
+        projection.camera.homography(projection.pose, projection.grid, projection.t_s),
+    )
+    right, low = projection.camera.width_px - 0.5, projection.camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5, 1.0], [right, -0.5, 1.0], [right, low, 1.0], [-0.5, low, 1.0]])
     ground = corners @ np.linalg.inv(matrix).T
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,7 +1,7 @@
 """ortho.tif and probability.tif, for geographic information systems, by rasterio (the extra `geo`).
 
-They are Cloud Optimized GeoTIFFs. GDAL makes such a file of another one, so the blocks go into a
-temporary one beside it first. Either file is whole or absent.
+They are Cloud Optimized GeoTIFFs. GDAL makes such a file from another one, so the blocks go into a
+temporary file beside it first. Each file is whole or absent.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from uavmap.base.extras import install_command
 from uavmap.output.drawing.mosaic_file import ORTHO, PROBABILITY, utm_transform
 from uavmap.photos.ground.fine_map import FineMap, Tile, mosaic, upright
 from uavmap.photos.ground.judging import Judge
-from uavmap.photos.ground.surface import Shown, aligned
+from uavmap.photos.ground.surface import ScenePicture, aligned
 from uavmap.photos.sources.picture_record import Placed
 from uavmap.photos.workers import Threads
 from vision.mosaic import Colours
 from vision.raster import MOST, UNSEEN, Levels, Raster, Window, framed
 
 TILE_PX: Final = 512
-_CACHE_MB: Final = 64  # of GDAL, which would take a twentieth of the machine
+_CACHE_MB: Final = 64  # of GDAL, whose default is a twentieth of the machine's memory
 _COMMON: Final = {"bigtiff": "IF_SAFER"}
-_THREADS: Final = {"num_threads": "ALL_CPUS"}  # not to write blocks: a full disk is not told then
+_THREADS: Final = {"num_threads": "ALL_CPUS"}  # not for blocks: GDAL would not report a full disk
 _TILED: Final = {"tiled": True, "blockxsize": TILE_PX, "blockysize": TILE_PX, "sparse_ok": True}
 
 
@@ -52,8 +52,8 @@ class Layout:
 
 COLOURS: Final = Layout(
     "uint8",
-    4,  # with the last one, how much is there, GDAL makes a mask beside a JPEG
-    # band by band: GDAL shrinks that for overviews in half the time
+    4,  # GDAL makes the last one, coverage, a mask beside a JPEG
+    # band by band: GDAL shrinks bands for overviews in half the time
     {
         "photometric": "RGB",
         "alpha": "YES",
@@ -74,7 +74,7 @@ PROBABILITIES: Final = Layout(
 
 
 def there() -> bool:
-    """Whether rasterio is installed."""
+    """Return True if rasterio is installed."""
     try:
         import rasterio  # noqa: F401, PLC0415 - an extra
     except ImportError:
@@ -96,14 +96,14 @@ def write_cog(
     layout: Layout,
     blocks: Iterable[tuple[Window, NDArray[Any]]],
 ) -> None:
-    """Write a raster of the grid's moving frame, as it lies at a mission time.
+    """Write a raster of the grid's moving frame, at its position at a mission time.
 
     Args:
         grid: Gives the UTM zone.
-        blocks: Its parts, each of shape (bands, rows, columns); absent ones are empty.
+        blocks: Parts of the raster, each of shape (bands, rows, columns); absent ones are empty.
 
     Raises:
-        OutputError: The disk refuses; nothing is left of the file then.
+        OutputError: The disk refuses; then no part of the file is left.
     """
     import rasterio  # noqa: PLC0415 - an extra
     from rasterio.shutil import copy  # noqa: PLC0415
@@ -131,7 +131,7 @@ def write_cog(
             copy(raw, done, driver="COG", sparse_ok=True, **_COMMON, **_THREADS, **layout.copied)
             _read_again(done)
             done.replace(path)
-    except OSError as error:  # rasterio's own are such, too
+    except OSError as error:  # rasterio's errors are such
         reason = error.strerror or str(error).partition("\n")[0]
         helps = f"is there room in {path.parent}?"
         if error.errno in (errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS):
@@ -148,34 +148,34 @@ def _read_again(path: Path) -> None:
             file.read(window=window)
 
 
-# --- what is wanted, block by block --------------------------------------------------------------
+# --- the rasters, block by block -----------------------------------------------------------------
 _LOG: Final = logging.getLogger("uavmap.photos")
 FINEST_M: Final = 0.05
-"""Least default pixel of the mosaic, m; else that of the pictures."""
+"""Minimum default pixel of the mosaic, m; otherwise it is that of the pictures."""
 MOST_PX: Final = 1_500_000_000
 MOST_LEVELS_PX: Final = 8_000_000_000
-"""Most pixels of the probabilities: empty ones take no room, but GDAL visits each."""
+"""Maximum pixels of the probabilities: empty ones need no room, but GDAL visits each."""
 APART: Final = 0.5
-"""Part of the raster that pictures show together, below which they lie apart."""
+"""Share of the raster within pictures below which the pictures count as separate sites."""
 _SIDE: Final = 2048
-_RECENT_BYTES: Final = 96 * 1024 * 1024  # of decoded pictures that the next block may show, too
-_MINUTES: Final = 200  # pictures from which on it is said that the mosaic is being made
+_RECENT_BYTES: Final = 96 * 1024 * 1024  # of decoded pictures that the next block may need
+_MINUTES: Final = 200  # number of pictures from which a line reports the making of the mosaic
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
-    """The wanted rasters.
+class RasterSettings:
+    """The rasters to write.
 
     Attributes:
-        ortho: Whether to write the mosaic; None: if rasterio is there.
-        gsd_m: Edge of its pixels; None: that of the pictures, at least `FINEST_M`.
+        ortho: True to write the mosaic; None to write it if rasterio is installed.
+        gsd_m: Edge of its pixels, m; None for that of the pictures, at least `FINEST_M`.
     """
 
     ortho: bool | None = None
     gsd_m: float | None = None
 
     def check(self) -> None:
-        """Raise `UavmapError` for a wish that needs a missing rasterio."""
+        """Raise `UavmapError` if a setting needs rasterio, and it is missing."""
         if self.ortho or (self.gsd_m is not None and self.ortho is None):
             need_rasterio("--gsd" if self.ortho is None else "--ortho")
 
@@ -190,9 +190,9 @@ class Rasters:
     t_s: float
     threads: Threads
 
-    def write(self, folder: Path, wishes: Wishes) -> bool:
-        """Write the files, if rasterio is there; return whether it is. Raises `OutputError`."""
-        wanted = [PROBABILITY] if wishes.ortho is False else [PROBABILITY, ORTHO]
+    def write(self, folder: Path, settings: RasterSettings) -> bool:
+        """Write the files if rasterio is installed; return True if it is. Raises `OutputError`."""
+        wanted = [PROBABILITY] if settings.ortho is False else [PROBABILITY, ORTHO]
         if not there():
             _LOG.info(
                 f"{' and '.join(wanted)}: not written without rasterio: {install_command('geo')}"
@@ -200,7 +200,7 @@ class Rasters:
             return False
         self._write_probability(folder / PROBABILITY)
         if ORTHO in wanted:
-            self._write_ortho(folder / ORTHO, wishes.gsd_m)
+            self._write_ortho(folder / ORTHO, settings.gsd_m)
         return True
 
     def _write_probability(self, path: Path) -> None:
@@ -210,14 +210,14 @@ class Rasters:
             _LOG.info(
                 f"{PROBABILITY}: not written: it would have {raster.columns:,} x {raster.rows:,} "
                 f"pixels of {raster.pitch_m:.2g} m, and at most {MOST_LEVELS_PX:,} are written; "
-                f"boundary.geojson says where the region is{self._remedy()}"
+                f"boundary.geojson has the region{self._remedy()}"
             )
             return
         blocks = ((window, _probabilities(levels)[None]) for window, levels in surface.seen())
         write_cog(path, surface.raster, grid, self.t_s, PROBABILITIES, blocks)
 
     def _remedy(self) -> str:
-        """Return what helps where a raster is large and mostly empty; nothing where it is full."""
+        """Return the remedy for a raster that is large and mostly empty; otherwise nothing."""
         raster = self.fine.scene.raster
         shown_px = sum(math.prod(entry.window.shape) for entry in self.fine.scene.shown)
         if shown_px > APART * raster.rows * raster.columns:
@@ -238,7 +238,7 @@ class Rasters:
             )
         if len(scene.shown) >= _MINUTES:
             _LOG.info(
-                f"{ORTHO}: laying {len(scene.shown)} pictures, {step:g} m a pixel; all else is "
+                f"{ORTHO}: projecting {len(scene.shown)} pictures, {step:g} m a pixel; all else is "
                 "written (Ctrl-C leaves it out)"
             )
         raster, unread = aligned(grid, low, high, step), set[str]()
@@ -258,15 +258,15 @@ class Rasters:
                 Tile(shown[n], self._pixels(shown[n], step_m, unread, recent)) for n in numbers
             )
             found = mosaic(raster, block, tiles, self.threads)
-            # what no block asks for any more
+            # pictures that no further block needs
             recent.forget(shown[n].footing.number for n in numbers if last[n] == block)
             if found is not None:
                 yield block, np.ascontiguousarray(found.transpose(2, 0, 1))
 
     def _pixels(
-        self, entry: Shown, step_m: float, unread: set[str], recent: Recent
+        self, entry: ScenePicture, step_m: float, unread: set[str], recent: Recent
     ) -> Callable[[], Colours | None]:
-        """Return a picture as finely as the mosaic takes it; its next block may need it too."""
+        """Return a picture as finely as the mosaic shows it; its next block may need it again."""
         footing, placed = entry.footing, self.placed[entry.footing.number]
         width_px = math.ceil(placed.picture.width_px * min(1.0, self._gsd_m(entry) / step_m))
 
@@ -280,7 +280,7 @@ class Rasters:
 
         return lambda: recent.get(footing.number, decoded)
 
-    def _gsd_m(self, entry: Shown) -> float:
+    def _gsd_m(self, entry: ScenePicture) -> float:
         """Return the ground sample distance of a picture at its full size."""
         footing = entry.footing
         whole_px = self.placed[footing.number].picture.width_px

@@ -1,8 +1,8 @@
 """The region's probability at pixel level: all pictures of a replay on one raster.
 
-    marks on the spool -> laid on the ground, weighted -> mean, block by block -> levels, compressed
+    marks on the spool -> projected, weighted -> mean, block by block -> levels, compressed
 
-No picture is decoded again. One block of the raster is in memory at a time; the pictures that show
+No picture is decoded again. One block of the raster is in memory at a time. The pictures that show
 it come from the spool one after another. Memory does not grow with the pictures, and hardly with
 the ground.
 """
@@ -24,7 +24,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Pose
 from uavmap.photos.ground.judging import unpacked
-from uavmap.photos.scratch_file import Said, Spool
+from uavmap.photos.scratch_file import Spool, StoredJudgement
 from uavmap.photos.workers import Threads
 from vision.camera import Camera
 from vision.mosaic import shrunk
@@ -35,18 +35,18 @@ COARSEST_M: Final = 0.5
 """Limits of the edge of a pixel of the raster, m; between them it is that of the judged pictures.
 """
 PIXELS_A_CELL: Final = 4
-"""Least pixels of the raster along the edge of a cell."""
+"""Minimum pixels of the raster along the edge of a cell."""
 _SIDE: Final = 2048  # of a block
-_MARGIN: Final = 4  # pixels around all that is shown
-_WEIGHTS: Final = (0.1, 4.0)  # of a picture's resolution beside the usual
+_MARGIN: Final = 4  # pixels around the visible ground
+_WEIGHTS: Final = (0.1, 4.0)  # limits of a picture's resolution relative to the usual one
 
 
 @dataclass(frozen=True, slots=True)
 class Footing:
-    """A used picture and where it was taken.
+    """A used picture and its position.
 
-    `number` is its key in the spool; `pose.height_m` is above the ground below; at the mission time
-    `t_s` the grid may have drifted; `turned` is stored upside down.
+    `number` is its key in the spool. `pose.height_m` is above the ground below. The grid may have
+    drifted at the mission time `t_s`. `turned` is True if it is stored upside down.
     """
 
     number: int
@@ -65,8 +65,8 @@ class Footing:
         return self.camera.gsd_m(self.pose.height_m)
 
 
-class Shown(NamedTuple):
-    """A picture, the corners of what it may show, and its part of the raster."""
+class ScenePicture(NamedTuple):
+    """A picture, the corners of its possible ground, and its part of the raster."""
 
     footing: Footing
     overlay: Overlay
@@ -79,14 +79,14 @@ class Scene:
     """All used pictures over a raster in the grid's moving frame, in their order."""
 
     raster: Raster
-    shown: tuple[Shown, ...]
+    shown: tuple[ScenePicture, ...]
 
     @classmethod
-    def of(cls, footings: Sequence[Footing], setting: Setting) -> Scene | None:
-        """Return the used pictures over a raster; None where they show nothing.
+    def from_footings(cls, footings: Sequence[Footing], setting: Setting) -> Scene | None:
+        """Return the used pictures over a raster; None if they show no ground.
 
-        The edge of a pixel suits them, in centimetres of the UTM projection; the raster's lines lie
-        at multiples of it.
+        The edge of a pixel suits them, in whole centimetres of the UTM projection. The raster's
+        lines are at multiples of it.
         """
         grid = setting.grid
         bounded = [
@@ -103,12 +103,12 @@ class Scene:
         usual_m = round(median(footing.gsd_m for footing in footings), 2)
         pitch_m = min(max(FINEST_M, min(usual_m, COARSEST_M)), grid.cell_m / PIXELS_A_CELL)
         raster = aligned(grid, low, high, pitch_m)
-        entries = (Shown(f, o, bounds, raster.around(*bounds)) for f, o, bounds in bounded)
+        entries = (ScenePicture(f, o, bounds, raster.around(*bounds)) for f, o, bounds in bounded)
         shown = tuple(entry for entry in entries if not entry.window.is_empty)
         return cls(raster, shown) if shown else None
 
-    def blocks(self) -> Iterator[tuple[Window, list[Shown]]]:
-        """Yield the blocks of which pictures may show something, with these."""
+    def blocks(self) -> Iterator[tuple[Window, list[ScenePicture]]]:
+        """Yield the blocks that pictures may show, with these pictures."""
         shared = self.raster.shared((entry.window for entry in self.shown), _SIDE)
         for block, numbers in shared.items():
             yield block, [self.shown[number] for number in numbers]
@@ -133,12 +133,12 @@ class Surface:
     _blocks: dict[Window, bytes] = field(default_factory=dict)
 
     def put(self, block: Window, levels: Levels) -> None:
-        """Keep a block, unless nothing was seen there."""
+        """Keep a block, unless no picture shows any of it."""
         if (levels != UNSEEN).any():
             self._blocks[block] = zlib.compress(levels.tobytes(), 1)
 
     def blocks(self) -> Iterator[tuple[Window, Levels]]:
-        """Yield every block with something seen, with a row and a column of the next ones."""
+        """Yield every block that pictures show, with a row and a column of the next ones."""
         for block in self.raster.whole.blocks(_SIDE):
             wider = Window(block.top, block.left, block.bottom + 1, block.right + 1)
             wider = wider.common(self.raster.whole)
@@ -154,7 +154,7 @@ class Surface:
                 yield wider, levels
 
     def seen(self) -> Iterator[tuple[Window, Levels]]:
-        """Yield every block of which something was seen."""
+        """Yield every block that pictures show."""
         for block in self._blocks:
             found = np.full(block.shape, UNSEEN, np.uint8)
             self._get(found, block, block)
@@ -175,21 +175,23 @@ def fused(
     shrinks_px: int,
     threads: Threads,
     least: int,
-    marks_of: Callable[[Said], bytes] = attrgetter("marks"),
+    marks_of: Callable[[StoredJudgement], bytes] = attrgetter("marks"),
 ) -> Surface:
     """Fuse all pictures of a scene.
 
     Args:
-        spool: Their judgements, by `Footing.number`.
+        spool: Judgements of the pictures, by `Footing.number`.
         shrinks_px: Pixels by which the detector's mask is too small at each edge.
-        threads: The result does not depend on their count.
-        least: Least pictures of a place that counts as seen.
-        marks_of: The marks of a judgement that are fused, packed.
+        threads: Threads; the result does not depend on their number.
+        least: Minimum number of pictures that show a place of the result.
+        marks_of: Returns the marks of a judgement that are fused, packed.
     """
     surface = Surface(scene.raster)
     usual_m = median(entry.footing.gsd_m for entry in scene.shown)
 
-    def said(job: tuple[Shown, Window, bytes]) -> list[tuple[Window, Levels, NDArray[np.float32]]]:
+    def blocks(
+        job: tuple[ScenePicture, Window, bytes],
+    ) -> list[tuple[Window, Levels, NDArray[np.float32]]]:
         entry, part, marks = job
         ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
         levels = framed(_levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m))
@@ -198,13 +200,15 @@ def fused(
             for shown, projected in entry.overlay.on_window(scene.raster, part, ratio)
         ]
 
-    def jobs(near: Sequence[Shown], around: Window) -> Iterator[tuple[Shown, Window, bytes]]:
+    def jobs(
+        near: Sequence[ScenePicture], around: Window
+    ) -> Iterator[tuple[ScenePicture, Window, bytes]]:
         for entry in near:
             yield entry, entry.window.common(around), marks_of(spool.get(entry.footing.number))
 
     for block, near in scene.blocks():
         fusion = Fusion(block, least)
-        for answer in threads.in_order(said, jobs(near, fusion.window)):
+        for answer in threads.in_order(blocks, jobs(near, fusion.window)):
             for shown in answer:
                 fusion.add(*shown)
         surface.put(block, fusion.levels())

@@ -1,9 +1,9 @@
-"""A camera's calibration from a file, and pictures as a pinhole would have taken them.
+"""A camera's calibration from a file, and pictures without distortion.
 
-A file is OpenCV's YAML or XML, or JSON with the same words. Read are `camera_matrix` (or
+A file is OpenCV's YAML or XML, or JSON with the same keys. These are read: `camera_matrix` (or
 `cameraMatrix`, `K`), `distortion_coefficients` (or `dist_coeffs`, `distCoeffs`, `D`), the size
-(`image_width` and `image_height`, or `width` and `height`), and `camera_model` or
-`distortion_model`, which is a fisheye's where it says "fisheye" or "equidistant".
+(`image_width` and `image_height`, or `width` and `height`). `camera_model` or `distortion_model` is
+a fisheye's if it contains "fisheye" or "equidistant".
 """
 
 from __future__ import annotations
@@ -57,20 +57,20 @@ def calibration_of(
 def read_calibration(path: Path) -> Lens:
     """Return the lens in a calibration file. Raises `ImageError`: the file, the key, the remedy."""
     text = text_beside(path, _LARGEST_BYTES)
-    values = _of_json(text, path) if text.lstrip().startswith("{") else _of_opencv(text, path)
+    values = _from_json(text, path) if text.lstrip().startswith("{") else _from_opencv(text, path)
     matrix, size = values.get("matrix"), (values.get("width"), values.get("height"))
     if matrix is None or len(matrix) != 9:
         raise ImageError(f"{path}: camera_matrix: expected 3 x 3 numbers")
     if not all(isinstance(side, (int, float)) and side >= 1 for side in size):
         raise ImageError(f"{path}: image_width and image_height: expected the size in pixels")
-    said = str(values.get("model", "")).lower()
-    model: Model = "fisheye" if "fisheye" in said or "equidistant" in said else "brown"
+    name = str(values.get("model", "")).lower()
+    model: Model = "fisheye" if "fisheye" in name or "equidistant" in name else "brown"
     distortion = tuple(values.get("distortion") or ())
     if model == "brown" and len(distortion) > 8:
         if any(distortion[8:]):
             raise ImageError(
                 f"{path}: distortion_coefficients: {len(distortion)} numbers; thin prisms and "
-                "tilted sensors are not known here: calibrate with 4, 5 or 8"
+                "tilted sensors are not supported: calibrate with 4, 5 or 8"
             )
         distortion = distortion[:8]
     fx, _, cx, _, fy, cy = matrix[:6]
@@ -80,7 +80,7 @@ def read_calibration(path: Path) -> Lens:
         raise ImageError(f"{path}: {error}") from None
 
 
-def _of_json(text: str, path: Path) -> dict[str, Any]:
+def _from_json(text: str, path: Path) -> dict[str, Any]:
     try:
         found = json.loads(text)
     except ValueError as error:
@@ -112,12 +112,12 @@ def _numbers(value: Any, path: Path, key: str) -> list[float] | None:
         raise ImageError(f"{path}: {key}: expected numbers") from None
 
 
-def _of_opencv(text: str, path: Path) -> dict[str, Any]:
+def _from_opencv(text: str, path: Path) -> dict[str, Any]:
     flags = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY
     try:
         storage = cv2.FileStorage(_with_directive(text), flags)
         opened = storage.isOpened()
-    except (cv2.error, SystemError):  # the binding's own: a constructor that failed
+    except (cv2.error, SystemError):  # of the binding, whose constructor failed
         opened = False
     if not opened:
         raise ImageError(f"{path}: not a YAML, XML or JSON file of OpenCV's calibration")
@@ -154,7 +154,7 @@ def _of_opencv(text: str, path: Path) -> dict[str, Any]:
 
 
 def _with_directive(text: str) -> str:
-    """Add the first line by which alone OpenCV recognises YAML."""
+    """Add the first line that OpenCV needs to recognise YAML."""
     if text.lstrip().startswith(("<?xml", "%YAML", "<")):
         return text.lstrip()
     return "%YAML:1.0\n---\n" + text.removeprefix("---\n")
@@ -163,7 +163,7 @@ def _with_directive(text: str) -> str:
 # --- pictures without distortion -----------------------------------------------------------------
 @dataclass(slots=True)
 class Lenses:
-    """The lens of a picture: the calibration given, its tags', or a pinhole of `hfov_deg`."""
+    """Lenses of pictures: the given calibration, their tags', or a pinhole of `hfov_deg`."""
 
     hfov_deg: float
     given: Lens | None = None
@@ -171,7 +171,7 @@ class Lenses:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """A lock does not travel, and plans are made anew."""
+        """Return the parts to pickle: not the lock, and not the plans, which are made anew."""
         return Lenses, (self.hfov_deg, self.given)
 
     def lens(self, picture: Picture) -> Lens:
@@ -191,7 +191,7 @@ class Lenses:
         return plan.applied(image), plan.camera
 
     def _plan(self, lens: Lens) -> Straightening:
-        # tags give each picture another focal length; a map of its own would be dear
+        # tags give each picture another focal length, and each map is expensive
         alike = replace(lens, fx_px=round(lens.fx_px, 1), fy_px=round(lens.fy_px, 1))
         with self._lock:
             plan = self._plans.get(alike)

@@ -1,9 +1,9 @@
-"""Pictures of a source, refined by their overlaps: what tags lack is filled in; and a report.
+"""Pictures of a source, refined by their overlaps, which add missing tags; and a report.
 
-    Gathered -> (decoded small, straightened) -> Taken -> refine -> Gathered with refined poses
+    Gathered -> (decoded small, straightened) -> TaggedPicture -> refine -> Gathered, refined
 
-It runs before tags are validated, so pictures without heading or height can be used where they
-overlap others. The report is a few lines for people, and registration.json for programs.
+It runs before tags are validated, so pictures without heading or height can be used if they overlap
+others. The report is a few lines for the terminal, and registration.json for programs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from missions.mission.schema import Mission
 from uavmap.base.printable import printable
 from uavmap.output import summary
 from uavmap.photos.registration.calibration import Lenses
-from uavmap.photos.registration.refinement import Found, Taken, refine
+from uavmap.photos.registration.refinement import RefinedPicture, TaggedPicture, refine
 from uavmap.photos.scratch_file import FeatureFile
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.photo_file import eight_bits
@@ -41,7 +41,7 @@ from vision.registration.views import Agreement, Features, Measured, Net, Regist
 _LOG: Final = logging.getLogger("uavmap.photos")
 FILE: Final = "registration.json"
 MOST_NAMED: Final = 12
-"""Most pictures left as tagged that the screen names; the file names all."""
+"""Maximum number of pictures left as tagged that the terminal names; the file names all."""
 HFOV_DEG: Final = 75.0
 """Angle of view of pictures for which neither tags nor a mission file give one, degrees."""
 
@@ -56,9 +56,9 @@ class RefinedSet:
     """A set of pictures after registration; `gathered.refined` and `found` are by name."""
 
     gathered: Gathered
-    taken: tuple[Taken, ...]
+    taken: tuple[TaggedPicture, ...]
     result: Registration
-    found: Mapping[str, Found]
+    found: Mapping[str, RefinedPicture]
 
     def write(self, folder: Path) -> None:
         """Write registration.json."""
@@ -74,20 +74,20 @@ def refined(
 ) -> RefinedSet:
     """Register the pictures of a set once (`Overlaps`)."""
     with FeatureFile() as kept:
-        return Overlaps.of(gathered, mission, kept, lens=lens, crew=crew).refined(gathered)
+        return Overlaps.examine(gathered, mission, kept, lens=lens, crew=crew).refined(gathered)
 
 
 @dataclass(frozen=True, slots=True)
 class Overlaps:
-    """The features of a set's pictures, by which some or all of them are registered."""
+    """The features of a set's pictures, which register some or all of them."""
 
-    taken: Sequence[Taken]
+    taken: Sequence[TaggedPicture]
     lenses: Lenses
     ground: tuple[Grid, Terrain] | None
     crew: Crew
 
     @classmethod
-    def of(
+    def examine(
         cls,
         gathered: Gathered,
         mission: Mission | None,
@@ -96,11 +96,11 @@ class Overlaps:
         lens: Lens | None = None,
         crew: Crew | None = None,
     ) -> Overlaps:
-        """Examine the pictures of a set, over the ground of the mission where it is not flat.
+        """Examine the pictures of a set, over the ground of the mission if it is not flat.
 
         Args:
-            mission: Gives the ground, and the angle of view of pictures whose tags have none.
-            kept: Where the features wait.
+            mission: Gives the ground, and the angle of view of pictures without such a tag.
+            kept: File for the features.
             lens: A calibration for all pictures.
             crew: Examines the pictures; None: threads here, one a core. The result is the same.
         """
@@ -110,10 +110,10 @@ class Overlaps:
         if mission is not None and mission.ground is not None:
             ground = setting_of(mission).grid, mission.ground
         crew = crew or Threads()
-        return cls(_looked_at(placed, lenses, crew, kept), lenses, ground, crew)
+        return cls(_examined(placed, lenses, crew, kept), lenses, ground, crew)
 
     def refined(self, gathered: Gathered) -> RefinedSet:
-        """Register the pictures that are still in the set: others have no say in their poses."""
+        """Register the pictures that are still in the set; others do not affect their poses."""
         names = {picture.name for picture in gathered.pictures}
         taken = [tag for tag in self.taken if tag.picture.name in names]
         many = threads_of(self.crew).in_order
@@ -127,9 +127,9 @@ class Overlaps:
         return RefinedSet(better, tuple(taken), result, found)
 
 
-def _looked_at(
+def _examined(
     placed: Sequence[Picture], lenses: Lenses, crew: Crew, kept: FeatureFile
-) -> list[Taken]:
+) -> list[TaggedPicture]:
     """Return the pictures that can be decoded, their features kept in the file."""
     every = max(1, len(placed) // 10)
     taken = []
@@ -140,7 +140,7 @@ def _looked_at(
             features, hfov_rad = looked
             sigma = _GUESSED if picture.lens is None else _TAGGED
             sigma = sigma if lenses.given is None else _CALIBRATED
-            taken.append(Taken(picture, kept.put(features), hfov_rad, sigma))
+            taken.append(TaggedPicture(picture, kept.put(features), hfov_rad, sigma))
         if number % every == 0 or number == len(placed):
             _LOG.info(f"compared {number} of {len(placed)}: {printable(picture.name)}")
     return taken
@@ -151,7 +151,7 @@ def _features(lenses: Lenses, picture: Picture) -> tuple[Features, float] | None
     try:
         image = eight_bits(picture.content.decode(WIDTH_PX))
     except ImageError:
-        return None  # whoever judges it says why
+        return None  # the judgement reports the reason
     small = thumbnail(image)
     rows, columns = small.shape
     straight, camera = lenses.straightened(small, lenses.lens(picture).scaled(columns, rows))
@@ -160,7 +160,7 @@ def _features(lenses: Lenses, picture: Picture) -> tuple[Features, float] | None
 
 def _log_overlaps(done: int, all_: int) -> None:
     if done % _OVERLAPS_A_LINE == 0 and done < all_:
-        _LOG.info(f"looked for overlaps: {done} of {all_}")
+        _LOG.info(f"searched for overlaps: {done} of {all_}")
 
 
 def _has_place(picture: Picture) -> bool:
@@ -168,7 +168,7 @@ def _has_place(picture: Picture) -> bool:
     return place is not None and max(abs(place.lat_deg), abs(place.lon_deg)) >= _NOWHERE_DEG
 
 
-def _filled(picture: Picture, found: Found, lenses: Lenses) -> Picture:
+def _filled(picture: Picture, found: RefinedPicture, lenses: Lenses) -> Picture:
     """Return the picture with its refined pose and focal length."""
     roll, pitch, yaw = (math.degrees(angle) for angle in euler(found.pose.attitude))
     pose, lens, ratio = found.refined, lenses.lens(picture), found.focal_ratio
@@ -185,9 +185,9 @@ def _filled(picture: Picture, found: Found, lenses: Lenses) -> Picture:
     )
 
 
-# --- what it did, for people and programs --------------------------------------------------------
+# --- the report, for the terminal and for programs -----------------------------------------------
 def report(
-    taken: Sequence[Taken], result: Registration, found: Mapping[str, Found]
+    taken: Sequence[TaggedPicture], result: Registration, found: Mapping[str, RefinedPicture]
 ) -> dict[str, Any]:
     """Return the content of registration.json."""
     return {
@@ -207,32 +207,34 @@ def report(
     }
 
 
-def lines(taken: Sequence[Taken], result: Registration, found: Mapping[str, Found]) -> list[str]:
-    """Return what the screen shows."""
-    said = []
+def lines(
+    taken: Sequence[TaggedPicture], result: Registration, found: Mapping[str, RefinedPicture]
+) -> list[str]:
+    """Return the lines for the terminal."""
+    report_lines = []
     if found and result.after is not None:
         nets = f"{len(result.nets)} net" + ("s" if len(result.nets) > 1 else "")
         pairs = sum(net.pairs for net in result.nets)
-        said.append(
+        report_lines.append(
             f"registration: {len(found)} of {len(taken)} pictures refined "
             f"({nets}, {pairs} overlaps)"
         )
         before = "" if result.before is None else f"; as tagged to {_metres(result.before)}"
-        said.append(f"  they agree on the ground to {_metres(result.after)}{before}")
+        report_lines.append(f"  they agree on the ground to {_metres(result.after)}{before}")
         after = result.after
-        said.append(
+        report_lines.append(
             f"  transfer error {after.median_px:.2f} px (median), {after.most_px:.2f} px (90 %) "
             f"in pictures of {WIDTH_PX} px, {after.points} tie points that were kept apart"
         )
         moved = [
             _moved_m(tag, found[tag.picture.name]) for tag in taken if tag.picture.name in found
         ]
-        said.append(
+        report_lines.append(
             f"  positions moved by {np.median(moved):.1f} m (median), at most {max(moved):.1f} m"
         )
     elif taken:
-        said.append(f"registration: none of {len(taken)} pictures could be refined")
-    said += [
+        report_lines.append(f"registration: none of {len(taken)} pictures could be refined")
+    report_lines += [
         f"{name}: stored upside down (it overlaps its neighbours only when turned by 180 degrees); "
         "turned"
         for name, pose in found.items()
@@ -243,10 +245,10 @@ def lines(taken: Sequence[Taken], result: Registration, found: Mapping[str, Foun
         for tag, why in zip(taken, result.left, strict=True)
         if why is not None
     ]
-    said += [f"{printable(name)}: left as tagged: {why}" for name, why in left[:MOST_NAMED]]
+    report_lines += [f"{printable(name)}: left as tagged: {why}" for name, why in left[:MOST_NAMED]]
     if len(left) > MOST_NAMED:
-        said.append(f"{len(left) - MOST_NAMED} more are left as tagged: {FILE} names them")
-    return said
+        report_lines.append(f"{len(left) - MOST_NAMED} more are left as tagged: {FILE} names them")
+    return report_lines
 
 
 def _metres(agreement: Agreement) -> str:
@@ -265,7 +267,7 @@ def _agreement(agreement: Agreement | None) -> dict[str, Any] | None:
     }
 
 
-def _net(net: Net, taken: Sequence[Taken]) -> dict[str, Any]:
+def _net(net: Net, taken: Sequence[TaggedPicture]) -> dict[str, Any]:
     return {
         "pictures": [taken[k].picture.name for k in net.members],
         "overlaps": net.pairs,
@@ -278,7 +280,7 @@ def _net(net: Net, taken: Sequence[Taken]) -> dict[str, Any]:
     }
 
 
-def _picture(tag: Taken, found: Found | None, left: str | None) -> dict[str, Any]:
+def _picture(tag: TaggedPicture, found: RefinedPicture | None, left: str | None) -> dict[str, Any]:
     if found is None:
         return {"name": tag.picture.name, "refined": False, "why": left}
     pose, refined = found.pose, found.refined
@@ -311,5 +313,5 @@ def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
-def _moved_m(tag: Taken, found: Found) -> float:
+def _moved_m(tag: TaggedPicture, found: RefinedPicture) -> float:
     return math.hypot(*LocalPlane(tag.position).to_plane(found.tag_position))

@@ -1,4 +1,4 @@
-"""Recorded pictures to the registration and back: Taken -> View -> register -> Refined -> Pose."""
+"""Recorded pictures to a registration and back: TaggedPicture -> View -> Refined -> Pose."""
 
 from __future__ import annotations
 
@@ -18,50 +18,51 @@ from uavmap.photos.sources.picture_record import Picture
 from vision.camera import rotation
 from vision.registration.ground_plane import Relief
 from vision.registration.registering import Many, register
-from vision.registration.views import Described, Measured, Refined, Registration, View
+from vision.registration.views import FeaturesLike, Measured, Refined, Registration, View
 
 UNKNOWN_TILT_RAD: Final = math.radians(7.0)
 """Standard deviation of a camera's tilt from straight down without a tag, rad."""
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class TaggedPicture:
     """A picture before its overlaps are known.
 
     Attributes:
-        picture: As tagged, with a position.
+        picture: Picture as tagged, with a position.
         focal_sigma: Standard deviation of the focal length, as a share.
     """
 
     picture: Picture
-    features: Described
+    features: FeaturesLike
     hfov_rad: float
     focal_sigma: float
 
     @property
     def position(self) -> LatLon:
-        """The geotag."""
+        """Position of the geotag."""
         assert self.picture.position is not None
         return self.picture.position
 
     @property
     def height_m(self) -> Measured | None:
-        """Above the ground; None without a tag above 0."""
+        """Height above the ground; None without a tag above 0."""
         told = self.picture.height_m
         return told if told and told.value > 0.0 else None
 
     @property
     def focal_px(self) -> float:
-        """In pixels of the features."""
+        """Focal length in pixels of the features."""
         return self.features.width_px / 2.0 / math.tan(self.hfov_rad / 2.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class RefinedPicture:
     """The pose of a picture after registration.
 
-    `tag_position` is where the camera was. `pose` has the camera where level ground would look the
-    same: on a slope it stands a little beside. `focal_ratio` is that to the focal length as tagged.
+    `tag_position` is the camera's position. `pose` has the camera at the point from which level
+    ground would show the same picture: on a slope it differs a little. `focal_ratio` is relative to
+    the focal length as tagged.
     """
 
     pose: Pose
@@ -72,15 +73,15 @@ class Found:
 
 
 def refine(
-    taken: Sequence[Taken],
+    taken: Sequence[TaggedPicture],
     ground: tuple[Grid, Terrain] | None = None,
-    say: Callable[[int, int], None] = lambda done, all_: None,
+    progress: Callable[[int, int], None] = lambda done, all_: None,
     many: Many = map,
-) -> tuple[Registration, Mapping[str, Found]]:
-    """Register pictures; the second holds, by name, those that were refined.
+) -> tuple[Registration, Mapping[str, RefinedPicture]]:
+    """Register pictures; return the registration, and the refined pictures by name.
 
-    `ground` is the terrain in the metres of a grid, where it is not flat; heights are then above
-    the ground at the grid's start.
+    `ground` is the terrain in the metres of a grid, if it is not flat. Heights are then above the
+    ground at the grid's start.
     """
     if not taken:
         return Registration((), (), (), None, None), {}
@@ -92,23 +93,23 @@ def refine(
         relief = Relief.from_terrain(
             terrain, start_m, lambda e, n: grid.fixed(plane.to_wgs84(e, n))
         )
-    result = register([_view(t, plane, relief) for t in taken], say, many, relief)
+    result = register([_view(t, plane, relief) for t in taken], progress, many, relief)
     return result, {
-        one.picture.name: _found(refined, one, plane, result)
+        one.picture.name: _refined_picture(refined, one, plane, result)
         for one, refined in zip(taken, result.refined, strict=True)
         if refined is not None
     }
 
 
 def _middle(positions: Sequence[LatLon]) -> LatLon:
-    """Return the median of positions, which one that is far off does not move."""
+    """Return the median of positions, which a single outlier does not move."""
     lat = float(np.median([p.lat_deg for p in positions]))
     lon0 = positions[0].lon_deg
     away = float(np.median([math.remainder(p.lon_deg - lon0, 360.0) for p in positions]))
     return LatLon(lat, math.remainder(lon0 + away, 360.0))
 
 
-def _view(taken: Taken, plane: LocalPlane, relief: Relief | None) -> View:
+def _view(taken: TaggedPicture, plane: LocalPlane, relief: Relief | None) -> View:
     picture, features, focal_px = taken.picture, taken.features, taken.focal_px
     east_m, north_m = plane.to_plane(taken.position)
     tilt, tilt_sigma = (0.0, 0.0), UNKNOWN_TILT_RAD
@@ -140,10 +141,12 @@ def _view(taken: Taken, plane: LocalPlane, relief: Relief | None) -> View:
     )
 
 
-def _found(refined: Refined, taken: Taken, plane: LocalPlane, result: Registration) -> Found:
+def _refined_picture(
+    refined: Refined, taken: TaggedPicture, plane: LocalPlane, result: Registration
+) -> RefinedPicture:
     east_m, north_m, height_m = (float(x) for x in refined.centre_m)
     slope_e, slope_n = result.nets[refined.component].slope
-    return Found(
+    return RefinedPicture(
         Pose(plane.to_wgs84(east_m, north_m), height_m, attitude(refined.axes)),
         2.0 * math.atan(taken.features.width_px / 2.0 / refined.focal_px),
         refined.focal_px / taken.focal_px,
@@ -162,7 +165,7 @@ def attitude(axes: NDArray[np.float64]) -> Quaternion:
     """
     right, down, forward = axes.T
     m = np.array([[v[1], v[0], -v[2]] for v in (forward, right, down)]).T
-    # Shepperd: of the four ways the one that divides by the largest
+    # Shepperd's method: of four formulas, the one that divides by the largest number
     squares = np.array(
         [
             1.0 + m[0, 0] + m[1, 1] + m[2, 2],

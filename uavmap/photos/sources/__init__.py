@@ -1,1 +1,1 @@
-"""Where recorded pictures come from: folders of photographs, videos, earlier flights."""
+"""Sources of recorded pictures: folders of photographs, videos, earlier flights."""

@@ -1,7 +1,7 @@
-"""All pictures of a source by their tags: what is there, what is there twice, what is none.
+"""All pictures of a source by their tags, without copies and unreadable files.
 
 A source is a folder of photographs, a video, or the folder of a flight that kept its pictures. The
-fate of each picture of a replay stands in pictures.csv.
+file pictures.csv has the result for each picture of a replay.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class FlightFrames:
         return tuple(self._damaged)
 
     def _picture(self, kept: KeptFrame) -> Picture | Refused:
-        name = PurePath(kept.frame).name  # never a path that leads elsewhere
+        name = PurePath(kept.frame).name  # never a path to another folder
         found = read_photo(self.path / FRAMES / name, name)
         if isinstance(found, Refused):
             return found
@@ -91,10 +91,10 @@ class Gathered:
     Attributes:
         pictures: Different pictures, in the order of exposure; those without a time last.
         refused: Files that are no readable picture, or copies.
-        left_out: Other files, a line a kind.
+        left_out: Other files, a line for each kind.
         refined: Pictures with the poses from their overlaps, by name.
-        upside_down: The names of those among them that were stored so.
-        aside: Pictures that have no say in the map, nor in the poses of others, and why.
+        upside_down: Names of those among them that are stored upside down.
+        aside: Pictures that affect neither the map nor the poses of others, with reasons.
     """
 
     source: str
@@ -124,7 +124,7 @@ class Gathered:
         return tuple(self.refined.get(picture.name, picture) for picture in self.pictures)
 
     def none_usable(self, refused: Mapping[str, str]) -> ImageError:
-        """Return the error for pictures of which none can be used, from the reasons by name."""
+        """Return the error for a source without usable pictures, from the reasons by name."""
         return ImageError(f"{self.source}: no picture can be used: {_first_of(refused)}")
 
 
@@ -135,7 +135,7 @@ def _first_of(refused: Mapping[str, str]) -> str:
 
 
 def gather(source: PictureSource) -> Gathered:
-    """Read the tags of every picture. Raises `ImageError` where there is none at all."""
+    """Read the tags of every picture. Raises `ImageError` if there is none."""
     found = list(source.pictures())
     pictures = [one for one in found if isinstance(one, Picture)]
     refused = [one for one in found if isinstance(one, Refused)]
@@ -165,10 +165,10 @@ def open_source(path: Path, video_start_s: float | None = None) -> PictureSource
 
 
 SAME_PLACE_M: Final = 0.5
-"""Largest distance of one capture's tags: they may be rounded again."""
+"""Maximum distance of one capture's tags, m: a copy may have rounded them."""
 ALIKE: Final = 0.99
-"""Least correlation of two small pictures of one capture; the next one over ground has less."""
-_ALIKE_LEVELS: Final = 2.0  # without contrast a correlation says nothing
+"""Minimum correlation of two small pictures of one capture; the next one over ground has less."""
+_ALIKE_LEVELS: Final = 2.0  # minimum contrast for a correlation
 _SMALL_PX: Final = (32, 24)
 _DECODED_PX: Final = 256
 
@@ -176,7 +176,7 @@ Small = NDArray[np.float32]
 
 
 def when(picture: Picture) -> tuple[bool, float, float, float, float, int, str]:
-    """Return the order of pictures: time, then what their files hold; names come last."""
+    """Return the order of pictures: time, then the content of their files; names come last."""
     place, height = picture.position, picture.height_m
     return (
         picture.taken_s is None,
@@ -190,10 +190,11 @@ def when(picture: Picture) -> tuple[bool, float, float, float, float, int, str]:
 
 
 def different(pictures: Sequence[Picture]) -> tuple[tuple[Picture, ...], tuple[Refused, ...]]:
-    """Return the pictures, each once, in the order of `when`; and the others, with why.
+    """Return the pictures, each once, in the order of `when`; and the copies, with reasons.
 
-    A second copy is no second look. A file is known by its bytes. A capture that was saved again
-    (smaller, brighter, at another quality) has the same time, place and nearly the same pixels.
+    A copy is no second observation. A file is recognised by its bytes. A capture that was saved
+    again (smaller, brighter, at another quality) has the same time, place and nearly the same
+    pixels.
     """
     ordered = sorted(pictures, key=when)
     files, same_files = _other_bytes(ordered)
@@ -204,9 +205,9 @@ def different(pictures: Sequence[Picture]) -> tuple[tuple[Picture, ...], tuple[R
 
 
 def _other_bytes(pictures: Sequence[Picture]) -> tuple[list[Picture], list[Refused]]:
-    """Return the pictures without those whose content was there before; and the others.
+    """Return the pictures without those of the same content; and these.
 
-    Only pictures of the same size can be the same, so few are read.
+    Only pictures of the same size can be equal, so few are read.
     """
     sizes = Counter(picture.content.size_bytes for picture in pictures)
     first: dict[str, str] = {}
@@ -227,7 +228,7 @@ def _other_bytes(pictures: Sequence[Picture]) -> tuple[list[Picture], list[Refus
 
 
 def _same_captures(pictures: Sequence[Picture]) -> dict[str, str]:
-    """Return names of captures that are there in a better copy, and of that one.
+    """Return names of captures that have a better copy, with the name of that copy.
 
     Only pictures of one time and place can be one capture; only these are decoded, small.
     """
@@ -243,7 +244,7 @@ def _same_captures(pictures: Sequence[Picture]) -> dict[str, str]:
         for picture in sorted(group, key=_worse):
             small = _small(picture)
             if small is None:
-                continue  # whoever decodes it says why
+                continue  # the judgement reports the reason
             of = next((k.name for k, seen in kept if _one(picture, small, k, seen)), None)
             if of is None:
                 kept.append((picture, small))
@@ -266,7 +267,7 @@ def _small(picture: Picture) -> Small | None:
 
 
 def _one(picture: Picture, small: Small, other: Picture, seen: Small) -> bool:
-    """Whether two pictures of one time are of one place, and nearly the same."""
+    """Return True for two pictures of one time that are of one place, and nearly the same."""
     assert picture.position is not None
     assert other.position is not None
     if distance_m(picture.position, other.position) > SAME_PLACE_M:
@@ -287,11 +288,11 @@ COLUMNS: Final = (
     "height_m", "amsl_m", "yaw_deg", "pitch_deg", "roll_deg", "hfov_deg", *_REFINED,
     "refined_sigma_m", "notes",
 )  # fmt: skip
-"""The pose as tagged; the refined one is empty where none was estimated."""
+"""The tagged and the refined pose; the latter is empty if none was estimated."""
 
 
 class PictureRow(NamedTuple):
-    """A picture as tagged and as refined, or a file that is none, and why it is not used."""
+    """A picture as tagged and as refined, or an unreadable file, and why it is not used."""
 
     picture: Picture | None
     name: str
@@ -347,6 +348,6 @@ def _number(measured: Measured | None) -> str:
 
 
 def _cell(text: str) -> str:
-    """Return text from outside, harmless also where a spreadsheet takes it for a formula."""
+    """Return foreign text in a form that a spreadsheet does not execute as a formula."""
     clean = printable(text)
     return f"'{clean}" if clean[:1] in ("=", "+", "-", "@") else clean

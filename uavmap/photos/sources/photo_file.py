@@ -26,7 +26,7 @@ from uavmap.photos.sources.picture_record import Picture, Refused
 SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
 """Endings of photographs, in any case; the first bytes give the format."""
 MAX_FILE_BYTES: Final = 700 * 2**20
-"""Largest photograph: 100 million pixels, three bands of 16 bits."""
+"""Maximum size of a photograph, bytes: 100 million pixels, three bands of 16 bits."""
 _FORMATS: Final = ("JPEG", "PNG", "TIFF")
 _SCALED: Final = frozenset({"JPEG", "MPO"})  # an MPO is a JPEG with a preview behind it
 _DEEP: Final = frozenset({"I", "I;16", "I;16B", "I;16L", "I;16N", "F"})
@@ -58,7 +58,7 @@ class FileContent:
 
 
 def text_beside(path: Path, most_bytes: int) -> str:
-    """Return the text of a file that comes with pictures. Raises `ImageError`."""
+    """Return the text of a file that belongs to pictures. Raises `ImageError`."""
     try:
         return read_text(path, most_bytes)
     except OSError as error:
@@ -87,8 +87,9 @@ def read_photo(path: Path, name: str) -> Picture | Refused:
 def decoded(data: bytes, max_width_px: int) -> Pixels:
     """Return a picture file's pixels; see `uavmap.photos.sources.picture_record.Content`.
 
-    A JPEG is decoded at a half, a quarter or an eighth where that suffices, which saves a third of
-    the time. The whole file is needed: Pillow reports what OpenCV would fill with gray.
+    A JPEG is decoded at a half, a quarter or an eighth if that is large enough, which saves a third
+    of the time. The whole file is needed: Pillow reports missing parts, OpenCV fills them with
+    gray.
     """
     with _opened(io.BytesIO(data)) as picture:
         if picture.format == "TIFF" and (_deep(picture) or picture.mode in _DEEP):
@@ -99,7 +100,7 @@ def decoded(data: bytes, max_width_px: int) -> Pixels:
             width_px, height_px = picture.size
             if picture.format in _SCALED and max_width_px < width_px:
                 rows = max(1, height_px * max_width_px // width_px)
-                picture.draft(None, (max_width_px, rows))  # never below what is asked for
+                picture.draft(None, (max_width_px, rows))  # never below the requested size
             pixels = _eight_bits(picture)
     return reduced(pixels, max_width_px)
 
@@ -110,7 +111,7 @@ def _opened(file: io.BufferedReader | io.BytesIO) -> Iterator[Image.Image]:
     """Open a picture; its faults, here or in the block, are `ImageError`s."""
     try:
         with warnings.catch_warnings():
-            # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name
+            # Pillow warns of a damaged tag and omits it; a tag that matters is reported as missing
             warnings.simplefilter("ignore")
             with Image.open(file, formats=_FORMATS) as picture:
                 if picture.width * picture.height > MAX_PIXELS:
@@ -127,7 +128,7 @@ def _opened(file: io.BufferedReader | io.BytesIO) -> Iterator[Image.Image]:
         raise ImageError(
             f"too many pixels; at most {MAX_PIXELS // 1_000_000} million are decoded"
         ) from None
-    except Exception as error:  # decoders raise whatever a damaged file leads them to
+    except Exception as error:  # decoders raise any error for a damaged file
         text = printable(str(error)).removesuffix(" <_io.BytesIO object>")
         if "identify" in text:
             raise ImageError("not a readable picture (no JPEG, PNG or TIFF)") from error
@@ -137,7 +138,7 @@ def _opened(file: io.BufferedReader | io.BytesIO) -> Iterator[Image.Image]:
 
 
 def _deep(picture: Image.Image) -> bool:
-    """Whether a TIFF has more than 8 bits a sample, whatever Pillow makes of them."""
+    """Return True if a TIFF has more than 8 bits a sample, whatever Pillow converts them to."""
     bits = getattr(picture, "tag_v2", {}).get(258, (8,))
     return any(int(n) > 8 for n in (bits if isinstance(bits, tuple) else (bits,)))
 
@@ -178,7 +179,7 @@ def _eight_bits(picture: Image.Image) -> NDArray[np.uint8]:
 
 
 def reduced(pixels: Pixels, max_width_px: int) -> Pixels:
-    """Return pixels scaled down to at most so many columns."""
+    """Return pixels scaled down to at most `max_width_px` columns."""
     rows, columns = pixels.shape[:2]
     if columns <= max_width_px:
         return pixels
@@ -191,15 +192,15 @@ def reduced(pixels: Pixels, max_width_px: int) -> Pixels:
 
 _OUTLIERS: Final = 0.5  # per cent at either end that may be defects
 _NARROW: Final = 0.25
-"""Least used part of the range of 16 bits; samples that span less are spread over it."""
+"""Minimum used part of the range of 16 bits; samples that span less are spread over it."""
 
 
 def eight_bits(image: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Return blue-green-red, 8 bits, of any picture that a source decodes.
 
-    Of 16 bits the upper 8 are taken. A thermal sensor uses a few hundred of its 65,536 levels: such
-    a picture is spread between its own darkest and brightest half per cent. Its levels are no
-    temperatures then, and the same ground may differ from picture to picture.
+    Of 16 bits the upper 8 are used. A thermal sensor uses a few hundred of its 65,536 levels. Such
+    a picture is spread between its own darkest and brightest half per cent. Then its levels are no
+    temperatures, and the same ground may differ from picture to picture.
     """
     narrow = np.asarray(image, dtype=np.uint8) if image.dtype == np.uint8 else _narrowed(image)
     if narrow.ndim == 2:

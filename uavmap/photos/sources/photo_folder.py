@@ -6,10 +6,10 @@
     image x y [z] [yaw pitch roll] [horizontal accuracy] [vertical accuracy] [more]
 
 `x` is the easting, or the longitude. Coordinates replace those of the tags; `z` is a height above
-sea level. Angles are degrees; 0 0 0 is "not known". OpenDroneMap counts the pitch from straight
-down; files made from gimbal angles have about -90 there, and are read as such: no camera that maps
-looks backwards by more than 45 degrees. Older files have omega, phi and kappa in these columns,
-which only a comment (`# image x y z omega phi kappa`) tells apart.
+sea level. Angles are degrees; 0 0 0 means "not known". OpenDroneMap counts the pitch from straight
+down. Files made from gimbal angles have about -90 there, and are read as such: no camera of a map
+points backwards by more than 45 degrees. Older files have omega, phi and kappa in these columns.
+Only a comment (`# image x y z omega phi kappa`) distinguishes them.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _SIGMA_DEG = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A line of the file, None for what it lacks; angles: yaw, pitch, roll as in `Picture`."""
+    """A line of the file, None for a missing value; angles: yaw, pitch, roll as in `Picture`."""
 
     position: LatLon
     amsl_m: float | None
@@ -72,7 +72,7 @@ class GeoFile:
             notes=tuple(note for note in picture.notes if "geotag" not in note),
         )
         if entry.amsl_m is not None:
-            # the height above the ground stays: who knows whether both mean the same sea level
+            # the height above the ground stays: the file may count from another sea level
             sigma_m = entry.vertical_m or _DEFAULT_SIGMA_M
             picture = replace(picture, amsl_m=Measured(entry.amsl_m, sigma_m))
         if entry.angles_deg is not None:
@@ -142,7 +142,7 @@ def _entry(words: list[str], to_wgs84: pyproj.Transformer, *, opk: bool) -> Entr
     angles = tuple(numbers[3:6])
     turned: tuple[float, float, float] | None = None
     if len(angles) == 3 and any(angles):
-        turned = _of_opk(*angles) if opk else _of_ypr(*angles)
+        turned = _from_opk(*angles) if opk else _from_ypr(*angles)
     return Entry(
         LatLon(lat, lon if abs(lon) <= 180.0 else (lon + 180.0) % 360.0 - 180.0),
         numbers[2] if len(numbers) > 2 else None,
@@ -156,14 +156,14 @@ def _accuracy(numbers: list[float], at: int) -> float | None:
     return numbers[at] if len(numbers) > at and numbers[at] > 0.0 else None
 
 
-def _of_ypr(yaw: float, pitch: float, roll: float) -> tuple[float, float, float]:
+def _from_ypr(yaw: float, pitch: float, roll: float) -> tuple[float, float, float]:
     return yaw % 360.0, pitch if -135.0 <= pitch <= -45.0 else pitch - 90.0, roll
 
 
-def _of_opk(omega: float, phi: float, kappa: float) -> tuple[float, float, float]:
+def _from_opk(omega: float, phi: float, kappa: float) -> tuple[float, float, float]:
     """Convert photogrammetry's angles: Rx Ry Rz turn the camera (right, up, backwards).
 
-    >>> [round(a) for a in _of_opk(0.0, 0.0, -90.0)]
+    >>> [round(a) for a in _from_opk(0.0, 0.0, -90.0)]
     [90, -90, 0]
     """
     (so, co), (sp, cp), (sk, ck) = (
@@ -177,7 +177,7 @@ def _of_opk(omega: float, phi: float, kappa: float) -> tuple[float, float, float
     right, up, back = turn.T  # east, north, up
     forward = -back
     pitch = math.asin(max(-1.0, min(1.0, float(forward[2]))))
-    if math.hypot(forward[0], forward[1]) < 1e-3:  # straight down: where the upper edge points
+    if math.hypot(forward[0], forward[1]) < 1e-3:  # straight down: bearing of the upper edge
         return math.degrees(math.atan2(up[0], up[1])) % 360.0, math.degrees(pitch), 0.0
     yaw = math.atan2(forward[0], forward[1])
     level = np.array([math.cos(yaw), -math.sin(yaw), 0.0])
@@ -188,20 +188,20 @@ def _of_opk(omega: float, phi: float, kappa: float) -> tuple[float, float, float
 # --- the folder ----------------------------------------------------------------------------------
 VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v"})
 GEO_FILE = "geo.txt"
-OURS = frozenset({"journal.jsonl", "detector.toml"})
+RESULT_FILES = frozenset({"journal.jsonl", "detector.toml"})
 """Files of folders that hold results, or a detector with its overlays, and no photographs."""
-LOOKED = "-looked"
+LOOK_SUFFIX = "-looked"
 """Suffix of a picture on which `uavmap look` has drawn."""
-MASK = "_mask"
+MASK_SUFFIX = "_mask"
 """Suffix of OpenDroneMap's mask of a picture."""
 _KINDS_NAMED = 6
 
 
 @dataclass(slots=True)
 class Folder:
-    """The photographs below a folder, by path, without `._` files of a Mac.
+    """The photographs below a folder, by path, without the `._` files of a Mac.
 
-    Masks and overlays are left out: pictures without any tags, named after one that has some.
+    Masks and overlays are left out: pictures without tags that are named after one with tags.
     Raises `ImageError` on creation for a missing folder or file, and an unreadable geo.txt.
     """
 
@@ -226,7 +226,7 @@ class Folder:
         if not self.path.is_dir():
             yield read_photo(self.path, self.path.name)
             return
-        untold: list[tuple[str, Picture]] = []
+        untagged: list[tuple[str, Picture]] = []
         taken: set[str] = set()
         for path in self._photographs():
             name = path.relative_to(self.path).as_posix()
@@ -238,11 +238,11 @@ class Folder:
                     found = self._geo.applied(found, key)
             if isinstance(found, Picture):
                 if found.position is None and found.taken_s is None:
-                    untold.append((_original(path), found))
+                    untagged.append((_original(path), found))
                     continue
                 taken.add(path.stem)
             yield found
-        for original, picture in untold:
+        for original, picture in untagged:
             if original in taken:
                 self._left["drawn on pictures of the folder: masks, overlays"] += 1
             else:
@@ -261,9 +261,9 @@ class Folder:
         return tuple(lines)
 
     def _photographs(self) -> Iterator[Path]:
-        """Yield the files that end like photographs, in order; count the others."""
+        """Yield the files with endings of photographs, in order; count the others."""
         for base, folders, names in os.walk(self.path, onerror=self._unreadable):
-            if Path(base) != self.path and not OURS.isdisjoint(names):
+            if Path(base) != self.path and not RESULT_FILES.isdisjoint(names):
                 folders.clear()
                 self._left["folders that uavmap has written"] += 1
                 continue
@@ -289,12 +289,12 @@ class Folder:
 
 
 def _original(path: Path) -> str:
-    """Return the stem of the picture on which this one may be drawn.
+    """Return the stem of the picture of which this one may be a mask or overlay.
 
     >>> [_original(Path(name)) for name in ("a.png", "a.JPG.png", "a_mask.png", "a-looked.png")]
     ['a', 'a', 'a', 'a']
     """
-    stem = path.stem.removesuffix(LOOKED).removesuffix(MASK)
+    stem = path.stem.removesuffix(LOOK_SUFFIX).removesuffix(MASK_SUFFIX)
     drawn_on = Path(stem)
     return drawn_on.stem if drawn_on.suffix.lower() in SUFFIXES else stem
 
@@ -307,7 +307,7 @@ def _names(folder: Path) -> list[str]:
 
 
 def _named(left: Mapping[str, int]) -> list[tuple[str, int]]:
-    """Return the commonest kinds in a fixed order, the rest together."""
+    """Return the most frequent kinds in a fixed order, the rest together."""
     ranked = sorted(left.items(), key=lambda item: (-item[1], item[0]))
     rest = sum(count for _, count in ranked[_KINDS_NAMED:])
     return ranked[:_KINDS_NAMED] + ([("of other kinds", rest)] if rest else [])

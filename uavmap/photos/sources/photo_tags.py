@@ -1,14 +1,17 @@
-"""The tags of a photograph: EXIF, and XMP as makers of drones write it.
+"""The tags of a photograph: EXIF, and XMP in the forms of drone makers.
 
-Nothing is guessed. An unreadable tag is a note; its value stays absent.
+No value is guessed. An unreadable tag is a note, and its value stays absent.
 
-DJI, Autel, Parrot and Pix4D write the same words (RelativeAltitude, GimbalYawDegree, Yaw) under
-namespaces that change from model to model; no word that is read here has two meanings.
+DJI, Autel, Parrot and Pix4D use the same words (RelativeAltitude, GimbalYawDegree, Yaw) under
+namespaces that change from model to model. Each word that is read here has one meaning.
 
-The lens is that of the best tag, in this order: the maker's calibration (XMP DewarpData,
-CalibratedFocalLength), EXIF FocalLength on the pixels' pitch (FocalPlaneXResolution), FocalLength
-on a known sensor, and the 35 mm equivalent: the focal length with the same angle of view across
-the *diagonal* of a 36 x 24 mm frame.
+The lens comes from the best tag, in this order:
+
+* the maker's calibration (XMP DewarpData, CalibratedFocalLength);
+* EXIF FocalLength on the pixels' pitch (FocalPlaneXResolution);
+* FocalLength on a known sensor;
+* the 35 mm equivalent: the focal length with the same angle of view across the *diagonal* of a
+  36 x 24 mm frame.
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ Values = Mapping[str, str]
 def values_of(packet: bytes | str) -> dict[str, str]:
     """Return attributes and text elements by their local names; the first of a name counts.
 
-    Raises `ValueError` for what is not well-formed, too long, or declares entities.
+    Raises `ValueError` for a packet that is not well-formed, too long, or declares entities.
 
     >>> values_of('<a xmlns:d="http://d/" d:Yaw="4"><d:Pitch> -90 </d:Pitch></a>')
     {'Yaw': '4', 'Pitch': '-90'}
@@ -64,7 +67,7 @@ def values_of(packet: bytes | str) -> dict[str, str]:
 
 
 def number(values: Values, key: str) -> float | None:
-    """Return the number under a key, None if absent. Raises `ValueError` for anything else.
+    """Return the number under a key, None if absent. Raises `ValueError` for another value.
 
     >>> number({"RelativeAltitude": "+39.80"}, "RelativeAltitude")
     39.8
@@ -86,7 +89,7 @@ def number(values: Values, key: str) -> float | None:
 # --- the lens ------------------------------------------------------------------------------------
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _WIDE = 1.6
-"""Widest uncut picture: a wider one is cut from a sensor of 4:3, over its whole width; the tags
+"""Widest uncut picture, width / height: a wider one is cut from a 4:3 sensor; the tags
 stay.
 """
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
@@ -98,7 +101,7 @@ Exif = Mapping[int, Any]
 def lens_of(
     width_px: int, height_px: int, model: str, detail: Exif, xmp: Values
 ) -> tuple[Lens | None, str, tuple[str, ...]]:
-    """Return the lens, None if no tag gives a focal length; the tag; what is unreadable.
+    """Return the lens (None if no tag gives a focal length), its tag, and unreadable tags.
 
     Args:
         model: EXIF Model.
@@ -136,7 +139,7 @@ def lens_of(
 def _dewarp(width_px: int, height_px: int, xmp: Values) -> Lens | None:
     """Read DJI's date;fx,fy,cx,cy,k1,k2,p1,p2,k3, the centre from the middle of the picture.
 
-    A picture with DewarpFlag 1 was corrected by the camera already.
+    The camera has already corrected a picture with DewarpFlag 1.
     """
     text = xmp.get("DewarpData", "").partition(";")[2]
     if not text or xmp.get("DewarpFlag", "0").strip() == "1":
@@ -164,7 +167,7 @@ def _calibrated(width_px: int, height_px: int, xmp: Values) -> Lens | None:
 
 
 def _on_plane(width_px: int, height_px: int, detail: Exif) -> Lens | None:
-    """FocalPlaneXResolution counts the sensor's pixels; the picture may be a reduction of it."""
+    """Read FocalPlaneXResolution, which counts the sensor's pixels: the picture may be reduced."""
     focal_mm = _positive(detail, ExifTags.Base.FocalLength)
     pixels = _positive(detail, ExifTags.Base.FocalPlaneXResolution)
     unit_mm = _UNIT_MM.get(int(detail.get(ExifTags.Base.FocalPlaneResolutionUnit, 2)))
@@ -218,10 +221,10 @@ _WIDTH_MM: Final = {model: width_mm for width_mm, models in _SENSORS for model i
 
 # --- all of them ---------------------------------------------------------------------------------
 POSITION_SIGMA_M = 3.0
-"""Of a GNSS receiver without corrections."""
+"""Error of a GNSS receiver without corrections, m."""
 _RTK_FIXED = 50
-_HEIGHT_SIGMA_M = 2.0  # a barometer, and home that is not level with the ground below
-_AMSL_SIGMA_M = 10.0  # the level is unknown: the geoid and the ellipsoid are 30 m apart
+_HEIGHT_SIGMA_M = 2.0  # of a barometer, and of a pad that is not level with the ground below
+_AMSL_SIGMA_M = 10.0  # the reference is unknown: the geoid and the ellipsoid are 30 m apart
 _GIMBAL_SIGMA_DEG = 5.0
 _AIRFRAME_SIGMA_DEG = 10.0
 _COMPASS_SIGMA_DEG = 20.0
@@ -331,7 +334,7 @@ def _degrees(gps: Exif, tag: ExifTags.GPS, letter: str, letters: str) -> float:
 
 def _place_of_xmp(tags: Tags, xmp: Values) -> bool:
     lat = number(xmp, "GpsLatitude") if "GpsLatitude" in xmp else number(xmp, "Latitude")
-    # the misspelling is DJI's
+    # DJI misspells it
     keys = ("GpsLongitude", "GpsLongtitude", "Longitude")
     lon = next((number(xmp, key) for key in keys if key in xmp), None)
     if lat is None or lon is None or abs(lat) > 90.0 or abs(lon) > 180.0:
@@ -372,7 +375,7 @@ def _attitude(tags: Tags, gps: Exif, xmp: Values) -> None:
         yaw, pitch, roll = (number(xmp, key) for key in keys)
         if pitch is not None and "pitch_deg" not in tags:
             tags["pitch_deg"] = Measured(pitch, _TILT_SIGMA_DEG)
-            # cameras that cannot roll leave the roll out
+            # cameras that cannot roll omit the roll
             tags["roll_deg"] = Measured(roll or 0.0, _TILT_SIGMA_DEG)
         if yaw is not None and "yaw_deg" not in tags:
             tags["yaw_deg"] = Measured(yaw % 360.0, sigma)

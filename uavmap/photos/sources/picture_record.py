@@ -1,10 +1,10 @@
-"""One recorded picture before its pixels are decoded, and whether it can be used by its tags.
+"""One recorded picture before its pixels are decoded, and the check of its tags.
 
-A source gives what the file says and no more; a missing value is None. Another step may fill it in
-(`dataclasses.replace`): a position from its neighbours, a heading from the ground it shows.
+A source gives the values of the file only; a missing value is None. Another step may add it
+(`dataclasses.replace`): a position from its neighbours, a heading from its ground.
 
 A wrong position, height or heading puts verdicts in the wrong place, where they count like any
-other. So a picture that cannot be of this set is refused, with its reason.
+other. So a picture that cannot belong to this set is refused, with its reason.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vision.registration.views import Measured
 
 
 class Content(Protocol):
-    """The pixels of a picture, where they lie. Safe to use from several threads."""
+    """The pixels of a picture in their file. Thread-safe."""
 
     @property
     def size_bytes(self) -> int:
@@ -43,7 +43,7 @@ class Content(Protocol):
 
         Shape (rows, columns, 3), blue-green-red, or (rows, columns) for one band; uint8, or uint16
         if the file has more than 8 bits. Rows are as stored: an orientation of the tags is not
-        applied. Raises `ImageError` for what cannot be decoded.
+        applied. Raises `ImageError` if it cannot be decoded.
         """
         ...
 
@@ -53,21 +53,22 @@ class Picture:
     """A picture of a source, with its tags.
 
     Attributes:
-        name: Unique in the source: the path below it, with "/"; of a video, its name and the
+        name: Unique in the source: the path below it, with "/"; for a video, its name and the
             frame's number.
         taken_s: Time of exposure by `clock`; None if unknown.
         clock: `utc`: since 1970. `camera`: since 1970 by a clock without a zone; differences hold
             within a set. `relative`: since the recording began.
-        position_sigma_m: Its standard deviation: of one horizontal coordinate.
-        height_m: The camera above the place of take-off, which counts as the ground.
-        amsl_m: The camera above sea level, or the ellipsoid: many cameras do not say which.
-        yaw_deg: True bearing of the picture's upper edge where it looks straight down, else of the
+        position_sigma_m: Standard deviation of one horizontal coordinate.
+        height_m: Height of the camera above the place of take-off, which counts as the ground.
+        amsl_m: Height of the camera above sea level, or above the ellipsoid: many cameras do not
+            state which.
+        yaw_deg: True bearing of the picture's upper edge for a view straight down, else of the
             optical axis; 0 to 360.
-        pitch_deg: Of the optical axis: -90 looks straight down, 0 at the horizon.
-        roll_deg: About the optical axis; 0 is upright.
+        pitch_deg: Pitch of the optical axis: -90 is straight down, 0 the horizon.
+        roll_deg: Roll about the optical axis; 0 is upright.
         lens: The intrinsics at full size; None without a focal length.
         lens_from: Its source in words.
-        notes: What was found and could not be used, a line each.
+        notes: Tags that were found and could not be used, a line each.
     """
 
     name: str
@@ -89,7 +90,7 @@ class Picture:
 
 
 class Refused(NamedTuple):
-    """Something of a source that should be a picture and cannot be read."""
+    """An unreadable file of a source, which should be a picture."""
 
     name: str
     reason: str
@@ -109,20 +110,20 @@ class PictureSource(Protocol):
         ...
 
     def left_out(self) -> Sequence[str]:
-        """Return what else lies there, a line a kind; known once `pictures` is through."""
+        """Return the other files there, a line for each kind; known once `pictures` has ended."""
         ...
 
 
-# --- which can be used ---------------------------------------------------------------------------
+# --- the check of tags ---------------------------------------------------------------------------
 FARTHEST_M = 10_000.0
-"""Largest distance of a picture from the others, or from the mission's start, m."""
+"""Maximum distance of a picture from the others, or from the mission's start, m."""
 HEIGHT_RATIO = 4.0
-"""Largest ratio of a height to the usual one of the set."""
+"""Maximum ratio of a height to the usual one of the set."""
 OTHER_DAY_S = 12 * 3600.0
-"""Largest difference from the usual time of the set, s."""
+"""Maximum difference from the usual time of the set, s."""
 MOST_LATITUDE_DEG = 79.0
 LEAST_DOWN_DEG = 35.0
-"""Least angle of the camera below the horizon, deg."""
+"""Minimum angle of the camera below the horizon, degrees."""
 _LEAST_SET = 3
 _EARTH_M = 6_371_000.0
 _LEAST_HEIGHT_M = 0.5
@@ -140,7 +141,7 @@ class Placed:
 
 
 Verdict = Placed | str
-"""A picture that can be used, or why it cannot."""
+"""A picture that can be used, or the reason why it cannot."""
 
 
 def credible(
@@ -152,15 +153,15 @@ def credible(
     """Return for each picture, in their order, its pose by its tags, or why it is not used.
 
     Args:
-        pictures: All of the set: the usual is their median.
-        mission: What is to be mapped. `camera.mounting = "gimbal"` stands in for a missing pitch,
-            `start.amsl_m` makes a height of one above the sea, and pictures far from its start are
+        pictures: All pictures of the set, whose medians are the usual values.
+        mission: The mission to be mapped. `camera.mounting = "gimbal"` replaces a missing pitch,
+            and `start.amsl_m` converts heights above the sea. Pictures far from its start are
             refused.
-        any_day: Whether pictures of other days are accepted.
+        any_day: True to accept pictures of other days.
     """
     found: list[Verdict] = [_placed(picture, mission) for picture in pictures]
     usable = [entry for entry in found if isinstance(entry, Placed)]
-    usual = _Usual.of(usable, mission, any_day=any_day)
+    usual = _Usual.from_pictures(usable, mission, any_day=any_day)
     verdicts = [e if isinstance(e, str) else usual.refusal(e) or e for e in found]
     times = (v.picture.taken_s for v in verdicts if isinstance(v, Placed))
     first_s = min((t_s for t_s in times if t_s is not None), default=0.0)
@@ -170,9 +171,9 @@ def credible(
 def contradicted(
     pictures: Sequence[Picture], mission: Mission | None = None, *, any_day: bool = False
 ) -> dict[str, str]:
-    """Return by name the pictures whose own tags cannot be true of this set, and why.
+    """Return by name the pictures whose own tags cannot be true in this set, with reasons.
 
-    What a tag does not give may still come from the overlaps of a picture, and contradicts nothing.
+    A picture's overlaps may still give what its tags lack, so a missing tag contradicts nothing.
     """
     told = [p.height_m if p.height_m and p.height_m.value > 0.0 else None for p in pictures]
     usual_m = median_low([h.value for h in told if h] or [_USUAL_HEIGHT_M])
@@ -254,7 +255,7 @@ def _attitude(picture: Picture, mission: Mission | None) -> Quaternion | str:
     if not LEAST_DOWN_DEG - 180.0 <= pitch.value <= -LEAST_DOWN_DEG:
         side = "above" if pitch.value > 0.0 else "below"
         return (
-            f"its camera looks {abs(pitch.value):.0f} deg {side} the horizon; at least "
+            f"its camera points {abs(pitch.value):.0f} deg {side} the horizon; at least "
             f"{LEAST_DOWN_DEG:g} below it are needed"
         )
     roll_deg = 0.0 if roll is None else roll.value
@@ -270,7 +271,7 @@ def _noted(picture: Picture, *words: str) -> str | None:
 # --- the set -------------------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class _Usual:
-    """Where, how high and when the pictures of a set were taken; None where too few tell."""
+    """The usual place, height and time of the pictures of a set; None if too few give it."""
 
     middle: LatLon
     whose: str
@@ -278,7 +279,9 @@ class _Usual:
     taken_s: float | None
 
     @classmethod
-    def of(cls, usable: Sequence[Placed], mission: Mission | None, *, any_day: bool) -> _Usual:
+    def from_pictures(
+        cls, usable: Sequence[Placed], mission: Mission | None, *, any_day: bool
+    ) -> _Usual:
         places = [entry.pose.position for entry in usable]
         middle, whose = LatLon(0.0, 0.0), "the others"
         if mission is not None:
@@ -297,7 +300,7 @@ class _Usual:
         )
 
     def refusal(self, entry: Placed) -> str | None:
-        """Return why a picture is not of this set."""
+        """Return the reason why a picture does not belong to this set."""
         away_m = distance_m(entry.pose.position, self.middle)
         if away_m > FARTHEST_M:
             return f"it was taken {away_m / 1000.0:,.0f} km from {self.whose}"
@@ -329,7 +332,7 @@ def distance_m(one: LatLon, other: LatLon) -> float:
 def above_ground(pose: Pose, setting: Setting) -> Pose:
     """Return a pose with its height above the ground below, instead of above the start.
 
-    The same on flat ground. The photographer is taken to have started at the mission's start.
+    On flat ground both are the same. The photographer started at the mission's start.
     """
     if setting.ground is None:
         return pose

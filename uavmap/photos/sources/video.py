@@ -1,4 +1,4 @@
-"""A video with its telemetry beside it, DJI's captions or an autopilot's log: a picture a second.
+"""A video with its telemetry, DJI's captions or an autopilot's log: one picture a second.
 
 An SRT file of captions has a block of text for each frame or second:
 
@@ -6,8 +6,8 @@ An SRT file of captions has a block of text for each frame or second:
     GPS(-91.9945,46.8426,17) BAROMETER:40.1
     GPS (-91.9945, 46.8426, 17), D 24.26m, H 40.10m, ...
 
-Newer models write the first kind (an older firmware misspells it longtitude), the Mavic Pro and the
-Phantom the others, longitude first.
+Newer models write the first kind (older firmware misspells it longtitude). The Mavic Pro and the
+Phantom write the others, longitude first.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _OLD_HEIGHT: Final = re.compile(r",\s*H\s+([-+]?\d{1,9}(?:\.\d+)?)\s*m\b")
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The values of a block; None for what it lacks. Times in seconds from the video's start.
+    """The values of a block; None for a missing one. Times are seconds from the video's start.
 
     `film_mm` is the 35 mm equivalent of the focal length.
     """
@@ -99,7 +99,7 @@ def parse_srt(text: str) -> tuple[Moment, ...]:
 
 
 def nearest(moments: Sequence[Moment], t_s: float) -> Moment:
-    """Return the moment next to a time; at least one is given."""
+    """Return the moment nearest to a time, of at least one."""
     at = bisect_left(moments, t_s, key=lambda moment: moment.t_s)
     near = moments[max(0, at - 1) : at + 1] or moments[-1:]
     return min(near, key=lambda moment: abs(moment.t_s - t_s))
@@ -177,7 +177,7 @@ def _moments(data: bytes) -> Iterator[Moment]:
     for t_s, message in _messages(data):
         kind, sender = message.get_type(), message.get_srcSystem()
         if system is None and kind in ("GLOBAL_POSITION_INT", "ATTITUDE"):
-            system = sender  # of a gimbal nobody knows yet whose it is
+            system = sender  # a gimbal's own aircraft is not known yet
         if sender != system:
             continue
         if kind == "ATTITUDE":
@@ -216,7 +216,7 @@ def _messages(data: bytes) -> Iterator[tuple[float, Any]]:
 
 
 def _length(data: bytes, at: int) -> int | None:
-    """Return the length of the frame that begins here, None where none does."""
+    """Return the length of the frame that begins here; None if there is none."""
     if data[at] == _V1:
         return data[at + 1] + 8
     if data[at] == _V2:
@@ -233,7 +233,7 @@ def _message_id(data: bytes, at: int) -> int:
 # --- the pictures --------------------------------------------------------------------------------
 EVERY_S: Final = 1.0
 """Time between frames, s: a video from a stand-still adds no evidence beyond one frame."""
-_AHEAD: Final = 4  # frames that were passed while another thread asked for a later one
+_AHEAD: Final = 4  # kept frames that were passed for another thread's later one
 _POSITION_SIGMA_M: Final = 5.0
 _LARGEST_SIDE: Final = 10_000
 _LONGEST_FRAMES: Final = 10_000_000
@@ -265,11 +265,11 @@ class Video:
         if ".tlog" not in beside:
             raise ImageError(
                 f"{self.path}: no {self.path.stem}.SRT (a DJI's captions) and no "
-                f"{self.path.stem}.tlog beside it; one of them says where each frame was taken"
+                f"{self.path.stem}.tlog beside it; one of them gives the position of each frame"
             )
         if self.start_utc_s is None:
             raise ImageError(
-                f"{self.path}: when did the recording begin? Its .tlog tells times of day; give "
+                f"{self.path}: when did the recording begin? Its .tlog has times of day; give "
                 "--video-start 2024-05-01T10:11:12Z"
             )
         start_s = self.start_utc_s
@@ -326,7 +326,7 @@ class VideoFrame:
 
     @property
     def size_bytes(self) -> int:
-        """Frames have no files: their number tells them apart."""
+        """Number of the frame, which distinguishes it: frames have no files."""
         return self.index
 
     def digest(self) -> str:
@@ -339,7 +339,7 @@ class VideoFrame:
 
 
 class _Reader:
-    """A video, read forwards; a request for an earlier frame begins it again."""
+    """A video that is read forwards; a request for an earlier frame begins it again."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -1,1 +1,1 @@
-"""Learning a detector from painted examples: examples, samples, training, selection, report."""
+"""Training of a detector from painted examples: samples, learners, selection, report."""

@@ -1,4 +1,4 @@
-"""Learning to tell the classes of a region apart, tested by picture."""
+"""Training of a rule for the classes of a region, tested by picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vision.detectors.learned_model import ClassRule
 from vision.detectors.pixel_features import FEATURES
 
 _PENALTY: Final = 0.1  # C of the logistic regression, as for the region
-_MOST: Final = 6000  # places of a class in a version of a picture
+_MOST: Final = 6000  # maximum places of a class in one version of a picture
 
 
 def check_classes(examples: Sequence[Example], classes: Classes) -> None:
@@ -37,12 +37,12 @@ def fit_classes(
     scale: Scale,
     seed: int,
 ) -> ClassRule:
-    """Fit a logistic regression that takes all classes for equally frequent.
+    """Fit a logistic regression with equal frequencies of all classes.
 
     Args:
-        pictures: Each shows places of some of the classes.
-        numbers: The classes; one without a place gets a weight of 0, and a low bias.
-        names: The features.
+        pictures: Pictures, each with places of some of the classes.
+        numbers: Numbers of the classes; one without a place gets a weight of 0, and a low bias.
+        names: Names of the features.
         scale: Mean and standard deviation of all features.
     """
     from sklearn.linear_model import LogisticRegression  # noqa: PLC0415 - an extra
@@ -66,7 +66,7 @@ def fit_classes(
         learner = LogisticRegression(C=_PENALTY, max_iter=300, class_weight="balanced")
         with threadpool_limits(1):  # sums in one order: the same seed gives the same bytes
             learner.fit((np.concatenate(values) - mean) / spread, shown)
-        # of two classes the learner has the second one's weights only
+        # for two classes the learner has the second one's weights only
         two = len(there) == 2
         weights[there[-1:] if two else there] = learner.coef_
         bias[there[-1:] if two else there] = learner.intercept_
@@ -94,5 +94,5 @@ def class_counts(
             for number in numbers:
                 marked, there = region & (best == number), plain.numbers == number
                 known = plain.known & (there | (plain.numbers > 0) | (plain.region <= 0.2))
-                found[number].append(Counts.of(marked, there, known))
+                found[number].append(Counts.compare(marked, there, known))
     return {number: total(counts) for number, counts in found.items()}

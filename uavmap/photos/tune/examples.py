@@ -1,8 +1,8 @@
-"""Pictures and what people have painted on them.
+"""Pictures and their painted examples.
 
 A mask is a picture of the same shape, named after the photograph: white is region, black is not,
-mid-grey is undecided. Where `classes.toml` lies beside it, its gray values, or indices of its
-palette, are numbers of classes. Polygons are in `uavmap.photos.tune.polygons`.
+mid-grey is undecided. If `classes.toml` is beside it, its gray values, or indices of its palette,
+are numbers of classes. Polygons are in `uavmap.photos.tune.polygons`.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from vision.detectors.pixel_features import working_picture
 
 BLACK: Final = 85
 WHITE: Final = 170
-"""A mask's gray values up to BLACK are not region, from WHITE on region, between them undecided."""
+"""Gray values of a mask: up to BLACK not region, from WHITE on region, between them undecided."""
 UNDECIDED: Final = 128
 CLASSES_TOML: Final = "classes.toml"
-"""Beside examples of several classes: the table `[detector.classes]`, without its heading."""
+"""File beside examples of several classes: the table `[detector.classes]`, without its heading."""
 _DEEP: Final = 257.0  # 65535 is white
 _COLOURED: Final = 48  # levels between the channels of a pixel; JPEG and scaling make some
-_MOST_COLOURED: Final = 0.02  # of the pixels: a stray stroke is none
-_LABEL: Final = 20  # gray values up to this, and several: numbers of classes and no paint
+_MOST_COLOURED: Final = 0.02  # of the pixels: a stray stroke is ignored
+_LABEL: Final = 20  # several gray values up to this are numbers of classes
 
 Gray = NDArray[np.uint8]
 
@@ -47,8 +47,8 @@ Gray = NDArray[np.uint8]
 def mask_of(data: bytes, name: str) -> Gray:
     """Return a mask as gray values (rows, columns), 0 to 255; transparent pixels are undecided.
 
-    Of 16 bits the upper end is white. Raises `ImageError` for what is no picture, is in colour, or
-    holds numbers of classes.
+    White is the upper end of 16 bits. Raises `ImageError` for a file that is no picture, is in
+    colour, or holds numbers of classes.
     """
     with opened(io.BytesIO(data), name) as picture:
         if picture.mode.startswith("I"):
@@ -60,7 +60,7 @@ def mask_of(data: bytes, name: str) -> Gray:
     if 0 < brightest <= _LABEL:
         raise ImageError(
             f"{name}: its brightest pixel has {brightest} of 255; paint the region white (255) and "
-            "what is not region black (numbers of classes are no gray values)"
+            "all other ground black (numbers of classes are no gray values)"
         )
     return gray
 
@@ -68,7 +68,7 @@ def mask_of(data: bytes, name: str) -> Gray:
 def class_mask(data: bytes, name: str, classes: Classes) -> Gray:
     """Return a mask of numbers of classes (rows, columns): 0 is surround, `UNKNOWN` undecided.
 
-    Raises `ImageError` for what is no picture, is in colour, or holds another number.
+    Raises `ImageError` for a file that is no picture, is in colour, or holds another number.
     """
     with opened(io.BytesIO(data), name) as picture:
         if picture.mode in ("P", "L", "I;16", "I"):
@@ -81,7 +81,7 @@ def class_mask(data: bytes, name: str, classes: Classes) -> Gray:
         named = ", ".join(f"{number} {text}" for number, text in classes.names.items())
         raise ImageError(
             f"{name}: holds {strange[0]}, which is the number of no class in {CLASSES_TOML}: "
-            f"expected 0 for what is not region, {UNKNOWN} for undecided, {named}"
+            f"expected 0 for all other ground, {UNKNOWN} for undecided, {named}"
         )
     return levels.astype(np.uint8)
 
@@ -94,7 +94,7 @@ def _gray(picture: Image.Image, name: str, undecided: int = UNDECIDED) -> Gray:
     if np.count_nonzero((spread > _COLOURED) & seen) > _MOST_COLOURED * seen.size:
         raise ImageError(
             f"{name}: is in colour; paint white where the region is, black where it is not and "
-            "mid-grey where you cannot tell, in a picture without anything else"
+            "mid-grey where you are unsure, in a picture without anything else"
         )
     gray = np.array(cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY), np.uint8)
     gray[~seen] = undecided
@@ -116,7 +116,7 @@ def masks_by_picture(
             continue
         if suffix != ".png":
             raise ImageError(
-                f"{file}: a mask is a PNG, for others do not keep what was painted; save it as "
+                f"{file}: a mask is a PNG, because other formats lose details; save it as "
                 f"{file.stem}.png"
             )
         if picture is None:
@@ -126,7 +126,7 @@ def masks_by_picture(
             )
         if picture in found:
             raise ImageError(
-                f"{file}: {found[picture].name} is a mask of {picture.name}, too; keep one of them"
+                f"{file}: {found[picture].name} is also a mask of {picture.name}; keep one of them"
             )
         found[picture] = file
         yield picture, file
@@ -151,17 +151,17 @@ class Example:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Where something is painted."""
+        """True where the picture is painted."""
         return np.asarray(self.painted != UNKNOWN)
 
     @property
     def region(self) -> NDArray[np.bool_]:
-        """Where it is painted as region."""
+        """True where it is painted as region."""
         return np.asarray(self.known & (self.painted != SURROUND))
 
     @property
     def shows(self) -> tuple[bool, bool]:
-        """Whether some of it is region, and some surround."""
+        """True for each of region and surround of which it shows a part."""
         return bool(self.region.any()), bool((self.painted == SURROUND).any())
 
 
@@ -178,14 +178,14 @@ def list_pictures(images: Path) -> list[Path]:
     for one, other in itertools.pairwise(sorted(paths, key=lambda path: path.stem)):
         if one.stem == other.stem:
             raise ImageError(
-                f"{images}: {one.name} and {other.name}: to which would a mask {one.stem}.png "
-                "belong? Give one of them another name, or put it elsewhere"
+                f"{images}: {one.name} and {other.name}: a mask {one.stem}.png would fit both; "
+                "rename one of them, or move it elsewhere"
             )
     return paths
 
 
 def refuse_same_folder(images: Path, masks: Path) -> None:
-    """Raise `ImageError` where masks lie, or would be written, among the pictures."""
+    """Raise `ImageError` if masks are, or would be, in the folder of the pictures."""
     if masks.resolve() == images.resolve():
         raise ImageError(
             f"--examples {masks}: the folder of the pictures; masks need one of their own, such as "
@@ -212,9 +212,9 @@ def file_bytes(path: Path) -> bytes:
 
 
 def read_classes(where: Path) -> Classes | None:
-    """Return the classes of examples; None where no `classes.toml` lies with them.
+    """Return the classes of examples; None if there is no `classes.toml` with them.
 
-    Raises `ImageError` for a file that holds none.
+    Raises `ImageError` for a file without classes.
     """
     path = where.with_name(CLASSES_TOML) if where.is_file() else where / CLASSES_TOML
     if not path.is_file():
@@ -230,17 +230,17 @@ def read_classes(where: Path) -> Classes | None:
 
 
 def load_examples(
-    images: Path, where: Path, width_px: int, say: Callable[[str], None] = lambda text: None
+    images: Path, where: Path, width_px: int, show: Callable[[str], None] = lambda text: None
 ) -> list[Example]:
     """Return the painted pictures, by name.
 
     Args:
         where: A folder of masks `NAME.png` and of polygons `*.geojson`, or one file of polygons.
-        say: Receives which pictures polygons are not projected into, as they cannot be read.
+        show: Receives a line for each picture that cannot be read to project polygons into it.
 
     Raises:
-        ImageError: Naming the file, for what cannot be read, a mask without its picture or of
-            another shape, and where nothing is painted, or no region, or nothing but region.
+        ImageError: A file cannot be read; a mask has no picture or another shape; nothing is
+            painted, or only region, or only surround. The error names the file.
     """
     if where.is_dir() and any(path.suffix.lower() == ".png" for path in where.iterdir()):
         refuse_same_folder(images, where)
@@ -256,20 +256,20 @@ def load_examples(
     polygons = [path for path in files if path.suffix.lower() in POLYGONS]
     masks = [path for path in files if path not in polygons]
     if images.resolve() == where.resolve():
-        masks = []  # they are the pictures; that no mask is among them was looked at
+        masks = []  # this is the folder of the pictures, which holds no mask
     if not polygons and not any(path.suffix.lower() in SUFFIXES for path in masks):
         raise ImageError(
             f"--examples {where}: no masks (NAME.png, named after the pictures) and no *.geojson; "
             f"paint some, for example {pictures[0].stem}.png: white region, black not"
         )
     classes = read_classes(where)
-    found = {e.name: e for e in _projected(images, polygons, classes, width_px, say)}
+    found = {e.name: e for e in _projected(images, polygons, classes, width_px, show)}
     found |= {e.name: e for e in _painted(pictures, masks, classes, width_px)}
     examples = [found[name] for name in sorted(found)]
     region, surround = (any(e.shows[kind] for e in examples) for kind in (0, 1))
     if polygons and not region:
         raise ImageError(
-            f"--examples {where}: no polygon of the region lies in any picture; are its places in "
+            f"--examples {where}: no polygon of the region is in any picture; are its places in "
             "WGS84 (EPSG:4326), longitude before latitude?"
         )
     if not (region and surround):
@@ -309,17 +309,17 @@ def _projected(
     files: list[Path],
     classes: Classes | None,
     width_px: int,
-    say: Callable[[str], None],
+    show: Callable[[str], None],
 ) -> Iterator[Example]:
-    """Yield the pictures that polygons lie in, by their best poses."""
+    """Yield the pictures that contain polygons, by their best poses."""
     if not files:
         return
-    polygons = Polygons.of(images, files, classes)
+    polygons = Polygons.read(images, files, classes)
     for placed in polygons.placed:
         try:
             picture = read_picture(images / placed.picture.name, width_px)
-        except ImageError as error:  # nobody has painted it, so nobody misses it
-            say(f"left out: {error}")
+        except ImageError as error:  # it is not painted, so it is not needed
+            show(f"left out: {error}")
             continue
         painted = polygons.painted(placed, picture.shape[:2])
         if (painted != UNKNOWN).any():

@@ -1,4 +1,4 @@
-"""What was painted, as mixtures of Gaussians, and how dense the pictures left out of it are."""
+"""The painted ground as mixtures of Gaussians, and its density in the pictures left out of it."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from vision.detectors.interface import UNFAMILIAR, UNSURE
 from vision.detectors.pixel_features import FEATURES
 
 _PARTS: Final = (4, 8)
-"""Gaussians of each kind of ground, least and most."""
+"""Minimum and maximum number of Gaussians of each kind of ground."""
 _PARTS_A_PICTURE: Final = 2
-"""More of them for each picture after the third, which is painted for its new ground."""
+"""Additional Gaussians for each picture after the third, which is painted for its new ground."""
 _SMOOTH: Final = 0.02
-"""Added to each variance of the standardised features: few pictures vary too little."""
+"""Addition to each variance of the standardised features: few pictures vary too little."""
 _A_PICTURE: Final = 6000
 _MOST: Final = 12_000
 _FEW: Final = 50
@@ -39,10 +39,10 @@ _ROWS: Final = [FEATURES.index(name) for name in NAMES]
 
 @dataclass(frozen=True, slots=True)
 class FamiliarGround:
-    """What was painted.
+    """The painted ground.
 
-    `left_out` is, of each painted picture, how familiar its places would be to a detector that has
-    not seen it, if they are taken for region, and for surround; each (places,).
+    `left_out` has for each picture the familiarity of its places to a detector that has not seen
+    it. There are two: one if they are taken for region, one for surround; each (places,).
     """
 
     familiarity: Familiarity
@@ -50,7 +50,7 @@ class FamiliarGround:
 
 
 def familiar_ground(pictures: Sequence[Picture], scale: Scale, seed: int) -> FamiliarGround:
-    """Describe what was painted; measure on each picture how dense others are."""
+    """Describe the painted ground; measure on each picture the density of the others."""
     rng = np.random.default_rng([seed, 3])
     samples = [_samples(picture, rng) for picture in pictures]
     scaled = (scale[0][_ROWS].astype(np.float32), scale[1][_ROWS].astype(np.float32))
@@ -98,7 +98,7 @@ def familiar_ground(pictures: Sequence[Picture], scale: Scale, seed: int) -> Fam
 
 
 class Sure(NamedTuple):
-    """Of the cells of a left-out picture: the part that is familiar, and of that the part wrong."""
+    """The share of a left-out picture's cells that is familiar, and the wrong share of these."""
 
     share: float
     wrong: float
@@ -107,10 +107,10 @@ class Sure(NamedTuple):
 def sure_cells(
     pictures: Sequence[Picture], choice: Choice, ground: FamiliarGround, cell: float
 ) -> tuple[Sure, ...]:
-    """Return how sure a detector is of each picture that it has not seen, and how often wrongly.
+    """Return the sure share of each unseen picture, and the wrong share of it.
 
     Args:
-        cell: Side of a cell in places.
+        cell: Side of a cell, in places.
     """
     found = []
     for (plain, *_), share, familiarity in zip(
@@ -134,18 +134,18 @@ def sure_cells(
 
 
 def wrong_at_most(sure: Sequence[Sure]) -> float:
-    """Return a bound on the wrong part of the sure cells that is to be expected of a new picture.
+    """Return a bound on the wrong share of the sure cells to expect in a new picture.
 
-    Conformal risk control (Angelopoulos and others, 2022): one more picture, of which all might be
-    wrong, is counted in. So three pictures bound it by a quarter at best, and nine by a tenth.
+    Conformal risk control (Angelopoulos and others, 2022) counts one more picture, all wrong. So
+    three pictures bound it by a quarter at best, and nine by a tenth.
     """
     return round((sum(one.wrong for one in sure) + 1.0) / (len(sure) + 1), 4)
 
 
 def _samples(picture: Picture, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return features, (samples, `NAMES`), of places that are region, and surround.
+    """Return features, (samples, `NAMES`), of places of region, and of surround.
 
-    Of the picture as it is: among its variants, other ground would look familiar too.
+    They are of the picture as it is: among its variants, other ground would seem familiar.
     """
     plain = picture[0]
     chosen = [np.flatnonzero(which) for which in clear(plain)]

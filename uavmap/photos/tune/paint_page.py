@@ -1,7 +1,7 @@
 """A page to paint examples on, served to this computer only.
 
-The address holds a secret, so that neither another user of the computer nor a page from elsewhere
-in the same browser can read pictures or write masks. Nothing is loaded from elsewhere.
+The address holds a secret. So neither another user of the computer nor another site's page in the
+same browser can read pictures or write masks. The page loads nothing from elsewhere.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ _POLICY: Final = (
 
 
 class Easel:
-    """The pictures that are painted, and where their masks go; `ImageError` without pictures.
+    """The pictures to paint, and the folder of their masks; `ImageError` without pictures.
 
-    `study` learns from the masks; None where the page is to paint on only.
+    `study` learns from the masks; None if the page is for painting only.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class Easel:
         self.classes: Final = read_classes(masks)
         self.done: Final = threading.Event()
 
-    def told(self) -> list[dict[str, Any]]:
+    def names_painted(self) -> list[dict[str, Any]]:
         """Return the names, and which of them are painted."""
         return [{"name": p.stem, "painted": self._mask(p).exists()} for p in self.pictures]
 
     def kinds(self) -> list[dict[str, Any]]:
-        """Return what can be painted: which kind of ground, its name, its gray value in a mask."""
+        """Return the kinds of ground to paint: kind, name and gray value in a mask."""
         region = {REGION_GRAY: "region"} if self.classes is None else self.classes.names
         kind = "region" if self.classes is None else "class"
         undecided = UNDECIDED if self.classes is None else UNKNOWN
@@ -106,7 +106,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignore a browser that goes away in the middle of an answer."""
+        """Ignore a browser that disconnects in the middle of an answer."""
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)
 
@@ -127,17 +127,19 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Answer the page, the list, a picture or a mask."""
         try:
-            self._told(*self._asked())
+            self._send_object(*self._requested())
         except ImageError as error:
-            self._say(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
+            self._send_text(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
 
-    def _told(self, what: str | None, index: int | None) -> None:
+    def _send_object(self, what: str | None, index: int | None) -> None:
         study = self._easel.study
         if what == "":
             page = (resources.files("uavmap.photos.tune") / _PAGE).read_bytes()
             self._answer(HTTPStatus.OK, page, "text/html; charset=utf-8")
         elif what == "pictures":
-            self._answer(HTTPStatus.OK, json.dumps(self._easel.told()).encode(), "application/json")
+            self._answer(
+                HTTPStatus.OK, json.dumps(self._easel.names_painted()).encode(), "application/json"
+            )
         elif what == "kinds":
             self._answer(
                 HTTPStatus.OK, json.dumps(self._easel.kinds()).encode(), "application/json"
@@ -159,40 +161,42 @@ class _Handler(BaseHTTPRequestHandler):
         elif what in ("mask", "doubtful") and index is not None:
             self._answer(HTTPStatus.NO_CONTENT, b"", "image/png")  # a browser logs a 404
         else:
-            self._say(HTTPStatus.NOT_FOUND, "not found")
+            self._send_text(HTTPStatus.NOT_FOUND, "not found")
 
     def do_PUT(self) -> None:
         """Keep a mask."""
-        what, index = self._asked()
+        what, index = self._requested()
         length = self.headers.get("Content-Length", "")
         if what != "mask" or index is None:
-            self._say(HTTPStatus.NOT_FOUND, "not found")
+            self._send_text(HTTPStatus.NOT_FOUND, "not found")
         elif not length.isascii() or not length.isdigit() or int(length) > MOST_BYTES:
-            self._say(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "a mask of a length that makes no sense")
+            self._send_text(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "a mask of an impossible length")
         else:
             try:
-                self._say(HTTPStatus.OK, self._easel.keep(index, self.rfile.read(int(length))))
+                self._send_text(
+                    HTTPStatus.OK, self._easel.keep(index, self.rfile.read(int(length)))
+                )
             except ImageError as error:
-                self._say(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
+                self._send_text(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
             except OSError as error:
-                self._say(HTTPStatus.INSUFFICIENT_STORAGE, f"not saved: {error.strerror}")
+                self._send_text(HTTPStatus.INSUFFICIENT_STORAGE, f"not saved: {error.strerror}")
 
     def do_POST(self) -> None:
-        """Learn from what is painted, or end the painting."""
-        what, _ = self._asked()
+        """Learn from the painted examples, or end the painting."""
+        what, _ = self._requested()
         if what == "learn" and self._easel.study is not None:
             began = self._easel.study.learn()
-            self._say(HTTPStatus.OK, "learning" if began else "a round is under way")
+            self._send_text(HTTPStatus.OK, "learning" if began else "a round is under way")
         elif what == "done":
-            self._say(HTTPStatus.OK, "done")
+            self._send_text(HTTPStatus.OK, "done")
             self._easel.done.set()
         else:
-            self._say(HTTPStatus.NOT_FOUND, "not found")
+            self._send_text(HTTPStatus.NOT_FOUND, "not found")
 
-    def _asked(self) -> tuple[str | None, int | None]:
-        """Return what is requested behind the secret, and of which picture; None if not for us.
+    def _requested(self) -> tuple[str | None, int | None]:
+        """Return the requested object and its picture; None for a request of another host.
 
-        A page from elsewhere may have its own name lead to this address: the host must be ours.
+        A page of another site may resolve its own name to this address: the host must be ours.
         """
         port = self.connection.getsockname()[1]
         host, token = self.headers.get("Host", ""), self.path.split("/")[1:2]
@@ -205,7 +209,7 @@ class _Handler(BaseHTTPRequestHandler):
         index = int(number) if known else -1
         return what, index if 0 <= index < len(self._easel.pictures) else None
 
-    def _say(self, status: HTTPStatus, text: str) -> None:
+    def _send_text(self, status: HTTPStatus, text: str) -> None:
         self._answer(status, text.encode(), "text/plain; charset=utf-8")
 
     def _answer(self, status: HTTPStatus, data: bytes, kind: str) -> None:
@@ -242,7 +246,7 @@ def paint(
     images: Path,
     masks: Path,
     width_px: int,
-    say: Callable[[str], None],
+    show: Callable[[str], None],
     study: Study | None = None,
 ) -> None:
     """Serve the page until the painter is done (or Ctrl-C, which raises `KeyboardInterrupt`).
@@ -255,6 +259,6 @@ def paint(
     except OSError as error:
         raise OutputError(f"--examples {masks} cannot be made: {error.strerror}") from None
     with served(easel) as address:
-        say(f"paint at {address} ; masks go into {masks}; end with the button, or Ctrl-C")
+        show(f"paint at {address} ; masks go into {masks}; end with the button, or Ctrl-C")
         while not easel.done.wait(0.5):
             pass

@@ -1,4 +1,4 @@
-"""Polygons on the ground, in GeoJSON, as what is painted on pictures, through their poses."""
+"""Polygons on the ground, in GeoJSON, projected into pictures as painted examples."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from vision.camera import Camera, project
 SURROUND: Final = 0
 REGION: Final = 1
 UNKNOWN: Final = 255
-"""What is painted on a pixel, besides the number of a class; `REGION` where there are none."""
+"""Values of a pixel besides the number of a class; `REGION` if there are no classes."""
 _LARGEST_GEOJSON: Final = 20_000_000
-_GRID_M: Final = 2.0  # the grid only carries metres here
+_GRID_M: Final = 2.0  # the grid serves for metres only
 _WGS84: Final = ("CRS84", "EPSG::4326", "EPSG:4326")
 _KINDS: Final = {"region": REGION, "surround": SURROUND, "undecided": UNKNOWN}
 
@@ -38,14 +38,14 @@ Rings = list[NDArray[np.float64]]
 
 @dataclass(frozen=True, slots=True)
 class Polygons:
-    """Polygons with what they paint, and the pictures that have a place."""
+    """Polygons with the kinds that they paint, and the pictures with a pose."""
 
     shapes: Sequence[tuple[int, Rings]]
     placed: Sequence[Placed]
 
     @classmethod
-    def of(cls, images: Path, files: Sequence[Path], classes: Classes | None) -> Self:
-        """Read the files, and the places of a folder of pictures. Raises `ImageError`."""
+    def read(cls, images: Path, files: Sequence[Path], classes: Classes | None) -> Self:
+        """Read the files, and the poses of a folder of pictures. Raises `ImageError`."""
         shapes = [shape for path in files for shape in _shapes(path, classes)]
         gathered = gather(open_source(images))
         with muted():
@@ -60,14 +60,14 @@ class Polygons:
         return cls(shapes, placed)
 
     def painted(self, placed: Placed, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-        """Return what is painted on a picture of a shape, (rows, columns): see `Example`.
+        """Return the painted kinds of a picture's pixels, (rows, columns): see `Example`.
 
-        Without a polygon of the surround, all that is not region is surround.
+        Without a polygon of the surround, all other ground is surround.
         """
         lens = placed.picture.lens
         if lens is None:
             raise ImageError(
-                f"{placed.picture.name}: no tag tells its focal length, without which polygons "
+                f"{placed.picture.name}: no tag has its focal length, without which polygons "
                 "cannot be projected into it; paint a mask"
             )
         rows, columns = shape
@@ -75,7 +75,7 @@ class Polygons:
         matrix = Camera(lens.hfov_rad, columns, rows).homography(placed.pose, grid, 0.0)
         limited = any(kind == SURROUND for kind, _ in self.shapes)
         painted = np.full(shape, UNKNOWN if limited else SURROUND, np.uint8)
-        # the surround lies below the region, and what is undecided above it
+        # the surround is below the region, and the undecided ground above it
         for kind, rings in sorted(self.shapes, key=lambda one: _order(one[0])):
             painted[_drawn(rings, matrix, grid, shape)] = kind
         return painted
@@ -88,7 +88,7 @@ def _order(kind: int) -> int:
 def _drawn(
     rings: Rings, matrix: NDArray[np.float64], grid: Grid, shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
-    """Return where a polygon lies in a picture."""
+    """Return True for the pixels of a picture inside a polygon."""
     layer = np.zeros(shape, np.uint8)
     for ring in rings:  # even-odd: the first is the outline, the others are holes
         metres = [grid.fixed(LatLon(lat, lon)) for lon, lat in ring]
@@ -101,7 +101,7 @@ def _drawn(
 
 
 def _shapes(path: Path, classes: Classes | None) -> list[tuple[int, Rings]]:
-    """Return the polygons of a GeoJSON file, and what they paint."""
+    """Return the polygons of a GeoJSON file, and the kinds that they paint."""
     try:
         root = json.loads(read_text(path, _LARGEST_GEOJSON))
     except OSError as error:
@@ -127,18 +127,18 @@ def _shapes(path: Path, classes: Classes | None) -> list[tuple[int, Rings]]:
 
 
 def _kind(properties: Mapping[str, Any], classes: Classes | None, where: str) -> int:
-    """Return what a feature paints: by its property `kind`, or with classes by `class`."""
+    """Return the kind that a feature paints: by its property `kind`, or with classes by `class`."""
     kind = properties.get("kind", "region")
     if kind not in _KINDS:
         raise ImageError(f"{where}: kind is {kind!r}: expected one of {', '.join(_KINDS)}")
     if classes is None or kind != "region":
         return _KINDS[kind]
-    told = properties.get("class")
+    given = properties.get("class")
     for number, name in classes.names.items():
-        if told in (name, number):
+        if given in (name, number):
             return number
     named = ", ".join(f"{name} ({number})" for number, name in classes.names.items())
-    raise ImageError(f"{where}: class is {told!r}: expected one of {named}")
+    raise ImageError(f"{where}: class is {given!r}: expected one of {named}")
 
 
 def _refuse_other_crs(root: Any, path: Path) -> None:

@@ -1,7 +1,7 @@
-"""The choice of model, features and thresholds, by cross-validation by picture.
+"""The choice of model, features and thresholds, by cross-validation over pictures.
 
-Each picture is judged by a model that has seen none of its pixels, in no variant. Only these
-judgements choose, calibrate and report: by precision, recall and IoU against what is painted.
+A model that has seen none of its pixels, in no variant, judges each picture. Only these judgements
+choose, calibrate and report: by precision, recall and IoU against the painted examples.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from uavmap.photos.tune.training import (
-    Described,
+    PictureFeatures,
     Scale,
     clear,
     fit_logistic,
@@ -31,17 +31,17 @@ from vision.detectors.pixel_features import FEATURES, GROUPS
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """Of pixels or cells: marked and region, marked only, region only."""
+    """Counts of pixels or cells: marked and region, marked only, region only."""
 
     both: float = 0.0
     marked_only: float = 0.0
     region_only: float = 0.0
 
     @classmethod
-    def of(
+    def compare(
         cls, marked: NDArray[np.bool_], region: NDArray[np.bool_], known: NDArray[np.bool_]
     ) -> Counts:
-        """Count where it is known what is region."""
+        """Count the places whose kind is known."""
         return cls(
             float(np.count_nonzero(marked & region & known)),
             float(np.count_nonzero(marked & ~region & known)),
@@ -57,12 +57,12 @@ class Counts:
 
     @property
     def precision(self) -> float:
-        """The part of what is marked that is region; 1 where nothing is marked."""
+        """Share of the marked places that is region; 1 if none is marked."""
         return _ratio(self.both, self.both + self.marked_only)
 
     @property
     def recall(self) -> float:
-        """The part of the region that is marked; 1 where there is none."""
+        """Share of the region that is marked; 1 if there is none."""
         return _ratio(self.both, self.both + self.region_only)
 
     @property
@@ -91,23 +91,23 @@ def cell_counts(
     cell: float,
     least: float,
 ) -> Counts:
-    """Count cells whose mean share is at least `least`, against those that are region by half.
+    """Count cells whose mean share is at least `least`; a cell is region from one half on.
 
     Args:
         share: The marked part of each place, or its probability, (rows, columns).
-        region: The part that is region.
-        cell: Side of a cell in places.
-        least: The share that makes a cell positive.
+        region: The part of each place that is region.
+        cell: Side of a cell, in places.
+        least: Share that makes a cell positive.
     """
     seen = by_cell(known.astype(np.float32), cell)
     weight = np.maximum(seen, 1e-6)
     there = by_cell(region * known, cell) / weight >= 0.5
     found = by_cell(share * known, cell) / weight >= least
-    return Counts.of(found, there, seen >= 0.5)
+    return Counts.compare(found, there, seen >= 0.5)
 
 
 def by_cell(values: NDArray[np.float32], cell: float) -> NDArray[np.float32]:
-    """Return the means over cells of that side, of values by rows and columns of places."""
+    """Return the means of values, by rows and columns of places, over cells of side `cell`."""
     rows, columns = (max(1, round(side / cell)) for side in values.shape)
     cells = cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA)
     return np.asarray(cells, np.float32)
@@ -123,25 +123,25 @@ SETS: Final[Mapping[str, tuple[str, ...]]] = {
 """Sets of features; the first is the default."""
 KINDS: Final = ("both", "logistic", "trees")
 """`both`: the mean of the other two; it is the default."""
-_BETTER: Final = 0.02  # of IoU: what a candidate must be better by than the default
-_ERRORS: Final = 2.0  # and by so many standard errors over the pictures, for few can mislead
-_PLATEAU: Final = 0.012  # thresholds that are as good as the best by this; the lowest is taken
+_BETTER: Final = 0.02  # of IoU: minimum gain of a candidate over the default
+_ERRORS: Final = 2.0  # minimum gain, in standard errors over the pictures: few can mislead
+_PLATEAU: Final = 0.012  # thresholds this close to the best are as good; the lowest is used
 _FOLDS: Final = 5
 _LIMITS: Final = (0.1, 0.8)
 _SLOPES: Final = (0.3, 1.5)
-_LEAST_KIND: Final = 0.01  # a picture with less of a kind says nothing of how sure to be
+_LEAST_KIND: Final = 0.01  # a picture with less of a kind is no evidence for the calibration
 
 
-Picture = tuple[Described, ...]
-"""A painted picture as it is, described, and behind it its variants."""
+Picture = tuple[PictureFeatures, ...]
+"""A painted picture, described, followed by its variants."""
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
     """The choice of cross-validation.
 
-    `shares` are the probabilities of each picture's places by the model that has not seen it;
-    `tried` the IoU of places of each candidate.
+    `shares` are the probabilities of each picture's places by the model that has not seen it.
+    `tried` has the IoU of places for each candidate.
     """
 
     kind: str
@@ -155,9 +155,9 @@ class Choice:
 
 
 def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
-    """Split into up to five parts: learned from, judged; each picture is judged once.
+    """Split into up to five parts: pictures to learn from, and to judge; each is judged once.
 
-    No part holds all pictures with region, or all with surround: those with region come before
+    No part holds all pictures with region, or all with surround. Pictures with region come before
     those without, those with surround after those without, and two neighbours are never judged
     together.
     """
@@ -198,7 +198,7 @@ def choose(
     familiarity: Sequence[tuple[Array, Array]],
     cell: float,
     seed: int,
-    say: Callable[[str], None],
+    show: Callable[[str], None],
     kinds: Sequence[str] = KINDS,
     sets: Sequence[str] = tuple(SETS),
 ) -> Choice:
@@ -207,11 +207,11 @@ def choose(
     Places that a detector would call unsure count as no region, as on a map.
 
     Args:
-        pictures: At least two; each part that is learned from has both kinds.
-        familiarity: Of each picture's places, if they are taken for region, and for surround.
+        pictures: At least two; each part to learn from has both kinds.
+        familiarity: Two for each picture's places: if taken for region, and for surround.
         scale: Mean and standard deviation of all features.
-        cell: Side of a cell in places.
-        seed: Of the samples and the trees.
+        cell: Side of a cell, in places.
+        seed: Seed of the samples and the trees.
     """
     best: Choice | None = None
     tried: dict[str, float] = {}
@@ -221,7 +221,7 @@ def choose(
             found = _calibrated(pictures, logits[kind], kind, features, cell)
             iou = total(_mapped(pictures, familiarity, found)).iou
             tried[f"{kind}, {features}"] = round(iou, 4)
-            say(f"{kind} on {features}: IoU {iou:.3f}")
+            show(f"{kind} on {features}: IoU {iou:.3f}")
             if best is None or _clearly_better(pictures, familiarity, found, best):
                 best = found
     assert best is not None
@@ -231,7 +231,7 @@ def choose(
 def _judged(
     pictures: Sequence[Picture], features: str, scale: Scale, seed: int, kinds: Sequence[str]
 ) -> dict[str, list[list[Array]]]:
-    """Return by kind the logits of each version of each picture, by a model new to it."""
+    """Return by kind the logits of each version of each picture, by a model that is new to it."""
     names = SETS[features]
     rows = [FEATURES.index(name) for name in names]
     found: dict[str, list[list[Array]]] = {kind: [[] for _ in pictures] for kind in KINDS}
@@ -258,10 +258,10 @@ def _calibrated(
         [(one, sigmoid(slope * logit + offset)) for one, logit in zip(picture, some, strict=True)]
         for picture, some in zip(pictures, logits, strict=True)
     ]
-    told = [versions for versions in by_picture if _tells(versions)] or by_picture
+    told = [versions for versions in by_picture if _shows_both(versions)] or by_picture
 
-    def usual(counts: Callable[[Described, Array, float], Counts]) -> float:
-        """Return the median of what suits each picture: one may be unlike the others."""
+    def usual(counts: Callable[[PictureFeatures, Array, float], Counts]) -> float:
+        """Return the median of the pictures' best values: one may be unlike the others."""
         return float(np.median([_suiting(versions, counts) for versions in told]))
 
     places = usual(_counts)
@@ -277,7 +277,7 @@ def calibration(
 ) -> tuple[float, float]:
     """Return slope and offset that make logits of unseen places frequencies (Platt, 1999).
 
-    They are medians over the pictures: of three, one may show what the two others do not teach, and
+    They are medians over the pictures: of three, one may show ground that the two others lack, and
     its errors would shift the rest. Pictures without both kinds do not count. The slope is kept
     within limits.
     """
@@ -295,8 +295,8 @@ def calibration(
     return slope, round(float(np.median(offsets)), 5)
 
 
-def _tells(versions: Sequence[tuple[Described, Array]]) -> bool:
-    """Whether a picture shows both kinds."""
+def _shows_both(versions: Sequence[tuple[PictureFeatures, Array]]) -> bool:
+    """Return True if a picture shows both kinds."""
     return _both_kinds(np.concatenate([one.region[one.known] for one, _ in versions]))
 
 
@@ -325,13 +325,13 @@ def _platt(
 
 
 def _suiting(
-    versions: Sequence[tuple[Described, Array]],
-    counts: Callable[[Described, Array, float], Counts],
+    versions: Sequence[tuple[PictureFeatures, Array]],
+    counts: Callable[[PictureFeatures, Array, float], Counts],
 ) -> float:
-    """Return the lowest of the thresholds that suit a picture about as well as the best one.
+    """Return the lowest threshold that suits a picture about as well as the best one.
 
-    In unpainted pictures a model is less sure of the region than in painted ones, whose ground and
-    light it knows; that it marks more elsewhere is rarer.
+    A model knows ground and light of painted pictures. In other pictures it is less sure of the
+    region, and rarely marks more.
     """
     at = np.round(np.arange(_LIMITS[0], _LIMITS[1] + 1e-9, 0.02), 2)
     scores = np.array(
@@ -343,7 +343,7 @@ def _suiting(
 def _mapped(
     pictures: Sequence[Picture], familiarity: Sequence[tuple[Array, Array]], choice: Choice
 ) -> list[Counts]:
-    """Return the counts of each picture's places; region that is unfamiliar counts as none."""
+    """Return the counts of each picture's places; unfamiliar region counts as none."""
     least = choice.threshold
     return [
         _counts(picture[0], np.where(taken >= UNFAMILIAR, share, np.float32(0.0)), least)
@@ -357,7 +357,7 @@ def _clearly_better(
     one: Choice,
     other: Choice,
 ) -> bool:
-    """Whether the gain over the pictures is larger than what their differences explain."""
+    """Return True if the gain over the pictures exceeds what their differences explain."""
     pairs = zip(
         _mapped(pictures, familiarity, one), _mapped(pictures, familiarity, other), strict=True
     )
@@ -366,11 +366,11 @@ def _clearly_better(
     return float(gains.mean()) > max(_BETTER, _ERRORS * error)
 
 
-def _counts(one: Described, share: Array, least: float) -> Counts:
-    return Counts.of(share >= least, one.region >= 0.5, one.known)
+def _counts(one: PictureFeatures, share: Array, least: float) -> Counts:
+    return Counts.compare(share >= least, one.region >= 0.5, one.known)
 
 
-def _cells(one: Described, share: Array, cell: float, least: float) -> Counts:
+def _cells(one: PictureFeatures, share: Array, cell: float, least: float) -> Counts:
     shape = (one.rows, one.columns)
     return cell_counts(
         share.reshape(shape), one.region.reshape(shape), one.known.reshape(shape), cell, least
@@ -378,7 +378,7 @@ def _cells(one: Described, share: Array, cell: float, least: float) -> Counts:
 
 
 def picture_counts(
-    one: Described, share: Array, cell: float, threshold: float, least: float
+    one: PictureFeatures, share: Array, cell: float, threshold: float, least: float
 ) -> tuple[Counts, Counts]:
     """Count places and cells of a picture."""
     return _counts(one, share, threshold), _cells(one, share, cell, least)

@@ -1,4 +1,4 @@
-"""The painter's loop: paint, learn, look at the new map, paint the picture that it asks for."""
+"""The painter's loop: paint, learn, read the new map, paint the next picture."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uavmap.photos.draft_map import MAP, Drafts
 from uavmap.photos.next_pictures import Next
 from uavmap.photos.tune.examples import read_picture
 from uavmap.photos.tune.selection import KINDS, SETS
-from uavmap.photos.tune.tune_job import MODEL, Wishes, tune
+from uavmap.photos.tune.tune_job import MODEL, TuneSettings, tune
 from vision.detectors.learned_model import LearnedDetector
 
 _DOUBTFUL: Final = (0, 200, 255, 255)  # blue, green, red, opaque
@@ -25,12 +25,12 @@ _DOUBTFUL: Final = (0, 200, 255, 255)  # blue, green, red, opaque
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """What the page shows of the loop.
+    """State of the loop for the page.
 
     Attributes:
-        busy: Whether a detector is learned now.
-        text: What happens, or the outcome of the last round.
-        number: Number of rounds that gave a map.
+        busy: True while a detector is learned.
+        text: The step under way, or the outcome of the last round.
+        number: Number of rounds with a map.
         asked: The pictures to paint next.
     """
 
@@ -50,15 +50,17 @@ class Round:
 
 
 class Study:
-    """Learns from what is painted so far, in a thread of its own, one round at a time.
+    """Learns from the painted examples, in a thread of its own, one round at a time.
 
-    A round learns the default kind of model only; `uavmap tune` compares all when the painting is
-    over.
+    A round learns the default kind of model only. `uavmap tune` compares all kinds when the
+    painting is over.
     """
 
-    def __init__(self, images: Path, masks: Path, out: Path, wishes: Wishes) -> None:
+    def __init__(self, images: Path, masks: Path, out: Path, settings: TuneSettings) -> None:
         self._images, self._masks, self._out = images, masks, out
-        self._wishes = Wishes(wishes.seed, wishes.width_px, wishes.cell_px, KINDS[:1], (*SETS,)[:1])
+        self._settings = TuneSettings(
+            settings.seed, settings.width_px, settings.cell_px, KINDS[:1], (*SETS,)[:1]
+        )
         self._drafts = Drafts(images)
         self._lock = threading.Lock()
         self._round = Round(False, "", 0, ())
@@ -66,7 +68,7 @@ class Study:
 
     @property
     def round(self) -> Round:
-        """What the page shows now."""
+        """Current state for the page."""
         return self._round
 
     def learn(self) -> bool:
@@ -87,7 +89,7 @@ class Study:
     def _learn(self) -> None:
         try:
             report = tune(
-                self._images, self._masks, self._out, self._wishes, self._show, self._drafts
+                self._images, self._masks, self._out, self._settings, self._show, self._drafts
             )
         except UavmapError as error:
             self._show(str(error), busy=False)
@@ -109,11 +111,11 @@ class Study:
         return path.read_bytes() if self._round.number and path.is_file() else None
 
     def doubtful(self, picture: Path) -> bytes | None:
-        """Return the outlines of what is unfamiliar in a picture, PNG; None without a detector."""
+        """Return outlines of unfamiliar ground in a picture, PNG; None without a detector."""
         if not self._round.number:
             return None
         detector = LearnedDetector((self._out / MODEL).read_bytes())
-        image = read_picture(picture, self._wishes.width_px)
+        image = read_picture(picture, self._settings.width_px)
         unfamiliar = detector.judged(image).unfamiliar
         drawn = np.zeros((*image.shape[:2], 4), np.uint8)
         if unfamiliar is not None:

@@ -1,8 +1,8 @@
 """From painted pictures to the parts of a model: samples, logistic regression, boosted trees.
 
-Samples are features of places, and whether they are region. Few painted pictures show few exposures
-and one height. So each is also rendered with another exposure, white balance and contrast, and from
-higher or lower. scikit-learn (the extra `tune`) learns from them.
+Samples are features of places, and their kinds. Few painted pictures show few exposures and one
+height. So each is also rendered with another exposure, white balance and contrast, and from higher
+or lower. scikit-learn (the extra `tune`) learns from them.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ _EXPOSURE_STOPS: Final = 0.7
 _BALANCE_STOPS: Final = 0.12
 _CONTRAST: Final = (0.85, 1.2)
 _HEIGHT: Final = 1.28  # times higher or lower
-_GAMMA: Final = 0.45  # of sRGB, about: what a doubled exposure does to the logarithm of a level
-_CLEAR: Final = 0.8  # a place is a sample if so much of it is of one kind
+_GAMMA: Final = 0.45  # of sRGB, about: effect of an exposure on the logarithm of a level
+_CLEAR: Final = 0.8  # minimum share of one kind in a place that is a sample
 
 
 @dataclass(frozen=True, slots=True)
-class Described:
-    """A picture as the learners see it.
+class PictureFeatures:
+    """Features of a picture for the learners.
 
-    `values` is (features, places), `region` the part of each place that is region, `numbers` the
-    class of those that are mostly of one, else 0; the places lie in `rows` and `columns`.
+    `values` is (features, places), `region` the part of each place that is region. `numbers` is the
+    class of places that are mostly of one, else 0. The places are in `rows` and `columns`.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Described:
     columns: int
 
 
-def described(example: Example) -> Described:
+def described(example: Example) -> PictureFeatures:
     """Return the features of all places of a painted picture."""
     values = features(example.picture)
     rows, columns = described_shape(*example.picture.shape[:2])
@@ -60,7 +60,7 @@ def described(example: Example) -> Described:
     numbers = np.zeros((rows, columns), np.uint8)
     for number in np.setdiff1d(example.painted, (SURROUND, UNKNOWN)):
         numbers[_mean(example.painted == number, rows, columns) >= _CLEAR] = number
-    return Described(
+    return PictureFeatures(
         example.name,
         values.reshape(len(values), -1),
         np.minimum(region, 1.0).ravel().astype(np.float32),
@@ -76,15 +76,15 @@ def variants(example: Example, rng: np.random.Generator, count: int = VARIANTS) 
     return [_exposed(_moved(example, rng), rng) for _ in range(count)]
 
 
-def clear(one: Described) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def clear(one: PictureFeatures) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the places that are mostly region and those that are mostly surround."""
     return one.known & (one.region >= _CLEAR), one.known & (one.region <= 1.0 - _CLEAR)
 
 
 def training_set(
-    pictures: Sequence[Sequence[Described]], rng: np.random.Generator
+    pictures: Sequence[Sequence[PictureFeatures]], rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return features, (samples, features), and whether each is region: as many of each picture."""
+    """Return features, (samples, features), and their kinds; each picture gives equally many."""
     share = min(_MOST_A_PICTURE, _MOST_SAMPLES // max(1, len(pictures)))
     values, labels = [], []
     for versions in pictures:
@@ -132,7 +132,7 @@ def _mean(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.float3
 
 
 # --- the learners --------------------------------------------------------------------------------
-_PENALTY: Final = 0.1  # C of the logistic regression: small, for few pictures are much alike
+_PENALTY: Final = 0.1  # C of the logistic regression: small, because pictures are much alike
 _ROUNDS: Final = 60
 _RATE: Final = 0.15
 _LEAST_SAMPLES: Final = 60
@@ -142,7 +142,7 @@ Scale = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def need_learner() -> None:
-    """Raise `UavmapError` where scikit-learn is missing."""
+    """Raise `UavmapError` if scikit-learn is missing."""
     try:
         import sklearn  # noqa: F401, PLC0415 - an extra
     except ImportError:
@@ -150,10 +150,10 @@ def need_learner() -> None:
 
 
 def fit_logistic(values: NDArray[np.float32], labels: NDArray[np.bool_], scale: Scale) -> Logistic:
-    """Fit a logistic regression that takes both kinds for equally frequent.
+    """Fit a logistic regression with equal frequencies of both kinds.
 
     Args:
-        values: (samples, features).
+        values: Features, (samples, features).
         scale: Mean and standard deviation of each feature.
     """
     from sklearn.linear_model import LogisticRegression  # noqa: PLC0415
@@ -185,7 +185,7 @@ def fit_trees(values: NDArray[np.float32], labels: NDArray[np.bool_], seed: int)
         early_stopping=False,
         random_state=seed % 2**32,
     )
-    # repeated, not weighted: with weights the learner takes its bins ten times as slowly
+    # repeated, not weighted: with weights the learner computes its bins ten times as slowly
     rows = _balanced(labels)
     values, labels = values[rows], labels[rows]
     with threadpool_limits(1):  # sums in one order: the same seed gives the same bytes
@@ -199,32 +199,32 @@ def fit_trees(values: NDArray[np.float32], labels: NDArray[np.bool_], seed: int)
 
 
 def _balanced(labels: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return rows of the samples, those of the rarer kind repeated until there are as many."""
+    """Return rows of the samples; those of the rarer kind repeat until there are equally many."""
     kinds = [np.flatnonzero(labels), np.flatnonzero(~labels)]
     most = max(map(len, kinds))
     return np.sort(np.concatenate([np.resize(kind, most) for kind in kinds]))
 
 
 def _check_same(parts: Trees, values: NDArray[np.float32], wanted: NDArray[np.float64]) -> None:
-    """Check the trees' answers: scikit-learn does not promise how it keeps them."""
+    """Check the trees' answers: scikit-learn does not document their storage."""
     found = Scorer((parts,)).probability(np.ascontiguousarray(values.T))
     off = np.abs(found - wanted) > _AGREE
-    if off.mean() > 0.01:  # a value on a border may fall to the other side by its last bit
+    if off.mean() > 0.01:  # the last bit may move a value on a border to the other side
         raise UavmapError(
-            "the trees of this release of scikit-learn are kept in another way; install another: "
+            "this release of scikit-learn stores trees in another way; install another: "
             f"{install_command('tune')}"
         )
 
 
 def _tree(nodes: NDArray[Any]) -> Tree:
-    """Convert a tree of scikit-learn: leaves from left to right, what each node rules out."""
+    """Convert a tree of scikit-learn: its leaves from left to right, and their sets."""
     leaves: list[float] = []
     feature: list[int] = []
     at_most: list[float] = []
     left: list[int] = []
 
     def walk(index: int) -> tuple[int, int]:
-        """Number the leaves below a node; return the first and the one behind the last."""
+        """Number the leaves below a node; return the first, and the one after the last."""
         node = nodes[index]
         if node["is_leaf"]:
             leaves.append(seven_digits([node["value"]])[0])
@@ -244,8 +244,8 @@ def _tree(nodes: NDArray[Any]) -> Tree:
 def _border(threshold: float) -> float:
     """Return the largest float32 that is not above a threshold.
 
-    Every feature, a float32 too, falls to the same side of both. Many have the very value of a
-    threshold, so no digit may be lost.
+    Every feature is a float32, so it is on the same side of both. Many equal a threshold, so no
+    digit may be lost.
 
     >>> _border(0.1) < 0.1, float(np.float32(_border(0.1))) == float(np.float32(0.1))
     (True, False)
@@ -259,5 +259,5 @@ def _border(threshold: float) -> float:
 
 
 def seven_digits(values: NDArray[np.floating] | Sequence[float]) -> tuple[float, ...]:
-    """Round to seven digits, which is what float32 has."""
+    """Round to seven digits, the precision of float32."""
     return tuple(float(f"{value:.7g}") for value in values)

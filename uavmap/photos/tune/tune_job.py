@@ -47,7 +47,7 @@ from uavmap.photos.tune.selection import (
     picture_counts,
     total,
 )
-from uavmap.photos.tune.training import Described, Scale, described, need_learner, variants
+from uavmap.photos.tune.training import PictureFeatures, Scale, described, need_learner, variants
 from vision.detectors.learned_model import LearnedDetector, Model, model_bytes
 from vision.detectors.pixel_features import STRIDE, described_shape, features
 
@@ -56,17 +56,17 @@ DETECTOR: Final = "detector.toml"
 REPORT: Final = "report.json"
 OVERLAYS: Final = "overlays"
 FILES: Final = (MODEL, REPORT, OVERLAYS, MAP, NEXT, DETECTOR)
-_OTHERS: Final = 24  # pictures without examples that the features are normalised by
-_SHOWN: Final = 12  # of those, so many are drawn
+_OTHERS: Final = 24  # maximum pictures without examples that normalise the features
+_SHOWN: Final = 12  # maximum number of those that are drawn
 _LEAST_SPREAD: Final = 1e-3
 _GREEN: Final = (0, 255, 0)
 
-Say = Callable[[str], None]
+Show = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
-    """Wishes for a training; `cell_px` is the side of a map cell at the working width."""
+class TuneSettings:
+    """Settings of a training; `cell_px` is the side of a map cell at the working width."""
 
     seed: int = 0
     width_px: int = 1000
@@ -74,55 +74,55 @@ class Wishes:
     kinds: tuple[str, ...] = KINDS
     sets: tuple[str, ...] = tuple(SETS)
     classes: Classes | None = None
-    """Those that are painted."""
+    """Classes that are painted; None for region and surround alone."""
 
 
 def tune(
     images: Path,
     where: Path,
     out: Path,
-    wishes: Wishes,
-    say: Say,
+    settings: TuneSettings,
+    show: Show,
     drafts: Drafts | None = None,
 ) -> dict[str, Any]:
     """Learn a detector, draw a map of the pictures with it; return the report.
 
-    `out` is made once all its content is: an interruption, or a full disk, leaves nothing. Raises
-    `ImageError` for faults of pictures or examples, `UavmapError` without scikit-learn,
-    `OutputError` when the disk refuses.
+    `out` appears once all its content is complete: an interruption, or a full disk, leaves nothing.
+    Raises `ImageError` for faults of pictures or examples, `UavmapError` without scikit-learn,
+    `OutputError` if the disk refuses.
     """
     need_learner()
-    wishes = replace(wishes, classes=read_classes(where))
-    examples = load_examples(images, where, wishes.width_px, say)
-    others = _others(images, {example.name for example in examples}, wishes, say)
-    say(f"{len(examples)} painted, {len(others)} others to normalise features by")
-    found = learned(examples, [picture for _, picture in others], wishes, say)
-    report, choice = _report(found, wishes), found.choice
+    settings = replace(settings, classes=read_classes(where))
+    examples = load_examples(images, where, settings.width_px, show)
+    others = _others(images, {example.name for example in examples}, settings, show)
+    show(f"{len(examples)} painted, {len(others)} others to normalise features")
+    found = learn(examples, [picture for _, picture in others], settings, show)
+    report, choice = _report(found, settings), found.choice
     try:
-        with _whole(out) as folder:
+        with _complete_folder(out) as folder:
             write_bytes(folder / MODEL, model_bytes(found.model))
-            write_text(folder / DETECTOR, _detector_toml(choice, report, wishes.classes))
+            write_text(folder / DETECTOR, _detector_toml(choice, report, settings.classes))
             write_text(folder / REPORT, encode(report) + "\n")
             _draw(folder / OVERLAYS, examples, others[:_SHOWN], choice, found.model)
-            _draft(drafts or Drafts(images), folder, say)
+            _draft(drafts or Drafts(images), folder, show)
     except OSError as error:
         raise OutputError(f"--out {out} cannot be written: {error.strerror}") from None
     return report
 
 
-def _draft(drafts: Drafts, folder: Path, say: Say) -> None:
-    """Draw a map, and name the pictures to paint next; say why where no picture has a place."""
-    say("mapping all pictures with it")
+def _draft(drafts: Drafts, folder: Path, show: Show) -> None:
+    """Draw a map, and name the pictures to paint next; report why if no picture has a place."""
+    show("mapping all pictures with it")
     try:
         drafts.draw(folder, folder)
     except (ImageError, MissionFileError) as error:
-        say(f"no map, and no picture is asked for: {error}")
+        show(f"no map, and no picture to paint next: {error}")
     write_next(drafts.asked, folder)
 
 
 @contextmanager
-def _whole(out: Path) -> Iterator[Path]:
-    """Yield a folder beside `out` that takes its name, or its content, once it is complete."""
+def _complete_folder(out: Path) -> Iterator[Path]:
+    """Yield a folder beside `out` that replaces it, or adds to it, once it is complete."""
     out.parent.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
     try:
@@ -131,16 +131,16 @@ def _whole(out: Path) -> Iterator[Path]:
         if not out.exists():
             folder.rename(out)
             return
-        for name in FILES:  # among what lies there already; what names the model comes last
+        for name in FILES:  # beside other files there; the file that names the model comes last
             _replace(folder / name, out / name)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-class Learned(NamedTuple):
-    """A model, the choice of cross-validation, the examples described, and how sure each is.
+class LearnedModel(NamedTuple):
+    """A model, the choice of cross-validation, the examples described, and their sure shares.
 
-    `classes` counts the places of each, if several are painted.
+    `classes` has the counts of the places of each class, if several are painted.
     """
 
     model: Model
@@ -151,7 +151,7 @@ class Learned(NamedTuple):
 
 
 def _replace(new: Path, old: Path) -> None:
-    """Put a file or folder in the place of an old one, which goes where there is no new one."""
+    """Move a file or folder over an old one; move the old one away if there is no new one."""
     if old.is_dir():
         shutil.rmtree(old)
     else:
@@ -160,43 +160,46 @@ def _replace(new: Path, old: Path) -> None:
         new.rename(old)
 
 
-def learned(
-    examples: Sequence[Example], others: Sequence[NDArray[np.uint8]], wishes: Wishes, say: Say
-) -> Learned:
+def learn(
+    examples: Sequence[Example],
+    others: Sequence[NDArray[np.uint8]],
+    settings: TuneSettings,
+    show: Show,
+) -> LearnedModel:
     """Learn from examples.
 
-    Raises `ImageError` if fewer than two pictures are painted, or one of them holds all that is
-    region or all that is not.
+    Raises `ImageError` if fewer than two pictures are painted, or if one of them holds all the
+    region or all the surround.
     """
     _check_spread(examples)
-    numbers = () if wishes.classes is None else tuple(wishes.classes.names)
-    if wishes.classes is not None:
-        check_classes(examples, wishes.classes)
+    numbers = () if settings.classes is None else tuple(settings.classes.names)
+    if settings.classes is not None:
+        check_classes(examples, settings.classes)
     pictures = []
     for number, example in enumerate(examples):
-        rng = np.random.default_rng([wishes.seed, number])
+        rng = np.random.default_rng([settings.seed, number])
         pictures.append(tuple(map(described, [example, *variants(example, rng)])))
     scale = _scale(pictures, others)
-    cell = wishes.cell_px / STRIDE
-    ground = familiar_ground(pictures, scale, wishes.seed)
+    cell = settings.cell_px / STRIDE
+    ground = familiar_ground(pictures, scale, settings.seed)
     choice = choose(
-        pictures, scale, ground.left_out, cell, wishes.seed, say, wishes.kinds, wishes.sets
+        pictures, scale, ground.left_out, cell, settings.seed, show, settings.kinds, settings.sets
     )
     names = SETS[choice.features]
     sure = sure_cells(pictures, choice, ground, cell)
     model = Model(
         features=names,
-        working_width_px=wishes.width_px,
-        parts=fitted(pictures, names, scale, choice.kind, wishes.seed),
+        working_width_px=settings.width_px,
+        parts=fitted(pictures, names, scale, choice.kind, settings.seed),
         slope=choice.slope,
         offset=choice.offset,
         threshold=choice.threshold,
         familiarity=ground.familiarity,
         wrong_at_most=wrong_at_most(sure),
-        classes=fit_classes(pictures, numbers, names, scale, wishes.seed) if numbers else None,
+        classes=fit_classes(pictures, numbers, names, scale, settings.seed) if numbers else None,
     )
-    classes = class_counts(pictures, choice, numbers, scale, wishes.seed) if numbers else {}
-    return Learned(model, choice, pictures, sure, classes)
+    classes = class_counts(pictures, choice, numbers, scale, settings.seed) if numbers else {}
+    return LearnedModel(model, choice, pictures, sure, classes)
 
 
 def _check_spread(examples: Sequence[Example]) -> None:
@@ -210,7 +213,7 @@ def _check_spread(examples: Sequence[Example]) -> None:
 
 
 def _others(
-    images: Path, painted: set[str], wishes: Wishes, say: Say
+    images: Path, painted: set[str], settings: TuneSettings, show: Show
 ) -> list[tuple[str, NDArray[np.uint8]]]:
     """Return some pictures that are not painted, evenly from all of them."""
     paths = [path for path in list_pictures(images) if path.stem not in painted]
@@ -218,14 +221,14 @@ def _others(
     found = []
     for path in paths[::step]:
         try:
-            found.append((path.stem, read_picture(path, wishes.width_px)))
+            found.append((path.stem, read_picture(path, settings.width_px)))
         except ImageError as error:
-            say(f"left out: {error}")
+            show(f"left out: {error}")
     return found
 
 
 def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> Scale:
-    """Return mean and standard deviation of each feature, each picture counting alike."""
+    """Return mean and standard deviation of each feature; each picture counts alike."""
     some = [one.values[:, ::7] for picture in pictures for one in picture]
     some += [f.reshape(len(f), -1)[:, ::7] for f in map(features, others)]
     means = np.stack([values.mean(axis=1, dtype=np.float64) for values in some])
@@ -235,10 +238,10 @@ def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> 
     return mean, np.maximum(spread, _LEAST_SPREAD)
 
 
-# --- what is written -------------------------------------------------------------------------
-def _report(found: Learned, wishes: Wishes) -> dict[str, Any]:
+# --- the files -------------------------------------------------------------------------------
+def _report(found: LearnedModel, settings: TuneSettings) -> dict[str, Any]:
     pictures, choice = found.pictures, found.choice
-    cell = wishes.cell_px / STRIDE
+    cell = settings.cell_px / STRIDE
     counts = [
         picture_counts(plain, share, cell, choice.threshold, choice.share)
         for (plain, *_), share in zip(pictures, choice.shares, strict=True)
@@ -258,9 +261,9 @@ def _report(found: Learned, wishes: Wishes) -> dict[str, Any]:
     return {
         "model": choice.kind,
         "features": choice.features,
-        "seed": wishes.seed,
-        "working_width_px": wishes.width_px,
-        "cell_px": wishes.cell_px,
+        "seed": settings.seed,
+        "working_width_px": settings.width_px,
+        "cell_px": settings.cell_px,
         "threshold": choice.threshold,
         "share": choice.share,
         "calibration": [choice.slope, choice.offset],
@@ -270,7 +273,7 @@ def _report(found: Learned, wishes: Wishes) -> dict[str, Any]:
         "cell_iou_spread": [round(min(ious), 4), round(max(ious), 4)],
         "pictures": rows,
         "tried": dict(choice.tried),
-        **_class_report(found.classes, wishes.classes),
+        **_class_report(found.classes, settings.classes),
     }
 
 
@@ -285,7 +288,7 @@ def _class_report(counts: Mapping[int, Counts], classes: Classes | None) -> dict
     }
 
 
-def _region_share(one: Described) -> float:
+def _region_share(one: PictureFeatures) -> float:
     return float(one.region[one.known].mean()) if one.known.any() else 0.0
 
 
@@ -306,7 +309,7 @@ def _detector_toml(choice: Choice, report: dict[str, Any], classes: Classes | No
         "# Written by `uavmap tune`. On painted pictures that it was not learned from:\n"
         f"# pixels IoU {pixels['iou']:.2f}, cells IoU {cells['iou']:.2f} "
         f"(precision {cells['precision']:.2f}, recall {cells['recall']:.2f}).\n"
-        f"# Of the cells of which it is sure at most {100 * report['wrong_at_most']:.0f} % are "
+        f"# Of the cells that it is sure of, at most {100 * report['wrong_at_most']:.0f} % are "
         "wrong in another picture.\n"
         f"{tomlkit.dumps({'detector': section})}"
     )
@@ -319,7 +322,7 @@ def _draw(
     choice: Choice,
     model: Model,
 ) -> None:
-    """Outline in green what was painted, in red what is marked.
+    """Outline painted region in green, marked region in red.
 
     A painted picture shows the marks of a model that has not seen it.
     """

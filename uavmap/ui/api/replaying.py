@@ -11,8 +11,8 @@ from missions.errors import UavmapError
 from uavmap.base.arguments import Paths, number, path_text, whole
 from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.photos.ground.rasters import Wishes
-from uavmap.photos.replay_job import Wanted, replay_pictures
+from uavmap.photos.ground.rasters import RasterSettings
+from uavmap.photos.replay_job import ReplayOptions, replay_pictures
 from uavmap.photos.workers import Cluster, Crew, Threads
 from uavmap.ui.api.results import Results, open_results
 
@@ -72,7 +72,7 @@ def replay(
         raise UavmapError(f"video_start = {video_start!r}: expected a time with its time zone")
     if workers is not None and scheduler is not None:
         raise UavmapError("workers excludes scheduler; give one of them")
-    wanted = Wanted(
+    wanted = ReplayOptions(
         path=path_text("path", path),
         mission=None if mission is None else path_text("mission", mission),
         detector=None if detector is None else path_text("detector", detector),
@@ -81,7 +81,9 @@ def replay(
         any_day=any_day,
         video_start=None if video_start is None else video_start.timestamp(),
         refine=refine,
-        rasters=Wishes(ortho, None if gsd_m is None else number("gsd_m", gsd_m, 0.005, 10.0)),
+        rasters=RasterSettings(
+            ortho, None if gsd_m is None else number("gsd_m", gsd_m, 0.005, 10.0)
+        ),
     )
     count = None if workers is None else whole("workers", workers, 1, 256)
     by: AbstractContextManager[Crew] = nullcontext(Threads(count))

@@ -18,12 +18,12 @@ from uavmap.load.detector_source import detector_text, finds, resolved_section
 from uavmap.photos.sources.photo_file import SUFFIXES
 from uavmap.photos.tune.paint_page import paint
 from uavmap.photos.tune.training import need_learner
-from uavmap.photos.tune.tune_job import FILES, OVERLAYS, Wishes, tune
+from uavmap.photos.tune.tune_job import FILES, OVERLAYS, TuneSettings, tune
 from uavmap.ui.cli.common import ask, is_interactive, refuse_existing
 from vision.detectors import detector_parameters
 
 _LATER_TEXT: Final = "Choose it later: until then the mission only flies in the simulator."
-WISHES: Final = Wishes()
+TUNE_SETTINGS: Final = TuneSettings()
 """Settings for the training of a new mission's detector."""
 
 
@@ -102,7 +102,7 @@ def train_detector(photographs: Sequence[Path], mission: Path) -> Path:
             masks = painted
             if is_interactive() or not painted.exists():
                 _paint(images, painted, found[0][0], show)
-        report = tune(images, masks, out, WISHES, show)
+        report = tune(images, masks, out, TUNE_SETTINGS, show)
     low, high = report["cell_iou_spread"]
     show(f"cell IoU from {low:.2f} to {high:.2f} on photographs that were not used for training")
     show(f"check {out / OVERLAYS} before you use it: the detector rates red ground as region")
@@ -117,7 +117,7 @@ def _paint(images: Path, painted: Path, first: Path, show: Any) -> None:
             "you paint"
         )
     try:
-        paint(images, painted, WISHES.width_px, show)
+        paint(images, painted, TUNE_SETTINGS.width_px, show)
     finally:
         if painted.is_dir() and not any(painted.iterdir()):
             shutil.rmtree(painted)

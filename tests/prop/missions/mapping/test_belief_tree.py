@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.lab.arena.radio import look
+from missions.lab.arena.radio import observe
 from missions.lab.arena.roi import KINDS, component
 from missions.mapping.belief import Belief, FrameId, Tally
 from missions.mapping.tree import Tree, VertexState
@@ -207,7 +207,7 @@ def grown(roi: set[Cell], looks: int, rng: np.random.Generator) -> Tree:
         todo = sorted(c for c in tree.vertices if not tree.has_looked(c))
         if not todo:
             break
-        tree = look(tree, todo[int(rng.integers(len(todo)))], roi)
+        tree = observe(tree, todo[int(rng.integers(len(todo)))], roi)
     return tree
 
 
@@ -254,7 +254,7 @@ def test_a_joined_tree_goes_on_to_the_whole_roi(seed):
     roi = KINDS["eden"](30, rng)
     tree = grown(roi, 12, rng).join(grown(roi, 12, rng))
     while todo := [c for c in tree.vertices if not tree.has_looked(c)]:
-        tree = look(tree, todo[0], roi)
+        tree = observe(tree, todo[0], roi)
     is_sound(tree)
     assert set(tree.vertices) == component(roi, Cell(0, 0))
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.lab.arena.radio import look
+from missions.lab.arena.radio import observe
 from missions.lab.arena.roi import KINDS
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.persistent import PersistentMap, PersistentSet
@@ -155,7 +155,7 @@ def test_a_tree_that_was_handed_out_never_changes(kind: str) -> None:
     for _ in range(40):
         tree = trees[int(rng.integers(max(len(trees) - 3, 0), len(trees)))]
         known = sorted(tree.vertices)
-        grown = look(tree, known[int(rng.integers(len(known)))], roi)
+        grown = observe(tree, known[int(rng.integers(len(known)))], roi)
         were.append(list(grown.vertices.items()))
         trees.append(grown)
     for i in rng.permutation(len(trees)).tolist():

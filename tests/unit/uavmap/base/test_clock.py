@@ -146,7 +146,7 @@ def test_run_cancels_remaining_tasks_and_raises_errors():
 def said(rate: float, speedup: float = 1.0, seconds: int = 60) -> list[str]:
     clock = ClockRate(10.0 * speedup, speedup)
     steps = range(int(seconds * speedup))
-    return [text for t in steps if (text := clock.take(float(t), 1000.0 + rate * t))]
+    return [text for t in steps if (text := clock.check(float(t), 1000.0 + rate * t))]
 
 
 @pytest.mark.parametrize("rate", [0.7, 0.8, 1.0, 1.3])
@@ -165,4 +165,4 @@ def test_wrong_speedup_is_reported_once_with_the_right_one(speedup, rate, meant)
 def test_restart_of_the_vehicle_is_no_wrong_speedup():
     clock = ClockRate(10.0, 1.0)
     times = [*range(20), *range(3), *range(3, 40)]
-    assert not any(clock.take(float(t), float(boot)) for t, boot in enumerate(times))
+    assert not any(clock.check(float(t), float(boot)) for t, boot in enumerate(times))

@@ -86,7 +86,7 @@ FAULTS: dict[str, tuple[object, str]] = {
     ),
     "in two parts": (
         {"rois": [{"start": [0, 0], "cells": [[0, 0], [1, 1]]}]},
-        "rois[0].cells[1] = [1, 1]: does not hang together with the start",
+        "rois[0].cells[1] = [1, 1]: is not connected with the start",
     ),
     "the second": (
         {"rois": [{"start": [0, 0], "cells": [[0, 0]]}, {"start": [0, 0], "cells": [[0]]}]},

@@ -31,7 +31,7 @@ from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 from uavmap.output.results import Votes, weighed
 from uavmap.photos.mission_from_photos import derived
-from uavmap.photos.picture_replay import Looked, look_at_all
+from uavmap.photos.picture_replay import JudgedPictures, judge_pictures
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.workers import Threads
@@ -192,10 +192,10 @@ def traced() -> Iterator[Callable[[], tuple[int, int]]]:
         tracemalloc.stop()
 
 
-def looked_at(folder: Path, spool: Spool) -> Looked:
+def looked_at(folder: Path, spool: Spool) -> JudgedPictures:
     gathered = gather(open_source(folder))
     setting = setting_of(mission_of_text(derived(gathered), "derived"))
-    return look_at_all(gathered, setting, spool, Threads(1))
+    return judge_pictures(gathered, setting, spool, Threads(1))
 
 
 def test_pictures_leave_little_in_memory(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from tests.support.small_missions import CELL_M, START, Points, ring, square
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
-from uavmap.photos.picture_replay import look_at_all
+from uavmap.photos.picture_replay import judge_pictures
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
 
@@ -129,7 +129,7 @@ def setting(recorded: str = "evidence") -> Setting:
 
 def replayed(images: Path, made: Setting, journal: Journal, out: Path) -> dict[str, Any]:
     with Spool() as spool:
-        return look_at_all(gather(open_source(images)), made, spool).written(journal, out)
+        return judge_pictures(gather(open_source(images)), made, spool).written(journal, out)
 
 
 def mapped(images: Path, made: Setting, out: Path) -> tuple[dict[str, Any], dict[Cell, str]]:

@@ -72,7 +72,7 @@ def test_cluster_without_workers_and_one_of_another_version_are_named(
         with monkeypatch.context() as patch:
             patch.setattr(module, "_version", lambda: "0.0.1")
             with (
-                pytest.raises(StudyError, match=r"has uavmap 0\.0\.1, and here is"),
+                pytest.raises(StudyError, match=r"has uavmap 0\.0\.1, this computer has"),
                 Cluster(address),
             ):
                 pass

@@ -11,7 +11,7 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.terrain import Terrain
 from missions.units import GridPoint
 from tests.unit.vision.scene import CAMERA, GRID, made_up, passes
-from uavmap.photos.registration.refinement import Taken, refine
+from uavmap.photos.registration.refinement import TaggedPicture, refine
 from uavmap.photos.sources.photo_file import FileContent
 from uavmap.photos.sources.picture_record import Picture
 from vision.registration import normal_equations
@@ -103,7 +103,7 @@ def test_poses_over_a_slope_come_back_above_the_start():
             position=PLANE.to_wgs84(view.east_m, view.north_m), position_sigma_m=1.0,
             height_m=Measured(shot.height_m, 0.5),
         )  # fmt: skip
-        taken.append(Taken(picture, view.features, CAMERA.hfov_rad, 0.03))
+        taken.append(TaggedPicture(picture, view.features, CAMERA.hfov_rad, 0.03))
     _, found = refine(taken, (GRID, ground))
     assert len(found) == len(shots)
     off = []

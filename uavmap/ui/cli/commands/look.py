@@ -17,7 +17,7 @@ from uavmap.load.detector_source import detector_text, refuse_undecided
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output.documents import save
 from uavmap.output.summary import encode
-from uavmap.photos.ground.judging import PictureReport, annotated, look_at
+from uavmap.photos.ground.judging import PictureReport, annotated, inspect_picture
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.registration.calibration import calibration_of
 from uavmap.photos.sources.inventory import gather, open_source
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     refuse_unknown_ground(mission, source)
     if not gathered.pictures:
         raise ImageError(f"{options.image}: has no readable picture; give JPEG, PNG or TIFF")
-    looked = look_at(gathered.pictures[0], mission, lens)
+    looked = inspect_picture(gathered.pictures[0], mission, lens)
     out = Path(options.out or f"{Path(gathered.pictures[0].name).stem}-looked.png")
     good, data = cv2.imencode(".png", annotated(looked))
     if not good:

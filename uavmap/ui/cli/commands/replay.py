@@ -8,8 +8,8 @@ from typing import Final
 
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.photos.ground.rasters import Wishes
-from uavmap.photos.replay_job import Wanted, replay_pictures
+from uavmap.photos.ground.rasters import RasterSettings
+from uavmap.photos.replay_job import ReplayOptions, replay_pictures
 from uavmap.photos.workers import Cluster, Crew, Threads
 from uavmap.ui.cli import INTERRUPTED, complain
 from uavmap.ui.cli.common import number_type, report, utc_seconds, worker_count
@@ -103,7 +103,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Map the pictures."""
-    wanted = Wanted(
+    wanted = ReplayOptions(
         path=options.path,
         mission=options.mission,
         detector=options.detector,
@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
         any_day=options.any_day,
         video_start=options.video_start,
         refine=options.refine == "on",
-        rasters=Wishes(options.ortho, options.gsd),
+        rasters=RasterSettings(options.ortho, options.gsd),
     )
     by: AbstractContextManager[Crew] = nullcontext(Threads(options.workers))
     if options.scheduler is not None:

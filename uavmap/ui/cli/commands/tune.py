@@ -18,7 +18,7 @@ from uavmap.photos.tune.paint_page import paint
 from uavmap.photos.tune.selection import KINDS, SETS
 from uavmap.photos.tune.study import Study
 from uavmap.photos.tune.training import need_learner
-from uavmap.photos.tune.tune_job import FILES, Wishes, tune
+from uavmap.photos.tune.tune_job import FILES, TuneSettings, tune
 from uavmap.ui.cli.common import number_type, refuse_existing
 from uavmap.ui.cli.option_table import add_options
 
@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out)
     refuse_existing(out, FILES)
     refuse_unwritable(out)
-    wishes = Wishes(
+    settings = TuneSettings(
         options.seed,
         options.width,
         options.cell_px,
@@ -104,10 +104,10 @@ def run(options: argparse.Namespace) -> int:
     )
     if options.paint:
         need_learner()
-        study = Study(images, examples, out, wishes)
+        study = Study(images, examples, out, settings)
         paint(images, examples, options.width, Terminal().show, study)
         study.finish()
-    report = tune(images, examples, out, wishes, Terminal().show)
+    report = tune(images, examples, out, settings, Terminal().show)
     if options.json:
         print(json.dumps(report, indent=2))
         return 0

@@ -79,7 +79,7 @@ def test_plain_is_the_child_rule_alone(seed, monkeypatch):
 
 def test_a_lattice_from_an_array_is_the_one_from_cells():
     roi = sorted(ragged(60, np.random.default_rng(3)))
-    one, other = Lattice.of(roi), Lattice.of(np.array(roi[::-1]))
+    one, other = Lattice.from_cells(roi), Lattice.from_cells(np.array(roi[::-1]))
     assert np.array_equal(one.cells, np.array(roi))
     assert np.array_equal(one.near, other.near)
     places = {cell: i for i, cell in enumerate(roi)}

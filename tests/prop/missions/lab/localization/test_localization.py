@@ -20,9 +20,11 @@ def maps(draw: st.DrawFn, largest: int = 60) -> GridMap:
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     if draw(st.booleans()):
         width, height = draw(st.integers(1, 9)), draw(st.integers(1, 9))
-        return GridMap.of(cluttered(width, height, draw(st.floats(0.0, 0.5)), rng))
+        return GridMap.from_cells(cluttered(width, height, draw(st.floats(0.0, 0.5)), rng))
     kind = draw(st.sampled_from(sorted(KINDS)))
-    return GridMap.of(grown(kind, draw(st.integers(1, largest)), draw(st.integers(0, 999))).cells)
+    return GridMap.from_cells(
+        grown(kind, draw(st.integers(1, largest)), draw(st.integers(0, 999))).cells
+    )
 
 
 @FEW

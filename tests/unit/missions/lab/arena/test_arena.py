@@ -11,7 +11,7 @@ import pytest
 
 from missions.errors import StrategyError
 from missions.lab.arena.arena_run import Comms, Leg, patience_of, run
-from missions.lab.arena.radio import look
+from missions.lab.arena.radio import observe
 from missions.lab.arena.roi import component, grown
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS, Decision, Situation
@@ -100,7 +100,7 @@ def test_in_straight_flight_alone_a_move_may_lead_to_any_known_cell():
 def test_what_is_known_beforehand_need_not_be_found():
     tree = Tree.rooted(START)
     for cell in ROW:
-        tree = look(tree, cell, ROW)
+        tree = observe(tree, cell, ROW)
     assert run(Scripted(out_and_back), ROW, START, 1, tree=tree).legs == ()
 
 

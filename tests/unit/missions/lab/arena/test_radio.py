@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from missions.fleet_events import Partition
 from missions.lab.arena.arena_run import Comms, Run, run
-from missions.lab.arena.radio import Links, Mind, Radio, look
+from missions.lab.arena.radio import Links, Mind, Radio, observe
 from missions.lab.arena.roi import component, grown
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS
@@ -28,20 +28,20 @@ class Team:
     def __init__(self, links: Links, *easts: int, looks: int = 4) -> None:
         self.radio = Radio(links, ROW)
         self.at = {robot: Cell(east, 0) for robot, east in enumerate(easts)}
-        known = look(Tree.rooted(START), START, ROW)
+        known = observe(Tree.rooted(START), START, ROW)
         heard = dict.fromkeys(self.at, (0.0, START))
         self.minds = {robot: Mind(known, heard) for robot in self.at}
         tree, looked = known, 0
         for cell in ROW[1 : looks + 1]:
-            tree, looked = look(tree, cell, ROW), looked | self.radio.bit(cell)
-        self.minds[0] = Mind(tree, heard, looked=looked)
+            tree, looked = observe(tree, cell, ROW), looked | self.radio.bit(cell)
+        self.minds[0] = Mind(tree, heard, observed=looked)
 
     def instant(self, t: float) -> list[int]:
         """Let them hear and tell at an instant; how far each then knows the row."""
         places = {robot: (float(cell.east), float(cell.north)) for robot, cell in self.at.items()}
         self.radio.tune(t, places, self.at)
-        self.radio.hear(self.minds)
-        self.radio.tell(self.minds)
+        self.radio.deliver(self.minds)
+        self.radio.send(self.minds)
         return [len(mind.tree) - 2 for mind in self.minds.values()]
 
 
@@ -118,20 +118,20 @@ def test_those_in_touch_remember_what_the_first_does_that_is_not_done():
     team = Team(Links(), 0, 3, 6)
     team.minds = {r: replace(mind, memory=f"of {r}") for r, mind in team.minds.items()}
     team.radio.tune(0.0, {r: (float(c.east), 0.0) for r, c in team.at.items()}, team.at)
-    team.radio.hear(team.minds, done={0})
+    team.radio.deliver(team.minds, done={0})
     assert {mind.memory for mind in team.minds.values()} == {"of 1"}
 
 
 def test_a_place_that_hangs_in_no_tree_yet_is_not_heard_of():
     team = Team(Links(rate=1.0), 0, 3)
     team.minds[0] = Mind(
-        team.minds[0].tree, {0: (5.0, Cell(5, 0)), 1: (0.0, START)}, None, team.minds[0].looked
+        team.minds[0].tree, {0: (5.0, Cell(5, 0)), 1: (0.0, START)}, None, team.minds[0].observed
     )
     assert team.instant(0.0)[1] == 1
-    assert team.minds[1].heard[0] == (0.0, START)
+    assert team.minds[1].known_at[0] == (0.0, START)
     for t in range(1, 4):
         team.instant(float(t))
-    assert team.minds[1].heard[0] == (5.0, Cell(5, 0))
+    assert team.minds[1].known_at[0] == (5.0, Cell(5, 0))
 
 
 RESTING, DRIFTING = Metric(), Metric(1.0, 0.3, -0.2)

@@ -25,7 +25,7 @@ FLOWN = Noise(27 / 483, 53 / 483)
 @pytest.mark.parametrize(("k", "m", "moves"), [(4, 5, 303), (20, 40, 10045)])
 def test_homing_on_the_chevrons_of_figure_6(k, m, moves):
     cells, start = chevrons(k, m)
-    known = GridMap.of(cells)
+    known = GridMap.from_cells(cells)
     assert known.size == 4 * k * m + 8 * m + 4 * k + 4
     done = localize(known, start, METHODS["homing"], RNG(1))
     assert done.right
@@ -37,7 +37,7 @@ def test_homing_on_the_chevrons_of_figure_6(k, m, moves):
 
 @pytest.mark.parametrize("k", [1, 3, 50])
 def test_the_studded_squares_of_lemma_8(k):
-    known = GridMap.of(studded(k))
+    known = GridMap.from_cells(studded(k))
     assert known.size == 3 * k**2 + 4 * k + 1
     assert known.circumnavigation == 8 * k**2 + 8 * k
     assert known.labels[0] == 0
@@ -47,7 +47,7 @@ def test_the_studded_squares_of_lemma_8(k):
 
 @pytest.mark.parametrize("cells", [3, 4, 7, 20])
 def test_in_a_corridor_no_method_is_faster_than_theorem_3_says(cells):
-    known = GridMap.of(corridor(cells))
+    known = GridMap.from_cells(corridor(cells))
     for method in METHODS.values():
         if method.bound is not None:
             for planner in (Planner(known), None)[: 1 if method.needs_map else 2]:
@@ -59,7 +59,7 @@ def test_in_a_corridor_no_method_is_faster_than_theorem_3_says(cells):
 @pytest.mark.parametrize("spare", [0, 1, 2, 4])
 def test_the_planner_hands_over_to_homing_before_the_bound_is_broken(spare):
     """On a map where homing may need almost all of the 4 n moves, those to spare are few."""
-    known = GridMap.of(grown("rectangle", 60, 3).cells)
+    known = GridMap.from_cells(grown("rectangle", 60, 3).cells)
     planner, needed = Planner(known), homing_bound(known)
     planner.homing_bound = 4 * known.size - spare
     told: list[Cell] = []
@@ -82,7 +82,7 @@ def test_the_planner_hands_over_to_homing_before_the_bound_is_broken(spare):
 def test_the_planner_needs_fewer_moves_than_homing_on_average():
     total = {"plan": 0, "homing": 0}
     for seed in range(3):
-        known = GridMap.of(grown("eden", 120, seed).cells)
+        known = GridMap.from_cells(grown("eden", 120, seed).cells)
         planner = Planner(known)
         for name in total:
             total[name] += sum(
@@ -94,15 +94,15 @@ def test_the_planner_needs_fewer_moves_than_homing_on_average():
 # --- maps ------------------------------------------------------------------------------------
 def test_what_is_no_map_is_refused():
     with pytest.raises(LocalizationError, match="without cells"):
-        GridMap.of([])
+        GridMap.from_cells([])
     with pytest.raises(LocalizationError, match=r"cell \(5, 0\) cannot be reached from \(0, 0\)"):
-        GridMap.of({Cell(0, 0), Cell(5, 0)})
+        GridMap.from_cells({Cell(0, 0), Cell(5, 0)})
 
 
 # --- the belief ------------------------------------------------------------------------------
 def test_a_belief_is_bayes_rule_by_hand():
     """Against every history of a robot in an L, written out."""
-    known = GridMap.of({Cell(0, 0), Cell(1, 0), Cell(1, 1)})
+    known = GridMap.from_cells({Cell(0, 0), Cell(1, 0), Cell(1, 1)})
     fp, fn, slip = 0.1, 0.2, 0.3
 
     def likelihood(cell: Cell, seen: int) -> float:
@@ -134,7 +134,7 @@ def test_a_belief_is_bayes_rule_by_hand():
 
 
 def test_a_belief_without_errors_is_the_set_of_cells_that_fit():
-    known = GridMap.of(corridor(5))
+    known = GridMap.from_cells(corridor(5))
     belief = Belief.uniform(known).saw(known.patterns[2])
     assert belief.mass.tolist() == [0.0, 1 / 3, 1 / 3, 1 / 3, 0.0]
     belief = belief.moved(-1, 0).saw(known.patterns[0])
@@ -142,7 +142,7 @@ def test_a_belief_without_errors_is_the_set_of_cells_that_fit():
 
 
 def test_a_belief_takes_looks_at_some_neighbours_and_moves_of_several_cells():
-    known = GridMap.of(corridor(7))
+    known = GridMap.from_cells(corridor(7))
     belief = Belief.uniform(known).saw(0b100, judged=0b01000100)  # only its west and its east
     assert (belief.best, belief.confidence) == (Cell(6, 0), 1.0)
     assert belief.moved(-4, 0).best == Cell(2, 0)
@@ -153,7 +153,7 @@ def test_an_aircraft_may_be_beside_the_region():
     """Places where it can be, and a look at the cell below: is it region?"""
     region = {Cell(1, 1), Cell(2, 1)}
     box = {Cell(east, north) for east in range(4) for north in range(3)}
-    known = GridMap.of(region, box)
+    known = GridMap.from_cells(region, box)
     belief = Belief.uniform(known).saw(0b01000000, own=False)
     assert belief.best == Cell(0, 1)
     assert belief.moved(1, 0).saw(0b01000000, own=True).best == Cell(1, 1)
@@ -163,14 +163,14 @@ def test_an_aircraft_may_be_beside_the_region():
 
 def test_what_fits_nowhere_is_said():
     with pytest.raises(LocalizationError, match="fits no cell of the map"):
-        Belief.uniform(GridMap.of(corridor(4))).saw(0b1)
+        Belief.uniform(GridMap.from_cells(corridor(4))).saw(0b1)
 
 
 @pytest.mark.parametrize(
     "make",
     [lambda: Noise(0.5, 0.0), lambda: Noise(0.0, -0.1), lambda: Errors(slip=0.95),
      lambda: Errors(confidence=1.0),
-     lambda: Belief.uniform(GridMap.of(corridor(2))).moved(1, 0, 1.5)],
+     lambda: Belief.uniform(GridMap.from_cells(corridor(2))).moved(1, 0, 1.5)],
 )  # fmt: skip
 def test_rates_that_are_none_are_refused(make):
     with pytest.raises(LocalizationError, match="expected"):
@@ -180,7 +180,7 @@ def test_rates_that_are_none_are_refused(make):
 # --- with errors -----------------------------------------------------------------------------
 @pytest.mark.parametrize(("name", "runs"), [("plan", 150), ("depth-first", 80), ("homing", 30)])
 def test_what_is_said_with_95_percent_is_right_that_often(name, runs):
-    known = GridMap.of(grown("ragged", 120, 3).cells)
+    known = GridMap.from_cells(grown("ragged", 120, 3).cells)
     errors = Errors(FLOWN, slip=0.02)
     done = []
     for seed in range(runs):
@@ -192,7 +192,7 @@ def test_what_is_said_with_95_percent_is_right_that_often(name, runs):
 
 
 def test_a_robot_that_does_not_err_is_certain_and_right_with_a_belief_too():
-    known = GridMap.of(grown("ragged", 60, 4).cells)
+    known = GridMap.from_cells(grown("ragged", 60, 4).cells)
     for method in METHODS.values():
         for seed, start in enumerate(known.cells[::9]):
             done = localize_with_errors(known, start, method, Errors(confidence=0.9999), RNG(seed))
@@ -201,7 +201,7 @@ def test_a_robot_that_does_not_err_is_certain_and_right_with_a_belief_too():
 
 
 def test_a_demand_that_is_higher_takes_more_moves():
-    known = GridMap.of(grown("eden", 120, 1).cells)
+    known = GridMap.from_cells(grown("eden", 120, 1).cells)
 
     def moves(confidence: float) -> int:
         errors = Errors(FLOWN, 0.02, confidence)

@@ -85,7 +85,7 @@ def test_cooperation_writes_its_files_and_a_film(hall, tmp_path, capsys):
     with Image.open(film) as moving:
         assert moving.n_frames > 20
     assert run(hall, *options, "--out", out) == 2
-    assert "holds a summary.json already" in capsys.readouterr().err
+    assert "already has a summary.json; choose" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -258,13 +258,13 @@ def test_terminal_gets_a_table(capsys):
         ("--localize plan --robots 3", "--robots 3 with --localize: a robot localizes alone; leave "
          "it out"),
         ("--localize plan --no-map", "--no-map: plan needs a map; leave out one of the two"),
-        ("--localize homing --no-map --slip 0.1", "--no-map: who errs compares what it sees with a "
+        ("--localize homing --no-map --slip 0.1", "--no-map: a robot with errors needs a "
          "map; leave out --noise and --slip, or --no-map"),
         ("--localize homing --noise 0.6,0", "--noise 0.6,0: false_positive = 0.6: expected 0 to "
          "0.49"),
         ("--localize homing --noise 1", "--noise 1 is not FP,FN, such as 0.05,0.1"),
-        ("--localize homing --confidence 0.9", "--confidence is for --noise or --slip: who does "
-         "not err ends when it is certain"),
+        ("--localize homing --confidence 0.9", "--confidence is for --noise or --slip: without "
+         "errors a robot is certain"),
         ("--localize up", "--localize 'up' is not known; choose one of homing, depth-first, "
          "blum-kozen, random, plan"),
         ("--localize plan --strategy rdfs", "--strategy with --localize: a robot that localizes "

@@ -3,7 +3,7 @@
 import numpy as np
 
 from missions.lab.arena.arena_run import Comms, run
-from missions.lab.arena.radio import look
+from missions.lab.arena.radio import observe
 from missions.lab.arena.roi import eden
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS
@@ -27,7 +27,7 @@ def small_film(cells=24, robots=2):
 
 
 def tree_until(run_, roi, t):
-    tree = look(Tree.rooted(START), START, roi)
+    tree = observe(Tree.rooted(START), START, roi)
 
     def order(cell):
         away = (cell.east - START.east) ** 2 + (cell.north - START.north) ** 2
@@ -39,5 +39,5 @@ def tree_until(run_, roi, t):
             arrivals.setdefault(leg.end_t, set()).add(leg.end)
     for _, cells in sorted(arrivals.items()):
         for cell in sorted(cells, key=order):
-            tree = look(tree, cell, roi)
+            tree = observe(tree, cell, roi)
     return tree

@@ -321,7 +321,7 @@ def test_rasters_of_two_sites_take_the_room_of_both(
     assert replayed_as_derived(folder, tmp_path / "again", "--no-ortho") == 0
     err = capsys.readouterr().err
     assert "probability.tif: not written: it would have " in err
-    assert "at most 10,000,000 are written; boundary.geojson says where the region is; most" in err
+    assert "at most 10,000,000 are written; boundary.geojson has the region; most" in err
     assert "replay each site by itself" in err
     assert not (tmp_path / "again" / rasters.PROBABILITY).exists()
 

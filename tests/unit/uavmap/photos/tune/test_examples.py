@@ -125,7 +125,7 @@ def test_two_masks_of_one_picture_are_refused_in_a_line(
     assert main([*line, *SMALL]) == 2
     (told,) = capsys.readouterr().err.splitlines()
     assert told.startswith("uavmap: ")
-    assert "is a mask of 1.jpg, too; keep one" in told
+    assert "is also a mask of 1.jpg; keep one" in told
 
 
 def away(told: dict[str, object]) -> None:
@@ -146,7 +146,7 @@ def named(told: dict[str, object]) -> None:
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (away, r"no polygon of the region lies in any picture; .* longitude before latitude\?"),
+        (away, r"no polygon of the region is in any picture; .* longitude before latitude\?"),
         (metres, "no places on Earth; coordinates are longitude and latitude in WGS84"),
         (named, "EPSG::32632.*; export the polygons as GeoJSON"),
     ],
@@ -279,7 +279,9 @@ def test_masks_do_not_lie_among_the_pictures(tmp_path: Path) -> None:
         Easel(tmp_path, tmp_path, 64)
     with pytest.raises(ImageError, match="masks need one of their own"):
         load_examples(tmp_path, tmp_path / "." / "", 64)
-    with pytest.raises(ImageError, match=r"a\.(jpg|png) and a\.(jpg|png): to which"):
+    with pytest.raises(
+        ImageError, match=r"a\.(jpg|png) and a\.(jpg|png): a mask a\.png would fit both"
+    ):
         Easel(tmp_path, tmp_path / "masks", 64)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavmap.photos.tune.familiar_ground import familiar_ground
-from uavmap.photos.tune.training import Described
+from uavmap.photos.tune.training import PictureFeatures
 from vision.detectors.familiarity import NAMES, Familiar
 from vision.detectors.interface import UNFAMILIAR
 from vision.detectors.pixel_features import FEATURES
@@ -20,7 +20,7 @@ def middles() -> np.ndarray:
     return np.random.default_rng(4).uniform(-3.0, 3.0, (KINDS + 1, SIDE))
 
 
-def painted(number: int) -> tuple[Described, ...]:
+def painted(number: int) -> tuple[PictureFeatures, ...]:
     """Return the picture of a number, with a strip of each kind of ground."""
     rng = np.random.default_rng(number)
     columns = 300
@@ -29,7 +29,7 @@ def painted(number: int) -> tuple[Described, ...]:
     region = np.repeat(np.arange(KINDS + 1) == KINDS, columns).astype(np.float32)
     places = len(region)
     return (
-        Described(
+        PictureFeatures(
             f"{number}", values, region, np.ones(places, np.bool_), np.zeros(places, np.uint8),
             KINDS + 1, columns,
         ),

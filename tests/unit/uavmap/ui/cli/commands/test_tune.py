@@ -30,8 +30,8 @@ from uavmap.load.mission_source import load
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.examples import Example, load_examples
 from uavmap.photos.tune.selection import dealt, total
-from uavmap.photos.tune.training import Described, fit_trees, variants
-from uavmap.photos.tune.tune_job import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
+from uavmap.photos.tune.training import PictureFeatures, fit_trees, variants
+from uavmap.photos.tune.tune_job import DETECTOR, MODEL, OVERLAYS, REPORT, TuneSettings, learn
 from uavmap.ui.cli import main
 from vision.detectors.learned_model import LearnedDetector, Model, Scorer, model_bytes, read_model
 
@@ -222,8 +222,8 @@ def test_tune_without_the_learner_names_the_extra(tuned, tmp_path, monkeypatch, 
 def test_road_is_learned_from_three_real_photographs():
     names = brighton.names()
     painted = brighton.examples([names[i] for i in (2, 7, 12)])
-    wishes = Wishes(kinds=("logistic",), sets=("color and texture",))
-    model, choice, *_ = learned(painted, [], wishes, lambda _: None)
+    settings = TuneSettings(kinds=("logistic",), sets=("color and texture",))
+    model, choice, *_ = learn(painted, [], settings, lambda _: None)
     detector = LearnedDetector(model)
     others = brighton.examples([names[i] for i in (0, 5, 10, 15)])
     cells = total([judged(detector, example, choice.share)[1] for example in others])
@@ -272,7 +272,7 @@ def described_as(name, *, region, surround):
     share = np.array([1.0 if region else 0.0, 0.0 if surround else 1.0], np.float32)
     known = np.array([region, surround])
     numbers = (share > 0.5).astype(np.uint8)
-    plain = Described(name, np.zeros((1, 2), np.float32), share, known, numbers, 1, 2)
+    plain = PictureFeatures(name, np.zeros((1, 2), np.float32), share, known, numbers, 1, 2)
     return (plain,)
 
 
