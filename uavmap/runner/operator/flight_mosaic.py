@@ -81,8 +81,9 @@ class FlightMosaic(Onlooker):
         done.add_done_callback(lambda _: self._room.release())
 
     def end(self) -> None:
-        """Lay the waiting pictures, and write."""
-        self._submit(self._write)
+        """Lay the waiting pictures, and write; a disk that refuses gets a second chance."""
+        for _ in range(2):
+            self._submit(self._write)
         self._worker.shutdown()
         self._raster = None
 

@@ -122,13 +122,14 @@ def test_mosaic_leaves_the_last_room_to_the_journal(tmp_path, caplog, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mosaic_disk_refuses_once_is_reported_and_written_the_next_time(tmp_path, caplog):
-    with failing_disk(tmp_path, fails_at=1) as disk, caplog.at_level("INFO", LOG):
+@pytest.mark.parametrize("fails_at", [1, 7])  # in the first file, and in the last one
+def test_mosaic_disk_refuses_once_is_reported_and_written_the_next_time(fails_at, tmp_path, caplog):
+    with failing_disk(tmp_path, fails_at) as disk, caplog.at_level("INFO", LOG):
         flown(tmp_path, *((frame(10.0 * k, 20.0), 100) for k in range(4)))
     assert disk.failed
     (line,) = caplog.messages
     assert line == f"{tmp_path / MOSAIC} cannot be written (Input/output error); it is tried again"
-    assert at(tmp_path, 0.0, 20.0) == near(100)
+    assert at(tmp_path, 30.0, 20.0) == near(100)
 
 
 def test_mosaic_picture_that_cannot_be_decoded_costs_the_mosaic_only(tmp_path, caplog):
