@@ -76,7 +76,7 @@ class Projection:
         `partly`: under the view "all", include cells that reach up to half a cell over its rim.
         """
         if self.pose.height_m <= 0.0:
-            return np.empty((0, 2), np.intp)  # from the ground nothing of the ground is seen
+            return np.empty((0, 2), np.intp)  # at ground level no ground is visible
         below = self.grid.cell_at(self.pose.position, self.t_s)
         if view == "cross":
             cross = (vantage or below).cross()

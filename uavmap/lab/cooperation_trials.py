@@ -251,8 +251,8 @@ class _Stage:
                 self._draw(canvas, [_ellipse(outcome.ellipse(robot), place, style)])
         self._draw(canvas, self._robots(final))
         numbers = self._report.numbers
-        said = f"{numbers.path_m:.0f} m, {numbers.steps} exchanges, {numbers.turns} turns"
-        self._words(canvas, said, "3 sigma: thick watched, thin alone")
+        text = f"{numbers.path_m:.0f} m, {numbers.steps} exchanges, {numbers.turns} turns"
+        self._words(canvas, text, "3 sigma: thick watched, thin alone")
         return canvas.shown()
 
     def _finish(self, moves: int) -> None:

@@ -109,9 +109,9 @@ def _view_from(placed: Sequence[Placed], gathered: Gathered, lens: Lens | None) 
     """Return the source of the angle of view, for its line."""
     if lens is not None:
         return "from the calibration"
-    told = Counter(p.picture.lens_from for p in placed if p.picture.lens_from)
-    if told:
-        name, count = min(told.items(), key=lambda item: (-item[1], item[0]))
+    sources = Counter(p.picture.lens_from for p in placed if p.picture.lens_from)
+    if sources:
+        name, count = min(sources.items(), key=lambda item: (-item[1], item[0]))
         whence = f"from {name} of {count} of {len(placed)} pictures"
     else:
         whence = "a guess: no picture states its angle of view; see --calibration"

@@ -91,17 +91,17 @@ def pictures_to_paint(
         judged: The pictures of a map, by name.
         sums: Sums of the frames of the map.
     """
-    pictures = [(name, said) for name, said in judged if said.unlike is not None]
+    pictures = [(name, stored) for name, stored in judged if stored.unlike is not None]
     shown = CellSums(1)
-    for _, said in pictures:
-        shown.add(said.cells[said.unsure], np.ones((int(said.unsure.sum()), 1), np.int64))
+    for _, stored in pictures:
+        shown.add(stored.cells[stored.unsure], np.ones((int(stored.unsure.sum()), 1), np.int64))
     cells, counts = shown.table()
     parts = np.where(sums.are(cells), 1.0 / counts[:, 0], 0.0)
     part_of = dict(zip(map(tuple, cells.tolist()), parts.tolist(), strict=True))
     ground = []
-    for name, said in pictures:
-        here = sum(part_of[cell] for cell in map(tuple, said.cells[said.unsure].tolist()))
-        ground.append(UnsureGround(name, np.asarray(said.unlike), cell_m2 * here))
+    for name, stored in pictures:
+        here = sum(part_of[cell] for cell in map(tuple, stored.cells[stored.unsure].tolist()))
+        ground.append(UnsureGround(name, np.asarray(stored.unlike), cell_m2 * here))
     return next_pictures(ground)
 
 

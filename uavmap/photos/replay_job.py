@@ -165,8 +165,8 @@ def _replayed(options: ReplayOptions, crew: Crew, complain: Callable[[str], None
 
 def _unwritten(folder: Path, error: OSError) -> str:
     """Return a line for results that the disk refuses: file, reason, remedy."""
-    told = error.filename2 or error.filename  # the second one where a file takes its name
-    name = f"{Path(os.fsdecode(told)).name}: " if isinstance(told, (str, bytes)) else ""
+    file = error.filename2 or error.filename  # the second one where a file takes its name
+    name = f"{Path(os.fsdecode(file)).name}: " if isinstance(file, (str, bytes)) else ""
     helps = "make room, and" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that, or"
     return (
         f"{folder}: the results cannot be written ({name}{error.strerror}); {helps} replay into "

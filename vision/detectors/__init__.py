@@ -39,7 +39,7 @@ _REGISTRY: Mapping[str, Callable[..., Detector]] = {
 FINDS: Final[Mapping[str, str]] = {
     "threshold": "Ground darker (or brighter) than all around it, in a steady light.",
     "paved": "Bare ground among plants: roads, soil, stones; lit and not green.",
-    "adaptive": "Small patches that are darker (or brighter) than what lies around them.",
+    "adaptive": "Small patches that are darker (or brighter) than their surroundings.",
     "color": "Ground of some sample colours, which a mission file has to give.",
     "index": "Plants, by excess green; with near infrared also NDVI and water; hot spots.",
     "learned": "Ground like that painted in a few photographs, by `uavmap tune`.",

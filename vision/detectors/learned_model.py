@@ -264,9 +264,9 @@ class LearnedDetector:
         if not isinstance(model, Model):
             model = read_model(model, "detector.model")
         scorer = Scorer(model.parts, model.slope, model.offset)
-        told = () if model.classes is None else tuple(sorted(model.classes.numbers))
-        if self.classes is not None and tuple(self.classes.names) != told:
-            numbers = ", ".join(map(str, told)) or "none"
+        numbers_known = () if model.classes is None else tuple(sorted(model.classes.numbers))
+        if self.classes is not None and tuple(self.classes.names) != numbers_known:
+            numbers = ", ".join(map(str, numbers_known)) or "none"
             raise MissionFileError(
                 f"detector.classes has the numbers {', '.join(map(str, self.classes.names))}; the "
                 f"model distinguishes: {numbers}"

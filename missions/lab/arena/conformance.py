@@ -275,12 +275,14 @@ class _Watch:
         """Decide; note if a second decision differs."""
         before = copy.deepcopy(situation)
         decision = self.explorer.decide(situation)
-        said = copy.deepcopy(decision)
+        kept = copy.deepcopy(decision)
         if situation.memory != before.memory or situation.at != before.at:
             self.faults.append("it changes what it is given")
         again = self.explorer.decide(before)
         if set(decision.moves) != set(situation.robots):
             self.faults.append(f"asked for {situation.robots}, it moves {sorted(decision.moves)}")
-        if again != said:
-            self.faults.append(f"asked twice for the same it says {said.moves}, {again.moves}")
+        if again != kept:
+            self.faults.append(
+                f"two decisions on one situation differ: {kept.moves}, {again.moves}"
+            )
         return decision

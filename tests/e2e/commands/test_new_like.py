@@ -118,6 +118,9 @@ def test_new_like_without_masks_and_terminal_explains_how_to_paint(photos, capsy
     for mask in photos.glob("*.png"):
         mask.unlink()
     assert main([*NEW, "--like", str(photos)]) == 2
-    assert "no mask beside it; paint 0.png (white: region, black: not)" in capsys.readouterr().err
+    assert (
+        "no mask beside it; paint 0.png (white: region, black: not region)"
+        in capsys.readouterr().err
+    )
     assert not Path("field.toml").exists()
     assert not Path("field-detector").exists()

@@ -127,8 +127,8 @@ def _follow(job: Following) -> Followed:
     )  # fmt: skip
 
 
-def _percent(found: float, said: float) -> float:
-    return round(100.0 * (found / said - 1.0), 2)
+def _percent(found: float, stated: float) -> float:
+    return round(100.0 * (found / stated - 1.0), 2)
 
 
 _COLUMNS: Final = (

@@ -47,8 +47,8 @@ class TaggedPicture:
     @property
     def height_m(self) -> Measured | None:
         """Height above the ground; None without a tag above 0."""
-        told = self.picture.height_m
-        return told if told and told.value > 0.0 else None
+        height = self.picture.height_m
+        return height if height and height.value > 0.0 else None
 
     @property
     def focal_px(self) -> float:
@@ -117,8 +117,8 @@ def _view(taken: TaggedPicture, plane: LocalPlane, relief: Relief | None) -> Vie
     if picture.pitch_deg is not None:
         pitch, tilt_sigma = map(math.radians, picture.pitch_deg)
         roll = 0.0 if picture.roll_deg is None else math.radians(picture.roll_deg.value)
-        told = 0.0 if yaw is None else yaw.value
-        matrix = rotation(Quaternion.from_euler(roll, pitch, told))
+        yaw_rad = 0.0 if yaw is None else yaw.value
+        matrix = rotation(Quaternion.from_euler(roll, pitch, yaw_rad))
         forward, right, down = matrix[2]  # components of straight down, in camera axes
         tilt = (right / max(forward, 1e-3), down / max(forward, 1e-3))
         if yaw is not None:

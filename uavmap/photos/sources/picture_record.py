@@ -175,8 +175,8 @@ def contradicted(
 
     A picture's overlaps may still give what its tags lack, so a missing tag contradicts nothing.
     """
-    told = [p.height_m if p.height_m and p.height_m.value > 0.0 else None for p in pictures]
-    usual_m = median_low([h.value for h in told if h] or [_USUAL_HEIGHT_M])
+    heights = [p.height_m if p.height_m and p.height_m.value > 0.0 else None for p in pictures]
+    usual_m = median_low([h.value for h in heights if h] or [_USUAL_HEIGHT_M])
     filled = [
         replace(
             picture,
@@ -184,7 +184,7 @@ def contradicted(
             yaw_deg=picture.yaw_deg or Measured(0.0, 180.0),
             pitch_deg=picture.pitch_deg or Measured(-90.0, 5.0),
         )
-        for picture, height in zip(pictures, told, strict=True)
+        for picture, height in zip(pictures, heights, strict=True)
         if picture.position is not None
     ]
     verdicts = credible(filled, mission, any_day=any_day)

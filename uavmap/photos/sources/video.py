@@ -370,7 +370,7 @@ class _Reader:
             while self._next < index:
                 if not self._video.grab():
                     raise ImageError(f"the video ends at frame {self._next}")
-                self._keep_asked()
+                self._keep_requested()
                 self._next += 1
             good, image = self._video.read()
             self._next += 1
@@ -378,7 +378,7 @@ class _Reader:
                 raise ImageError("the frame cannot be decoded")
             return np.asarray(image, dtype=np.uint8)
 
-    def _keep_asked(self) -> None:
+    def _keep_requested(self) -> None:
         """Keep passed frames that another thread is about to request."""
         if self._next % self.step:
             return

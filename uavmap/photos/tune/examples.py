@@ -140,7 +140,7 @@ _LARGEST_TOML: Final = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Example:
-    """A picture at the working width with what is painted on its pixels, (rows, columns).
+    """A picture at the working width with the painted kind of each pixel, (rows, columns).
 
     `painted`: the number of a class, `REGION` without classes; `SURROUND`; or `UNKNOWN`.
     """

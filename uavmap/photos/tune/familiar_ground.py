@@ -88,13 +88,13 @@ def familiar_ground(pictures: Sequence[Picture], scale: Scale, seed: int) -> Fam
         )
         for i in everything
     )
-    told = Familiarity(
+    familiarity = Familiarity(
         mean=seven_digits(scaled[0]),
         scale=seven_digits(scaled[1]),
         region=region,
         surround=surround,
     )
-    return FamiliarGround(told, left_out)
+    return FamiliarGround(familiarity, left_out)
 
 
 class Sure(NamedTuple):

@@ -258,11 +258,11 @@ def _calibrated(
         [(one, sigmoid(slope * logit + offset)) for one, logit in zip(picture, some, strict=True)]
         for picture, some in zip(pictures, logits, strict=True)
     ]
-    told = [versions for versions in by_picture if _shows_both(versions)] or by_picture
+    useful = [versions for versions in by_picture if _shows_both(versions)] or by_picture
 
     def usual(counts: Callable[[PictureFeatures, Array, float], Counts]) -> float:
         """Return the median of the pictures' best values: one may be unlike the others."""
-        return float(np.median([_suiting(versions, counts) for versions in told]))
+        return float(np.median([_suiting(versions, counts) for versions in useful]))
 
     places = usual(_counts)
     cells = usual(lambda one, share, least: _cells(one, share, cell, least))
@@ -281,17 +281,17 @@ def calibration(
     its errors would shift the rest. Pictures without both kinds do not count. The slope is kept
     within limits.
     """
-    told = []
+    samples = []
     for picture, some in zip(pictures, logits, strict=True):
         x = np.concatenate([v[one.known] for one, v in zip(picture, some, strict=True)])
         y = np.concatenate([one.region[one.known] for one in picture])
         if _both_kinds(y):
-            told.append((x.astype(np.float64), y.astype(np.float64)))
-    if not told:
+            samples.append((x.astype(np.float64), y.astype(np.float64)))
+    if not samples:
         return 1.0, 0.0
-    slope = float(np.median([_platt(x, y)[0] for x, y in told]))
+    slope = float(np.median([_platt(x, y)[0] for x, y in samples]))
     slope = round(float(np.clip(slope, *_SLOPES)), 5)
-    offsets = [_platt(slope * x, y, tilts=False)[1] for x, y in told]
+    offsets = [_platt(slope * x, y, tilts=False)[1] for x, y in samples]
     return slope, round(float(np.median(offsets)), 5)
 
 

@@ -117,7 +117,10 @@ def test_who_keeps_something_between_calls_is_found():
         return decision
 
     strategy.mend = drifts
-    assert "asked twice" in found(strategy)["a pure function of the situation"]
+    assert (
+        "two decisions on one situation differ"
+        in found(strategy)["a pure function of the situation"]
+    )
 
 
 def test_a_bound_that_does_not_hold_is_found():
