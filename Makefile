@@ -75,6 +75,7 @@ check: setup
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.prose
 	$(BIN)/python -m tests.prose_code
+	$(BIN)/python -m tests.prose_names
 	$(SITE) --quiet
 
 docs: setup

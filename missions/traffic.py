@@ -85,7 +85,7 @@ class Traffic:
     >>> rule, team = Rule(1000.0, 300.0), [Place(GridPoint(0.0, 0.0), 12.0)]
     >>> away, near = GridPoint(0.0, 50.0), GridPoint(0.0, 900.0)
     >>> track = Track("3C6444", "DLH1", 5.0, near, 100.0, 0.0, away)
-    >>> Traffic().heard([track]).judged(rule, team, 6.0).answer
+    >>> Traffic().with_tracks([track]).with_answer(rule, team, 6.0).answer
     <Answer.HOLD: 1>
     """
 
@@ -98,7 +98,7 @@ class Traffic:
     ignored: frozenset[str] = frozenset()
     """Tracks in spite of which the operator lets the team go on."""
 
-    def heard(self, tracks: Iterable[Track]) -> Traffic:
+    def with_tracks(self, tracks: Iterable[Track]) -> Traffic:
         """Return this traffic with what a receiver has reported."""
         known = {track.ident: track for track in self.tracks}
         for track in tracks:
@@ -115,7 +115,7 @@ class Traffic:
         names = frozenset(track.ident for track in self.tracks)
         return Traffic(self.tracks, ignored=self.ignored | names)
 
-    def judged(self, rule: Rule, team: Iterable[Place], t_s: float) -> Traffic:
+    def with_answer(self, rule: Rule, team: Iterable[Place], t_s: float) -> Traffic:
         """Return this traffic at a time, with what the team does; itself where nothing changes."""
         if not self.tracks and self.answer is Answer.GO_ON:
             return self

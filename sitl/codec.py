@@ -45,12 +45,12 @@ class Packer:
         # pymavlink lays out the payload and hands it to its `_pack`, which is several times
         # slower than `_frame`
         self._message_id = type(message).id  # some messages have a field of that name
-        message._pack = self._take
+        message._pack = self._add_crc
         packed: bytes = message.pack(None)
         del message._pack
         return packed
 
-    def _take(self, _: object, crc_extra: int, payload: bytes, **__: object) -> bytes:
+    def _add_crc(self, _: object, crc_extra: int, payload: bytes, **__: object) -> bytes:
         return self._frame(self._message_id, crc_extra, payload)
 
     def _frame(self, message_id: int, crc_extra: int, payload: bytes) -> bytes:

@@ -32,7 +32,7 @@ class Home:
     yaw_deg: float = 0.0
 
     @classmethod
-    def of(cls, text: str | Sequence[float]) -> Home:
+    def parse(cls, text: str | Sequence[float]) -> Home:
         """Read `LAT,LON`, `LAT,LON,AMSL` or `LAT,LON,AMSL,YAW`; raises `UavmapError`."""
         parts = text.split(",") if isinstance(text, str) else list(text)
         try:
@@ -108,7 +108,7 @@ class Setup(Conditions, Equipment):
 
     def build(self, image_url_prefix: str = "sim://") -> list[SimVehicle]:
         """Return the vehicles, numbered from 1, in one world."""
-        home = self.home if isinstance(self.home, Home) else Home.of(self.home)
+        home = self.home if isinstance(self.home, Home) else Home.parse(self.home)
         world = World(self._world_spec(home))
         try:
             return [

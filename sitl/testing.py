@@ -147,7 +147,7 @@ class Vehicle:
 
     # --- inside ---------------------------------------------------------------------------------
 
-    def take(self, data: bytes) -> None:
+    def keep(self, data: bytes) -> None:
         """Keep what the vehicle has sent."""
         self._unread += data
 
@@ -265,4 +265,4 @@ class Fleet(Sequence[Vehicle]):
 
     def _step(self, dt_s: float) -> None:
         for handle, vehicle in zip(self.vehicles, self._simulated, strict=True):
-            handle.take(vehicle.step(dt_s))
+            handle.keep(vehicle.step(dt_s))

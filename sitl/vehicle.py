@@ -132,7 +132,7 @@ class SimVehicle:
     def receive(self, data: bytes) -> bytes:
         """Take bytes from a client, in any pieces; return the immediate replies."""
         self._main.receive(data)
-        return self._main.take()
+        return self._main.read()
 
     def step(self, dt_s: float) -> bytes:
         """Let `dt_s` pass, in steps of at most 0.05 s; return what was sent meanwhile."""
@@ -143,12 +143,12 @@ class SimVehicle:
             self._broadcast(self._small_step(dt_s / count))
             for link in self._links:
                 link.step()
-        return self._main.take()
+        return self._main.read()
 
     def connect(self, *, trusted: bool = False) -> Link:
         """Return a further client's link, beside that of `receive` and `step`.
 
-        Every link carries the same, replies to other clients too. Call `Link.take` after each
+        Every link carries the same, replies to other clients too. Call `Link.read` after each
         step and each `Link.receive` of any link. A `trusted` one (USB) accepts unsigned frames.
         Raises `ValueError` above 256 links.
         """

@@ -28,10 +28,10 @@ def respond_to_traffic(state: State) -> State:
         return state
     setting, wanted = state.setting, state.setting.mission.traffic
     rule = Rule(wanted.distance_m, wanted.height_m + setting.relief_m)
-    team = (Place(v.position, v.level_m) for v in state.ours)
-    traffic = state.traffic.judged(rule, team, state.t_s)
+    team = (Place(v.position, v.level_m) for v in state.own_vehicles)
+    traffic = state.traffic.with_answer(rule, team, state.t_s)
     after = state if traffic is state.traffic else replace(state, traffic=traffic)
-    return stop_all(after) if after.held and not state.held else after
+    return stop_all(after) if after.is_held and not state.is_held else after
 
 
 def vehicle_recalled(
@@ -62,8 +62,8 @@ def finish_skipped_cells(state: State) -> State:
     """Return the state with skipped cells done, including those that became region later."""
     tree = state.tree
     for cell in state.skipped if tree is not None else ():
-        if tree is not None and cell in tree and not tree.has_looked(cell):
-            tree = tree.looked(cell, ())
+        if tree is not None and cell in tree and not tree.is_observed(cell):
+            tree = tree.with_observation(cell, ())
     return state if tree is state.tree else replace(state, tree=tree)
 
 

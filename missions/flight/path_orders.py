@@ -109,7 +109,7 @@ def come_inside(state: State, vehicle: VehicleState) -> State | None:
 
 def on_paths(state: State, for_s: float) -> list[tuple[VehicleState, FlyPath]]:
     """Return our vehicles whose paths last more than `for_s` seconds longer, with their orders."""
-    flying = ((v, v.order) for v in state.ours if v.phase is Phase.AIRBORNE)
+    flying = ((v, v.order) for v in state.own_vehicles if v.phase is Phase.AIRBORNE)
     paths = ((v, order) for v, order in flying if isinstance(order, FlyPath))
     return [(v, order) for v, order in paths if order.trajectory.end_s > state.t_s + for_s]
 

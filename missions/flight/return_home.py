@@ -218,7 +218,7 @@ def send_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> Stat
         replace(
             left.interrupted(state.t_s),
             return_reason=reason,
-            fruitless_sorties=fruitless + (reason is ReturnReason.BATTERY and not state.held),
+            fruitless_sorties=fruitless + (reason is ReturnReason.BATTERY and not state.is_held),
         )
     )
 

@@ -22,7 +22,7 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
     fences = team.fences(mission, fence_of(mission, grid), pads)
     box = [grid.fixed(place) for place in positions(mission.search.box)]
     strategy = chosen(mission)
-    lanes, east_ahead, rows = strategy.lay(Area(mission, grid, box, fences.everyones, pads))
+    lanes, east_ahead, rows = strategy.lay(Area(mission, grid, box, fences.shared, pads))
     return Setting(
         mission,
         grid,

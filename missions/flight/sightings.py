@@ -44,10 +44,10 @@ def frame_seen(state: State, event: FrameSeen) -> State:
             return _count_observation(state, vehicle, event.vantage)
     elif (tree := state.tree) is not None:
         # a frame that arrives after its observation may still make a neighbour region
-        if event.vantage in tree and tree.has_looked(event.vantage):
+        if event.vantage in tree and tree.is_observed(event.vantage):
             near = (c for c in event.vantage.neighbours() if c in state.belief.roi)
             if new := [c for c in near if c not in tree]:
-                return replace(state, tree=tree.looked(event.vantage, new))
+                return replace(state, tree=tree.with_observation(event.vantage, new))
     elif vehicle.candidate is None and (hint := _hint(state, event)) is not None:
         if vehicle.works:
             vehicle = replace(vehicle.interrupted(state.t_s), at_target=False)
@@ -124,7 +124,7 @@ def _count_observation(state: State, vehicle: VehicleState, cell: Cell) -> State
     if state.tree is not None:
         tree = state.tree
         if cell in tree:
-            tree = tree.looked(cell, [c for c in roi if c != cell])
+            tree = tree.with_observation(cell, [c for c in roi if c != cell])
         return replace(state, tree=tree).with_vehicle(vehicle)
     vehicle = replace(vehicle, candidate=None, at_target=False)
     if not roi:
@@ -140,7 +140,7 @@ def _root_found(state: State, vehicle: VehicleState, looked_from: Cell, roi: lis
     root = roi[0]
     tree = Tree.rooted(root)
     if root == looked_from:
-        tree = tree.looked(root, roi[1:])
+        tree = tree.with_observation(root, roi[1:])
 
     def leaving(other: VehicleState) -> VehicleState:
         there = other.vehicle == vehicle.vehicle and root == looked_from

@@ -41,7 +41,7 @@ class Fences(NamedTuple):
 
     ours: Fence
     """Fence of the vehicles that are commanded."""
-    everyones: Fence
+    shared: Fence
     """Fence of each vehicle of a fleet."""
     whole: Fence | None
     """A member's fence without the columns over others' pads, which are holes of `ours`."""
@@ -112,13 +112,13 @@ class Strategy(ABC):
         return None
 
     # --- what has to be decided -----------------------------------------------------------------
-    def asked_for(self, state: State) -> Iterable[Cell]:
+    def required_cells(self, state: State) -> Iterable[Cell]:
         """Return the undecided cells that have to be decided, whatever lies beside them."""
         return ()
 
     def open_cells(self, state: State) -> frozenset[Cell]:
         """Return all undecided cells that have to be decided, also those beside a patch."""
-        return frozenset(self.asked_for(state))
+        return frozenset(self.required_cells(state))
 
     def concluded(self, state: State, left: tuple[Lane, ...]) -> State:
         """Return the state at the end by the map of a whole fleet; `left` are unseen lanes."""
@@ -351,19 +351,19 @@ class State:
         return self.with_vehicle(replace(vehicle, order=order))
 
     @property
-    def ours(self) -> tuple[VehicleState, ...]:
+    def own_vehicles(self) -> tuple[VehicleState, ...]:
         """The commanded vehicles, in the order of their numbers."""
         return tuple(self.vehicles[number] for number in self.our_numbers)
 
     @property
-    def held(self) -> bool:
+    def is_held(self) -> bool:
         """True if vehicles hold, for the operator or for traffic."""
         return self.paused or self.traffic.answer is not Answer.GO_ON
 
     @property
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         """True if no vehicle will act any more, and none is in the air."""
-        return all(v.ended for v in self.ours or self.vehicles.values())
+        return all(v.ended for v in self.own_vehicles or self.vehicles.values())
 
     @property
     def unsearched(self) -> tuple[Lane, ...]:
@@ -379,7 +379,7 @@ class State:
         return self.exhausted if tree is None else tree.is_explored(tree.root)
 
     @property
-    def unheard(self) -> tuple[int, ...]:
+    def unreported(self) -> tuple[int, ...]:
         """Other members of the fleet whose landing is not known."""
         others = (v for n, v in self.vehicles.items() if n not in self.our_numbers)
         return tuple(v.vehicle for v in others if v.phase in (Phase.APART, Phase.OFFLINE))
@@ -394,7 +394,7 @@ class State:
             and not self.undecided
             and not self.skipped
             and not self.unsearched
-            and all(v.landed for v in self.ours or everybody)
+            and all(v.landed for v in self.own_vehicles or everybody)
             and not any(v.was_down or v.phase in (Phase.DOWN, Phase.LOST) for v in everybody)
-            and not self.unheard
+            and not self.unreported
         )

@@ -83,7 +83,7 @@ def _airborne(state: State, vehicle: VehicleState) -> State:
         return fly_home(state, vehicle)
     if (given_way := Airspace(state).make_way(vehicle)) is not None:
         return given_way
-    if state.held:
+    if state.is_held:
         return state.holding(vehicle)
     return state.setting.strategy.in_force(state).next_order(state, vehicle)
 
@@ -99,7 +99,7 @@ def _grounded(state: State, vehicle: VehicleState) -> State:
     if not vehicle.cleared:
         return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
     strategy = setting.strategy.in_force(state)
-    if state.held or not strategy.may_take_off(state):
+    if state.is_held or not strategy.may_take_off(state):
         return state
     if state.tree is None and vehicle.idle_in_search:
         state = find_work(state, vehicle)

@@ -277,7 +277,9 @@ _OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
     ev.Continued: lambda state, event: replace(
         state, paused=False, traffic=state.traffic.ignoring()
     ),
-    ev.TrafficSeen: lambda state, event: replace(state, traffic=state.traffic.heard(event.tracks)),
+    ev.TrafficSeen: lambda state, event: replace(
+        state, traffic=state.traffic.with_tracks(event.tracks)
+    ),
     ev.Resumed: lambda state, event: connections.resume(state),
     ev.FrameSeen: lambda state, event: finish_skipped_cells(frame_seen(state, event)),
     ev.LookEnded: lambda state, event: finish_skipped_cells(look_ended(state, event)),

@@ -71,7 +71,7 @@ def fence_without(fence: Fence, columns: Sequence[Sequence[GridPoint]], margin_m
         area = area.difference(Polygon(column))
     parts = getattr(area, "geoms", [area])
     whole = max(parts, key=lambda part: part.area)
-    return Fence.of(
+    return Fence.from_rings(
         _points(whole.exterior.coords), [_points(r.coords) for r in whole.interiors], margin_m
     )
 

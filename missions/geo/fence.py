@@ -30,7 +30,7 @@ class Fence:
     """A polygon with holes, and the same shrunk by the margin.
 
     >>> square = [GridPoint(0, 0), GridPoint(50, 0), GridPoint(50, 50), GridPoint(0, 50)]
-    >>> fence = Fence.of(square, holes=[], margin_m=2.0)
+    >>> fence = Fence.from_rings(square, holes=[], margin_m=2.0)
     >>> fence.allows(GridPoint(25, 25)), fence.allows(GridPoint(1, 25))
     (True, False)
     """
@@ -42,7 +42,7 @@ class Fence:
     """Pairs of corners with a clear line between them, as far as they were asked for."""
 
     @classmethod
-    def of(
+    def from_rings(
         cls,
         polygon: Sequence[GridPoint],
         holes: Sequence[Sequence[GridPoint]],
@@ -200,7 +200,7 @@ def corners_home(fence: Fence, position: GridPoint, home: GridPoint) -> tuple[Gr
 
     >>> yard = [GridPoint(0, 0), GridPoint(50, 0), GridPoint(50, 50), GridPoint(0, 50)]
     >>> house = [GridPoint(20, 10), GridPoint(30, 10), GridPoint(30, 40), GridPoint(20, 40)]
-    >>> fence = Fence.of(yard, [house], margin_m=2.0)
+    >>> fence = Fence.from_rings(yard, [house], margin_m=2.0)
     >>> corners_home(fence, GridPoint(40, 12), GridPoint(10, 10))
     (GridPoint(east_m=32.0, north_m=8.0), GridPoint(east_m=18.0, north_m=8.0))
     >>> corners_home(fence, GridPoint(40, 5), GridPoint(10, 5))

@@ -37,9 +37,9 @@ class Utm:
 class UtmZone:
     """A UTM zone of WGS84.
 
-    >>> UtmZone.of(LatLon(48.0, 11.0))
+    >>> UtmZone.containing(LatLon(48.0, 11.0))
     UtmZone(number=32, south=False)
-    >>> UtmZone.of(LatLon(-33.9, 151.2)).epsg
+    >>> UtmZone.containing(LatLon(-33.9, 151.2)).epsg
     32756
     """
 
@@ -47,7 +47,7 @@ class UtmZone:
     south: bool
 
     @classmethod
-    def of(cls, position: LatLon) -> UtmZone:
+    def containing(cls, position: LatLon) -> UtmZone:
         """Return the zone of a position, with the exceptions for south-west Norway and Svalbard.
 
         Raises `GeodesyError` outside 80 S to 84 N and for longitudes beyond 180 degrees.

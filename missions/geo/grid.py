@@ -53,7 +53,7 @@ class Grid:
 
         Raises `GeodesyError` outside 80 S to 84 N.
         """
-        zone = UtmZone.of(start)
+        zone = UtmZone.containing(start)
         convergence = zone.convergence_rad(start)
         bearing = math.radians(drift_toward_deg) - convergence
         return cls(

@@ -133,7 +133,7 @@ class Terrain:
             return end, float(highest[-1])
         return GridPoint(float(east[last]), float(north[last])), float(highest[last])
 
-    def told(
+    def sent_target(
         self, here: GridPoint, above_m: float, target: GridPoint, height_m: float
     ) -> tuple[GridPoint, float]:
         """Return the target and height that are sent to a vehicle `above_m` above the ground on a
@@ -143,7 +143,7 @@ class Terrain:
         clear the ground on its way climbs first.
 
         >>> slope = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 10.0], [0.0, 10.0]]))
-        >>> slope.told(GridPoint(0.0, 0.0), 3.0, GridPoint(0.0, 9.0), 12.0)
+        >>> slope.sent_target(GridPoint(0.0, 0.0), 3.0, GridPoint(0.0, 9.0), 12.0)
         (GridPoint(east_m=0.0, north_m=0.0), 12.0)
         """
         aim, highest_m = self.next_target(here, target)

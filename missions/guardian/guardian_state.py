@@ -138,7 +138,7 @@ class Guard:
         """True if it lands by an order of the mission or of the guardian."""
         return self.action == "land" or (self.action is None and self.task.doing == "land")
 
-    def told(self, task: Task) -> Guard:
+    def with_task(self, task: Task) -> Guard:
         """Return this guard after a new order; it keeps a vehicle that it has taken over."""
         if self.action is not None:
             return self
@@ -163,7 +163,7 @@ class Guard:
             sunk_since_s=self.sunk_since_s if goes_on else None,
         )
 
-    def acting(self, action: Action, t_s: float, *, hurry: bool = False) -> Guard:
+    def with_action(self, action: Action, t_s: float, *, hurry: bool = False) -> Guard:
         """Return this guard after it has commanded the autopilot to return or land."""
         return replace(
             self, action=action, acted_s=t_s, hurries=hurry,

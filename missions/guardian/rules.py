@@ -122,7 +122,7 @@ def watch(limits: Limits, guard: Guard, seen: Snapshot) -> tuple[Guard, Verdict 
     if verdict.rung == "report":
         return replace(guard, reported=True, reported_s=seen.t_s), verdict
     if verdict.rung != "crashed":
-        guard = guard.acting(verdict.rung, seen.t_s, hurry=verdict.hurry)
+        guard = guard.with_action(verdict.rung, seen.t_s, hurry=verdict.hurry)
     return guard, verdict
 
 

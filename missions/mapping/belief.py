@@ -221,7 +221,7 @@ class Belief:
             if len(ballot) >= self.frames
         ]
         for cell, tally in sorted(self.open_tallies.items()):
-            if (decided := self._says(tally)) is not None:
+            if (decided := self._verdict_of(tally)) is not None:
                 by_vantage.append((None, cell, decided))
         return by_vantage
 
@@ -280,7 +280,7 @@ class Belief:
         none = Tally(0, 0)
         region, tally_of = roi.as_dict(), open_tallies.as_dict()
         says: dict[Cell, bool | None] = {
-            cell: True if cell in region else self._says(tally_of.get(cell, none))
+            cell: True if cell in region else self._verdict_of(tally_of.get(cell, none))
             for cell in counted
         }
         return Belief(
@@ -309,7 +309,7 @@ class Belief:
     def _elects(self, ballot: Ballot) -> bool:
         return _tally(ballot).positive >= self.positive
 
-    def _says(self, tally: Tally) -> bool | None:
+    def _verdict_of(self, tally: Tally) -> bool | None:
         """Return the verdict of a ballot, whatever votes it lacks; None while these matter."""
         positive, total = tally
         if positive >= self.positive:

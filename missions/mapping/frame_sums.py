@@ -127,7 +127,7 @@ class FrameSums:
         """Return whether a cell is unsure."""
         return cell in self._doubts or bool(_half(self._counts.of_cell(cell))[0])
 
-    def are(self, cells: NDArray[np.integer]) -> NDArray[np.bool_]:
+    def which_unsure(self, cells: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Return which of some cells are unsure."""
         ours = _half(self._counts.of_cells(cells))
         if not self._doubts:

@@ -50,7 +50,7 @@ class Facts:
         self._shown: set[Cell] = set()
         self.doubts = Doubts()
 
-    def take(self, event: Event) -> list[Fact]:
+    def add(self, event: Event) -> list[Fact]:
         """Add what an event reports of cells; return the new facts."""
         if not isinstance(event, FactsShared | FrameSeen | Tracked):
             return []
@@ -59,12 +59,12 @@ class Facts:
         else:
             none = OwnCells(self._none, self._none, self._explored)
             own = self._own.setdefault(event.vehicle, none)
-            facts = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
+            facts = own.add(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
         for fact in facts:
-            self._take(event.vehicle, fact)
+            self._add(event.vehicle, fact)
         return facts
 
-    def _take(self, vehicle: int, fact: Fact) -> None:
+    def _add(self, vehicle: int, fact: Fact) -> None:
         self.doubts.note(vehicle, fact)
         if fact.doubt:
             return
@@ -80,7 +80,7 @@ class Facts:
         """Return the map of all facts; a cell that no vehicle has decided has our votes."""
         for vehicle, own in sorted(self._own.items()):
             for fact in own.passed(float("1e9")):
-                self._take(vehicle, fact)
+                self._add(vehicle, fact)
         high, low = self._belief(overview=True), self._belief(overview=False)
         low = with_plain(low, high, self._box, list(high.open_ballots))
         # our own votes come last: other members do not know them, and their maps must be the same

@@ -40,7 +40,7 @@ class OwnCells:
 
     >>> own = OwnCells(Belief(5, 3), Belief(5, 3))
     >>> seen = (Vote(Cell(0, 0), True, 1.0),)
-    >>> [own.take(FrameSeen(1, t / 5, None, seen)) for t in range(5)]
+    >>> [own.add(FrameSeen(1, t / 5, None, seen)) for t in range(5)]
     [[], [], [], [], []]
     >>> own.passed(1.2)  # doctest: +NORMALIZE_WHITESPACE
     [Fact(t_s=0.0, votes=((Cell(east=0, north=0), True),), overview=False, seen=False, classes=(),
@@ -67,7 +67,7 @@ class OwnCells:
     _doubted: dict[Cell, float] = field(default_factory=dict)
     """Time of the last frame that showed such a cell, until the vehicle has passed."""
 
-    def take(self, event: FrameSeen) -> list[Fact]:
+    def add(self, event: FrameSeen) -> list[Fact]:
         """Add a frame; return the facts of seconds that are over.
 
         Raises ValueError for a frame from a vantage, which a fleet does not take.
@@ -128,7 +128,7 @@ class OwnCells:
         passed = sorted(cell for cell, last_s in self._doubted.items() if last_s < until_s)
         if not passed:
             return []
-        unsure = self._sums.are(np.array(passed, np.int32)).tolist()
+        unsure = self._sums.which_unsure(np.array(passed, np.int32)).tolist()
         told: dict[bool, dict[Cell, bool]] = {}
         for cell, doubt in zip(passed, unsure, strict=True):
             del self._doubted[cell]

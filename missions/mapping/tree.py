@@ -38,14 +38,14 @@ class Vertex:
 
     parent: Cell | None
     depth: int
-    looked: bool = False
+    observed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Tree:
     """An immutable exploration tree.
 
-    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
+    >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
     >>> tree.state(Cell(0, 0)).value, tree.state(Cell(1, 0)).value
     ('under exploration', 'unexplored')
     >>> tree.children(Cell(0, 0))
@@ -65,16 +65,16 @@ class Tree:
     @classmethod
     def rooted(cls, root: Cell) -> Tree:
         """Return the tree of a single unexplored vertex."""
-        return cls.of(root, {root: Vertex(None, 0)})
+        return cls.from_vertices(root, {root: Vertex(None, 0)})
 
     @classmethod
-    def of(cls, root: Cell, vertices: Mapping[Cell, Vertex]) -> Tree:
+    def from_vertices(cls, root: Cell, vertices: Mapping[Cell, Vertex]) -> Tree:
         """Return a tree from its facts."""
         facts = vertices.items()
         children: dict[Cell, set[Cell]] = {cell: set() for cell in vertices}
         unfinished: dict[Cell, int] = {}
         for cell, vertex in facts:
-            unfinished[cell] = int(not vertex.looked)
+            unfinished[cell] = int(not vertex.observed)
             if vertex.parent is not None:
                 children[vertex.parent].add(cell)
         for cell, vertex in sorted(facts, key=lambda fact: -fact[1].depth):
@@ -100,9 +100,9 @@ class Tree:
         """Return the parent of a vertex, None for the root."""
         return self.vertices[cell].parent
 
-    def has_looked(self, cell: Cell) -> bool:
+    def is_observed(self, cell: Cell) -> bool:
         """Return whether a vehicle has observed a vertex."""
-        return self.vertices[cell].looked
+        return self.vertices[cell].observed
 
     def is_explored(self, cell: Cell) -> bool:
         """Return whether a vertex and everything below it is done."""
@@ -112,7 +112,7 @@ class Tree:
         """Return the state of a vertex."""
         if self.is_explored(cell):
             return VertexState.EXPLORED
-        looked = self.vertices[cell].looked
+        looked = self.vertices[cell].observed
         return VertexState.UNDER_EXPLORATION if looked else VertexState.UNEXPLORED
 
     @property
@@ -127,7 +127,7 @@ class Tree:
             yield at
             at = self.vertices[at].parent
 
-    def looked(self, cell: Cell, roi_neighbours: Iterable[Cell]) -> Tree:
+    def with_observation(self, cell: Cell, roi_neighbours: Iterable[Cell]) -> Tree:
         """Return the tree after an observation of `cell` that saw which neighbours are ROI.
 
         Neighbours that are in the tree already stay where they are: the cycle check of Algorithm 1,
@@ -137,10 +137,10 @@ class Tree:
         new = dict.fromkeys(c for c in roi_neighbours if c not in self.vertices)
         kept = {*self._children[cell], *new}
         children = dict.fromkeys(new, ()) | {cell: tuple(c for c in cell.neighbours() if c in kept)}
-        vertices = {cell: replace(vertex, looked=True)} | dict.fromkeys(
+        vertices = {cell: replace(vertex, observed=True)} | dict.fromkeys(
             new, Vertex(cell, vertex.depth + 1)
         )
-        unfinished = self._unfinished_after(cell, len(new) - (not vertex.looked))
+        unfinished = self._unfinished_after(cell, len(new) - (not vertex.observed))
         return Tree(
             self.root,
             self.vertices.updated(vertices),
@@ -171,8 +171,8 @@ class Tree:
             mine = vertices.get(cell, theirs)
             above = min((mine.depth, mine.parent or cell), (theirs.depth, theirs.parent or cell))
             parent = None if cell == self.root else above[1]
-            vertices[cell] = Vertex(parent, above[0], mine.looked or theirs.looked)
-        return Tree.of(self.root, vertices)
+            vertices[cell] = Vertex(parent, above[0], mine.observed or theirs.observed)
+        return Tree.from_vertices(self.root, vertices)
 
 
 # --- breadth first over cells: what is reached, in how many steps, and by which way -------------
@@ -260,14 +260,14 @@ def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
     asked = [Cell(e + east, n + north) for e, n in fresh for east, north in cross]
     while asked:
         e, n = cell = asked.pop()
-        if cell not in tree or tree.has_looked(cell):
+        if cell not in tree or tree.is_observed(cell):
             continue
         near = [Cell(e + east, n + north) for east, north in steps]
         if any(verdicts.get(each) is None for each in near):
             continue
         roi = [each for each in near if each in region]
         asked.extend(each for each in roi if each not in tree)
-        tree = tree.looked(cell, roi)
+        tree = tree.with_observation(cell, roi)
     return tree
 
 
@@ -277,13 +277,13 @@ def left_out(tree: Tree, belief: Belief) -> tuple[Tree, set[Cell]]:
     Return also the vertices that no vehicle has observed.
     """
     given_up: set[Cell] = set()
-    left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]
+    left = [cell for cell, vertex in tree.vertices.items() if not vertex.observed]
     while left:
         cell = left.pop()
-        if tree.has_looked(cell):
+        if tree.is_observed(cell):
             continue
         given_up.add(cell)
         roi = [near for near in cell.neighbours() if near in belief.roi]
         left.extend(near for near in roi if near not in tree)
-        tree = tree.looked(cell, roi)
+        tree = tree.with_observation(cell, roi)
     return grown(tree, belief, list(tree.vertices)), given_up

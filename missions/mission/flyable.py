@@ -171,7 +171,7 @@ def search_area(mission: Mission, grid: Grid) -> SearchArea:
         if any(part.dwithin(LineString(lane), _TOUCH_M) for part in near)
     )
     around = box.envelope.buffer(1000.0, join_style="mitre")
-    no_fence = Fence.of([GridPoint(*xy) for xy in around.exterior.coords[:-1]], [], 0.0)
+    no_fence = Fence.from_rings([GridPoint(*xy) for xy in around.exterior.coords[:-1]], [], 0.0)
     free = lanes(corners, cell_m, no_fence)
     lost = _judged(free, cell_m).intersection(box).difference(_judged(flown, cell_m))
     return SearchArea(flown, box.area, lost.area)
@@ -179,7 +179,7 @@ def search_area(mission: Mission, grid: Grid) -> SearchArea:
 
 def fence_of(mission: Mission, grid: Grid) -> Fence:
     """Return the fence of a mission, in ground metres."""
-    return Fence.of(
+    return Fence.from_rings(
         [grid.fixed(place) for place in positions(mission.fence.polygon)],
         [[grid.fixed(place) for place in positions(hole)] for hole in mission.fence.holes],
         mission.fence.margin_m,

@@ -149,7 +149,7 @@ class Layout:
 
     def strip(self, lane: Lane, t_s: float) -> Strip:
         """Return the cells that a lane decides, as they lie at a time."""
-        return Strip.of(self.grid, lane, self.lane_rows, self.lane_time_s(t_s))
+        return Strip.along_lane(self.grid, lane, self.lane_rows, self.lane_time_s(t_s))
 
     @cached_property
     def box_cells(self) -> tuple[Cell, ...]:

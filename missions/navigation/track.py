@@ -103,7 +103,7 @@ class Track:
     _next: int = 0
     _lying: bool = False
     _way_m: float = 0.0
-    _told: complex | None = None
+    _reported: complex | None = None
     _satellites_m: float | None = None
     _learnt_s: float = -math.inf
     _loose: Solution | None = None
@@ -119,8 +119,8 @@ class Track:
             raise ValueError(f"a keyframe at {t_s:g} s after one at {self._newest.t_s:g} s")
         number, self._next = self._next, self._next + 1
         told = complex(*told_m)
-        self._way_m += 0.0 if self._told is None else abs(told - self._told)
-        self._told = told
+        self._way_m += 0.0 if self._reported is None else abs(told - self._reported)
+        self._reported = told
         self._keys[number] = Key(t_s, told, trusted and not self._lying, self._way_m)
         self._loose = None
         return number
@@ -204,8 +204,8 @@ class Track:
         It is by links, and by reported positions where there are none.
         """
         loose, begin = self._settled(), indices(self._keys, numbers)
-        told, last = self._newest.told, len(self._keys) - 1
-        told_m = told - np.array([self._keys[number].told for number in numbers], np.complex128)
+        told, last = self._newest.reported, len(self._keys) - 1
+        told_m = told - np.array([self._keys[number].reported for number in numbers], np.complex128)
         nothing, variance = np.zeros(len(begin), np.complex128), np.full(len(begin), 1e-6)
         # the true movement is the reported one - (e_to - e_begin); the ground shows it turned and
         # scaled
@@ -237,7 +237,7 @@ class Track:
 
         They are good for finding near ones; `estimate` gives the present position.
         """
-        told = np.array([key.told for key in self._keys.values()])
+        told = np.array([key.reported for key in self._keys.values()])
         places = told - self._settled().errors_m
         return np.column_stack([places.real, places.imag])
 

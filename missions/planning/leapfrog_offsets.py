@@ -157,7 +157,7 @@ class Offsets:
             rows[:, _MOUNT:] = -tilts_m
         alike = max(1.0, self._noise.alike_s / max(after_s, 1e-3))
         measured = np.array(told_m) - np.array(seen_m)
-        return self._take(rows, measured, np.asarray(covariance_m2) * alike)
+        return self._correct(rows, measured, np.asarray(covariance_m2) * alike)
 
     def stopped(self, role: Role) -> None:
         """Start a hover: `held` compares with the present place."""
@@ -185,9 +185,9 @@ class Offsets:
         for k in (0, 1):
             rows[k, i + k], rows[k, i + 4 + k] = 1.0, -1.0
         measured = np.array(told_m) - np.array(seen_m)
-        return self._take(rows, measured, np.eye(2) * sigma_m**2)
+        return self._correct(rows, measured, np.eye(2) * sigma_m**2)
 
-    def _take(self, rows: Array, measured: Array, noise: Array) -> bool:
+    def _correct(self, rows: Array, measured: Array, noise: Array) -> bool:
         across = self.spread @ rows.T
         expected = rows @ across + noise
         left = measured - rows @ self.mean

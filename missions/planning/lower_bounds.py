@@ -53,7 +53,7 @@ class LowerBounds:
     """The lower bounds of a ROI, for any number of robots.
 
     >>> row = {Cell(0, 0), Cell(1, 0), Cell(2, 0)}
-    >>> LowerBounds.of(row, Cell(0, 0)).moves(robots=3)
+    >>> LowerBounds.from_roi(row, Cell(0, 0)).moves(robots=3)
     4
     """
 
@@ -61,7 +61,7 @@ class LowerBounds:
     """Shells by distance, from 1 to the start's eccentricity."""
 
     @classmethod
-    def of(cls, roi: Collection[Cell], start: Cell) -> LowerBounds:
+    def from_roi(cls, roi: Collection[Cell], start: Cell) -> LowerBounds:
         """Return the bounds of the cells that are connected with `start` in a ROI."""
         steps = distances(roi, start)
         names = {cell: i for i, cell in enumerate(steps)}  # nearest first

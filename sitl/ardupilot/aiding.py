@@ -84,7 +84,7 @@ class Ek3Aiding(Aiding):
         leapt, self._vision_s = self._leapt(resets), self._t_s
         if self._source == _EXTERNAL_NAV:
             sigma_m = min(max(sigma_m, self._get["VISO_POS_M_NSE"], 0.05), _LARGEST_SIGMA_M)
-            self._take(east_m, north_m, sigma_m, leapt)
+            self._fuse(east_m, north_m, sigma_m, leapt)
 
     def receiver(self, east_m: float, north_m: float, sigma_m: float, fix_type: int) -> None:
         """Fuse GPS_INPUT if it has a fix and the first receiver has none."""
@@ -92,9 +92,9 @@ class Ek3Aiding(Aiding):
             return
         self._receiver_s = self._t_s
         if self._source == _GPS and self._has_second_receiver and not self._error.by_satellites:
-            self._take(east_m, north_m, max(sigma_m, self._get["EK3_POSNE_M_NSE"], 0.1), False)
+            self._fuse(east_m, north_m, max(sigma_m, self._get["EK3_POSNE_M_NSE"], 0.1), False)
 
-    def _take(self, east_m: float, north_m: float, sigma_m: float, leapt: bool) -> None:
+    def _fuse(self, east_m: float, north_m: float, sigma_m: float, leapt: bool) -> None:
         error = self._error
         errs_by = self._errs_by(east_m, north_m)
         if leapt or self._changed or not self.absolute:

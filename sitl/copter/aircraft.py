@@ -99,7 +99,7 @@ class Aircraft(Motion, ABC):
     @property
     def position_ok(self) -> bool:
         """True if the navigation filter has an absolute position."""
-        return self.t_s >= self._airframe.ready_after_s and not self.failsafes.position_gone(
+        return self.t_s >= self._airframe.ready_after_s and not self.failsafes.has_lost_position(
             self.t_s
         )
 

@@ -66,7 +66,7 @@ class Failsafes(ABC):
     def active(self) -> bool:
         """True if the heartbeat reports CRITICAL."""
 
-    def hear_station(self, now_s: float) -> None:
+    def note_station(self, now_s: float) -> None:
         """Note a heartbeat of the ground station."""
         self._station_s = now_s
 
@@ -74,7 +74,7 @@ class Failsafes(ABC):
         """Return the silence of the ground station, s; below 0 before its first message."""
         return -1.0 if self._station_s is None else now_s - self._station_s
 
-    def position_gone(self, now_s: float) -> bool:
+    def has_lost_position(self, now_s: float) -> bool:
         """Return whether the filter has no position any more."""
         return self._position_s is not None and now_s - self._position_s >= self._gone_after_s
 
@@ -110,7 +110,7 @@ class Failsafes(ABC):
         if self._position_s is None:
             self._position_s, self._gone_after_s = craft.t_s, math.inf
         self._gone_after_s = min(self._gone_after_s, holds_out_s)
-        gone = matters and self.position_gone(craft.t_s)
+        gone = matters and self.has_lost_position(craft.t_s)
         return self.begins(craft, POSITION, gone or POSITION in self.lost)
 
     def breaks_fences(self, craft: Craft) -> int:

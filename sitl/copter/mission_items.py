@@ -93,7 +93,7 @@ class Item:
     autocontinue: int = 1
 
     @classmethod
-    def of(cls, m: Message) -> Item:
+    def from_message(cls, m: Message) -> Item:
         """Read a MISSION_ITEM_INT, or a MISSION_ITEM with its coordinates in degrees."""
         x, y = m.x, m.y
         if m.get_type() == "MISSION_ITEM":

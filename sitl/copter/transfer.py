@@ -162,7 +162,7 @@ class Transfer:
             return []  # a second copy; the next one has been asked for
         if m.seq != expected:
             return [_ack(m, int(mav.MAV_MISSION_INVALID_SEQUENCE))]
-        item = Item.of(m)
+        item = Item.from_message(m)
         result = self.check(upload.kind, item)
         if result == OK:
             upload.received.append(item)

@@ -119,9 +119,9 @@ class Payload:
         # keeps the rhythm, and lets pictures that came too late be lost
         self._next_s = max(due_s + self._interval_s, now_s + _SOON_S)
         self._last_s = now_s
-        return self._take()
+        return self._photograph()
 
-    def _take(self) -> Message:
+    def _photograph(self) -> Message:
         index = self._count
         self._count += 1
         exposure = self._expose(index)

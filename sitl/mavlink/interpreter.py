@@ -239,7 +239,7 @@ class Interpreter:
     def _heartbeat(self, m: Message) -> None:
         """Note its ground station, known by its system id whatever its type."""
         if m.get_srcSystem() == int(self.ap.parameters["SYSID_MYGCS"]):
-            self.ap.failsafes.hear_station(self.ap.t_s)
+            self.ap.failsafes.note_station(self.ap.t_s)
 
     # --- streams --------------------------------------------------------------------------------
 

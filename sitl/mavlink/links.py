@@ -172,7 +172,7 @@ _MAX_OUTBOX = 1 << 20  # of a client that does not take what it is sent
 
 @dataclass(eq=False)
 class Link:
-    """One client's bytes, in by `receive` and out by `take`, in vehicle time.
+    """One client's bytes, in by `receive` and out by `read`, in vehicle time.
 
     `link_id` marks its signatures. `trusted`: a USB cable, where unsigned frames are accepted.
     `texts_to_stations`: STATUSTEXT is sent only after a ground station's heartbeat.
@@ -203,7 +203,7 @@ class Link:
         self._up.put(self._cutter.feed(data), quality, self.faults.t_s)
         self._listen(b"".join(self._up.due(self.faults.t_s)))
 
-    def take(self) -> bytes:
+    def read(self) -> bytes:
         """Return the bytes that have arrived at the client since the last call."""
         data = bytes(self._outbox)
         self._outbox.clear()

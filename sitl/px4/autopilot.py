@@ -91,7 +91,7 @@ class Px4Autopilot(Aircraft):
             return "Preflight Fail: crash detected"
         if not self.position_ok:
             return "Preflight Fail: no global position"
-        if self.parameters["NAV_DLL_ACT"] > 0.0 and not self.failsafes.hears_station(
+        if self.parameters["NAV_DLL_ACT"] > 0.0 and not self.failsafes.is_station_connected(
             self.t_s, self.parameters
         ):
             return "Preflight Fail: No connection to the ground control station"
@@ -140,7 +140,7 @@ class Px4Autopilot(Aircraft):
         self._take_off_to = (None, None, None)
         self.route.stop()
         self._enter(Phase.LANDED)
-        self.failsafes.taken_over()
+        self.failsafes.note_pilot()
         self.send_text(INFO, f"Disarmed by {why}")
         self._change(self._after_disarming)
 
@@ -150,7 +150,7 @@ class Px4Autopilot(Aircraft):
         """Change the mode for the pilot. Disarmed it takes every mode, but does not arm in some."""
         if self.armed and (reason := self._mode_refusal(mode)) is not None:
             return f"{mode.name} not possible: {reason}"
-        self.failsafes.taken_over()
+        self.failsafes.note_pilot()
         if mode not in UNARMABLE:
             self._after_disarming = mode
         if mode != self.mode:

@@ -76,7 +76,7 @@ class Px4Commands(Commands):
         return self.answer("Unsupported mode" if mode is None else self.ap.set_mode(mode))
 
     def _take_off(self, request: Request) -> Reply:
-        return self.answer(self.ap.take_off(self._wish(request)))
+        return self.answer(self.ap.take_off(self._partial_place(request)))
 
     def _reposition(self, request: Request) -> Reply:
         place = request.place
@@ -86,7 +86,9 @@ class Px4Commands(Commands):
         if changes_mode and self.ap.set_mode(Px4Mode.HOLD) is not None:
             return self.answer("Reposition command rejected")
         speed_m_s, yaw_rad = request.p[0], request.p[3]
-        text = self.ap.reposition(self._wish(request), yaw_rad if math.isfinite(yaw_rad) else None)
+        text = self.ap.reposition(
+            self._partial_place(request), yaw_rad if math.isfinite(yaw_rad) else None
+        )
         if text is not None:
             self.ap.send_text(mav.MAV_SEVERITY_CRITICAL, text)
             return Reply(ACCEPTED)
@@ -95,7 +97,7 @@ class Px4Commands(Commands):
         # without the flag it flies there in Hold, and answers that it does not
         return Reply(ACCEPTED if changes_mode else UNSUPPORTED)
 
-    def _wish(self, request: Request) -> PartialPlace:
+    def _partial_place(self, request: Request) -> PartialPlace:
         """Return the place of a command, None where it has no coordinate."""
         where, amsl_m = request.lat_lon_e7, request.p[6]
         up = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None

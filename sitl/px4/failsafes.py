@@ -46,7 +46,7 @@ class Setpoints:
     def __init__(self) -> None:
         self._heard_s = -math.inf
 
-    def hear(self, now_s: float) -> None:
+    def note(self, now_s: float) -> None:
         """Note a setpoint."""
         self._heard_s = now_s
 
@@ -160,11 +160,11 @@ class Px4Failsafes(Failsafes):
         """True if the heartbeat reports CRITICAL."""
         return self.engaged
 
-    def hears_station(self, now_s: float, parameters: Parameters) -> bool:
+    def is_station_connected(self, now_s: float, parameters: Parameters) -> bool:
         """Return whether a ground station is connected."""
         return 0.0 <= self.silent_s(now_s) <= parameters.positive("COM_DL_LOSS_T", 5, 300)
 
-    def taken_over(self) -> None:
+    def note_pilot(self) -> None:
         """Note that the pilot has selected a mode, or that the motors have stopped."""
         self.engaged, self._due, self._action, self._streamless = False, None, 0, False
 
@@ -204,7 +204,7 @@ class Px4Failsafes(Failsafes):
     def _links(self, craft: Craft) -> None:
         get = craft.parameters
         known = self.silent_s(craft.t_s) >= 0.0
-        if self.begins(craft, STATION, known and not self.hears_station(craft.t_s, get)):
+        if self.begins(craft, STATION, known and not self.is_station_connected(craft.t_s, get)):
             craft.send_text(WARNING, "Connection to ground station lost")
             self._act(craft, Cause.STATION, _LINK_ACTIONS.get(int(get["NAV_DLL_ACT"])))
         if self.begins(craft, RADIO, craft.radio_lost):
@@ -229,7 +229,7 @@ class Px4Failsafes(Failsafes):
         if not craft.armed:
             return
         if self._streamless and craft.setpoints.fresh(craft.t_s) and craft.airborne:
-            self.taken_over()
+            self.note_pilot()
             craft.fail_to(Px4Mode.OFFBOARD)
         if craft.mode != Px4Mode.OFFBOARD:
             return

@@ -91,7 +91,7 @@ class Events:
     def __init__(self) -> None:
         self._sequence = 0
 
-    def of(self, notice: Notice, t_s: float) -> Packed:
+    def event_for(self, notice: Notice, t_s: float) -> Packed:
         """Return the event that goes with a text."""
         severity, text, name, arguments = notice
         name = name or next((name for begin, name in _NAMES if text.startswith(begin)), _OTHER)
@@ -125,7 +125,7 @@ class Px4Interpreter(Interpreter):
 
     def pack_notice(self, notice: Notice) -> bytes:
         """Return a text, and an event."""
-        event = self._events.of(notice, self.ap.t_s)
+        event = self._events.event_for(notice, self.ap.t_s)
         return super().pack_notice(notice) + self.autopilot_wire.pack(event)
 
     def _make_transfer(self) -> Transfer:
@@ -152,19 +152,19 @@ class Px4Interpreter(Interpreter):
 
     def _heartbeat(self, m: Message) -> None:
         if m.type == mav.MAV_TYPE_GCS:
-            self.ap.failsafes.hear_station(self.ap.t_s)
+            self.ap.failsafes.note_station(self.ap.t_s)
 
     # --- setpoints ------------------------------------------------------------------------------
 
     def _position_target(self, m: Message) -> None:
         if self._is_setpoint(m):
-            self.ap.setpoints.hear(self.ap.t_s)
+            self.ap.setpoints.note(self.ap.t_s)
         super()._position_target(m)
 
     def _local_target(self, m: Message) -> None:
         if not self._is_setpoint(m):
             return
-        self.ap.setpoints.hear(self.ap.t_s)
+        self.ap.setpoints.note(self.ap.t_s)
         if not m.type_mask & NO_POSITION:
             if m.coordinate_frame == mav.MAV_FRAME_LOCAL_NED:
                 east, north, up = self.telemetry.origin

@@ -80,7 +80,7 @@ class UdpPort(asyncio.DatagramProtocol):
                     self._forget(client)
         transport = self._transport
         for client, link in self._clients.items():
-            data = link.take()
+            data = link.read()
             if not data or transport is None or transport.is_closing():
                 continue
             for datagram in datagrams(data):
@@ -159,7 +159,7 @@ class TcpPort:
 
     def flush(self) -> None:
         """Send to the served client, as far as it reads."""
-        data = self._link.take()
+        data = self._link.read()
         served = self._served
         if self._reboots != self._vehicle.fail.reboots:
             self._reboots = self._vehicle.fail.reboots

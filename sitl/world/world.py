@@ -95,7 +95,7 @@ class _Swell:
     waves: tuple[tuple[float, float, float], ...]  # amplitude, angular rate, phase
 
     @classmethod
-    def of(cls, rng: np.random.Generator, shortest_s: float, longest_s: float, n: int) -> _Swell:
+    def draw(cls, rng: np.random.Generator, shortest_s: float, longest_s: float, n: int) -> _Swell:
         """Draw `n` waves of unit total variance, periods spread geometrically."""
         periods = np.geomspace(shortest_s, longest_s, n) * rng.uniform(0.9, 1.1, n)
         phases = rng.uniform(0.0, math.tau, n)
@@ -148,9 +148,9 @@ class World:
             -spec.wind_speed_m_s * math.cos(wind_from),
         )
         rng = np.random.default_rng([spec.seed, _WIND])
-        self._gust_east = _Swell.of(rng, 3.0, 45.0, 5)
-        self._gust_north = _Swell.of(rng, 3.0, 45.0, 5)
-        self._light = _Swell.of(np.random.default_rng([spec.seed, _LIGHT]), 40.0, 400.0, 4)
+        self._gust_east = _Swell.draw(rng, 3.0, 45.0, 5)
+        self._gust_north = _Swell.draw(rng, 3.0, 45.0, 5)
+        self._light = _Swell.draw(np.random.default_rng([spec.seed, _LIGHT]), 40.0, 400.0, 4)
         # all vehicles of a fleet ask for the wind of the same moment
         self._wind_cache = (-1.0, self._wind)
         self.films = self._build_films()

@@ -53,7 +53,7 @@ def busy() -> tuple[Setting, State]:
         for north in range(SIDE):
             cell = Cell(east, north)
             parent = Cell(east, north - 1) if north else Cell(east - 1, 0) if east else None
-            vertices[cell] = Vertex(parent, east + north, looked=north < SIDE // 2)
+            vertices[cell] = Vertex(parent, east + north, observed=north < SIDE // 2)
             verdicts = dict.fromkeys(cell.cross(), True)
             for t_s in range(5):
                 belief = belief.with_frame(cell, FrameId(1, t_s + 1.0), verdicts)
@@ -62,7 +62,11 @@ def busy() -> tuple[Setting, State]:
         for number, vehicle in state.vehicles.items()
     }
     return setting, replace(
-        state, belief=belief, tree=Tree.of(Cell(0, 0), vertices), vehicles=vehicles, found_s=0.0
+        state,
+        belief=belief,
+        tree=Tree.from_vertices(Cell(0, 0), vertices),
+        vehicles=vehicles,
+        found_s=0.0,
     )
 
 
@@ -92,7 +96,7 @@ class Team:
             below = self.setting.grid.cell_of(place)
             votes = tuple(Vote(cell, True, 0.9) for cell in below.cross())
             if below in self.state.tree:  # type: ignore[operator]
-                tree = self.state.tree.looked(below, ())  # type: ignore[union-attr]
+                tree = self.state.tree.with_observation(below, ())  # type: ignore[union-attr]
                 self.state = replace(self.state, tree=tree)
             self.watcher.take_in(FrameSeen(number, t_s, below, votes), self.state)
 

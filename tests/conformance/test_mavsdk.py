@@ -143,7 +143,7 @@ def test_a_session_hears_nobody_before_mavsdk_does():
     told = []
     sent = []
     session = MavsdkSession(sent.append, lambda frame: None, say=told.append)
-    take = session._hear
+    take = session._receive_object
 
     async def main():
         assert session.feed(b"\xfd\x00garbage" * 9) is False

@@ -211,7 +211,7 @@ class Driver:
         elif isinstance(order, AwaitBattery):
             self.guard = self.guard.released()
         else:
-            self.guard = self.guard.told(self._task(order, t_s))
+            self.guard = self.guard.with_task(self._task(order, t_s))
 
     def _report(self, kind: Callable[..., Event], *what: object, **more: object) -> None:
         self.fleet.post(kind(self.number, self.fleet.now_s, *what, **more))
@@ -349,7 +349,7 @@ class Driver:
             self.craft.aim(point, height_m)
         elif self.obeys and ground is not None:
             here, above_m = self.craft.believed, self.height_m
-            aim, aim_m = ground.told(here, above_m, point, height_m)
+            aim, aim_m = ground.sent_target(here, above_m, point, height_m)
             self.craft.aim(aim, aim_m + self.lift_m(aim))
 
     def _fly(self, order: FlyTo) -> None:
@@ -478,7 +478,7 @@ class Driver:
             mode=craft.mode if craft.flying else None,
         )  # fmt: skip
         if action is not None and craft.flying and ours:
-            self.guard = self.guard.acting(action, self.fleet.now_s)
+            self.guard = self.guard.with_action(action, self.fleet.now_s)
             reason = "it goes on with what it had begun"
             self._report(Guarded, action, reason)
 
@@ -565,7 +565,7 @@ class Driver:
                 self._turn(way)
         else:
             self.corners = None
-            self.guard = self.guard.acting("rtl", t_s)
+            self.guard = self.guard.with_action("rtl", t_s)
             self._insist()
 
     def _corners(self) -> list[GridPoint]:
@@ -577,7 +577,7 @@ class Driver:
             return
         path = (self.position, way[0])
         estimate_s = self.fleet.setting.energy.leg_s(path[0].distance_to(path[1])) + 5.0
-        self.guard = self.guard.told(
+        self.guard = self.guard.with_task(
             Task("leg", self.fleet.now_s, path, homeward=True, height_m=self.height_m,
                  estimate_s=estimate_s, name="way home")
         )  # fmt: skip

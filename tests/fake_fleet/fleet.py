@@ -185,7 +185,7 @@ class Fleet:
         if self.dead:
             flying = any(craft.flying for craft in self.vehicles.values())
             return not flying and not math.isfinite(self.back_s)
-        return self.state.over and self.t_s >= self.settled_s
+        return self.state.is_over and self.t_s >= self.settled_s
 
     def tick(self) -> None:
         self.t_s += TICK_S
@@ -235,7 +235,7 @@ class Fleet:
         if waited_s > OPERATOR_S and not self.state.recalled:
             self.recall()
         ours = any(d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values())
-        if not self.state.over or (ours and self.troubles):
+        if not self.state.is_over or (ours and self.troubles):
             self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)
 
     def _bring_home(self) -> None:

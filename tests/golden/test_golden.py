@@ -64,7 +64,7 @@ def test_any_prefix_folds_to_the_state_that_was_held_then(told):
         state, _ = step(state, event)
         if number % every == 0:
             assert fold(told.setting, told.events[:number]) == state
-    assert state.over
+    assert state.is_over
     assert state.completed
 
 

@@ -92,7 +92,7 @@ class Flight:
         self._pilot = mav.MAVLink(None, srcSystem=PILOT_SYSTEM_ID, srcComponent=190)
         self.session = driver(self._send)
         grid = self.setting.grid
-        self._judge = PictureJudge({1: Classifier.of(made, grid)})
+        self._judge = PictureJudge({1: Classifier.for_mission(made, grid)})
         source = MavlinkSource(self.session, self._fetch)
         poses = Poses(self.session, mount_of(made.camera), grid)
         self.driver = MavlinkVehicle(

@@ -324,5 +324,5 @@ def joined(state: State, events: Iterable[Event]) -> State:
     """The state of a member after its journal, with the map that its facts make in any order."""
     facts = facts_of(state.setting)
     for event in events:
-        facts.take(event)
+        facts.add(event)
     return with_map(state, facts)

@@ -91,7 +91,7 @@ _SEVERITIES: Final = (
 class _EarlierText:
     """A text that came before."""
 
-    told_s: float
+    shown_s: float
     times: int = 0
     """Number of times since it was shown."""
 
@@ -103,7 +103,7 @@ class _Allowance:
     left: float = BURST
     at_s: float = 0.0
 
-    def take(self, now_s: float) -> bool:
+    def grants(self, now_s: float) -> bool:
         """Return whether one more may be shown."""
         self.left = min(self.left + max(now_s - self.at_s, 0.0) / TEXT_INTERVAL_S, float(BURST))
         self.at_s = now_s
@@ -125,22 +125,22 @@ class AutopilotTexts:
         self._kept = 0
         self._open_s = float("-inf")
         """Time of a change of mode that no text has explained yet, s."""
-        reporter.view.hear = self.hear
+        reporter.view.on_text = self.receive
 
-    def why(self, mode_name: str) -> str | None:
+    def cause_of(self, mode_name: str) -> str | None:
         """Return the cause of a mode, by the texts up to `MAX_CAUSE_AGE_S` before; later ones may
         follow."""
         self._open_s = float("-inf")
         if not may_be_a_failsafe(mode_name):
             return None
         now_s = self._reporter.loop_s()
-        cause = failsafe_of(self._view.words_since(now_s - MAX_CAUSE_AGE_S))
+        cause = failsafe_of(self._view.texts_since(now_s - MAX_CAUSE_AGE_S))
         if cause is not None:
             return cause
         self._open_s = now_s
         return CAUSE_NOT_REPORTED if self._view.critical else None
 
-    def hear(self, text: Text) -> None:
+    def receive(self, text: Text) -> None:
         """Handle a complete text."""
         now_s = self._reporter.loop_s()
         cause = None
@@ -153,23 +153,23 @@ class AutopilotTexts:
         known = self._known.get((text.severity, text.words))
         if known is not None:
             known.times += 1
-        if cause is None and known is not None and now_s - known.told_s < REPEAT_S:
+        if cause is None and known is not None and now_s - known.shown_s < REPEAT_S:
             return
-        if cause is None and not self._allowed[text.severity <= GRAVE_SEVERITY].take(now_s):
+        if cause is None and not self._allowed[text.severity <= GRAVE_SEVERITY].grants(now_s):
             self._untold += 1
             return
         times = 1 if known is None else known.times
         while len(self._known) >= MAX_REMEMBERED:
             del self._known[next(iter(self._known))]
         self._known[text.severity, text.words] = _EarlierText(now_s)
-        self._say(text, times)
+        self._show(text, times)
         if self._kept < MAX_RECORDED or cause is not None:
             self._kept += 1
             self._reporter.happened(
                 AutopilotText, text.severity, text.words, times=times, cause=cause
             )
 
-    def _say(self, text: Text, times: int) -> None:
+    def _show(self, text: Text, times: int) -> None:
         number, line = self._reporter.number, self._reporter.line
         if self._untold:
             line(f"vehicle {number}: {self._untold} texts in quick succession are not shown")

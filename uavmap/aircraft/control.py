@@ -119,7 +119,7 @@ class Ground:
 
     def off(self, air: AirState) -> bool:
         """Return whether it is off the ground: by the landed state, else by armed and height."""
-        if self._unsaid:
+        if self._is_unreported:
             up = self.height_m is not None and self.height_m > OFF_GROUND_M
             return self.armed and (up or air.is_flying)
         return self.armed and self.landed_state in OFF_GROUND
@@ -127,19 +127,19 @@ class Ground:
     @property
     def stands(self) -> bool:
         """True if it is on the ground with its motors off."""
-        return not self.armed and (self._unsaid or self._told_on)
+        return not self.armed and (self._is_unreported or self._reported_on_ground)
 
     @property
     def on(self) -> bool:
         """True if it is reported on the ground, with its motors on or off."""
-        return self.stands or self._told_on
+        return self.stands or self._reported_on_ground
 
     @property
-    def _told_on(self) -> bool:
+    def _reported_on_ground(self) -> bool:
         return bool(self.landed_state == mav.MAV_LANDED_STATE_ON_GROUND)
 
     @property
-    def _unsaid(self) -> bool:
+    def _is_unreported(self) -> bool:
         return bool(self.landed_state == mav.MAV_LANDED_STATE_UNDEFINED)
 
 
@@ -168,7 +168,7 @@ class Control:
     """Time of the last NAV_TAKEOFF, s."""
 
     @property
-    def is_ours(self) -> bool:
+    def is_under_control(self) -> bool:
         """True if the mission or the guardian may send."""
         return self.holder in (Holder.OURS, Holder.GUARDIAN)
 
@@ -177,13 +177,13 @@ class Control:
         """True if it counts as in the air: armed, and not known to be on the ground."""
         return self.armed and self.air is not AirState.ON_GROUND
 
-    def knows_mode(self, now_s: float) -> bool:
+    def is_mode_known(self, now_s: float) -> bool:
         """Return whether the mode is known well enough to command another."""
         return now_s - self.heard_s <= MAX_MODE_AGE_S
 
     def flown(self, kind: Autopilot) -> FlownMode:
         """Return the mode by the guardian's name."""
-        if not self.is_ours or self.failsafe:
+        if not self.is_under_control or self.failsafe:
             return "other"
         if self.mode == kind.rtl:
             return "rtl"
@@ -193,7 +193,7 @@ class Control:
         return "follow" if by_targets else "other"
 
     # --- what the vehicle reports ----------------------------------------------------------------
-    def noted(self, beat: Beat) -> Control:
+    def with_content(self, beat: Beat) -> Control:
         """Return the control with the content of a heartbeat, before it is judged."""
         turned = self.mode is not None and beat.mode != self.mode
         return replace(
@@ -201,15 +201,15 @@ class Control:
             mode_changes=self.mode_changes + turned,
         )  # fmt: skip
 
-    def heard(self, kind: Autopilot, beat: Beat) -> Control:
+    def with_beat(self, kind: Autopilot, beat: Beat) -> Control:
         """Return the control after a report of the mode."""
         if self._waits_for_heartbeat(kind, beat):
             return replace(self, heard_s=float("-inf"))
         mode, armed, failsafe, now_s, _ = beat
         before, was_armed = self.mode, self.armed
         turned = before is not None and mode != before
-        now = self.noted(beat)
-        if not self.is_ours:
+        now = self.with_content(beat)
+        if not self.is_under_control:
             given = turned and mode == kind.follows and before not in kind.by_itself
             # control taken in the air returns in the air: a landed PX4 holds by itself
             if given and not failsafe and (armed or self.taken_on_ground):
@@ -243,9 +243,9 @@ class Control:
         if beat.landed_state is None or beat.mode != kind.follows or beat.mode == self.mode:
             return False
         lands = self.mode in (kind.rtl, kind.land)
-        return not self.is_ours or (lands and beat.landed_state not in OFF_GROUND)
+        return not self.is_under_control or (lands and beat.landed_state not in OFF_GROUND)
 
-    def connected(self, kind: Autopilot, *, resumed: bool) -> Control:
+    def with_connection(self, kind: Autopilot, *, resumed: bool) -> Control:
         """Return the control by the mode reported when a link was opened, or is back.
 
         `resumed`: it was returning or landing by our command when an earlier process ended.
@@ -257,7 +257,7 @@ class Control:
         if resumed:
             modes |= {kind.rtl, kind.land}
         request = self.request
-        if request is not None and self.is_ours:
+        if request is not None and self.is_under_control:
             modes |= {request.mode, *request.late}
         if self.failsafe or self.mode not in modes:
             taken = Holder.FAILSAFE if self.failsafe else Holder.PILOT
@@ -266,25 +266,25 @@ class Control:
             return self
         return self._holding(self.mode, self.heard_s)
 
-    def acknowledged(self, now_s: float) -> Control:
+    def with_acknowledgement(self, now_s: float) -> Control:
         """Return the control after the autopilot acknowledged the request."""
         if self.request is None or self.request.acknowledged_s is not None:
             return self
         return replace(self, request=replace(self.request, acknowledged_s=now_s))
 
-    def denied(self) -> Control:
+    def with_denial(self) -> Control:
         """Return the control after the autopilot did not carry out an acknowledged request."""
         if self.request is None:
             return self
         return replace(self, request=replace(self.request, acknowledged_s=None))
 
-    def because(self, cause: str | None) -> Control:
+    def with_cause(self, cause: str | None) -> Control:
         """Return the control with the cause of its loss; None: it was no failsafe."""
-        if self.is_ours or cause is None:
+        if self.is_under_control or cause is None:
             return self
         return replace(self, holder=Holder.FAILSAFE, cause=cause)
 
-    def stood(self, ground: Ground, kind: Autopilot, now_s: float) -> Control:
+    def with_ground(self, ground: Ground, kind: Autopilot, now_s: float) -> Control:
         """Return the control after a report of the ground."""
         air = _air_after(self, ground, kind, now_s)
         off_ground = ground.off(self.air)
@@ -296,7 +296,7 @@ class Control:
         return replace(self, air=air, off_ground=off_ground, request=request)
 
     # --- what we do ------------------------------------------------------------------------------
-    def asking(self, mode: int, now_s: float) -> Control:
+    def with_request(self, mode: int, now_s: float) -> Control:
         """Return the control after a request for a mode, just before it is sent."""
         old = self.request
         if old is not None and old.mode == mode:
@@ -308,29 +308,34 @@ class Control:
         request = Request(mode, now_s, None if there else self.mode, late, there)
         return replace(self, request=request)
 
-    def refused(self) -> Control:
+    def with_refusal(self) -> Control:
         """Return the control after the autopilot refused a request: the mode stays."""
-        if not self.is_ours or self.request is None or self.request.confirmed or self.mode is None:
+        if (
+            not self.is_under_control
+            or self.request is None
+            or self.request.confirmed
+            or self.mode is None
+        ):
             return self
         return self._holding(self.mode, self.request.since_s)
 
-    def takes_off(self, now_s: float) -> Control:
+    def with_take_off(self, now_s: float) -> Control:
         """Return the control after NAV_TAKEOFF was sent."""
         air = self.air if self.air.is_flying else AirState.TAKING_OFF
         return replace(self, air=air, took_off_s=now_s)
 
-    def acting(self, *, guardian: bool) -> Control:
+    def with_guardian(self, *, guardian: bool) -> Control:
         """Return the control after the guardian took it from the mission, or returned it."""
-        if not self.is_ours:
+        if not self.is_under_control:
             return self
         return replace(self, holder=Holder.GUARDIAN if guardian else Holder.OURS)
 
-    def crashed(self) -> Control:
+    def with_crash(self) -> Control:
         """Return the control after a crash was detected."""
         return replace(self, air=AirState.DOWN)
 
     def _holding(self, mode: int, now_s: float) -> Control:
-        holder = self.holder if self.is_ours else Holder.OURS
+        holder = self.holder if self.is_under_control else Holder.OURS
         request = Request(mode, now_s, confirmed=True)
         return replace(self, holder=holder, cause="", request=request, taken_on_ground=False)
 

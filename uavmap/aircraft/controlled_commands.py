@@ -111,7 +111,7 @@ class ControlledCommands:
         unused = kind.unused_param
 
         def copy(control: Control, now_s: float) -> Control:
-            return control.asking(kind.takes_off_in, now_s).takes_off(now_s)
+            return control.with_request(kind.takes_off_in, now_s).with_take_off(now_s)
 
         params = (0, 0, 0, unused, unused, unused, wire_m)
         await self._into(copy, mav.MAV_CMD_NAV_TAKEOFF, *params, done=done)
@@ -121,7 +121,7 @@ class ControlledCommands:
         self, command: int, *params: float, done: Callable[[], bool] = _never
     ) -> None:
         """Send a command that changes no mode."""
-        async with self._while_ours():
+        async with self._while_in_control():
             await self.session.command(command, *params, done=done)
 
     async def arm(self) -> None:
@@ -145,12 +145,12 @@ class ControlledCommands:
         kind = self._view.kind
         above_home_m = height_m + self._view.ground_m(place)
         frame, wire_m = kind.altitude_on_wire(above_home_m, self._view.home_amsl_m)
-        async with self._while_ours():
+        async with self._while_in_control():
             await self.session.command_at(
                 mav.MAV_CMD_DO_REPOSITION,
                 frame,
                 (-1.0, 0.0, 0.0, math.nan),
-                self._view.as_told(place),
+                self._view.as_reported(place),
                 wire_m,
                 kind.target_taken,
             )
@@ -161,9 +161,11 @@ class ControlledCommands:
         It is not acknowledged, and ignored in any mode but that of streams.
         """
         if not self.may_send:
-            raise self._not_ours()
+            raise self._control_error()
         frame, up_m = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, height_m + self._view.ground_m(place)
-        target = position_target(self._view, frame, _PLACE_ALONE, self._view.as_told(place), up_m)
+        target = position_target(
+            self._view, frame, _PLACE_ALONE, self._view.as_reported(place), up_m
+        )
         self.session.send(target)
 
     async def send_external_position_estimate(self, place: LatLon, sigma_m: float) -> None:
@@ -183,33 +185,35 @@ class ControlledCommands:
             self._view.aided_until_s = asyncio.get_running_loop().time() + _LEAPS_WITHIN_S
 
     # --- control -----------------------------------------------------------------------------
-    def _not_ours(self) -> NotInControlError:
+    def _control_error(self) -> NotInControlError:
         return NotInControlError(f"the vehicle is {self.monitor.control.holder.value} now")
 
     @contextlib.asynccontextmanager
-    async def _while_ours(self) -> AsyncIterator[None]:
+    async def _while_in_control(self) -> AsyncIterator[None]:
         if not self.may_send:
-            raise self._not_ours()
+            raise self._control_error()
         try:
             async with asyncio.timeout(None) as scope:
                 with self.monitor.ends_with_control(scope):
                     yield
         except TimeoutError:
             if scope.expired():
-                raise self._not_ours() from None
+                raise self._control_error() from None
             raise
 
     async def _into(
         self, mode: int | Copy, command: int, *params: float, done: Callable[[], bool] = _never
     ) -> None:
         """Command a mode, noted before each copy. Raises `LinkError` if none is reported."""
-        copy: Copy = mode if callable(mode) else lambda control, now_s: control.asking(mode, now_s)
+        copy: Copy = (
+            mode if callable(mode) else lambda control, now_s: control.with_request(mode, now_s)
+        )
         permit = _ModePermit(self, self.session, self.monitor, copy)
-        async with self._while_ours():
+        async with self._while_in_control():
             try:
                 await self.session.command(command, *params, done=done, permit=permit)
             except CommandRefusedError:
-                self.monitor.control = self.monitor.control.refused()
+                self.monitor.control = self.monitor.control.with_refusal()
                 raise
 
 
@@ -231,7 +235,7 @@ class _ModePermit:
 
     def grants(self) -> bool:
         now_s = asyncio.get_running_loop().time()
-        known = self.monitor.control.knows_mode(now_s) and not self.session.view.gate.clock.late
+        known = self.monitor.control.is_mode_known(now_s) and not self.session.view.gate.clock.late
         granted = self.commands.may_send and known
         if granted:
             self.monitor.control = self.copy(self.monitor.control, now_s)

@@ -52,7 +52,7 @@ class GuardedTasks:
                 )
         return task
 
-    def begun(self, order: Order, target: GridPoint) -> Task:
+    def first_task(self, order: Order, target: GridPoint) -> Task:
         """Return the task of an order whose first target was acknowledged now."""
         if isinstance(order, FlyTo | Sweep):
             return self.leg(order)

@@ -62,8 +62,8 @@ class Member:
     role: Role
     reporter: Reporter
     good: bool = True
-    told: GridPoint | None = None
-    told_s: float = 0.0
+    reported: GridPoint | None = None
+    reported_s: float = 0.0
     ground: Patch | None = None
     """Picture of the ground when it stopped."""
     stopped_at: GridPoint | None = None
@@ -82,8 +82,8 @@ class Member:
 
     def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
         """Note its reported place; `good`: by satellites."""
-        before, before_s = self.told, self.told_s
-        self.told, self.told_s = told, now_s
+        before, before_s = self.reported, self.reported_s
+        self.reported, self.reported_s = told, now_s
         if good or self.good or before is None:
             self.leapfrog.offsets.restart(self.role)
             self._leave()
@@ -95,7 +95,7 @@ class Member:
         if strays or self.reporter.view.ground_speed_m_s > 2.0 * HOVERS_M_S:
             self._leave()
 
-    def take(self, frame: Frame) -> None:
+    def add_frame(self, frame: Frame) -> None:
         """Use its picture, with the pose as reported."""
         if frame.t_s <= self.framed_s:  # a late one does not show the present state
             return

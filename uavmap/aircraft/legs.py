@@ -35,7 +35,7 @@ def aim_over_ground(
     possible."""
     if view.ground is None:
         return target, height_m
-    return view.ground.terrain.told(here, view.height_m, target, height_m)
+    return view.ground.terrain.sent_target(here, view.height_m, target, height_m)
 
 
 def leg_over_ground_s(

@@ -127,7 +127,7 @@ class Navigation:
         return self.gnss != "good" and (self._own is not None or self._by_partner)
 
     # --- what its filter says ------------------------------------------------------------------
-    def look(self, *, airborne: bool) -> None:
+    def check(self, *, airborne: bool) -> None:
         """Check the telemetry; call it with every position."""
         if self._view.position is None:
             return
@@ -143,15 +143,15 @@ class Navigation:
             self._since_s = now_s if self._since_s is None else self._since_s
             if now_s - self._since_s >= (LOST_S if lost else SATELLITES_BACK_S):
                 self._changed("lost" if lost else "good", now_s)
-        self._hear_partner(now_s)
+        self._exchange_with_partner(now_s)
         if self.gnss != "good":
-            self._look_how_sure(now_s)
+            self._check_certainty(now_s)
 
-    def _hear_partner(self, now_s: float) -> None:
+    def _exchange_with_partner(self, now_s: float) -> None:
         """Share this position with the partner, and use the measurements of both."""
-        if self.partner is None or self._view.told is None:
+        if self.partner is None or self._view.reported is None:
             return
-        told = self._reporter.grid.fixed(self._view.told)
+        told = self._reporter.grid.fixed(self._view.reported)
         good = self._view.by_satellites and not self._view.has_no_fix
         self.partner.moved(told, now_s, good=good)
         if self.gnss == "lost" and self._by_partner:
@@ -204,9 +204,9 @@ class Navigation:
             self._reporter.line(f"vehicle {number}: satellite navigation is back")
         else:
             what = "is lost" if gnss == "lost" else "gives a wrong position"
-            how_on = self._how_on(before)
+            how_on = self._source_text(before)
             self._reporter.line(f"vehicle {number}: satellite navigation {what}{how_on}")
-        self._say(now_s)
+        self._report(now_s)
         if gnss == "lost" and before == "good" and self._wanted.gnss_loss in ("rtl", "land"):
             self.act(self._wanted.gnss_loss, "satellite navigation is lost")
         elif gnss == "wrong" and self._wanted.gnss_loss == "land":
@@ -215,14 +215,14 @@ class Navigation:
             # its autopilot would return to the wrong place
             self.fail("satellite navigation gives a wrong position")
 
-    def _how_on(self, before: Gnss) -> str:
+    def _source_text(self, before: Gnss) -> str:
         if self._wanted.gnss_loss == "map" and before == "good":
             return f"; it continues by its own map, to ±{self.sigma_m:.1f} m"
         if self._by_partner and before == "good":
             return "; it continues by mutual sightings"
         return ""
 
-    def _say(self, now_s: float) -> None:
+    def _report(self, now_s: float) -> None:
         self._told_s = now_s
         if not self.by_map:
             self._reporter.happened(Navigated, self.gnss)
@@ -237,7 +237,7 @@ class Navigation:
         Raises `ImageError` if it is not known well enough to decide on a cell.
         """
         if self.partner is not None:
-            self.partner.take(frame)
+            self.partner.add_frame(frame)
         if self._own is None and not self._by_partner:
             return frame
         now_s = self._reporter.now_s()
@@ -264,8 +264,8 @@ class Navigation:
 
     def _learn(self, known: Estimate, now_s: float) -> None:
         if self.gnss != "good":
-            self._take(known)
-            self._look_whether_right(now_s)
+            self._use(known)
+            self._check_satellites(now_s)
             return
         self.sigma_m = known.sigma_m
         if self._own is None or now_s - self._compared_s < COMPARE_S:
@@ -274,10 +274,10 @@ class Navigation:
         found = self._own.track.disagreement()
         if found.wrong(self._wanted.tolerated_m):
             self._own.track.distrust(found.since_s)
-            self._take(self._own.track.estimate())
+            self._use(self._own.track.estimate())
             self._changed("wrong", now_s)
 
-    def _take(self, known: Estimate) -> None:
+    def _use(self, known: Estimate) -> None:
         self._correct(GridPoint(*known.error_m))
         self.sigma_m = known.sigma_m
         if self.gnss == "lost":
@@ -286,7 +286,7 @@ class Navigation:
     def _correct(self, off: GridPoint) -> None:
         """Correct the reported place by `off`, along the grid's axes, from now on."""
         self._off = off
-        grid, told = self._reporter.grid, self._view.told
+        grid, told = self._reporter.grid, self._view.reported
         if told is None:
             return
         there = grid.fixed(told)
@@ -295,7 +295,7 @@ class Navigation:
         self._view.position = true
         self._last = None
 
-    def _look_whether_right(self, now_s: float) -> None:
+    def _check_satellites(self, now_s: float) -> None:
         """Use satellites that were false again once they have long agreed."""
         if self.gnss != "wrong":
             return
@@ -307,13 +307,13 @@ class Navigation:
         if now_s - self._agrees_s >= AGREE_S:
             self._changed("good", now_s)
 
-    def _look_how_sure(self, now_s: float) -> None:
+    def _check_certainty(self, now_s: float) -> None:
         """Estimate the certainty without pictures; a vehicle that knows too little returns."""
         if self._own is not None and now_s - self._pictured_s > UNSEEN_S:
             known_m = self._own.track.estimate().sigma_m if self._own.keyframes else math.inf
             self.sigma_m = math.hypot(known_m, self._own.errors.reckoned_share * self._flown_m)
         if now_s - self._told_s >= REPORT_INTERVAL_S:
-            self._say(now_s)
+            self._report(now_s)
         if self._wanted.gnss_loss not in ("map", "leapfrog") or self._failed:
             return
         if self.sigma_m <= self._most_m:

@@ -136,7 +136,7 @@ class PathStream:
         Raises `LinkError` when the vehicle does not accept it.
         """
         if self._by_places:
-            await self._tell_places()
+            await self._send_places()
             return
         if not self._view.kind.streams_apart:
             await self._send_on()
@@ -155,7 +155,7 @@ class PathStream:
             due_s = max(due_s + INTERVAL_S, loop.time())
             await asyncio.sleep(due_s - loop.time())
 
-    async def _tell_places(self) -> None:
+    async def _send_places(self) -> None:
         """Send its place in a while, until cancelled: it stops there without the next."""
         view, told = self._view, 0
         while self._commands.may_send:
@@ -212,7 +212,7 @@ class PathStream:
         if not all(map(math.isfinite, point)):
             raise LinkError(f"no place to send a vehicle to: {point}")
         view, grid = self._view, self._grid
-        position = view.as_told(grid.position(GridPoint(point.east_m, point.north_m)))
+        position = view.as_reported(grid.position(GridPoint(point.east_m, point.north_m)))
         rises_m_s = 0.0
         if view.ground is not None:
             at = GridPoint(point.east_m, point.north_m)
@@ -242,7 +242,7 @@ class PathStream:
                 raise
             except LinkError as error:  # refused, or not answered: it may have come anyway
                 refusal = error
-            seen = lambda: view.mode == mode or not monitor.control.is_ours  # noqa: E731
+            seen = lambda: view.mode == mode or not monitor.control.is_under_control  # noqa: E731
             if await self._session.until(seen, MAX_MODE_CHANGE_S):
                 return
         name = view.kind.mode_names[mode]
@@ -307,7 +307,7 @@ class StreamTimeout:
         self._parameters = Parameters(session)
         self._tell = tell
         self._settled = False
-        self._told = False
+        self._logged = False
 
     async def shorten(self) -> None:
         """Set it to `TIMEOUT_S`, once in a flight; log a failure once."""
@@ -327,8 +327,8 @@ class StreamTimeout:
             self._note(f"{parameter} could not be set")
 
     def _note(self, reason: str) -> None:
-        if not self._told:
-            self._told = True
+        if not self._logged:
+            self._logged = True
             self._tell(
                 f"{self._name}: {reason}: if the link fails, it flies on for its own timeout"
             )

@@ -48,7 +48,7 @@ class TrafficReports:
             return
         newest: dict[str, tuple[float, Track]] = {}
         known_s: dict[str, float] = {}
-        for heard_s, track in self._heard(known_s):
+        for heard_s, track in self._new_reports(known_s):
             if track.ident not in newest or heard_s > newest[track.ident][0]:
                 newest[track.ident] = heard_s, track
         self._reported_s = known_s
@@ -61,7 +61,7 @@ class TrafficReports:
             self._due_s = event.t_s + REPORT_INTERVAL_S
             self._report(TrafficSeen(event.t_s, tuple(tracks[:MAX_TRACKS])))
 
-    def _heard(self, known_s: dict[str, float]) -> Iterator[tuple[float, Track]]:
+    def _new_reports(self, known_s: dict[str, float]) -> Iterator[tuple[float, Track]]:
         """Yield the reports since the last event, but for our own vehicles; note their times in
         `known_s`."""
         own = {session.view.uid for session in self._sessions.values()}

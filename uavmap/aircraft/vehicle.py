@@ -98,7 +98,7 @@ class MavlinkVehicle:
             tell,
         )
         self._monitor = Monitor(self._reporter)
-        self._monitor.why = AutopilotTexts(self._reporter).why
+        self._monitor.why = AutopilotTexts(self._reporter).cause_of
         limits = Limits(setting.fence, setting.energy, slack_s, setting.relief_m)
         self.guardian = Guardian(session, self._reporter, self._monitor, limits)
         self.guardian.stand_aside = self._stand_aside
@@ -116,8 +116,8 @@ class MavlinkVehicle:
         self._aiding: asyncio.Task[None] | None = None
         self._aids = True
         """True while its autopilot is known to accept a position from outside."""
-        self._manoeuvres.under_way = lambda order, target: self.guardian.told(
-            self._guarded_tasks.begun(order, target)
+        self._manoeuvres.under_way = lambda order, target: self.guardian.note_task(
+            self._guarded_tasks.first_task(order, target)
         )
         self._tasks: asyncio.TaskGroup | None = None
         self._task: asyncio.Task[None] | None = None
@@ -135,14 +135,14 @@ class MavlinkVehicle:
         """Have it and another vehicle observe each other."""
         self._navigation.partner = both.join(role, self._reporter)
 
-    def was_flying(self) -> None:
+    def resume_flying(self) -> None:
         """Note, before `connect`, that it flew by our order when an earlier process ended.
 
         If `connect` fails, its guardian returns it.
         """
         self.guardian.entrusted = True
 
-    def was_returning(self) -> None:
+    def resume_returning(self) -> None:
         """Note that it was landing or returning by our command when an earlier process ended."""
         self._monitor.resumed = True
 
@@ -151,7 +151,7 @@ class MavlinkVehicle:
         session = self._session
         await wait_for_autopilot(session, self.name)
         begin_s = asyncio.get_running_loop().time()
-        await self._streams.ask(self._hears)
+        await self._streams.ask(self._is_received)
         session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         waiting = Waiting(self._reporter, session)
         while missing := self._missing(begin_s):
@@ -160,7 +160,7 @@ class MavlinkVehicle:
                 lambda: not self._missing(begin_s), 5.0, lambda: self._missing(begin_s)
             ):
                 return
-            if not self._hears():
+            if not self._is_received():
                 raise LinkError(f"{self.name}: the link was lost while waiting for {missing}")
             if asyncio.get_running_loop().time() - begin_s > READY_S:
                 raise LinkError(f"{self.name}: the vehicle did not report {missing}")
@@ -189,7 +189,7 @@ class MavlinkVehicle:
         goes_on = isinstance(order, FlyPath) and busy and self._manoeuvres.goes_on(order)
         if not goes_on:
             self._stand_aside()
-        self.guardian.told(self._guarded_tasks.task(order))
+        self.guardian.note_task(self._guarded_tasks.task(order))
         if self.guardian.acting:
             return
         self._order = order
@@ -211,7 +211,7 @@ class MavlinkVehicle:
         """Report its position to a mission that is back; a silent vehicle does so later."""
         if self._monitor.connected:
             self._monitor.report_connected()
-            self.guardian.heard_again()
+            self.guardian.repeat_command()
         else:
             self._reporter.happened(LinkLost)
 
@@ -233,11 +233,11 @@ class MavlinkVehicle:
     def _aid(self, place: LatLon, sigma_m: float) -> None:
         """Send its autopilot its position; one that refuses it gets no more."""
         busy = self._aiding is not None and not self._aiding.done()
-        ours = self._monitor.control.is_ours
+        ours = self._monitor.control.is_under_control
         if self._tasks is not None and self._aids and ours and not busy:
-            self._aiding = self._tasks.create_task(self._tell_place(place, sigma_m))
+            self._aiding = self._tasks.create_task(self._send_place(place, sigma_m))
 
-    async def _tell_place(self, place: LatLon, sigma_m: float) -> None:
+    async def _send_place(self, place: LatLon, sigma_m: float) -> None:
         try:
             await self._commands.send_external_position_estimate(place, sigma_m)
         except CommandRefusedError:
@@ -259,20 +259,20 @@ class MavlinkVehicle:
             if (clock := self._view.gate.clock).late:
                 stamp_ns = clock.ask(asyncio.get_running_loop().time())
                 self._session.send(mav.MAVLink_timesync_message(0, stamp_ns))
-            if monitor.connected and monitor.control.is_ours and self._hears():
+            if monitor.connected and monitor.control.is_under_control and self._is_received():
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
                 monitor.connected = False
                 self._reporter.happened(LinkLost)
                 give_up_after_s = self._waited_for_s()
-            elif not monitor.connected and self._hears():
+            elif not monitor.connected and self._is_received():
                 with contextlib.suppress(LinkError):
                     if not self._streams.go_on:
                         await self.connect()
-                    await self._heard_anew()
+                    await self._wait_for_contact()
                     self._camera.uncertain()
                     monitor.report_connected()
-                    self.guardian.heard_again()
+                    self.guardian.repeat_command()
             elif (
                 not monitor.connected
                 and give_up_after_s is not None
@@ -289,7 +289,7 @@ class MavlinkVehicle:
         if wrong := self._clock_rate.check(self._view.position_s, boot_s):
             self._reporter.line(f"vehicle {self.number}: {wrong}")
 
-    async def _heard_anew(self) -> None:
+    async def _wait_for_contact(self) -> None:
         """Wait for the next position and heartbeat, where orders begin. Raises `LinkError`."""
         begin_s, view = asyncio.get_running_loop().time(), self._view
         if not await self._session.until(
@@ -319,7 +319,7 @@ class MavlinkVehicle:
     def _silent_s(self) -> float:
         return self._view.silent_s(asyncio.get_running_loop().time())
 
-    def _hears(self) -> bool:
+    def _is_received(self) -> bool:
         """Return whether it is received without delay; its position may be missing."""
         heard_s = asyncio.get_running_loop().time() - self._view.heard_s
         return heard_s < self._link_lost_s and not self._view.gate.clock.late

@@ -70,7 +70,9 @@ class AirspaceLeases:
             self._question, column.place, column.low_m, column.high_m, math.floor(column.until_s)
         )
 
-    def hear(self, sender: int, ask: AirRequest | None, its_s: float, now_s: float) -> None:
+    def receive_request(
+        self, sender: int, ask: AirRequest | None, its_s: float, now_s: float
+    ) -> None:
         """Close the air that another requests to our vehicles, for its time by its own clock."""
         peer = self._peers[sender]
         if ask == peer.ask:
@@ -107,7 +109,7 @@ class AirspaceLeases:
                 found[number] = peer.ask.number
         return found
 
-    def hear_promise(self, sender: int, question: int) -> None:
+    def receive_promise(self, sender: int, question: int) -> None:
         """Note that another agreed to this request of ours, -1 for none.
 
         Our service gets the reservation once all members that could be in that airspace have

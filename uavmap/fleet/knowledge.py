@@ -58,12 +58,12 @@ class Knowledge:
     """The facts of every member, as far as they are known.
 
     >>> known = Knowledge()
-    >>> known.take(3, 1, [Fact(2.0, ())])  # doctest: +NORMALIZE_WHITESPACE
+    >>> known.add(3, 1, [Fact(2.0, ())])  # doctest: +NORMALIZE_WHITESPACE
     [Run(first=1, facts=(Fact(t_s=2.0, votes=(), overview=False, seen=False, classes=(),
     doubt=False),))]
     >>> known.have
     {3: Holding(upto=0, beyond=((1, 2),))}
-    >>> [run.first for run in known.take(3, 0, [Fact(1.0, ()), Fact(2.0, ())])], known.have
+    >>> [run.first for run in known.add(3, 0, [Fact(1.0, ()), Fact(2.0, ())])], known.have
     ([0], {3: Holding(upto=2, beyond=())})
     """
 
@@ -88,7 +88,7 @@ class Knowledge:
         beyond = runs_of(sorted(number for number in known if number > upto))
         return Holding(upto, tuple((run[0], run[-1] + 1) for run in beyond[:MOST_RUNS]))
 
-    def take(self, origin: int, first: int, facts: Iterable[Fact]) -> list[Run]:
+    def add(self, origin: int, first: int, facts: Iterable[Fact]) -> list[Run]:
         """Add facts; return the new ones."""
         known, upto = self.facts.get(origin, {}), self.upto(origin)
         new = {

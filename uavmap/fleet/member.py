@@ -120,7 +120,7 @@ class Member:
         for event in events:
             self._note(event)
             if isinstance(event, FactsShared):
-                self.knowledge.take(event.vehicle, event.first, event.frames)
+                self.knowledge.add(event.vehicle, event.first, event.frames)
             elif (word := _carried_out(event)) is not None:
                 self._words[word.vehicle] = word
 
@@ -128,15 +128,15 @@ class Member:
         """Note an event that our service has handled."""
         self._state = state
         self._note(event)
-        self._airspace.ask_for(state.vehicles[self._number].asks if state.ours else None)
+        self._airspace.ask_for(state.vehicles[self._number].asks if state.own_vehicles else None)
 
     def _note(self, event: Event) -> None:
         if isinstance(event, LiftedOff):
             self._clock.begun = True
         if isinstance(event, FrameSeen | Tracked) and event.vehicle == self._number:
             known, own = self.knowledge.upto(self._number), self._own
-            new = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
-            self.knowledge.take(self._number, known, new)
+            new = own.add(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
+            self.knowledge.add(self._number, known, new)
 
     # --- the clock -----------------------------------------------------------------------------
     async def agree(self, wait_s: float, pad: PadHeight | None) -> float:
@@ -182,7 +182,7 @@ class Member:
     # --- speaking ------------------------------------------------------------------------------
     async def run(self) -> None:
         """Communicate until cancelled."""
-        self._radio.listen(self.heard)
+        self._radio.listen(self.receive)
         while True:
             self._beat_safely()
             await asyncio.sleep(BEAT_S)
@@ -273,7 +273,7 @@ class Member:
         return presence_of(state, state.vehicles[self._number])
 
     # --- hearing -------------------------------------------------------------------------------
-    def heard(self, datagram: bytes) -> None:
+    def receive(self, datagram: bytes) -> None:
         """Handle a received datagram."""
         opened = self._seal.opened(datagram)
         if opened is None:
@@ -286,26 +286,26 @@ class Member:
         now_s = self._now_s()
         peer = self.peers.setdefault(sender, Peer(now_s))
         peer.heard_s, peer.apart = now_s, False
-        self._clock.heard(peer, message.t_s, now_s, begun=message.begun)
+        self._clock.note_time(peer, message.t_s, now_s, begun=message.begun)
         for word in message.words:
             self.order(word)
         # only the last message has the present state and requests: facts alone may come late
         latest = not self._seal.overtaken
         if latest:
-            self._hear_state(sender, peer, message, now_s)
+            self._receive_state(sender, peer, message, now_s)
         if not self._clock.agreed or self._clock.is_elsewhere(sender):
             return  # refused facts are sent again
         for batch in message.batches:
             if batch.origin == self._number:
                 continue
-            for run in self.knowledge.take(batch.origin, batch.first, batch.facts):
+            for run in self.knowledge.add(batch.origin, batch.first, batch.facts):
                 self._post(FactsShared(batch.origin, round(now_s, 3), run.first, run.facts))
         if latest and message.presence is not None and self._is_vehicle(sender):
             self._post(member_report(self._setting, sender, now_s, message.presence))
             if message.parts:
                 self._post(PartsAllotted(sender, round(now_s, 3), message.parts))
 
-    def _hear_state(self, sender: int, peer: Peer, message: Message, now_s: float) -> None:
+    def _receive_state(self, sender: int, peer: Peer, message: Message, now_s: float) -> None:
         before = peer.have
         peer.pad = message.pad or peer.pad
         if message.have:
@@ -314,7 +314,7 @@ class Member:
             peer.done = message.presence.does in ("ended", "down")
         else:  # one that flies a vehicle, and has just started, does not know its activity yet
             peer.done = not self._is_vehicle(sender)
-        peer.told_all = peer.done and (peer.told_all or bool(message.have))
+        peer.reported_all = peer.done and (peer.reported_all or bool(message.have))
         peer.begun = message.begun
         missing = self.knowledge.missing(peer.have)
         got = {
@@ -327,8 +327,8 @@ class Member:
             for origin in missing
         }
         if self._clock.agreed:
-            self._airspace.hear(sender, message.ask, message.t_s, now_s)
-            self._airspace.hear_promise(sender, message.promised.get(self._number, -1))
+            self._airspace.receive_request(sender, message.ask, message.t_s, now_s)
+            self._airspace.receive_promise(sender, message.promised.get(self._number, -1))
 
     def _is_vehicle(self, number: int) -> bool:
         return 0 < number <= len(self._setting.mission.vehicles)
@@ -348,7 +348,7 @@ class Member:
         """True if all in contact know all facts of this member, and none knows more."""
         return all(
             peer.done
-            and (peer.told_all or not self.knowledge.have)
+            and (peer.reported_all or not self.knowledge.have)
             and not self.knowledge.missing(peer.have)
             and not self.knowledge.lacking(peer.have)
             for peer in self.peers.values()

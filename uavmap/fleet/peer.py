@@ -38,7 +38,7 @@ class Peer:
     """Time since which it lacks known facts of a member, and got no later one, s."""
     apart: bool = False
     done: bool = False
-    told_all: bool = False
+    reported_all: bool = False
     """True if it has sent its knowledge since it was done."""
     begun: bool = False
     """True if its clock moves no more."""
@@ -168,7 +168,7 @@ class FleetClock:
         for peer in self._peers.values():
             peer.clock_moved(by_s)
 
-    def heard(self, peer: Peer, its_s: float, now_s: float, *, begun: bool) -> None:
+    def note_time(self, peer: Peer, its_s: float, now_s: float, *, begun: bool) -> None:
         """Note another's clock, and whether it moves no more."""
         if begun and not peer.begun:  # its clock may have just been moved
             peer.ahead_s = -math.inf

@@ -149,7 +149,7 @@ class MulticastRadio:
         self._listeners: list[Callable[[bytes], None]] = []
         self._socket: socket.socket | None = None
         self._again: asyncio.TimerHandle | None = None
-        self._told = ""
+        self._logged = ""
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
         """Pass received datagrams on."""
@@ -164,9 +164,9 @@ class MulticastRadio:
             self._lost(error)
             return
         asyncio.get_running_loop().add_reader(self._socket, self._read)
-        if self._told:
+        if self._logged:
             _LOG.info(f"{self._endpoint.url}: is there now")
-        self._told = ""
+        self._logged = ""
 
     def send(self, datagram: bytes) -> None:
         """Send to the group; drop while its interface is missing."""
@@ -194,8 +194,8 @@ class MulticastRadio:
     def _lost(self, error: OSError) -> None:
         self._leave()
         reason = error.strerror or str(error)
-        if reason != self._told:
-            self._told = reason
+        if reason != self._logged:
+            self._logged = reason
             _LOG.info(f"{self._endpoint.url}: {reason}; it is tried again")
         self._again = asyncio.get_running_loop().call_later(RETRY_S, self.open)
 

@@ -82,7 +82,7 @@ class Air:
         """Note the end of a member's program: it neither receives nor is received."""
         self._heard.pop(member, None)
 
-    def can_hear(self, one: int, other: int, t_s: float) -> bool:
+    def are_in_range(self, one: int, other: int, t_s: float) -> bool:
         """Return whether two are in range of each other, and no partition separates them."""
         if any(partition.parts(one, other, t_s) for partition in self.model.partitions):
             return False
@@ -107,7 +107,7 @@ class Air:
                 continue
             lost, twice = self._random.random() < model.loss, self._random.random() < model.doubled
             late_s = [self._random.random() * model.jitter_s for _ in range(2)]
-            if lost or not self.can_hear(sender, other, now_s):
+            if lost or not self.are_in_range(sender, other, now_s):
                 continue
             for copy in range(2 if twice else 1):
                 loop.call_at(end_s + model.delay_s + late_s[copy], self._deliver, other, datagram)

@@ -116,7 +116,7 @@ class ZenohRadio:
         self._broken = threading.Event()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="fleet radio", daemon=True)
-        self._told = ""
+        self._logged = ""
         self.opened = 0
         """Number of opened sessions."""
 
@@ -163,7 +163,7 @@ class ZenohRadio:
                 session = self._zenoh.open(config)
                 self.opened += 1
             except Exception as error:
-                self._tell(_error_text(error))
+                self._log_text(_error_text(error))
                 self._stop.wait(retry_s)
                 retry_s = min(1.5 * retry_s, RETRY_S[1])
                 continue
@@ -172,7 +172,7 @@ class ZenohRadio:
             try:
                 self._live(session, silent_s)
             except Exception as error:
-                self._tell(_error_text(error))
+                self._log_text(_error_text(error))
             finally:
                 self._publisher = None
                 with contextlib.suppress(Exception):
@@ -189,9 +189,9 @@ class ZenohRadio:
             congestion_control=self._zenoh.CongestionControl.DROP,
             allowed_destination=self._zenoh.Locality.REMOTE,
         )
-        if self._told:
-            self._tell("the network of the fleet is open")
-            self._told = ""
+        if self._logged:
+            self._log_text("the network of the fleet is open")
+            self._logged = ""
         by_udp = any(endpoint.transport == "udp" for endpoint in self._links.all)
         declared_s = time.monotonic()
         while not self._broken.wait(LOOK_S) and not self._stop.is_set():
@@ -209,11 +209,11 @@ class ZenohRadio:
             allowed_origin=self._zenoh.Locality.REMOTE,
         )
 
-    def _tell(self, text: str) -> None:
+    def _log_text(self, text: str) -> None:
         """Log a text that was not the last one, in the loop's thread."""
-        if text == self._told:
+        if text == self._logged:
             return
-        self._told = text
+        self._logged = text
         self._in_loop(self._log.line, text)
 
     def _in_loop(self, call: Callable[..., None], *arguments: Any) -> bool:

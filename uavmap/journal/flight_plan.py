@@ -222,7 +222,7 @@ class FlightPlan(FlightOptions):
         return values
 
     @classmethod
-    def of_json(cls, values: Mapping[str, Any], folder: Path) -> FlightPlan:
+    def from_json(cls, values: Mapping[str, Any], folder: Path) -> FlightPlan:
         """Return the plan of JSON values, for the flight of a folder: the inverse of `as_json`."""
         plan = _ADAPTER.validate_json(json.dumps(values))
         return replace(plan, mission=with_kept_detector(plan.mission, folder))

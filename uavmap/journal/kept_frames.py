@@ -77,16 +77,16 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
                     self._kept = {row.get("frame", "") for row in csv.DictReader(file)}
         except (OSError, UnicodeDecodeError, csv.Error):
             self._error = f"{poses} cannot be read; move {self._folder} away"
-        self._tell()
+        self._log_failure()
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """Keep a picture: the original file, or a JPEG of the pixels. Call it from one thread."""
-        self._tell()
+        self._log_failure()
         if self._over:
             return
         if self._writer is None:
             self._write(frame, picture)
-            self._tell()
+            self._log_failure()
         elif self._room.acquire(blocking=False):
             self._writer.submit(self._write, frame, picture).add_done_callback(
                 lambda _: self._room.release()
@@ -97,14 +97,14 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
     def __exit__(self, *_: object) -> None:
         if self._writer is not None:
             self._writer.shutdown()
-        self._tell()
+        self._log_failure()
         if self._left_out:
             self._say(
                 f"{self._left_out} pictures were not kept: {self._folder} takes them slower than "
                 "the camera makes them"
             )
 
-    def _tell(self) -> None:
+    def _log_failure(self) -> None:
         if self._error and not self._over:
             self._over = True
             self._say(f"pictures are kept no longer: {self._error}")

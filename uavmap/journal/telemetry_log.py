@@ -36,7 +36,7 @@ class TlogWriter:
         self._size = 0
         self._append = append
         self._closed = False
-        self._told = False
+        self._logged = False
         self._retry_s = float("-inf")
         self.lost = 0
         """Number of frames that are not in the file."""
@@ -88,6 +88,6 @@ class TlogWriter:
 
     def _failed(self, error: OSError, now_s: float) -> None:
         self._retry_s = now_s + RETRY_S
-        if self._say is not None and not self._told:
-            self._told = True
+        if self._say is not None and not self._logged:
+            self._logged = True
             self._say(f"{self._path} cannot be written ({error.strerror}); the flight goes on")

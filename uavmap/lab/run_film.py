@@ -68,7 +68,7 @@ def _changes(run: Run) -> list[Change]:
     for leg in sorted(run.legs, key=lambda leg: leg.end_t):
         looked_t.setdefault(leg.end, leg.end_t)
     for cell, vertex in tree.vertices.items():
-        if vertex.looked:
+        if vertex.observed:
             looked_t.setdefault(cell, 0.0)
     explored_t = _explored_t(tree, looked_t)
     changes = []

@@ -55,7 +55,7 @@ def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> 
     """
     for roi in rois:
         begin_s = time.perf_counter()
-        static = LowerBounds.of(roi.cells, roi.start)
+        static = LowerBounds.from_roi(roi.cells, roi.start)
         static_s = time.perf_counter() - begin_s
         for explorer in explorers:
             begin_s = time.perf_counter()

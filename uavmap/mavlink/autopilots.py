@@ -118,7 +118,7 @@ class Autopilot:
     """True if heights of commands are above the sea, else above home."""
     unused_param: float
     """The value of a command's parameter that is not used."""
-    tells_failsafe: bool
+    reports_failsafe: bool
     """True if system_status CRITICAL means that a failsafe flies, in any mode."""
     place_lead_s: float
     velocity_lead_s: float
@@ -134,7 +134,7 @@ class Autopilot:
     """Parameters of MAV_CMD_DO_SET_MODE for it."""
     failsafe_names: Mapping[int, str] = field(default_factory=dict)
     """Names of modes with another meaning while a failsafe flies."""
-    heard_as: int = mav.MAV_TYPE_ONBOARD_CONTROLLER
+    received_as: int = mav.MAV_TYPE_ONBOARD_CONTROLLER
     """Our type in our heartbeat: a PX4 sends its texts to ground stations only."""
     fence_by_command: bool = False
     """True if MAV_CMD_DO_FENCE_ENABLE switches its fence off, also in flight."""
@@ -181,7 +181,7 @@ ARDUPILOT: Final = Autopilot(
     follow_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4),
     amsl=False,
     unused_param=0.0,
-    tells_failsafe=False,
+    reports_failsafe=False,
     # measured: it follows an acceleration 0.4 to 0.5 s late, a steady speed without delay
     place_lead_s=0.0,
     velocity_lead_s=0.5,
@@ -215,7 +215,7 @@ PX4: Final = Autopilot(
     follow_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4, 3),
     amsl=True,
     unused_param=math.nan,
-    tells_failsafe=True,
+    reports_failsafe=True,
     # measured: its lag is 0.17 to 0.19 s on any path
     place_lead_s=0.2,
     velocity_lead_s=0.2,
@@ -225,7 +225,7 @@ PX4: Final = Autopilot(
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 6),
     # it descends without a position, and names that ALTITUDE
     failsafe_names={_px4(2): "DESCEND"},
-    heard_as=mav.MAV_TYPE_GCS,
+    received_as=mav.MAV_TYPE_GCS,
     integers_bytewise=True,
     rests_constant=True,
     # Without the flag that changes the mode it answers "unsupported", and flies there in Hold. With

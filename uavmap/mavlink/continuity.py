@@ -149,7 +149,7 @@ class BootClock:
         """Loop time minus time since boot, s: that of the fastest messages."""
         return self._offset.value
 
-    def take(self, boot_s: float, now_s: float) -> str | None:
+    def add(self, boot_s: float, now_s: float) -> str | None:
         """Add a reported time; return its fault."""
         if self.boot_s is None:
             self._adopt(boot_s, now_s)
@@ -223,7 +223,7 @@ class CameraClock:
         lead_s = self._lead.value
         return 0.0 if lead_s is None or abs(lead_s) < _SAME_CLOCK_S else lead_s
 
-    def take(self, boot_s: float, now_s: float, autopilot_offset_s: float) -> None:
+    def add(self, boot_s: float, now_s: float, autopilot_offset_s: float) -> None:
         """Add the time of an announcement that has just arrived."""
         lead_s = now_s - boot_s - autopilot_offset_s
         least_s = self._lead.value
@@ -273,7 +273,7 @@ class Track:
     _first: Fix | None = None
     _latest: Fix | None = None
 
-    def take(self, fix: Fix) -> str | None:
+    def add(self, fix: Fix) -> str | None:
         """Add a reported place; return its fault."""
         fault = None if self.last is None else fix.fault_after(self.last)
         if fault is not None and self.last is not None:

@@ -65,7 +65,7 @@ class LinkTraffic:
     gate: Gate
     aircraft: dict[str, TrafficReport] = field(default_factory=dict)
 
-    def take(self, message: Message, here: LatLon | None, now_s: float) -> None:
+    def add(self, message: Message, here: LatLon | None, now_s: float) -> None:
         """Take a message in; `here` is where our vehicle is."""
         kind = message.get_type()
         fault = RULES[kind].fault(message)

@@ -238,7 +238,7 @@ class Gate:
     clock: BootClock = field(default_factory=BootClock)
     camera_clock: CameraClock = field(default_factory=CameraClock)
     track: Track = field(default_factory=Track)
-    _told_s: dict[str, float] = field(default_factory=dict)
+    _logged_s: dict[str, float] = field(default_factory=dict)
     _numbers: dict[tuple[int, str], tuple[int, float]] = field(default_factory=dict)
     """Number of the latest frame, and its time, by component and kind."""
 
@@ -263,10 +263,10 @@ class Gate:
     def refuse(self, kind: str, reason: str, now_s: float) -> None:
         """Count and log a refused message. `reason` holds no value of the message."""
         self.refused[kind, reason] += 1
-        told_s = self._told_s.get(kind, float("-inf"))
+        told_s = self._logged_s.get(kind, float("-inf"))
         if reason in _EXPECTED or now_s - told_s < LOG_INTERVAL_S:
             return
-        self._told_s[kind] = now_s
+        self._logged_s[kind] = now_s
         count = self.refused[kind, reason]
         self.say(f"{kind} refused: {reason}" + (f" ({count} times by now)" if count > 1 else ""))
 
@@ -283,7 +283,7 @@ class Gate:
     def _position_fault(self, message: Message, now_s: float) -> str | None:
         boot_s = message.time_boot_ms / 1000.0
         reboots = self.clock.reboots
-        fault = self.clock.take(boot_s, now_s) or _no_place(message)
+        fault = self.clock.add(boot_s, now_s) or _no_place(message)
         if self.clock.reboots != reboots:
             self.say("the vehicle's clock has begun anew: it has restarted")
         if fault is not None:
@@ -292,7 +292,7 @@ class Gate:
         if self.area is not None and distance_m(position, self.area) > AREA_M:
             return f"more than {AREA_M / 1000.0:g} km from the mission"
         jumps = self.track.jumps
-        fault = self.track.take(
+        fault = self.track.add(
             Fix(
                 position,
                 message.alt / 1000.0,

@@ -83,7 +83,7 @@ class _History(Generic[T]):
 class Whereabouts(_History[Fix]):
     """The positions of the last `HISTORY_S`."""
 
-    def take(self, fix: Fix) -> None:
+    def add(self, fix: Fix) -> None:
         """Add a position."""
         self._keep(fix.boot_s, fix)
 
@@ -119,7 +119,7 @@ _NEARLY_SAME: Final = 0.9995
 class Attitudes(_History[Quaternion]):
     """The attitudes of the last `HISTORY_S`."""
 
-    def take(self, boot_s: float, attitude: Quaternion) -> None:
+    def add(self, boot_s: float, attitude: Quaternion) -> None:
         """Add an attitude, the first of each time."""
         if boot_s != self.last_s:
             self._keep(boot_s, attitude)

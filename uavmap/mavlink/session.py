@@ -112,15 +112,15 @@ class Session:
             if message.get_srcSystem() == GROUND_SYSTEM_ID:
                 self._look_for_rival(message, now_s)
             if message.get_type() in KINDS:  # whichever system a router passes them on for
-                self.traffic.take(message, self.view.position, now_s)
+                self.traffic.add(message, self.view.position, now_s)
                 continue
-            ours = self._take(message, now_s) or ours
+            ours = self._receive(message, now_s) or ours
         if self.view.system_id:
             self.tap(data)
         self._wake()
         return ours
 
-    def _take(self, message: Message, now_s: float) -> bool:
+    def _receive(self, message: Message, now_s: float) -> bool:
         if not update(self.view, message, now_s):
             return False
         self.bound_s = now_s if self.bound_s is None else self.bound_s
@@ -128,15 +128,15 @@ class Session:
             self.heard_s[message.get_msgId()] = now_s
         kind = message.get_type()
         if kind == "COMMAND_ACK":
-            self._take_ack(message)
+            self._receive_ack(message)
         elif kind == "EVENT":
-            self._hear_event(message)
+            self._receive_event(message)
         for kinds, listener in self._listeners:
             if not kinds or kind in kinds:
                 listener(message)
         return True
 
-    def _hear_event(self, message: Message) -> None:
+    def _receive_event(self, message: Message) -> None:
         """Report an event of a PX4 in flight.
 
         Only an event holds the cause of a failsafe, and on board no texts come.
@@ -144,7 +144,7 @@ class Session:
         if not (self.onboard or self.view.armed):
             return
         if (text := event_text(message, numbered=self.onboard)) is not None:
-            self.view.hear_text(text, asyncio.get_running_loop().time())
+            self.view.add_text(text, asyncio.get_running_loop().time())
 
     def has_rival(self) -> bool:
         """True if another process of ours was received on this link."""
@@ -183,7 +183,7 @@ class Session:
                 break
             if message.get_type() == "BAD_DATA":
                 continue
-            self.losses.take(message)
+            self.losses.count(message)
             if message.get_msgId() in mav.mavlink_map:
                 yield message
         # the parser releases its buffer only when it has read all of it
@@ -356,10 +356,10 @@ class Session:
 
     async def receive_status_texts(self) -> None:
         """Wait a moment: an ArduPilot explains a refusal (STATUSTEXT) after the ACK."""
-        heard = self.view.texts_heard
-        await self.until(lambda: self.view.texts_heard != heard, timeout_s=0.5)
+        heard = self.view.text_count
+        await self.until(lambda: self.view.text_count != heard, timeout_s=0.5)
 
-    def _take_ack(self, ack: Message) -> None:
+    def _receive_ack(self, ack: Message) -> None:
         ours = ack.target_system in (0, GROUND_SYSTEM_ID)
         asked = (ack.command, ack.get_srcComponent())
         if ours and (queue := self._acks.get(asked)) is not None:
@@ -375,7 +375,7 @@ class Session:
         onboard = mav.MAV_TYPE_ONBOARD_CONTROLLER
         self.send(
             mav.MAVLink_heartbeat_message(
-                onboard if self.onboard else self.view.kind.heard_as,
+                onboard if self.onboard else self.view.kind.received_as,
                 mav.MAV_AUTOPILOT_INVALID,
                 0,
                 self.process_number,

@@ -61,7 +61,7 @@ class Texts:
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], _Open] = {}
 
-    def take(self, component: int, message: Any, now_s: float) -> list[Text]:
+    def add(self, component: int, message: Any, now_s: float) -> list[Text]:
         """Add a STATUSTEXT; return the texts that are whole, or given up."""
         done = self.late(now_s)
         words, full = _chunk_text(message)

@@ -118,7 +118,7 @@ class VehicleView:
     """True if it reports CRITICAL; with an ArduPilot a failsafe lasts, whatever flies it."""
     position: LatLon | None = None
     """Position: as reported, less the error that was found."""
-    told: LatLon | None = None
+    reported: LatLon | None = None
     """Reported position."""
     off_deg: tuple[float, float] = (0.0, 0.0)
     """Error of the reported position by its pictures, degrees of latitude and longitude.
@@ -179,21 +179,21 @@ class VehicleView:
     uid: str = ""
     """Hardware number, hexadecimal; empty if it has none or did not report it."""
     texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=20))
-    texts_heard: int = 0
+    text_count: int = 0
     landed_state_s: float = float("-inf")
     """Time of the last landed state, on the loop's clock, s."""
     rose: bool = False
     """True if it was above `OFF_GROUND_M` since it was armed."""
-    hear: Callable[[Text], None] = lambda text: None
+    on_text: Callable[[Text], None] = lambda text: None
     """Takes every text of the vehicle once it is complete."""
     chunks: Texts = field(default_factory=Texts)
     """Texts that are not yet complete."""
 
-    def hear_text(self, text: Text, now_s: float) -> None:
+    def add_text(self, text: Text, now_s: float) -> None:
         """Keep a text of the vehicle, and pass it on."""
         self.texts.append((now_s, text.words))
-        self.texts_heard += 1
-        self.hear(text)
+        self.text_count += 1
+        self.on_text(text)
 
     def corrected(self, told: LatLon) -> LatLon:
         """Return the true place of a reported one."""
@@ -201,7 +201,7 @@ class VehicleView:
             return told
         return LatLon(told.lat_deg - self.off_deg[0], told.lon_deg - self.off_deg[1])
 
-    def as_told(self, place: LatLon) -> LatLon:
+    def as_reported(self, place: LatLon) -> LatLon:
         """Return a place as the vehicle would report it, with its error.
 
         >>> view = VehicleView()
@@ -377,7 +377,7 @@ class VehicleView:
         low = self.battery_low
         return low and f"its autopilot reports its battery as {low}"
 
-    def words_since(self, since_s: float) -> list[str]:
+    def texts_since(self, since_s: float) -> list[str]:
         """Return the vehicle's texts since a time of the loop's clock, oldest first."""
         return [text for at_s, text in self.texts if at_s >= since_s]
 
@@ -389,5 +389,5 @@ class VehicleView:
         """
         if now_s is None:
             now_s = asyncio.get_running_loop().time()
-        texts = self.words_since(min(now_s - TEXT_HORIZON_S, since_s))
+        texts = self.texts_since(min(now_s - TEXT_HORIZON_S, since_s))
         return " (vehicle: " + "; ".join(dict.fromkeys(texts)) + ")" if texts else ""

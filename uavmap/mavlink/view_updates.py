@@ -89,7 +89,7 @@ def _senders(view: VehicleView, component: int) -> frozenset[Sender]:
 
 def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     if message.type == mav.MAV_TYPE_CAMERA:
-        _camera_heard(view, now_s, component)
+        _note_camera(view, now_s, component)
     if component != view.autopilot_component or message.autopilot in _NO_AUTOPILOT:
         return
     view.autopilot = message.autopilot
@@ -98,7 +98,7 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
     view.keeps_home = view.keeps_home and not (view.armed and not armed)
     view.armed = armed
     critical = message.system_status == mav.MAV_STATE_CRITICAL
-    view.failsafe = critical and view.kind.tells_failsafe
+    view.failsafe = critical and view.kind.reports_failsafe
     if critical and not (view.critical or view.failsafe):
         _spoken(view, [Text(mav.MAV_SEVERITY_WARNING, "system status CRITICAL")], now_s)
     view.critical = critical
@@ -112,11 +112,11 @@ def _current_mode(view: VehicleView, message: Message, now_s: float, component: 
     it, until the next: it may wait in Hold.
     """
     view.mode, intended = message.custom_mode, message.intended_custom_mode
-    if view.kind.tells_failsafe and intended:
+    if view.kind.reports_failsafe and intended:
         view.failsafe = view.armed and (view.critical or intended != view.mode)
 
 
-def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
+def _note_camera(view: VehicleView, now_s: float, component: int) -> None:
     """Note a camera's message; a second camera does not replace the first while that is active."""
     if component != view.camera_component:
         if now_s - view.camera_heard_s < CAMERA_SILENT_S:
@@ -131,15 +131,15 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
         view.landed_state = mav.MAV_LANDED_STATE_UNDEFINED
     if not (view.home_is_kept and view.position is not None):
         view.home_amsl_m = _home_amsl_m(view, message)
-    view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
-    view.follow_leap(view.told, message.time_boot_ms / 1000.0, now_s)
-    view.position = view.corrected(view.told)
+    view.reported = LatLon(message.lat / 1e7, message.lon / 1e7)
+    view.follow_leap(view.reported, message.time_boot_ms / 1000.0, now_s)
+    view.position = view.corrected(view.reported)
     view.position_s = now_s
     view.height_m = view.height_of(message)
     view.rose = view.armed and (view.rose or view.height_m > OFF_GROUND_M)
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     boot_s = message.time_boot_ms / 1000.0
-    view.whereabouts.take(Fix(boot_s, view.told, view.height_m, view.velocity_ned_m_s))
+    view.whereabouts.add(Fix(boot_s, view.reported, view.height_m, view.velocity_ned_m_s))
 
 
 def _home_amsl_m(view: VehicleView, message: Message) -> float:
@@ -163,15 +163,15 @@ def _attitude(view: VehicleView, message: Message, now_s: float, component: int)
         view.gate.refuse(kind, "its time is not that of the vehicle's position", now_s)
     elif kind == "ATTITUDE":
         turned = Quaternion.from_euler(message.roll, message.pitch, message.yaw)
-        view.attitudes.take(boot_s, turned)
+        view.attitudes.add(boot_s, turned)
     else:
         turned = Quaternion(message.q1, message.q2, message.q3, message.q4)
-        view.attitudes.take(boot_s, turned)
+        view.attitudes.add(boot_s, turned)
 
 
 def _captured(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     boot_s = message.time_boot_ms / 1000.0
-    view.gate.camera_clock.take(boot_s, now_s, view.boot_offset_s or 0.0)
+    view.gate.camera_clock.add(boot_s, now_s, view.boot_offset_s or 0.0)
 
 
 def _home(view: VehicleView, message: Message, now_s: float, component: int) -> None:
@@ -256,12 +256,12 @@ def _version(view: VehicleView, message: Message, now_s: float, component: int) 
 
 
 def _text(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    _spoken(view, view.chunks.take(component, message, now_s), now_s)
+    _spoken(view, view.chunks.add(component, message, now_s), now_s)
 
 
 def _spoken(view: VehicleView, texts: list[Text], now_s: float) -> None:
     for text in texts:
-        view.hear_text(text, now_s)
+        view.add_text(text, now_s)
 
 
 _HANDLERS: Final = {

@@ -153,10 +153,10 @@ def _only_heard(sources: Sequence[Source]) -> list[FactsShared]:
         own = facts_of(source.plan.known_setting())
         for event in source.events:
             if isinstance(event, FactsShared):
-                known.take(event.vehicle, event.first, event.frames)
+                known.add(event.vehicle, event.first, event.frames)
             elif isinstance(event, FrameSeen | Tracked) and event.vehicle == source.plan.member:
                 number = event.vehicle
-                counted[number] = counted.get(number, 0) + len(own.take(event))
+                counted[number] = counted.get(number, 0) + len(own.add(event))
     shared = []
     for origin in sorted(known.facts):
         for first, facts in known.runs(origin, counted.get(origin, 0)):

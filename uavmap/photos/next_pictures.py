@@ -96,7 +96,7 @@ def pictures_to_paint(
     for _, stored in pictures:
         shown.add(stored.cells[stored.unsure], np.ones((int(stored.unsure.sum()), 1), np.int64))
     cells, counts = shown.table()
-    parts = np.where(sums.are(cells), 1.0 / counts[:, 0], 0.0)
+    parts = np.where(sums.which_unsure(cells), 1.0 / counts[:, 0], 0.0)
     part_of = dict(zip(map(tuple, cells.tolist()), parts.tolist(), strict=True))
     ground = []
     for name, stored in pictures:

@@ -271,7 +271,7 @@ def main() -> None:
     """Run the process that the first line of input describes."""
     wanted: dict[str, Any] = json.loads(sys.stdin.readline())
     folder = Path(wanted["folder"])
-    plan = FlightPlan.of_json(wanted["plan"], folder)
+    plan = FlightPlan.from_json(wanted["plan"], folder)
     child = AircraftChild(plan, folder, wanted["start_s"], append=wanted["append"])
     run(child.run(), ScaledClock(plan.speedup or 1.0, wanted["start_s"]))
 

@@ -109,7 +109,7 @@ class AircraftProcess:
         try:
             child.stdin.write(json.dumps(wanted).encode() + b"\n")
             child.stdin.close()
-            address = Address.of(child.stdout.readline())
+            address = Address.parse(child.stdout.readline())
         except (OSError, ValidationError):
             raise LinkError(self._not_begun("start")) from None
         answer = None

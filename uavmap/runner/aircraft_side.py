@@ -162,15 +162,15 @@ class AircraftSide:
         flew = {number: begin.before.get(number, msg.EarlierFlight()) for number in vehicles}
         for number, vehicle in vehicles.items():
             if flew[number].flew:
-                vehicle.was_flying()
+                vehicle.resume_flying()
         for number, vehicle in vehicles.items():
             await vehicle.connect()
             if flew[number].returned:
-                vehicle.was_returning()
+                vehicle.resume_returning()
         require_distinct_aircraft(vehicles)
         if before_flight is not None:
             await reject_other_controllers(self._links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
-            await before_flight.go()
+            await before_flight.prepare()
         return True
 
     async def _unless_ended(self, waiting: Awaitable[T]) -> T | None:

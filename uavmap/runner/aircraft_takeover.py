@@ -42,7 +42,7 @@ class Address:
     process: int
 
     @classmethod
-    def of(cls, text: bytes | str) -> Address:
+    def parse(cls, text: bytes | str) -> Address:
         """Return the address in the text of its file. Raises `ValidationError`."""
         return _ADDRESS.validate_json(text)
 
@@ -50,7 +50,7 @@ class Address:
     def read(cls, folder: Path) -> Address | None:
         """Return the address in a folder, None without one."""
         with contextlib.suppress(OSError, ValidationError):
-            return cls.of((folder / ADDRESS).read_bytes())
+            return cls.parse((folder / ADDRESS).read_bytes())
         return None
 
     def as_json(self) -> str:

@@ -59,7 +59,7 @@ class BeforeFlight:
             for number, link in self._links.items()
         }
 
-    async def go(self) -> None:
+    async def prepare(self) -> None:
         """Return when the mission may begin.
 
         Raises `PreflightError` with the reason that prevents it, `NotFlownError` after a dry run,

@@ -206,7 +206,7 @@ def resume(
             _put_back_alone(plan, setting, journal)
         again = plan.simulated and not (from_home or plan.rehomed)
         state = _state_of(journal, setting, () if again else company.onlookers)
-        if state.over and state.completed:
+        if state.is_over and state.completed:
             _LOG.info("the mission is completed already; writing its results anew")
             summary = written_results(plan, setting, folder, journal)
             if left_set:
@@ -263,7 +263,7 @@ def _refuse_repetition(journal: Journal, state: State) -> None:
             f"{here}, which plans other paths; {remedy}, or `uavmap resume {folder} --from-home` "
             "goes on without repeating the flight"
         )
-    if state.over:
+    if state.is_over:
         raise JournalError(
             f"{folder}: the flight ended without completing its mission; "
             f"`uavmap resume {folder} --from-home` sends the aircraft out again"

@@ -214,7 +214,7 @@ class Flight:
         judge = judge_of(self.setting, keepers, recall=company.recall)
         port = Port(
             numbers_of(self.setting), self.clock.now_s, judge, reports.post, reports.join,
-            crew.swap, Operator().ask, [onlooker.hear for onlooker in company.onlookers],
+            crew.swap, Operator().ask, [onlooker.see_telemetry for onlooker in company.onlookers],
         )  # fmt: skip
         marks = Marks(self._journal, lambda: read_clocks(port.since_boot_s)) if real else None
         member = None

@@ -111,7 +111,7 @@ class Service:
         for number, order in orders:
             self._aircraft.give(number, order)
         self._observe(event, self.state)
-        if self.state.over:
+        if self.state.is_over:
             self._over.set()
 
     def flush_pending_events(self) -> None:
@@ -172,7 +172,7 @@ class Service:
 
     def go_on(self) -> bool:
         """End a pause, or a hold for known traffic; False without one."""
-        if not self.flying or not self.state.held:
+        if not self.flying or not self.state.is_held:
             return False
         self.post(Continued(self.state.t_s))
         return True

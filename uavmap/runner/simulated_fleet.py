@@ -119,7 +119,7 @@ def prefixed_lines(number: int) -> AbstractContextManager[None]:
 
 def _place_of(flight: Flight) -> Callable[[], tuple[GridPoint, float]]:
     def place() -> tuple[GridPoint, float]:
-        vehicle = flight.state.ours[0]
+        vehicle = flight.state.own_vehicles[0]
         if vehicle.phase is Phase.OFFLINE and vehicle.landed:  # it has not reported its position
             return flight.setting.pad_of(vehicle.vehicle), 0.0
         return vehicle.position, vehicle.height_m

@@ -57,7 +57,9 @@ def judge_of(
     """
     detector, mission = _blind_without(setting) if recall else None, setting.mission
     classifiers = {
-        number: Classifier.of(mission, setting.grid, mission.altitude_m(number - 1), detector)
+        number: Classifier.for_mission(
+            mission, setting.grid, mission.altitude_m(number - 1), detector
+        )
         for number in numbers_of(setting)
     }
     return PictureJudge(classifiers, keepers)

@@ -102,7 +102,7 @@ class Airspace:
     def stop_conflicting(self) -> State:
         """Return the state in which vehicles that fly towards uncontrolled or closed air stop."""
         state = self.state
-        for vehicle in state.ours:
+        for vehicle in state.own_vehicles:
             flying = vehicle.phase is Phase.AIRBORNE and not vehicle.landed
             if not flying or not isinstance(vehicle.order, FlyTo | Sweep | Look | FlyPath):
                 continue
@@ -301,7 +301,7 @@ class Airspace:
         stays on the ground, or is under our control and outside the column, with an order that does
         not lead into it."""
         air = column_air(column)
-        for ours in self.state.ours:
+        for ours in self.state.own_vehicles:
             if ours.landed and not isinstance(ours.order, TakeOff):
                 continue
             here = replace(hover_air(ours), stray_m=stopping_m(self.state.setting))

@@ -114,7 +114,7 @@ def chart_of(
     if root is not None:
         return KnownMap(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
-    wanted[chart.indices(list(setting.strategy.asked_for(state)))] = 1
+    wanted[chart.indices(list(setting.strategy.required_cells(state)))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     for lane in sorted(lanes):
         chart.close(setting.strip(lane, state.t_s), BEHIND)

@@ -90,7 +90,7 @@ class EveryPatch(Covering):
             return super().shares(setting)
         return share_by_time(setting.lanes, setting.pads)
 
-    def asked_for(self, state: State) -> list[Cell]:
+    def required_cells(self, state: State) -> list[Cell]:
         """Return cells of the box that no frame shows, and cells that a frame shows as region. Also
         cells beside region seen from search height. Some frame may have shown one of those as no
         region before it is known from below that a patch reaches it."""
@@ -105,10 +105,10 @@ class EveryPatch(Covering):
         return unseen + belief.undecided(asked | (around & tallies.keys()))
 
     def open_cells(self, state: State) -> frozenset[Cell]:
-        """Return the cells of `asked_for`, and the cells beside a patch."""
+        """Return the cells of `required_cells`, and the cells beside a patch."""
         belief = state.belief
         around = beside([cell for cell in belief.open_tallies if belief.provisional(cell)])
-        return frozenset(belief.undecided(around.union(self.asked_for(state))))
+        return frozenset(belief.undecided(around.union(self.required_cells(state))))
 
     def beside_lanes(self, state: State, vehicle: VehicleState) -> GridPoint | None:
         """Return where to map the finds of lanes that others fly at search height."""
@@ -147,7 +147,7 @@ class Survey(Covering):
     about = SURVEY
     whole_box = True
 
-    def asked_for(self, state: State) -> list[Cell]:
+    def required_cells(self, state: State) -> list[Cell]:
         """Return the undecided cells of the box; cells beside a patch beyond it do not count."""
         return state.belief.undecided(state.setting.box_cells)
 

@@ -90,8 +90,8 @@ def give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:
 
 def mark_unreachable(state: State, vehicle: VehicleState, cell: Cell) -> State:
     """Continue in the tree as if the vehicle had been at a vertex; the result is incomplete."""
-    if state.tree is not None and not state.tree.has_looked(cell):
-        tree = state.tree.looked(cell, ())
+    if state.tree is not None and not state.tree.is_observed(cell):
+        tree = state.tree.with_observation(cell, ())
         state = replace(state, tree=tree, abandoned=state.abandoned | {cell})
     return state.with_vehicle(replace(vehicle, at_target=True, fruitless_sorties=0))
 

@@ -78,7 +78,7 @@ def _decides(vehicle: VehicleState, tree: Tree) -> bool:
         and vehicle.braking_until_s is None
         and vehicle.at_target
         and vehicle.vertex is not None
-        and tree.has_looked(vehicle.vertex)
+        and tree.is_observed(vehicle.vertex)
     )
 
 
@@ -133,14 +133,16 @@ class Stepwise(Strategy):
 
     def plan(self, state: State) -> State:
         """Ask the explorer for the vehicles that have observed their cell."""
-        return state if state.held else explore_moves(self.explorer, state)
+        return state if state.is_held else explore_moves(self.explorer, state)
 
     def next_order(self, state: State, vehicle: VehicleState) -> State:
         """Search until there is a root; then fly to the vertex and observe it if need be."""
         if state.tree is None:
             return search(state, vehicle)
         assert vehicle.vertex is not None
-        return visit(state, vehicle, vehicle.vertex, stop=not state.tree.has_looked(vehicle.vertex))
+        return visit(
+            state, vehicle, vehicle.vertex, stop=not state.tree.is_observed(vehicle.vertex)
+        )
 
     def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
         """Go on in the tree without the vertex."""
@@ -153,7 +155,9 @@ class Stepwise(Strategy):
         if state.tree is None:
             return vehicle.candidate
         at = vehicle.vertex
-        return at if at is not None and at in state.tree and not state.tree.has_looked(at) else None
+        return (
+            at if at is not None and at in state.tree and not state.tree.is_observed(at) else None
+        )
 
 
 RDFS: Final = Stepwise(EXPLORERS["rdfs"])

@@ -93,7 +93,7 @@ class Paths(Strategy):
     def plan(self, state: State) -> State:
         """Stop vehicles that meet reserved air or have no lane left to see, and plan anew."""
         state = end_searched(keep_clear(state))
-        return state if state.held else self.plan_paths(state)
+        return state if state.is_held else self.plan_paths(state)
 
     def plan_paths(self, state: State) -> State:
         """Plan for all vehicles with a region to explore, or without lanes, until that is done."""

@@ -156,7 +156,9 @@ def _share_lanes(state: State, event: MemberReport) -> State:
     """
     setting = state.setting
     if event.does not in FLY_LANES:
-        taken = {number_among(setting.lanes, lane) for ours in state.ours for lane in ours.lanes}
+        taken = {
+            number_among(setting.lanes, lane) for ours in state.own_vehicles for lane in ours.lanes
+        }
         left = tuple(number for number in event.lanes if number not in taken)
         event = replace(event, lanes=left)
     theirs = {number: place for place, number in enumerate(event.lanes)}
@@ -170,7 +172,7 @@ def _share_lanes(state: State, event: MemberReport) -> State:
     )
     state = state.with_vehicle(replace(state.vehicles[event.vehicle], lanes=held))
     they_stand = event.does != "flies"
-    for ours in state.ours:
+    for ours in state.own_vehicles:
         kept, stands = [], ours.landed or ours.return_reason is not None
         for place, lane in enumerate(ours.lanes):
             their_place = theirs.get(-1 if (n := number_among(setting.lanes, lane)) is None else n)
@@ -204,7 +206,7 @@ def concluded(state: State) -> State:
     service that flies nothing, and for a member whose vehicle returned early: others may have done
     the rest."""
     strategy = state.setting.strategy
-    early = state.over and strategy.flies_all_lanes and not state.exploration_finished
+    early = state.is_over and strategy.flies_all_lanes and not state.exploration_finished
     if state.our_numbers and not early:
         return state
     if state.our_numbers and strategy.open_cells(state):

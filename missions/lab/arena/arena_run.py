@@ -217,7 +217,7 @@ class _Arena:
             start = self.at[robot]
             known_at[robot] = (self.t, cell)
             leg_t = self.metric.leg(start, cell)
-            if self.metric.look and not mind.tree.has_looked(cell):
+            if self.metric.look and not mind.tree.is_observed(cell):
                 leg_t += self.metric.look
             leg = Leg(robot, self.t, self.t + leg_t, start, cell)
             self.flying[robot] = leg
@@ -246,7 +246,7 @@ class _Arena:
         for cell in self._in_order(arrived):
             here = sorted(r for r in self.ready if self.at[r] == cell)
             mind = self.minds[here[0]]
-            if not mind.tree.has_looked(cell):
+            if not mind.tree.is_observed(cell):
                 observed = 0 if self.radio is None else mind.observed | self.radio.bit(cell)
                 seen = replace(mind, tree=observe(mind.tree, cell, self.roi), observed=observed)
                 for robot in self._audience(here):

@@ -126,7 +126,7 @@ def _runs(explorer: Explorer, rois: Rois, robots: int, **how: object) -> Iterato
 
 
 def _unfinished(result: Run, roi: Roi) -> Iterator[str]:
-    missing = component(roi, START) - {c for c, v in result.tree.vertices.items() if v.looked}
+    missing = component(roi, START) - {c for c, v in result.tree.vertices.items() if v.observed}
     if missing:
         yield f"never visited: {sorted(missing)}"
     away = {robot: cell for robot, cell in result.at.items() if cell != START}
@@ -186,12 +186,12 @@ def _late(explorer: Explorer, rois: Rois) -> Iterator[str]:
     for kind, roi in rois.items():
         for rounds in (len(roi) // 2, None):
             party = _Party.at_start(2, roi).after(explorer, roi, rounds)
-            where = max(c for c, v in party.tree.vertices.items() if v.looked)
+            where = max(c for c, v in party.tree.vertices.items() if v.observed)
             late = Cell(where.east + 1, where.north)
             if late in roi:
                 continue
             grown = roi | {late, Cell(late.east + 1, late.north)}
-            party = replace(party, tree=party.tree.looked(where, [late]))
+            party = replace(party, tree=party.tree.with_observation(where, [late]))
             yield from _ends(explorer, party, grown, f"{kind}, a late cell at {late}")
 
 
@@ -256,7 +256,7 @@ class _Party:
         for robot, cell in sorted(moves.items()):
             if cell not in self.at[robot].neighbours() or cell not in self.tree:
                 raise StrategyError(f"robot {robot} jumps from {self.at[robot]} to {cell}")
-            if not tree.has_looked(cell):
+            if not tree.is_observed(cell):
                 tree = observe(tree, cell, roi)
         return _Party(tree, {**self.at, **moves}, decision.memory)
 

@@ -24,7 +24,7 @@ from missions.units import Cell
 
 def observe(tree: Tree, cell: Cell, roi: Collection[Cell]) -> Tree:
     """Return the tree after a noise-free observation of a cell."""
-    return tree.looked(cell, [c for c in cell.neighbours() if c in roi])
+    return tree.with_observation(cell, [c for c in cell.neighbours() if c in roi])
 
 
 @dataclass(frozen=True, slots=True)

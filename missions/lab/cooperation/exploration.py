@@ -92,8 +92,8 @@ class Exploration:
             steps=sum(
                 i == 0 or move.robot != self.moves[i - 1].robot for i, move in enumerate(self.moves)
             ),
-            turns=sum(_turns(self._of(robot)) for robot in range(self.robots)),
-            corners=sum(_corners(self._of(robot)) for robot in range(self.robots)),
+            turns=sum(_turns(self._moves_of(robot)) for robot in range(self.robots)),
+            corners=sum(_corners(self._moves_of(robot)) for robot in range(self.robots)),
             pieces=len(self.pieces),
             mapped_m2=mapped,
             missed_m2=max(self.space.area_m2 - mapped, 0.0),
@@ -106,7 +106,7 @@ class Exploration:
             yield move, list(places)
             places[move.robot] = move.path[-1]
 
-    def _of(self, robot: int) -> list[Move]:
+    def _moves_of(self, robot: int) -> list[Move]:
         return [move for move in self.moves if move.robot == robot]
 
 

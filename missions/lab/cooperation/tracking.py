@@ -57,7 +57,7 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class PoseEstimates:
     """The estimate of robots: east, north and heading of each in a row."""
 
     mean: Array
@@ -133,9 +133,9 @@ class Filter:
         self._spread = np.zeros((len(self._mean), len(self._mean)))
 
     @property
-    def known(self) -> Known:
+    def known(self) -> PoseEstimates:
         """Return the present estimate."""
-        return Known(self._mean.copy(), self._spread.copy())
+        return PoseEstimates(self._mean.copy(), self._spread.copy())
 
     def reckon(self, read: Array, leg: Leg) -> None:
         """Add the values of an odometer: turn, way ahead, way aside, drift of the heading."""
@@ -226,7 +226,7 @@ def tracker_noise(noise: Noise, apart: Array) -> Array:
 class Outcome:
     """The final estimates of robots, and their true places."""
 
-    known: Known
+    known: PoseEstimates
     truth: Array
 
     def error_m(self, robot: int) -> float:

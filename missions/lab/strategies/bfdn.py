@@ -32,7 +32,7 @@ _DEGREE = 4
 class Bfdn:
     """Anchors by breadth, depth next.
 
-    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
+    >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
     >>> Bfdn().decide(Situation(tree, {1: Cell(0, 0), 2: Cell(0, 0)}, (1, 2))).moves
     {1: Cell(east=0, north=1), 2: Cell(east=1, north=0)}
     """
@@ -77,7 +77,7 @@ class _Anchor:
 def _anchor(tree: Tree, anchors: Mapping[int, _Anchor], robot: int) -> Cell:
     """Return the open vertex of least depth with the fewest robots; the root if there is none."""
     load = Counter(anchor.cell for r, anchor in anchors.items() if r != robot)
-    opened = {v.parent for v in tree.vertices.values() if not v.looked and v.parent is not None}
+    opened = {v.parent for v in tree.vertices.values() if not v.observed and v.parent is not None}
     return min(opened, key=lambda c: (tree.vertices[c].depth, load[c], c), default=tree.root)
 
 
@@ -89,5 +89,5 @@ def _move(tree: Tree, busy: Collection[Cell], cell: Cell, anchor: _Anchor) -> Ce
             if ancestor == cell:
                 return below
             below = ancestor
-    free = (c for c in tree.children(cell) if not tree.has_looked(c) and c not in busy)
+    free = (c for c in tree.children(cell) if not tree.is_observed(c) and c not in busy)
     return next(free, tree.parent(cell))

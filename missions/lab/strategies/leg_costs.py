@@ -18,8 +18,8 @@ from missions.units import Cell
 class Ways:
     """Ways over the known cells at one decision.
 
-    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1)])
-    >>> tree = tree.looked(Cell(0, 1), [Cell(1, 1)])
+    >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(0, 1)])
+    >>> tree = tree.with_observation(Cell(0, 1), [Cell(1, 1)])
     >>> Ways(tree, Metric()).lengths(Cell(0, 0), [Cell(1, 1)])
     {Cell(east=1, north=1): 2.0}
     >>> in_flight = Ways(tree, Metric(straight=True))
@@ -34,7 +34,7 @@ class Ways:
         known = dict(tree.vertices.items())
         # most ways are short: the next cell should not cost the whole map
         self._near = cache(neighbours_in(known))
-        self.unvisited = [cell for cell, vertex in known.items() if not vertex.looked]
+        self.unvisited = [cell for cell, vertex in known.items() if not vertex.observed]
         """Known cells that no robot has observed, in the order in which they were found."""
 
     def steps(self, start: Cell, until: Collection[Cell] = ()) -> dict[Cell, int]:

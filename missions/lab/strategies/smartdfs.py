@@ -96,7 +96,7 @@ def _fork(tree: Tree, ways: Ways, trail: tuple[_Fork, ...], here: Cell) -> _Fork
     else:  # a new beginning: with the back to a cell that is not ROI
         back = next((i for i, cell in enumerate(around) if cell not in tree), 2)
     turned = [around[(back + quarter) % 4] for quarter in (1, 2, 3, 4)]
-    todo = [cell for cell in turned if cell in tree and not tree.has_looked(cell)]
+    todo = [cell for cell in turned if cell in tree and not tree.is_observed(cell)]
     if len(todo) > 1:
         parts = {cell: _part(tree, cell) for cell in todo}
         if len(set(parts.values())) > 1:
@@ -108,7 +108,7 @@ def _fork(tree: Tree, ways: Ways, trail: tuple[_Fork, ...], here: Cell) -> _Fork
 def _return_steps(tree: Tree, home: Mapping[Cell, int], part: Collection[Cell], here: Cell) -> int:
     """Return steps to the root from the nearest visited cell beside a part, but for the split."""
     beside = {n for cell in part for n in cell.neighbours() if n in tree and n != here}
-    return min((home[n] for n in beside if tree.has_looked(n)), default=home[here])
+    return min((home[n] for n in beside if tree.is_observed(n)), default=home[here])
 
 
 def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
@@ -118,7 +118,7 @@ def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
         e, n = todo.pop()
         for de, dn in ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1)):
             cell = Cell(e + de, n + dn)
-            if cell in part or cell not in tree or tree.has_looked(cell):
+            if cell in part or cell not in tree or tree.is_observed(cell):
                 continue
             if de and dn and _shut(tree, Cell(e + de, n)) and _shut(tree, Cell(e, n + dn)):
                 continue
@@ -130,8 +130,8 @@ def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
 def _shut(tree: Tree, cell: Cell) -> bool:
     """Return True if no way leads over a cell to an unvisited one: visited, or not ROI."""
     if cell in tree:
-        return tree.has_looked(cell)
-    return any(n in tree and tree.has_looked(n) for n in cell.neighbours())
+        return tree.is_observed(cell)
+    return any(n in tree and tree.is_observed(n) for n in cell.neighbours())
 
 
 def _unfinished(
@@ -145,11 +145,11 @@ def _unfinished(
 
 def _left(tree: Tree, others: Mapping[Cell, int], cell: Cell) -> bool:
     """Return True if a cell is unvisited and no other robot heads for it."""
-    return not tree.has_looked(cell) and not others.get(cell)
+    return not tree.is_observed(cell) and not others.get(cell)
 
 
 def _towards(tree: Tree, here: Cell, fork: Cell, goal: Cell) -> Cell:
     """Return the next cell on the shortest visited way to a fork, and from there to the goal."""
     if here == fork:
         return goal
-    return step_towards({c for c, v in tree.vertices.items() if v.looked}, here, fork)
+    return step_towards({c for c, v in tree.vertices.items() if v.observed}, here, fork)

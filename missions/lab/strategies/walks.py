@@ -123,7 +123,7 @@ class RandomWalk(_Walk):
     flight takes the same way.
 
     >>> from missions.mapping.tree import Tree
-    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1)])
+    >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(0, 1)])
     >>> RandomWalk().decide(Situation(tree, {1: Cell(0, 0)}, (1,)))
     Decision(moves={1: Cell(east=0, north=1)}, memory=1)
     """

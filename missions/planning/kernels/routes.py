@@ -139,7 +139,7 @@ def _reversed(route: Ints, count: int, i: int, j: int, out: Ints) -> int:
 
 
 @part
-def _take(
+def _adopt(
     routes: Ints, counts: Longs, robot: int, trial: Ints, count: int, owner: Longs, place_of: Longs
 ) -> None:
     counts[robot] = count
@@ -221,7 +221,7 @@ def improve(
     a, b, c = np.empty(nodes, np.int32), np.empty(nodes, np.int32), np.empty(nodes, np.int32)
     total = 0.0
     for robot in range(counts.size):
-        _take(routes, counts, robot, routes[robot], counts[robot], owner, place_of)
+        _adopt(routes, counts, robot, routes[robot], counts[robot], owner, place_of)
         total += costs[robot]
     near = nearest(legs, nodes, counts.size, min(NEAR, nodes + counts.size - 1))
     for move in range(moves):
@@ -262,10 +262,10 @@ def improve(
         if gain < allowed:
             total += gain
             costs[mine] = cost
-            _take(routes, counts, mine, a, left, owner, place_of)
+            _adopt(routes, counts, mine, a, left, owner, place_of)
             if mine != theirs:
                 costs[theirs] = other_cost
-                _take(routes, counts, theirs, b, right, owner, place_of)
+                _adopt(routes, counts, theirs, b, right, owner, place_of)
 
 
 @part

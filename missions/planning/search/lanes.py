@@ -54,7 +54,7 @@ def lanes(
 
     >>> box = [GridPoint(0, 0), GridPoint(40, 0), GridPoint(40, 20), GridPoint(0, 20)]
     >>> around = [GridPoint(-9, -9), GridPoint(60, -9), GridPoint(60, 60), GridPoint(-9, 60)]
-    >>> [lane[0].north_m for lane in lanes(box, 4.0, Fence.of(around, [], 0.0))]
+    >>> [lane[0].north_m for lane in lanes(box, 4.0, Fence.from_rings(around, [], 0.0))]
     [4.0, 16.0]
     """
     polygon = Polygon(box)

@@ -92,7 +92,7 @@ def soonest(
         found.append(_exact(likely, homes, pace))
     else:
         tours = _Tours(likely, homes, pace)
-        for tour in (tours.of(plain), tours.greedy()):
+        for tour in (tours.sequence(plain), tours.greedy()):
             found.append(tours.blocks(tours.improved(tour)))
     return min(found, key=lambda blocks: expected_s(blocks, homes, pace))
 
@@ -177,7 +177,7 @@ class _Tours:
         self._weight = np.asarray([*(way.probability for way in self._ways), *none])
         self._middle_s = np.asarray([*(way.middle_m / pace.speed_m_s for way in self._ways), *none])
 
-    def of(self, blocks: Sequence[Block]) -> Ints:
+    def sequence(self, blocks: Sequence[Block]) -> Ints:
         """Return the sequence of lanes that are flown in these blocks, in their own direction."""
         numbers = iter(range(0, len(self._ways), 2))
         tour: list[int] = []

@@ -30,7 +30,7 @@ class Strip:
     rows: range
 
     @classmethod
-    def of(cls, grid: Grid, lane: Lane, rows: int, t_s: float) -> Strip:
+    def along_lane(cls, grid: Grid, lane: Lane, rows: int, t_s: float) -> Strip:
         """Return the strip of a lane that decides `rows` rows, at a time."""
         cell_m = grid.cell_m
         start, end = (grid.to_moving(place, t_s) for place in lane)

@@ -56,7 +56,7 @@ class Retreat:
     """Robots that have been home."""
 
     @classmethod
-    def of(cls, tree: Tree) -> Retreat:
+    def from_tree(cls, tree: Tree) -> Retreat:
         """Return the retreat that begins now."""
         return cls(frozenset(cell for cell in tree.vertices if tree.is_explored(cell)))
 
@@ -100,10 +100,10 @@ def _closed(tree: Tree, dropped: frozenset[Cell]) -> frozenset[Cell]:
 def _anew(tree: Tree, dropped: Collection[Cell], passed: Collection[Cell]) -> Tree:
     """Return T': the vertices that are not dropped, observed only if a robot has been there
     since."""
-    return Tree.of(
+    return Tree.from_vertices(
         tree.root,
         {
-            cell: Vertex(vertex.parent, vertex.depth, vertex.looked and cell in passed)
+            cell: Vertex(vertex.parent, vertex.depth, vertex.observed and cell in passed)
             for cell, vertex in tree.vertices.items()
             if cell not in dropped
         },
@@ -130,7 +130,7 @@ class Horizon:
     """The planner. `until` is a time after which it retreats in any case.
 
     >>> from missions.mapping.tree import Tree
-    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
+    >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
     >>> both = {1: Cell(0, 0), 2: Cell(0, 0)}
     >>> sorted(Horizon().decide(Situation(tree, both, (1, 2))).moves.values())
     [Cell(east=0, north=1), Cell(east=1, north=0)]
@@ -152,11 +152,11 @@ class Horizon:
             situation.memory if isinstance(situation.memory, PlannerMemory) else PlannerMemory()
         )
         if outlook.retreat is None:
-            ground = Ground.of(situation.tree)
+            ground = Ground.from_tree(situation.tree)
             moves, ahead = _ahead(situation, outlook, ground)
             if ahead.now < self.until and _in_time(situation, moves, ahead, ground):
                 return Decision(moves, ahead)
-            outlook = replace(outlook, retreat=Retreat.of(situation.tree))
+            outlook = replace(outlook, retreat=Retreat.from_tree(situation.tree))
         assert outlook.retreat is not None
         moves, retreat = outlook.retreat.moves(situation)
         return Decision(moves, replace(outlook, retreat=retreat))
@@ -179,7 +179,7 @@ def _ahead(
         goals = {
             r: goal
             for r, goal in outlook.goals.items()
-            if r in at and r not in situation.away and goal in tree and not tree.has_looked(goal)
+            if r in at and r not in situation.away and goal in tree and not tree.is_observed(goal)
         }
     if tree.is_explored(tree.root):
         goals.update(dict.fromkeys(robots, tree.root))
@@ -191,7 +191,7 @@ def _ahead(
         wide = ground.with_nooks() if small else ground  # no robot keeps to a guess
         away = situation.away.difference(robots)
         places = {r: cell for r, cell in {**at, **goals}.items() if r not in away}
-        sites = Sites.of(situation, wide, places)
+        sites = Sites.from_situation(situation, wide, places)
         routes = sites.routes(routes, outlook.decisions)
         for robot, goal in sites.goals(routes, asked).items():
             goals[robot] = goal
@@ -199,7 +199,7 @@ def _ahead(
     for robot in robots:
         goal = goals.get(robot, at[robot])
         moves[robot] = None if goal == at[robot] else wide.towards(situation, at[robot], goal)
-    kept = {r: goal for r, goal in goals.items() if goal in tree and not tree.has_looked(goal)}
+    kept = {r: goal for r, goal in goals.items() if goal in tree and not tree.is_observed(goal)}
     now, clocks = _clocks(situation, outlook, moves)
     return moves, PlannerMemory(routes, kept, clocks, now, outlook.decisions + 1)
 
@@ -215,7 +215,7 @@ def _clocks(
         if cell is None:
             clocks[robot] = now + step_cost(metric)
         else:
-            look = 0.0 if tree.has_looked(cell) else metric.look
+            look = 0.0 if tree.is_observed(cell) else metric.look
             clocks[robot] = now + metric.from_rest(metric.tour_leg(at[robot], cell)) + look
     return now, clocks
 

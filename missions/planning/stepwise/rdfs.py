@@ -49,7 +49,7 @@ Branch = tuple[Cell, ...]
 class Rdfs:
     """Algorithm 1 with the child rule that keeps Lemma 1.
 
-    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
+    >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
     >>> Rdfs().decide(Situation(tree, {1: Cell(0, 0), 2: Cell(0, 0)}, (1, 2))).moves
     {1: Cell(east=0, north=1), 2: Cell(east=1, north=0)}
     """
@@ -78,7 +78,7 @@ class Rdfs:
         """Return the move of one pass through the listing; numbers are the lines of Algorithm 1."""
         v = at[robot]
         # 2-6, 8: the neighbours that are ROI are the children of v, without explored ones. 9-13: a
-        # cell that would close a cycle never became a child (`Tree.looked`)
+        # cell that would close a cycle never became a child (`Tree.with_observation`)
         neighbours = _outermost_first(
             tree, [w for w in tree.children(v) if not tree.is_explored(w)]
         )
@@ -131,7 +131,7 @@ def _rank(tree: Tree, robots: Mapping[Cell, int], branch: Branch) -> tuple[bool,
 
     A dummy vertex has been entered as soon as one of its children has.
     """
-    entered = any(tree.has_looked(child) or robots.get(child, 0) for child in branch)
+    entered = any(tree.is_observed(child) or robots.get(child, 0) for child in branch)
     return (entered, sum(robots.get(child, 0) for child in branch))
 
 

@@ -75,7 +75,7 @@ class Ground:
     unseen: NDArray[np.int32]
 
     @classmethod
-    def of(cls, tree: Tree) -> Ground:
+    def from_tree(cls, tree: Tree) -> Ground:
         """Return the vertices of a tree."""
         # numba takes a second to import, so the kernels are imported where they are needed
         from missions.planning.kernels import ground as kernels  # noqa: PLC0415
@@ -83,7 +83,7 @@ class Ground:
         count = len(tree)
         cells = np.fromiter(chain.from_iterable(tree.vertices), np.int64, 2 * count)
         east, north = cells[0::2], cells[1::2]
-        looked = np.fromiter((v.looked for v in tree.vertices.values()), np.bool_, count)
+        looked = np.fromiter((v.observed for v in tree.vertices.values()), np.bool_, count)
         corner = Cell(int(east.min()) - _MARGIN, int(north.min()) - _MARGIN)
         width = int(east.max()) - corner.east + _MARGIN + 1
         height = int(north.max()) - corner.north + _MARGIN + 1
@@ -168,7 +168,9 @@ class Sites:
     """Number of unobserved neighbours of each site; 0 for an observed site."""
 
     @classmethod
-    def of(cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]) -> Sites:
+    def from_situation(
+        cls, situation: Situation, ground: Ground, places: Mapping[int, Cell]
+    ) -> Sites:
         """Return sites whose nodes are the vertices that no robot has observed or is on its way
         to."""
         from missions.planning.kernels import ground as kernels  # noqa: PLC0415, as above

@@ -73,7 +73,7 @@ class _Search:
     cells: kernels.Cells
 
     @classmethod
-    def of(cls, rows: Floats, chart: Chart, valued: Valued) -> _Search:
+    def create(cls, rows: Floats, chart: Chart, valued: Valued) -> _Search:
         """Create a search in which no vehicle has begun or has waypoints."""
         count, begins = len(rows), kernels.LEADS
         worth, need, _, _ = valued
@@ -148,13 +148,13 @@ class Planner:
         rows = np.stack(
             [row_of(f.kinematics, tuning, s) for f, s in zip(team, next_frame_s, strict=True)]
         )
-        search = _Search.of(rows, chart, valued)
+        search = _Search.create(rows, chart, valued)
         for k, flyer in enumerate(team):
             self._warm(flyer, search, k, begin_s)
         kept_s = self._cost_of_kept(team, search, begin_s)
         cost_s = self._improve(search, valued, seed, tuning.moves)
         if tours:
-            other = _Search.of(rows, chart, valued)
+            other = _Search.create(rows, chart, valued)
             for k, (flyer, tour) in enumerate(zip(team, tours, strict=True)):
                 self._warm(flyer, other, k, begin_s, tour)
             moves = tuning.tour_moves

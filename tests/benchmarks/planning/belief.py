@@ -147,7 +147,7 @@ def exploring(cells: int) -> Flight:
     state = replace(
         flight.state,
         belief=mapped(flight.state.belief, block(cells), roi=True),
-        tree=Tree.of(root, vertices),
+        tree=Tree.from_vertices(root, vertices),
         found_s=0.0,
     )
     vehicle = replace(

@@ -49,7 +49,7 @@ def map_is_whole(flight: Fleet, scenario: Scenario) -> None:
         return
     looked, mapped = reachable(flight.setting, scenario.roi, state.tree.root)
     assert mapped <= state.belief.roi
-    assert {c for c in looked if c not in state.tree or not state.tree.has_looked(c)} == set()
+    assert {c for c in looked if c not in state.tree or not state.tree.is_observed(c)} == set()
     assert state.abandoned.isdisjoint(looked)
     assert state.completed == (looked == component(scenario.roi, state.tree.root))
 
@@ -98,9 +98,9 @@ def interrupted(scenario: Scenario, kind: str, rng: np.random.Generator) -> Flee
     flight = begun(scenario)
     for _ in range(5):
         until_s = flight.t_s + float(rng.uniform(3, 60))
-        while flight.t_s < until_s and not flight.state.over:
+        while flight.t_s < until_s and not flight.state.is_over:
             flight.tick()
-        if flight.state.over:
+        if flight.state.is_over:
             break
         number = int(rng.integers(1, len(flight.vehicles) + 1))
         pause_s = float(rng.uniform(2, 20))

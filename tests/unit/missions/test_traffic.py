@@ -28,7 +28,7 @@ def track(east_m, north_m, velocity_m_s=(0.0, 0.0), *, height_m=100.0, seen_s=0.
 
 
 def answer(*tracks, t_s=0.0, rule=RULE, team=TEAM):
-    return Traffic().heard(tracks).judged(rule, team, t_s).answer
+    return Traffic().with_tracks(tracks).with_answer(rule, team, t_s).answer
 
 
 def test_traffic_far_away_changes_nothing():
@@ -70,28 +70,30 @@ def test_traffic_that_is_silent_is_followed_then_expires():
 
 
 def test_team_goes_on_some_time_after_the_traffic():
-    held = Traffic().heard([track(0.0, 900.0, (0.0, 50.0))]).judged(RULE, TEAM, 0.0)
-    gone = held.heard([track(0.0, 1100.0, (0.0, 50.0), seen_s=4.0)])
-    assert gone.judged(RULE, TEAM, CLEAR_AFTER_S - 0.1).answer is Answer.HOLD
-    assert gone.judged(RULE, TEAM, CLEAR_AFTER_S + 0.1).answer is Answer.GO_ON
+    held = Traffic().with_tracks([track(0.0, 900.0, (0.0, 50.0))]).with_answer(RULE, TEAM, 0.0)
+    gone = held.with_tracks([track(0.0, 1100.0, (0.0, 50.0), seen_s=4.0)])
+    assert gone.with_answer(RULE, TEAM, CLEAR_AFTER_S - 0.1).answer is Answer.HOLD
+    assert gone.with_answer(RULE, TEAM, CLEAR_AFTER_S + 0.1).answer is Answer.GO_ON
 
 
 def test_distance_of_zero_shows_traffic_and_does_nothing():
-    shown = Traffic().heard([track(0.0, 1.0, None)]).judged(Rule(0.0, 300.0), TEAM, 0.0)
+    shown = Traffic().with_tracks([track(0.0, 1.0, None)]).with_answer(Rule(0.0, 300.0), TEAM, 0.0)
     assert (len(shown.tracks), shown.answer) == (1, Answer.GO_ON)
 
 
 def test_ignored_traffic_holds_nobody_another_does():
-    held = Traffic().heard([track(0.0, 900.0, (0.0, 50.0))]).judged(RULE, TEAM, 0.0)
-    free = held.ignoring().judged(RULE, TEAM, 1.0)
+    held = Traffic().with_tracks([track(0.0, 900.0, (0.0, 50.0))]).with_answer(RULE, TEAM, 0.0)
+    free = held.ignoring().with_answer(RULE, TEAM, 1.0)
     assert free.answer is Answer.GO_ON
-    other = free.heard([track(0.0, 900.0, (0.0, 50.0), ident="B")]).judged(RULE, TEAM, 1.0)
+    other = free.with_tracks([track(0.0, 900.0, (0.0, 50.0), ident="B")]).with_answer(
+        RULE, TEAM, 1.0
+    )
     assert (other.answer, other.because) == (Answer.HOLD, "B")
 
 
 def test_older_report_does_not_replace_a_newer_one():
-    known = Traffic().heard([track(0.0, 900.0, seen_s=5.0)])
-    assert known.heard([track(0.0, 5000.0, seen_s=4.0)]).tracks == known.tracks
+    known = Traffic().with_tracks([track(0.0, 900.0, seen_s=5.0)])
+    assert known.with_tracks([track(0.0, 5000.0, seen_s=4.0)]).tracks == known.tracks
 
 
 FINITE = st.floats(-30_000.0, 30_000.0, allow_nan=False).map(lambda m: round(m, 1))
@@ -112,25 +114,25 @@ SEEN = st.lists(st.tuples(st.floats(0.0, 60.0), st.lists(TRACKS, max_size=4)), m
 def test_any_traffic_is_answered_and_releases_the_team_afterwards(reports):
     traffic = Traffic()
     for t_s, tracks in sorted(reports, key=lambda report: report[0]):
-        traffic = traffic.heard(tracks).judged(RULE, TEAM, t_s)
+        traffic = traffic.with_tracks(tracks).with_answer(RULE, TEAM, t_s)
         assert all(t_s - known.seen_s <= MAX_TRACK_AGE_S for known in traffic.tracks)
         assert bool(traffic.because) <= bool(traffic.answer)
     end_s = 60.0 + MAX_TRACK_AGE_S + 0.1
-    last = traffic.judged(RULE, TEAM, end_s).judged(RULE, TEAM, end_s + CLEAR_AFTER_S)
+    last = traffic.with_answer(RULE, TEAM, end_s).with_answer(RULE, TEAM, end_s + CLEAR_AFTER_S)
     assert last.answer is Answer.GO_ON
-    assert last.judged(RULE, TEAM, math.inf) is last
+    assert last.with_answer(RULE, TEAM, math.inf) is last
 
 
 def test_flood_leaves_the_nearest():
     many = [track(float(k), 0.0, ident=str(k)) for k in range(3 * MAX_TRACKS, 0, -1)]
-    kept = Traffic().heard(many).tracks
+    kept = Traffic().with_tracks(many).tracks
     assert [one.ident for one in kept] == [str(k) for k in range(1, MAX_TRACKS + 1)]
 
 
 def test_traffic_that_was_ignored_and_comes_back_counts_anew():
     near = track(0.0, 900.0, None)
-    ignored = Traffic().heard([near]).judged(RULE, TEAM, 0.0).ignoring()
-    assert ignored.judged(RULE, TEAM, 1.0).answer is Answer.GO_ON
-    gone = ignored.judged(RULE, TEAM, MAX_TRACK_AGE_S + 1.0)
-    again = gone.heard([near._replace(seen_s=100.0)]).judged(RULE, TEAM, 100.0)
+    ignored = Traffic().with_tracks([near]).with_answer(RULE, TEAM, 0.0).ignoring()
+    assert ignored.with_answer(RULE, TEAM, 1.0).answer is Answer.GO_ON
+    gone = ignored.with_answer(RULE, TEAM, MAX_TRACK_AGE_S + 1.0)
+    again = gone.with_tracks([near._replace(seen_s=100.0)]).with_answer(RULE, TEAM, 100.0)
     assert again.answer is Answer.COME_HOME

@@ -52,7 +52,7 @@ class FolderWatch:
     """Known files; None: passed on, or there from the beginning."""
     _looked_s: float | None = None
 
-    def look(self, now_s: float) -> list[NewFile]:
+    def new_files(self, now_s: float) -> list[NewFile]:
         """Return the pictures that became whole since the last look, in their order.
 
         Raises `LinkError` if the folder cannot be read; known files stay known.
@@ -171,7 +171,7 @@ _LOG_INTERVAL_S: Final = 10.0
 T = TypeVar("T")
 Slowly = Callable[[Callable[[], T]], Awaitable[T]]
 """Runs slow work: `asyncio.to_thread`, but for tests on virtual time."""
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ class Card:
     """The pictures of a folder, one after the other, as they become whole."""
 
     def __init__(
-        self, folder: Path, latency_s: float, say: Say, slowly: Slowly[Any] = asyncio.to_thread
+        self, folder: Path, latency_s: float, say: Log, slowly: Slowly[Any] = asyncio.to_thread
     ) -> None:
         self.folder = folder
         self._latency_s = latency_s
@@ -201,14 +201,14 @@ class Card:
     async def begin(self) -> None:
         """Note the existing files. Raises `LinkError` without such a folder."""
         loop = asyncio.get_running_loop()
-        await self._slowly(lambda: self._watch.look(loop.time()))
+        await self._slowly(lambda: self._watch.new_files(loop.time()))
 
     async def run(self, found: Callable[[CardPicture], None]) -> None:
         """Call `found` with each new picture, until cancelled; the folder may vanish and return."""
         loop = asyncio.get_running_loop()
 
         def look() -> list[tuple[NewFile, float | None]]:
-            return [(new, exif_time_s(new.path)) for new in self._watch.look(loop.time())]
+            return [(new, exif_time_s(new.path)) for new in self._watch.new_files(loop.time())]
 
         while True:
             try:
@@ -239,7 +239,7 @@ class FolderSource(LocalSource):
     """The pictures of a folder; those that appear without an order are left out."""
 
     def __init__(
-        self, folder: Path, latency_s: float, say: Say, slowly: Slowly[Any] = asyncio.to_thread
+        self, folder: Path, latency_s: float, say: Log, slowly: Slowly[Any] = asyncio.to_thread
     ) -> None:
         super().__init__(latency_s)
         self._card = Card(folder, latency_s, say, slowly)
@@ -253,7 +253,7 @@ class FolderSource(LocalSource):
         await self._card.run(self._found)
 
     def _found(self, picture: CardPicture) -> None:
-        if self._cadence.take(picture.taken_s):
+        if self._cadence.selects(picture.taken_s):
             self._heard(
                 Announcement(
                     name=str(picture.path),

@@ -95,7 +95,7 @@ class MavlinkFtp:
     @contextlib.asynccontextmanager
     async def _opened(self, path: str) -> AsyncIterator[tuple[int, int]]:
         """Yield the number of a session, and the size of the file."""
-        reply = await self._asked_for(OPEN, data=path.encode("ascii"))
+        reply = await self._answer_to(OPEN, data=path.encode("ascii"))
         if len(reply.data) < 4:
             raise LinkError("the answer has no size")
         (size,) = struct.unpack_from("<I", reply.data)
@@ -145,7 +145,7 @@ class MavlinkFtp:
             if reply.burst_ends or all(known):
                 return came
 
-    async def _asked_for(self, opcode: int, data: bytes) -> _Reply:
+    async def _answer_to(self, opcode: int, data: bytes) -> _Reply:
         for _ in range(FTP_TRIES):
             sent = self._send(opcode, 0, data=data)
             try:
@@ -286,7 +286,7 @@ class MavlinkSource(CommandedSource):
             taken_s=taken_s,
             load=lambda: self.fetch(url),
             index=message.image_index,
-            told=reported_pose(message, view),
+            reported=reported_pose(message, view),
             fault="its time cannot be right" if wrong else None,
             kind=message.get_type(),
         )

@@ -17,7 +17,7 @@ from uavmap.aircraft.cameras.captures import (
     gstreamer_command,
     libcamera_command,
 )
-from uavmap.aircraft.cameras.folder import FolderSource, Say, Slowly
+from uavmap.aircraft.cameras.folder import FolderSource, Log, Slowly
 from uavmap.aircraft.cameras.mavlink import Fetch, MavlinkSource
 from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import FrameSource
@@ -45,7 +45,7 @@ async def opened_camera(
     session: Session,
     fetch: Fetch,
     settings: Settings,
-    say: Say,
+    say: Log,
     slowly: Slowly[Any] = asyncio.to_thread,
 ) -> AsyncIterator[FrameSource]:
     """Open the source of a specification; `say` logs its events.
@@ -74,7 +74,7 @@ async def opened_camera(
             await running
 
 
-async def _kept_running(spec: CameraSpec, run: Callable[[], Any], say: Say) -> None:
+async def _kept_running(spec: CameraSpec, run: Callable[[], Any], say: Log) -> None:
     """Restart a camera after any error, which is logged: it never ends a mission."""
     while True:
         try:

@@ -107,11 +107,13 @@ class Poses:
 
         Raises `ImageError` with the fault, which is counted.
         """
-        told = picture.told
+        told = picture.reported
         if told.position is None or told.attitude is None:
-            self._tell(picture)
+            self._log_missing_pose(picture)
             self.need_telemetry()
-            await self._session.until(lambda: self._knows(picture.taken_s), MAX_TELEMETRY_WAIT_S)
+            await self._session.until(
+                lambda: self._has_telemetry(picture.taken_s), MAX_TELEMETRY_WAIT_S
+            )
         fault, pose = self._pose(picture)
         if pose is None or fault is not None:
             self._view.gate.refuse(
@@ -121,18 +123,18 @@ class Poses:
             raise ImageError(f"the camera reports no usable pose: {fault}")
         return pose
 
-    def _tell(self, picture: Announcement) -> None:
+    def _log_missing_pose(self, picture: Announcement) -> None:
         """Log once that a camera does not report its pose."""
         if self._told or picture.kind != "CAMERA_IMAGE_CAPTURED":
             return
         self._told = True
-        what = "attitude" if picture.told.attitude is None else "position"
+        what = "attitude" if picture.reported.attitude is None else "position"
         self._view.gate.say(
             f"the camera does not report its {what}: the autopilot's is used, with "
             "camera.mounting, camera.yaw_deg, camera.pitch_deg and camera.roll_deg"
         )
 
-    def _knows(self, taken_s: float) -> bool:
+    def _has_telemetry(self, taken_s: float) -> bool:
         boot_s = taken_s - (self._view.boot_offset_s or 0.0)
         place = self._view.place_at(taken_s)
         told_s = self._view.gate.clock.boot_s
@@ -141,7 +143,7 @@ class Poses:
 
     def _pose(self, picture: Announcement) -> tuple[str | None, Pose | None]:
         """Return the fault, and the pose."""
-        told = picture.told
+        told = picture.reported
         if (told.position is None or told.attitude is None) and picture.fault is not None:
             return picture.fault, None
         attitude = told.attitude

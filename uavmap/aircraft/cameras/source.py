@@ -50,7 +50,7 @@ class Announcement:
     invalid."""
     index: int | None = None
     """Its number, counted by the camera without a gap; None if it cannot be requested again."""
-    told: ReportedPose = ReportedPose()
+    reported: ReportedPose = ReportedPose()
     fault: str | None = None
     """Reason why `taken_s` cannot be right, for a pose that depends on it."""
     kind: str = "picture"
@@ -126,7 +126,7 @@ class Cadence:
         """Return whether a picture of this time would be selected."""
         return self._left != 0 and taken_s >= self._due_s - self._early_s
 
-    def take(self, taken_s: float) -> bool:
+    def selects(self, taken_s: float) -> bool:
         """Return whether it is selected; the next one is due an interval later."""
         if not self.wants(taken_s):
             return False

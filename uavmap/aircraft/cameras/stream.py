@@ -74,7 +74,7 @@ _LOG_INTERVAL_S: Final = 10.0
 _WAITING: Final = 2
 
 Wants = Callable[[float], bool]
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +189,7 @@ class StreamSource(LocalSource):
     """Frames of a stream, dated by their arrival, less `latency_s`."""
 
     def __init__(
-        self, name: str, reader: ThreadReader, latency_s: float, size_px: tuple[int, int], say: Say
+        self, name: str, reader: ThreadReader, latency_s: float, size_px: tuple[int, int], say: Log
     ) -> None:
         super().__init__(latency_s)
         self._name = name
@@ -233,9 +233,9 @@ class StreamSource(LocalSource):
         try:
             while True:
                 while (frame := await self._reader.next()) is not None:
-                    self._take(frame)
+                    self._keep_frame(frame)
                 await self._reader.close()
-                self._tell(f"{self._name}: no more pictures come; it is opened again")
+                self._log(f"{self._name}: no more pictures come; it is opened again")
                 await self._reopen()
         finally:
             await self._reader.close()
@@ -247,17 +247,17 @@ class StreamSource(LocalSource):
                 await self._reader.open(self._wants)
                 return
             except LinkError as error:
-                self._tell(str(error))
+                self._log(str(error))
 
-    def _tell(self, text: str) -> None:
+    def _log(self, text: str) -> None:
         now_s = asyncio.get_running_loop().time()
         if now_s - self._told_s >= _LOG_INTERVAL_S:
             self._told_s = now_s
             self._say(text)
 
-    def _take(self, frame: RawFrame) -> None:
+    def _keep_frame(self, frame: RawFrame) -> None:
         taken_s = frame.there_s - self._latency_s
-        if not self._cadence.take(taken_s):
+        if not self._cadence.selects(taken_s):
             return
         self._number += 1
         number, held = self._number, self._held

@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
 from missions.units import LatLon, Quaternion
-from uavmap.aircraft.cameras.folder import Card, CardClock, CardPicture, Say, Slowly
+from uavmap.aircraft.cameras.folder import Card, CardClock, CardPicture, Log, Slowly
 from uavmap.aircraft.cameras.mavlink import CommandedSource
 from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import Announcement, ReportedPose, nothing_came
@@ -41,7 +41,7 @@ class _Shot:
 
     index: int
     taken_s: float
-    told: ReportedPose
+    reported: ReportedPose
 
 
 class TriggeredSource(CommandedSource):
@@ -53,7 +53,7 @@ class TriggeredSource(CommandedSource):
         mount: Mount,
         folder: Path,
         latency_s: float,
-        say: Say,
+        say: Log,
         slowly: Slowly[Any] = asyncio.to_thread,
     ) -> None:
         view = session.view
@@ -149,7 +149,9 @@ class TriggeredSource(CommandedSource):
             self._announce(near, str(path), partial(self._card.load, path))
 
     def _announce(self, shot: _Shot, name: str, load: Callable[[], Any]) -> None:
-        self._heard(Announcement(name, shot.taken_s, load, told=shot.told, kind="CAMERA_FEEDBACK"))
+        self._heard(
+            Announcement(name, shot.taken_s, load, reported=shot.reported, kind="CAMERA_FEEDBACK")
+        )
 
     def _give_up(self) -> None:
         now_s = asyncio.get_running_loop().time()

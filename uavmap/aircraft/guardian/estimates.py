@@ -121,7 +121,7 @@ class WindEstimate:
             self._samples.clear()  # a gap in the telemetry
         self._samples.append((t_s, *self._tilt, north_m_s, east_m_s))
         if t_s - self._samples[0][0] >= BLOCK_S:
-            self._take(self._block())
+            self._add(self._block())
             self._samples = self._samples[-1:]
 
     def _block(self) -> _Block:
@@ -135,7 +135,7 @@ class WindEstimate:
         east -= (last[4] - first[4]) / elapsed_s
         return _Block((north, east), (v_north, v_east))
 
-    def _take(self, block: _Block) -> None:
+    def _add(self, block: _Block) -> None:
         if self._blocks:
             before = self._blocks[-1]
             change = [a - b for a, b in zip(block.velocity, before.velocity, strict=True)]
@@ -206,7 +206,7 @@ class Leaps:
         self._fixes.clear()
         self.leapt = ""
 
-    def take(self, boot_s: float, position: LatLon, velocity_ne_m_s: tuple[float, float]) -> None:
+    def add(self, boot_s: float, position: LatLon, velocity_ne_m_s: tuple[float, float]) -> None:
         """Add its position and velocity at a time of its clock."""
         fixes = self._fixes
         if fixes and boot_s <= fixes[-1][0]:
@@ -258,11 +258,11 @@ class Impact:
 
     >>> impact = Impact()
     >>> for tenth, sink_m_s in enumerate([0.5, 0.5, 1.5, 2.5, 3.4, 4.4, 0.0]):
-    ...     impact.take(tenth / 10, sink_m_s)
+    ...     impact.add(tenth / 10, sink_m_s)
     >>> impact.speed_m_s, impact.sinks
     (4.4, False)
     >>> for tenth, sink_m_s in enumerate([0.5, 0.5, 4.4, 0.5, 0.0], start=100):
-    ...     impact.take(tenth / 10, sink_m_s)
+    ...     impact.add(tenth / 10, sink_m_s)
     >>> impact.speed_m_s
     0.5
     """
@@ -275,7 +275,7 @@ class Impact:
         self._descent: deque[tuple[float, float]] = deque()
         self._rested_s = float("-inf")
 
-    def take(self, t_s: float, sink_m_s: float) -> None:
+    def add(self, t_s: float, sink_m_s: float) -> None:
         """Add its sink rate at a time of its clock, in s and m/s."""
         descent = self._descent
         if descent and t_s < descent[-1][0]:  # its clock restarted

@@ -89,23 +89,23 @@ class Guardian:
         """True if the guardian has the vehicle now."""
         return self._monitor.control.holder is Holder.GUARDIAN
 
-    def told(self, task: Task) -> None:
+    def note_task(self, task: Task) -> None:
         """Note a new order of the mission."""
         if self.acting and not self._view.armed:
             self._let_go()
-        self._guard = self._guard.told(task)
+        self._guard = self._guard.with_task(task)
 
     def take_over(self, action: Action, reason: str, *, hurry: bool = False) -> None:
         """Have the autopilot return or land by itself, and ensure it; not if a pilot has control.
 
         `hurry`: it first descends as fast as it flies.
         """
-        if not self._monitor.control.is_ours:
+        if not self._monitor.control.is_under_control:
             return
-        self._guard = self._guard.acting(action, self._reporter.now_s(), hurry=hurry)
+        self._guard = self._guard.with_action(action, self._reporter.now_s(), hurry=hurry)
         self._reason = reason
         self.stand_aside()
-        self._monitor.control = self._monitor.control.acting(guardian=True)
+        self._monitor.control = self._monitor.control.with_guardian(guardian=True)
         number = self._reporter.number
         by_map = action == "rtl" and self._monitor.by_map
         way = "fly home by its own map" if by_map else _WORDS[action]
@@ -119,7 +119,7 @@ class Guardian:
         begin = self._tasks.create_task if self._tasks is not None else asyncio.ensure_future
         self._pursuit = begin(pursuit)
 
-    def heard_again(self) -> None:
+    def repeat_command(self) -> None:
         """Repeat, and log, its command from before the link was lost."""
         action = self._guard.action
         if action is not None and self._view.armed:
@@ -150,10 +150,10 @@ class Guardian:
             now_s, told_s = self._reporter.loop_s(), self._view.position_s
             if told_s > seen_s or now_s - looked_s >= 2.0 * CHECK_INTERVAL_S:
                 looked_s, seen_s = now_s, told_s
-                self._look()
+                self._check()
 
-    def _look(self) -> None:
-        seen = self._seen()
+    def _check(self) -> None:
+        seen = self._snapshot()
         if seen is None:
             return
         if seen.remaining_wh is not None:
@@ -192,7 +192,7 @@ class Guardian:
                 return
             self.order_failed(f"{leapt}: satellite navigation cannot be trusted", False)
 
-    def _seen(self) -> Snapshot | None:
+    def _snapshot(self) -> Snapshot | None:
         """Return the telemetry, None if it is too old."""
         view, reporter = self._view, self._reporter
         if not self._monitor.connected or view.position is None or view.home is None:
@@ -226,13 +226,13 @@ class Guardian:
         )
         self.stand_aside()
         reporter.happened(Crashed, seen.position, reason)
-        self._monitor.control = self._monitor.control.acting(guardian=True).crashed()
+        self._monitor.control = self._monitor.control.with_guardian(guardian=True).with_crash()
         struck = self._guard.fell or seen.struck_m_s > HARD_LANDING_M_S
         self._begin(self._flight.stop_motors(struck=struck))
 
     def _let_go(self) -> None:
         """End its action: a pilot has control, or the vehicle is on the ground."""
-        self._monitor.control = self._monitor.control.acting(guardian=False)
+        self._monitor.control = self._monitor.control.with_guardian(guardian=False)
         self._guard = self._guard.released()
         if self._pursuit is not None:
             self._pursuit.cancel()
@@ -259,7 +259,7 @@ class Guardian:
         """True if the vehicle is in the air, as far as known, and under our control."""
         control = self._monitor.control
         known = self._monitor.met or self.entrusted
-        return known and control.air.may_be_up and control.is_ours
+        return known and control.air.may_be_up and control.is_under_control
 
     def return_home(self, reason: str) -> None:
         """Have its autopilot return, from where home lies straight ahead."""
@@ -282,21 +282,21 @@ class Guardian:
         """
         await self._turn_corners(reason)
         while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
-            self._take_up()
+            self._reconnect()
             if not self.acting:
                 self.take_over("rtl", reason)
             await self._session.until(lambda: not self.responsible, min(left_s, HEARTBEAT_S))
-        self._look()  # no other code reports how it came down
+        self._check()  # no other code reports how it came down
         if self._monitor.control.air is AirState.DOWN:
             await self._session.until(lambda: not self._view.armed, STOP_MOTORS_S)
 
-    def _take_up(self) -> None:
+    def _reconnect(self) -> None:
         """Reconnect a vehicle that was silent when the mission ended, and is received again."""
         monitor, view = self._monitor, self._view
         heard = view.silent_s(self._reporter.loop_s()) <= MAX_TELEMETRY_AGE_S
         if monitor.met and not monitor.connected and heard:
             monitor.report_connected()
-            self.heard_again()
+            self.repeat_command()
 
     async def _turn_corners(self, reason: str) -> None:
         """Fly it around holes of the fence until home lies straight ahead.
@@ -311,13 +311,13 @@ class Guardian:
         here = reporter.position()
         if self._view.ground_speed_m_s > BRISK_M_S:
             # a fast vehicle flies on for a while, perhaps over a corner
-            self.told(self._towards(here, here, height_m, CORNER_S))
+            self.note_task(self._towards(here, here, height_m, CORNER_S))
             if not await self._flight.reach(here, height_m, self._over, slow=True):
                 return
         for corner in self._corners():
             here = reporter.position()
             leg_s = leg_over_ground_s(self._view, energy, here, corner) + CORNER_S
-            self.told(self._towards(here, corner, height_m, leg_s))
+            self.note_task(self._towards(here, corner, height_m, leg_s))
             if not await self._flight.reach(corner, height_m, self._over):
                 return
 

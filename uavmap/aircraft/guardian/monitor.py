@@ -34,7 +34,7 @@ class PlaceFinder(Protocol):
     def leapt(self, how: str) -> bool:
         """Note that the reported position jumped; return False if the true one cannot be known."""
 
-    def look(self, *, airborne: bool) -> None:
+    def check(self, *, airborne: bool) -> None:
         """Check the telemetry; called with every position."""
 
 
@@ -75,16 +75,16 @@ class Monitor:
         elif name == "CURRENT_MODE":
             self._watch_mode(self._view.landed_state)
         elif name == "COMMAND_ACK":
-            self._hear_acknowledgement(message)
+            self._note_acknowledgement(message)
         elif name == "ATTITUDE":
             self.wind.tilted(message.roll, message.pitch, message.yaw)
         elif name == "GLOBAL_POSITION_INT":
             if self.navigation is not None and self.connected:
-                self.navigation.look(airborne=self.control.off_ground)
+                self.navigation.check(airborne=self.control.off_ground)
             self._measure_wind()
             self._look_for_leaps()
             if self._view.gate.clock.boot_s is not None:
-                self.impact.take(self._view.gate.clock.boot_s, self._view.velocity_ned_m_s[2])
+                self.impact.add(self._view.gate.clock.boot_s, self._view.velocity_ned_m_s[2])
             self._track()
         self._watch_ground()
         if self.connected:
@@ -121,13 +121,13 @@ class Monitor:
         now_s = self._reporter.loop_s()
         beat = Beat(view.mode, view.armed, view.failsafe, now_s, landed_state)
         if self.met:
-            control = before.heard(view.kind, beat)
+            control = before.with_beat(view.kind, beat)
         else:  # an earlier process may have left it returning or landing
-            control = before.noted(beat).connected(view.kind, resumed=True)
-        if self.connected and before.is_ours and not control.is_ours:
-            control = control.because(self.why(view.mode_name))
+            control = before.with_content(beat).with_connection(view.kind, resumed=True)
+        if self.connected and before.is_under_control and not control.is_under_control:
+            control = control.with_cause(self.why(view.mode_name))
         self.control = control
-        while self._scopes and not control.is_ours:
+        while self._scopes and not control.is_under_control:
             self._scopes.pop().reschedule(self._reporter.loop_s())
         if self.connected:
             self._report_control(before)
@@ -136,13 +136,13 @@ class Monitor:
         control, reporter = self.control, self._reporter
         # also from one mode to another: RTL and LOITER fly to different places
         turned = control.armed and control.mode != before.mode
-        if not control.is_ours and (before.is_ours or turned):
+        if not control.is_under_control and (before.is_under_control or turned):
             reporter.happened(Overridden, self._view.mode_name, cause=control.cause or None)
-        elif control.is_ours and not before.is_ours:
+        elif control.is_under_control and not before.is_under_control:
             height_m = reporter.height_m() if control.off_ground else 0.0
             reporter.happened(Released, reporter.position(), height_m)
 
-    def _hear_acknowledgement(self, ack: Message) -> None:
+    def _note_acknowledgement(self, ack: Message) -> None:
         """Note whether the autopilot accepts the commanded mode.
 
         A PX4 acknowledges DO_SET_MODE on receipt and when its commander has decided. Either may be
@@ -159,9 +159,9 @@ class Monitor:
         if command != ack.command or ack.target_system not in (0, GROUND_SYSTEM_ID):
             return
         if ack.result == mav.MAV_RESULT_ACCEPTED:
-            self.control = self.control.acknowledged(self._reporter.loop_s())
+            self.control = self.control.with_acknowledgement(self._reporter.loop_s())
         elif ack.result != mav.MAV_RESULT_IN_PROGRESS:
-            self.control = self.control.denied()
+            self.control = self.control.with_denial()
 
     # --- flight ------------------------------------------------------------------------------
     def _watch_ground(self) -> None:
@@ -179,7 +179,7 @@ class Monitor:
             self._down_s = now_s if self._down_s is None else self._down_s
             if self.impact.sinks and now_s - self._down_s < FALLS_S:
                 return
-        self.control = self.control.stood(ground, view.kind, now_s)
+        self.control = self.control.with_ground(ground, view.kind, now_s)
 
     def _report_flight(self, before: Control) -> None:
         control = self.control
@@ -215,7 +215,7 @@ class Monitor:
             self.leaps.forget()
             return
         north_m_s, east_m_s, _ = view.velocity_ned_m_s
-        self.leaps.take(view.gate.clock.boot_s, view.position, (north_m_s, east_m_s))
+        self.leaps.add(view.gate.clock.boot_s, view.position, (north_m_s, east_m_s))
 
     def _track(self) -> None:
         reporter = self._reporter
@@ -234,11 +234,11 @@ class Monitor:
         self.connected = self.met = True
         self.control = replace(self.control, air=AirState.UNKNOWN)
         self._watch_ground()
-        self.control = self.control.connected(view.kind, resumed=self.resumed)
+        self.control = self.control.with_connection(view.kind, resumed=self.resumed)
         airborne = self.control.in_air
         home = reporter.home() if view.home is not None else GridPoint(0.0, 0.0)
         reporter.happened(
             Connected, home, reporter.position(), reporter.height_m(), airborne,
-            self.control.is_ours, reporter.remaining(), home_amsl_m=reporter.home_amsl_m(),
+            self.control.is_under_control, reporter.remaining(), home_amsl_m=reporter.home_amsl_m(),
             mode=self.mode if airborne else None,
         )  # fmt: skip

@@ -56,7 +56,7 @@ class RecoveryFlight:
 
         None if it lands or is on the ground, or a pilot has it.
         """
-        ours = self._monitor.control.off_ground and self._monitor.control.is_ours
+        ours = self._monitor.control.off_ground and self._monitor.control.is_under_control
         return quick_aim_m(self._view.height_m) if ours else None
 
     async def descend(self) -> bool:
@@ -109,7 +109,7 @@ class RecoveryFlight:
         """Fly to its home by targets; return False if it refuses them, or needs none."""
         view, fence = self._view, self._fence
         height_m = view.height_m
-        while self._monitor.by_map and view.armed and self._monitor.control.is_ours:
+        while self._monitor.by_map and view.armed and self._monitor.control.is_under_control:
             here, home = self._reporter.position(), self._reporter.home()
             if here.distance_to(home) <= OVER_HOME_M and view.ground_speed_m_s <= BRISK_M_S:
                 return True
@@ -134,7 +134,7 @@ class RecoveryFlight:
         view, commands = self._view, self._commands
         wanted = view.kind.rtl if action == "rtl" else view.kind.land
         ask = commands.return_to_launch if action == "rtl" else commands.land
-        while view.mode != wanted and view.armed and self._monitor.control.is_ours:
+        while view.mode != wanted and view.armed and self._monitor.control.is_under_control:
             try:
                 await ask()
             except NotInControlError:
@@ -159,7 +159,7 @@ class RecoveryFlight:
             return view.armed
 
         line = self._reporter.line
-        if is_armed() and self._monitor.control.is_ours:
+        if is_armed() and self._monitor.control.is_under_control:
             asking = asyncio.ensure_future(self.ask_autopilot("land"))
             try:
                 await session.until(lambda: not view.armed, MOTORS_OFF_WAIT_S)
@@ -167,7 +167,7 @@ class RecoveryFlight:
                 asking.cancel()
         told = False
         while is_armed():
-            forced = struck and view.height_m < DOWN_M and self._monitor.control.is_ours
+            forced = struck and view.height_m < DOWN_M and self._monitor.control.is_under_control
             if not told:
                 told = True
                 how = "they are stopped by force" if forced else "keep away"

@@ -53,7 +53,7 @@ class Classifier:
     _last: Image | None = field(default=None, repr=False)
 
     @classmethod
-    def of(
+    def for_mission(
         cls,
         mission: Mission,
         grid: Grid,

@@ -197,9 +197,9 @@ class Frames:
                     "detection is slower than the frame rate: pictures are dropped from now on",
                     None,
                 )
-        return await self._looked_at(picture, vantage)
+        return await self._judge_picture(picture, vantage)
 
-    async def _looked_at(self, picture: Announcement, vantage: Cell | None) -> FrameLost | None:
+    async def _judge_picture(self, picture: Announcement, vantage: Cell | None) -> FrameLost | None:
         try:
             await self._look(picture, vantage)
         except (ImageError, LinkError) as error:
@@ -247,7 +247,7 @@ class Frames:
                 self.capturing = False
                 if self._whole:
                     self._source.ended()
-            return await self._looked_at(picture, vantage)
+            return await self._judge_picture(picture, vantage)
         self._whole = False
         if left == 1:
             self.capturing = False

@@ -73,27 +73,29 @@ class CameraDriver:
     def every(self, interval_s: float, *, anywhere: bool = False) -> _Pictures:
         """Take pictures at an interval while the context lasts; `anywhere`: without a vantage."""
         look = partial(self.judged, anywhere=anywhere)
-        return self._heard_by(Frames(self._source, look, self.lost, interval_s, anywhere=anywhere))
+        return self._announcing_to(
+            Frames(self._source, look, self.lost, interval_s, anywhere=anywhere)
+        )
 
     def to_navigate(self, interval_s: float) -> _Pictures:
         """Take pictures at an interval to find the position by; the mission does not get them."""
 
         async def look(picture: Announcement, vantage: Cell | None) -> bool:
-            await self._taken(picture, vantage, anywhere=True)
+            await self._posed(picture, vantage, anywhere=True)
             return True
 
-        return self._heard_by(Frames(self._source, look, self.lost, interval_s, anywhere=True))
+        return self._announcing_to(Frames(self._source, look, self.lost, interval_s, anywhere=True))
 
     def burst(self, most: int) -> _Pictures:
         """Take pictures in bursts of `votes.frames`, at most `most`."""
         look, interval_s = partial(self.judged, anywhere=False), self._mission.camera.interval_s
         size = self._mission.votes.frames
-        return self._heard_by(
+        return self._announcing_to(
             Frames(self._source, look, self.lost, interval_s, most=most, burst_size=size)
         )
 
     @contextlib.asynccontextmanager
-    async def _heard_by(self, frames: Frames) -> AsyncIterator[Frames]:
+    async def _announcing_to(self, frames: Frames) -> AsyncIterator[Frames]:
         self._frames = frames
         self._source.listen(self._announced)  # others may have listened before the flight
         try:
@@ -107,9 +109,9 @@ class CameraDriver:
 
     async def judged(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> bool:
         """Have a picture judged; return whether it counts. Raises `ImageError`, `LinkError`."""
-        return await self._judge(await self._taken(picture, vantage, anywhere=anywhere))
+        return await self._judge(await self._posed(picture, vantage, anywhere=anywhere))
 
-    async def _taken(
+    async def _posed(
         self, picture: Announcement, vantage: Cell | None, *, anywhere: bool
     ) -> PosedPicture:
         t_s = self._exposed_s(picture)

@@ -50,7 +50,7 @@ def roi_of(kind: str, cells: int, seed: int) -> Roi:
 @lru_cache(_SHARED_BY_TRIALS)
 def bounds_of(roi: Roi) -> LowerBounds:
     """Return its lower bounds on a resting ROI."""
-    return LowerBounds.of(roi.cells, roi.start)
+    return LowerBounds.from_roi(roi.cells, roi.start)
 
 
 @lru_cache(_SHARED_BY_TRIALS)

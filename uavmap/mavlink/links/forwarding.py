@@ -35,12 +35,12 @@ class Forwarding:
 
     def __init__(self, record: Callable[[bytes], None]) -> None:
         self._record = record
-        self._ways: list[VehicleLink] = []
+        self._links: list[VehicleLink] = []
         self._stations: list[Transport] = []
 
     def add(self, way: VehicleLink) -> Callable[[bytes], None]:
         """Add a vehicle; return a function that takes its bytes as they come."""
-        self._ways.append(way)
+        self._links.append(way)
         splitter = Splitter()
 
         def heard(data: bytes) -> None:
@@ -74,7 +74,7 @@ class Forwarding:
 
     def _to_vehicles(self, frame: bytes) -> None:
         target = target_of(frame)
-        meant = [way for way in self._ways if target and way.system_id == target] or self._ways
+        meant = [way for way in self._links if target and way.system_id == target] or self._links
         # vehicles behind one router share a link, on which one send reaches all
-        for transport in {way.transport.way: way.transport for way in meant}.values():
+        for transport in {way.transport.destination: way.transport for way in meant}.values():
             transport.send(frame)

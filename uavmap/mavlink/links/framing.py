@@ -22,16 +22,16 @@ _GAP: Final = 128
 class Losses:
     """Counts of received and missing frames, by (system, component) that sent them."""
 
-    heard: dict[tuple[int, int], int] = field(default_factory=dict)
+    frames: dict[tuple[int, int], int] = field(default_factory=dict)
     missing: dict[tuple[int, int], int] = field(default_factory=dict)
     _last: dict[tuple[int, int], int] = field(default_factory=dict)
 
-    def take(self, message: Message) -> None:
+    def count(self, message: Message) -> None:
         """Count a frame of any kind."""
         sender = message.get_srcSystem(), message.get_srcComponent()
         sequence = message.get_seq()
         last = self._last.get(sender)
-        self.heard[sender] = self.heard.get(sender, 0) + 1
+        self.frames[sender] = self.frames.get(sender, 0) + 1
         gap = 0 if last is None else (sequence - last - 1) % 256
         if gap >= _GAP:  # overtaken on its way: it was counted as missing
             self.missing[sender] = max(self.missing.get(sender, 0) - 1, 0)
@@ -41,7 +41,7 @@ class Losses:
 
     def counts(self, sender: tuple[int, int]) -> tuple[int, int]:
         """Return the number of received frames of a sender, and of missing numbers."""
-        return self.heard.get(sender, 0), self.missing.get(sender, 0)
+        return self.frames.get(sender, 0), self.missing.get(sender, 0)
 
 
 _V2, _V1 = mav.PROTOCOL_MARKER_V2, mav.PROTOCOL_MARKER_V1

@@ -33,7 +33,7 @@ class SerialPort:
         self._open()
 
     @property
-    def way(self) -> Hashable:
+    def destination(self) -> Hashable:
         """Itself: no other link leads there."""
         return id(self)
 

@@ -32,19 +32,19 @@ _DATAGRAM_BYTES: Final = 65_535
 
 OnBytes = Callable[[bytes], bool]
 """Takes received bytes; returns whether our vehicle sent some of them."""
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 Address = tuple[str, int]
 
 
 class Strangers:
     """Senders on a link that are not its vehicle; each is logged once."""
 
-    def __init__(self, endpoint: Endpoint, say: Say) -> None:
+    def __init__(self, endpoint: Endpoint, say: Log) -> None:
         self._url = endpoint.url
         self._say = say
         self._known: set[Any] = set()
 
-    def tell(self, address: Any, what: str) -> None:
+    def log(self, address: Any, what: str) -> None:
         """Log the action of a stranger, the first time."""
         if address in self._known or len(self._known) >= MOST_STRANGERS:
             return
@@ -133,11 +133,11 @@ class UdpLink:
         return None if self._peer is None else self._peer[0]
 
     @property
-    def way(self) -> Hashable:
+    def destination(self) -> Hashable:
         """Equal for two links over the same socket to the same place."""
         return (id(self._socket), self._peer)
 
-    def hear(self, data: bytes, address: Address) -> None:
+    def receive(self, data: bytes, address: Address) -> None:
         """Handle a datagram from an address."""
         if address == self._peer:
             if self._on_bytes(data):
@@ -145,7 +145,7 @@ class UdpLink:
             return
         silent_s = time.monotonic() - self._heard_s
         if self._named or (self._peer is not None and silent_s < PEER_SILENT_S):
-            self._strangers.tell(address, "sends as well, and is ignored")
+            self._strangers.log(address, "sends as well, and is ignored")
             return
         if self._on_bytes(data):
             if self._peer is not None:
@@ -181,7 +181,7 @@ class TcpLink:
         return str(self._transport.get_extra_info("peername")[0])
 
     @property
-    def way(self) -> Hashable:
+    def destination(self) -> Hashable:
         """Itself: no other link leads there."""
         return id(self)
 
@@ -192,7 +192,7 @@ class TcpLink:
             return False
         if self._transport is not None:
             # by host: a port is new with each try
-            self._strangers.tell((peer[0], None), "tries to connect as well, and is refused")
+            self._strangers.log((peer[0], None), "tries to connect as well, and is refused")
             return False
         self._transport = transport
         self.gone.clear()
@@ -259,7 +259,7 @@ _Opened = tuple[Transport, Callable[[], None]]
 
 @contextlib.asynccontextmanager
 async def open_transport(
-    endpoint: Endpoint, on_bytes: OnBytes, say: Say = lambda text: None
+    endpoint: Endpoint, on_bytes: OnBytes, say: Log = lambda text: None
 ) -> AsyncIterator[Transport]:
     """Open the transport of an endpoint, and close it at the end.
 
@@ -295,7 +295,7 @@ def _not_opened(endpoint: Endpoint, error: Exception) -> LinkError:
 
 @contextlib.asynccontextmanager
 async def open_shared(
-    endpoint: Endpoint, on_bytes: Mapping[int, OnBytes], say: Say = lambda text: None
+    endpoint: Endpoint, on_bytes: Mapping[int, OnBytes], say: Log = lambda text: None
 ) -> AsyncIterator[Mapping[int, Transport]]:
     """Open one link that several vehicles share: a transport for each, by system id.
 
@@ -322,7 +322,7 @@ async def open_shared(
 
     def hear(data: bytes, address: Address) -> None:
         for system, group in _by_system(Splitter().feed(data), each, strangers):
-            each[system].hear(group, address)
+            each[system].receive(group, address)
 
     shared.deliver_to(hear)
     try:
@@ -339,7 +339,7 @@ def _by_system(
     for frame in frames:
         groups[sender_of(frame)[0]] += frame
     for system in groups.keys() - set(ours):
-        strangers.tell((f"system {system}", None), "sends here, and is no vehicle of this flight")
+        strangers.log((f"system {system}", None), "sends here, and is no vehicle of this flight")
     return [(system, group) for system, group in groups.items() if system in ours]
 
 
@@ -353,7 +353,7 @@ async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers)
         made = await bound_socket("::" if len(peer) == 4 else "0.0.0.0", 0, family)
     opened = UdpSocket(made)
     udp = UdpLink(opened, on_bytes, strangers, named)
-    opened.deliver_to(udp.hear)
+    opened.deliver_to(udp.receive)
     return udp, opened.close
 
 

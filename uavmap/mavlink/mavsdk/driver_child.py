@@ -79,10 +79,10 @@ class _Child:
     def _met(self, vehicle: System) -> None:
         self._vehicle, self._direct = vehicle, MavlinkDirect(vehicle)
         self._action = Action(vehicle)
-        self._direct.subscribe_message("", lambda message, _: self._tell(message))
+        self._direct.subscribe_message("", lambda message, _: self._forward(message))
         self._out.write(object_piece({"system": vehicle.get_system_id()}))
 
-    def _tell(self, message: MavlinkMessage) -> None:
+    def _forward(self, message: MavlinkMessage) -> None:
         self._out.write(
             object_piece(
                 {
@@ -94,7 +94,7 @@ class _Child:
             )
         )
 
-    def heard(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Pass bytes from the link to MAVSDK."""
         self._mavsdk.pass_received_raw_bytes(data)
 
@@ -153,7 +153,7 @@ def _run(system: int, component: int, source: BinaryIO, out: _Out) -> None:
     while data := os.read(source.fileno(), _READ_BYTES):
         for letter, content in pieces.feed(data):
             if letter == FRAMES:
-                child.heard(content)
+                child.receive(content)
             else:
                 child.do(json.loads(content))
 

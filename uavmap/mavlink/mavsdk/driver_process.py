@@ -156,7 +156,7 @@ class MavsdkProcess:
                     if letter == FRAMES:
                         self._take_frames(content)
                     else:
-                        self._hear(json.loads(content))
+                        self._receive(json.loads(content))
             except TimeoutError:
                 pass
             except (ValueError, KeyError, TypeError) as error:
@@ -180,7 +180,7 @@ class MavsdkProcess:
             await process.stdin.wait_closed()
 
     # --- words ------------------------------------------------------------------------------
-    def _hear(self, told: JsonObject) -> None:
+    def _receive(self, told: JsonObject) -> None:
         if "name" in told:
             self._fed_s = None
             self._take_message(told)
@@ -200,7 +200,7 @@ class MavsdkProcess:
             self._fed_s = asyncio.get_running_loop().time()
         self._write(frames_piece(data))
 
-    def tell(self, answered: Callable[[str], None], **what: Any) -> None:
+    def request(self, answered: Callable[[str], None], **what: Any) -> None:
         """Request an action; `answered` gets MAVSDK's result."""
 
         def heard(answer: asyncio.Future[JsonObject]) -> None:

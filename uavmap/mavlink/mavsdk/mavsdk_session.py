@@ -153,7 +153,7 @@ class Outbox:
         kind = kind_of(message)
         self._once[kind] = max(self._once[kind] - 1, 0)
 
-    def take(self, data: bytes) -> None:
+    def forward(self, data: bytes) -> None:
         """Check MAVSDK's output, and send the permitted part."""
         for message in self._codec.parse_buffer(data) or ():
             if message.get_type() == "BAD_DATA":
@@ -204,12 +204,12 @@ class MavsdkSession(Session):
         self._say = say
         self.outbox = Outbox(self._emit)
         self.process = MavsdkProcess(
-            GROUND_SYSTEM_ID, COMPONENT, self.outbox.take, self._hear, say, speedup
+            GROUND_SYSTEM_ID, COMPONENT, self.outbox.forward, self._receive_object, say, speedup
         )
         self._complained = False
 
     # --- frames ---------------------------------------------------------------------------
-    def _take(self, message: Message, now_s: float) -> bool:
+    def _receive(self, message: Message, now_s: float) -> bool:
         """Pass a frame to MAVSDK, which decodes it for the view; return whether it is our
         vehicle's."""
         ours = self._is_ours(message)
@@ -222,10 +222,10 @@ class MavsdkSession(Session):
         wanted = self.view.wanted_system in (None, message.get_srcSystem())
         return wanted and message.get_type() == "HEARTBEAT" and is_autopilot(message)
 
-    def _hear(self, told: JsonObject) -> None:
+    def _receive_object(self, told: JsonObject) -> None:
         message = message_of(told["name"], told["system"], told["component"], told["fields"])
         if message is not None:
-            super()._take(message, asyncio.get_running_loop().time())
+            super()._receive(message, asyncio.get_running_loop().time())
             self._wake()
 
     def send(self, message: Message) -> None:
@@ -244,7 +244,9 @@ class MavsdkSession(Session):
                 self._complained = True
                 self._say(f"MAVSDK does not send {message.get_type()}: {printable(result)}")
 
-        self.process.tell(answered, do="send", name=message.get_type(), fields=fields_of(message))
+        self.process.request(
+            answered, do="send", name=message.get_type(), fields=fields_of(message)
+        )
 
     # --- commands -------------------------------------------------------------------------
     async def command(

@@ -95,7 +95,7 @@ def no_verdict(state: State, fit: DetectorFit, *, real: bool) -> str:
 
     `real`: the simulator in this process has not painted the ground.
     """
-    if not state.over:
+    if not state.is_over:
         return ""
     if fit.takes_nearly_all:
         return f"the detector took {fit.share:.0%} of the {fit.cells:,} cells seen for region"

@@ -97,7 +97,7 @@ class FlightRecord:
             if is_in_passing(event):
                 self._passing.append(event)
         if self._facts is not None:
-            self._facts.take(event)
+            self._facts.add(event)
         self._state = state
         self.events += 1
 
@@ -271,7 +271,7 @@ def aircraft_down(state: State) -> list[str]:
             place = state.setting.grid.position(vehicle.position)
             where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
             lines.append(f"vehicle {number} near {where}: {vehicle.note or vehicle.phase.value}")
-        elif number in state.unheard:
+        elif number in state.unreported:
             lines.append(f"vehicle {number}: out of contact at the end, and may be down")
     return lines
 

@@ -106,7 +106,7 @@ class CellTable:
 
     def with_sums(self, sums: FrameSums, numbers: Sequence[int]) -> CellTable:
         """Return the table with cells unsure that are no region, and with the shares of classes."""
-        codes = np.where(sums.are(self.cells) & ~self.roi, _CODES["unsure"], self.codes)
+        codes = np.where(sums.which_unsure(self.cells) & ~self.roi, _CODES["unsure"], self.codes)
         shares = sums.shares(self.cells, numbers) if numbers else None
         return replace(self, codes=codes, shares=shares)
 

@@ -184,8 +184,8 @@ def _legend(tree: Tree) -> Iterator[Entry]:
 def backbone(tree: Tree) -> tuple[Cell, ...]:
     """Return the longest path from the root to a leaf; of several, that to the least cell.
 
-    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
-    >>> backbone(tree.looked(Cell(1, 0), [Cell(2, 0)]))[-1]
+    >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
+    >>> backbone(tree.with_observation(Cell(1, 0), [Cell(2, 0)]))[-1]
     Cell(east=2, north=0)
     """
     end = min(tree.vertices, key=lambda cell: (-tree.vertices[cell].depth, cell))
@@ -195,7 +195,7 @@ def backbone(tree: Tree) -> tuple[Cell, ...]:
 def ribs(tree: Tree, spine: tuple[Cell, ...]) -> tuple[Cell, ...]:
     """Return the roots of the ribs, by the depth at which they leave the backbone.
 
-    >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
+    >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
     >>> ribs(tree, (Cell(0, 0), Cell(0, 1)))
     (Cell(east=1, north=0),)
     """

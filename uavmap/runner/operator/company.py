@@ -24,7 +24,7 @@ class Onlooker:
     """An observer of a flight that does nothing unless overridden; no method may raise or be
     slow."""
 
-    def look_back(self, event: Event, state: State) -> None:
+    def see_earlier(self, event: Event, state: State) -> None:
         """See an event from before a resume; `state` is the state after it."""
 
     def begin(self, setting: Setting, *, again: bool) -> None:
@@ -33,7 +33,7 @@ class Onlooker:
     def notice(self, event: Event) -> None:
         """See an event as it arrives, before it is in the journal or has an effect."""
 
-    def hear(self, telemetry: Telemetry) -> None:
+    def see_telemetry(self, telemetry: Telemetry) -> None:
         """See a vehicle's report beside events, about once a second."""
 
     def update(self, event: Event, state: State, again: int) -> None:
@@ -88,5 +88,5 @@ def folded(setting: Setting, events: Iterable[Event], onlookers: Sequence[Onlook
     for event in events:
         state, _ = step(state, event)
         for onlooker in onlookers:
-            onlooker.look_back(event, state)
+            onlooker.see_earlier(event, state)
     return state

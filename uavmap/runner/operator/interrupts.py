@@ -54,7 +54,7 @@ class Caller:
             self._listening[-1][1]()
 
     @contextlib.contextmanager
-    def heard(self, act: Callable[[], object]) -> Iterator[None]:
+    def handling(self, act: Callable[[], object]) -> Iterator[None]:
         """Call `act` for each press, earlier ones included; only the innermost context receives
         it."""
         loop = asyncio.get_running_loop()
@@ -73,7 +73,7 @@ class Caller:
         """Run a flight; a press that no context receives ends it with `KeyboardInterrupt`."""
         task = asyncio.current_task()
         assert task is not None
-        with self.heard(task.cancel):
+        with self.handling(task.cancel):
             try:
                 return await flight
             except asyncio.CancelledError:
@@ -98,7 +98,7 @@ def interrupts(service: Service, caller: Caller | None = None) -> Iterator[None]
         if presses == 1 and service.flying:
             _LOG.info("coming home and landing; press Ctrl-C again to leave that to the autopilots")
             service.recall()
-        elif presses == 1 and service.ended and service.state.over:
+        elif presses == 1 and service.ended and service.state.is_over:
             _LOG.info("the mission is over, its end is kept; press Ctrl-C again to leave at once")
         elif task is not None:
             task.cancel()
@@ -107,7 +107,7 @@ def interrupts(service: Service, caller: Caller | None = None) -> Iterator[None]
         if caller is None:
             hearing.enter_context(_signals(loop, interrupted, service))
         else:
-            hearing.enter_context(caller.heard(interrupted))
+            hearing.enter_context(caller.handling(interrupted))
         try:
             yield
         except asyncio.CancelledError:

@@ -140,10 +140,10 @@ class ProgressTable(Onlooker):
                 yield replace(change, cause=event.cause)
                 return
             again = its_own and isinstance(event, Overridden | Released)
-            if again or state.over or state.t_s - change.t_s > CAUSE_S:
+            if again or state.is_over or state.t_s - change.t_s > CAUSE_S:
                 del waiting[number]
                 yield change
-        if isinstance(event, Overridden) and _may_be_explained(event) and not state.over:
+        if isinstance(event, Overridden) and _may_be_explained(event) and not state.is_over:
             waiting[event.vehicle] = event
         else:
             yield event
@@ -232,7 +232,7 @@ def map_progress(state: State) -> str:
         return f"{state.belief.cells_searched} cells searched"
     if state.belief.open_ballots:
         return f"{len(state.belief.roi)} ROI cells decided"
-    looked = sum(vertex.looked for vertex in state.tree.vertices.values())
+    looked = sum(vertex.observed for vertex in state.tree.vertices.values())
     return f"{looked} of {len(state.tree)} known ROI cells explored"
 
 
@@ -245,7 +245,7 @@ def _outside_control_text(event: Overridden | Landed, vehicle: VehicleState, sta
         text = f"vehicle {event.vehicle} has landed, not under our control"
     else:
         text = f"vehicle {event.vehicle} is in {event.mode} on the ground, not under our control"
-    if state.over:
+    if state.is_over:
         return f"{text}; no other vehicle flies: the flight ends"
     if vehicle.was_down:
         return f"{text}: it is down"

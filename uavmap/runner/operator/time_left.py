@@ -36,7 +36,7 @@ class TimeLeft:
     """
 
     what: str = ""
-    of: str = ""
+    whole: str = ""
     share: float | None = None
     about_s: float | None = None
 
@@ -50,7 +50,7 @@ class TimeLeft:
         """Share and time, for a line."""
         parts = []
         if self.share is not None:
-            parts.append(f"{int(100 * self.share)} % of {self.of}")
+            parts.append(f"{int(100 * self.share)} % of {self.whole}")
         if self.about_s is not None:
             parts.append(f"{duration(self.about_s)} left")
         return ", ".join(parts)
@@ -72,7 +72,7 @@ def duration(seconds: float) -> str:
 
 def time_left(state: State) -> TimeLeft:
     """Return the known rest, shared among all vehicles that fly."""
-    if state.over:
+    if state.is_over:
         done = TimeLeft("nothing more to explore", "the mission", 1.0)
         return done if state.exploration_finished else TimeLeft()
     if state.exploration_finished:
@@ -145,10 +145,10 @@ def _region_left(state: State, team: int) -> TimeLeft:
     assert state.tree is not None
     vertices = state.tree.vertices
     left = sum(
-        not vertex.looked and cell not in state.abandoned and cell not in state.skipped
+        not vertex.observed and cell not in state.abandoned and cell not in state.skipped
         for cell, vertex in vertices.items()
     )
-    looked = sum(vertex.looked for vertex in vertices.values())
+    looked = sum(vertex.observed for vertex in vertices.values())
     cells = "1 known cell" if left == 1 else f"{left} known cells"
     about_s = left * state.setting.strategy.cell_s(state.setting) / team
     return TimeLeft(

@@ -66,7 +66,7 @@ class SettingsFile:
         """True if nothing is to be restored."""
         return not self.path.exists()
 
-    def of(self, aircraft: str) -> EarlierSettings | None:
+    def earlier(self, aircraft: str) -> EarlierSettings | None:
         """Return an aircraft's old settings, None once they are restored. Raises `OutputError`."""
         values = self._read().get(aircraft)
         if values is None:
@@ -163,7 +163,7 @@ class AutopilotSetup:
         """True if it has reported no hardware number."""
 
     # --- as it is -----------------------------------------------------------------------------
-    async def look(self) -> tuple[EarlierSettings, list[Finding]]:
+    async def examine(self) -> tuple[EarlierSettings, list[Finding]]:
         """Return the present settings, with findings on them. Raises `LinkError`."""
         names = PX4_FENCE if self._view.kind is PX4 else ARDUPILOT_FENCE
         parameters = await self._parameters.read_many([*names, *self._timeout])
@@ -186,7 +186,7 @@ class AutopilotSetup:
     async def keep_fence(self) -> list[Finding]:
         """Return findings whether the mission fits inside the fence that is set. Raises
         `LinkError`."""
-        before, found = await self.look()
+        before, found = await self.examine()
         faults = self.fence_of(before).faults(before.fence or ())
         found += [
             bad(
@@ -195,9 +195,9 @@ class AutopilotSetup:
             )
             for fault in faults
         ]  # fmt: skip
-        return found if faults else [*found, ok("fence", f"kept: {self.in_words(before)}")]
+        return found if faults else [*found, ok("fence", f"kept: {self.settings_text(before)}")]
 
-    def in_words(self, before: EarlierSettings) -> str:
+    def settings_text(self, before: EarlierSettings) -> str:
         """Return an autopilot's settings as text."""
         values = " ".join(f"{name}={p.value:g}" for name, p in before.parameters.items())
         points = f"{len(before.fence or ())} items, {len(before.rally or ())} rally points"
@@ -220,7 +220,7 @@ class AutopilotSetup:
         Raises `OutputError`, and changes nothing, if the old values cannot be saved.
         """
         try:
-            before, found = await self.look()
+            before, found = await self.examine()
             plan = self.fence_of(before).plan()
             self._note(await self._aircraft(), before, plan)
             await self._put(Kind.FENCE, plan.fence)
@@ -243,7 +243,7 @@ class AutopilotSetup:
         """Save the parameter that setpoints change, if nothing else is set. Raises
         `OutputError`."""
         aircraft = await self._aircraft()
-        if self._kept.of(aircraft) is None and (
+        if self._kept.earlier(aircraft) is None and (
             found := await self._parameters.read_many(self._timeout)
         ):
             self._kept.keep(aircraft, self._number, EarlierSettings(found))
@@ -266,7 +266,7 @@ class AutopilotSetup:
 
     def _note(self, aircraft: str, before: EarlierSettings, plan: FencePlan) -> None:
         """Save the old settings on disk, once: later ones are our own."""
-        kept = self._kept.of(aircraft)
+        kept = self._kept.earlier(aircraft)
         if kept is not None and kept.fence is not None:
             return
         fence, rally = before.fence or (), before.rally or ()
@@ -288,8 +288,8 @@ class AutopilotSetup:
             write_text(path, plan_text(firmware, self._home, fence, rally))
         except OSError as error:
             raise OutputError(f"{path} cannot be written: {error.strerror}") from None
-        self._tell(
-            f"the fence that was set ({self.in_words(before)}) is in {path}, and is put back "
+        self._log(
+            f"the fence that was set ({self.settings_text(before)}) is in {path}, and is put back "
             "at the end"
         )
 
@@ -315,20 +315,20 @@ class AutopilotSetup:
             if self._kept.empty:
                 return True
             aircraft = await self._aircraft()
-            before = self._kept.of(aircraft)
+            before = self._kept.earlier(aircraft)
             if before is not None:
                 if reason := await self._not_now():
-                    self._say_left(reason)
+                    self._log_left(reason)
                     return False
                 async with asyncio.timeout(RESTORE_S):
                     await self._put_back(before)
                 self._kept.done(aircraft)
             others = self._kept.in_place_of(self._number)
         except (LinkError, OutputError, TimeoutError) as error:
-            self._say_left(str(error) or "it takes too long")
+            self._log_left(str(error) or "it takes too long")
             return False
         if others:
-            self._tell(
+            self._log(
                 f"{self._kept.path} keeps the settings of an aircraft that is not connected; "
                 f"connect it, and `{self._resume}` puts them back"
             )
@@ -342,7 +342,7 @@ class AutopilotSetup:
             if items is not None:
                 await self._put(kind, items)
 
-    def _tell(self, text: str) -> None:
+    def _log(self, text: str) -> None:
         _LOG.info(f"vehicle {self._number}: {text}")
 
     async def _not_now(self) -> str:
@@ -355,8 +355,8 @@ class AutopilotSetup:
         await self._session.until(lambda: view.on_ground, patience_s)
         return "" if view.on_ground else "it has not reported that it is on the ground"
 
-    def _say_left(self, reason: str) -> None:
-        self._tell(
+    def _log_left(self, reason: str) -> None:
+        self._log(
             f"what was set for the mission stays set ({reason}); what was there is in "
             f"{self._kept.path}, and `{self._resume}` puts it back; with --recall nothing takes off"
         )

@@ -162,7 +162,7 @@ def frame_s(setting: Setting) -> float:
     """Return the time to decode and judge a frame of the mission's camera by its detector, s."""
     mission = setting.mission
     height_m = mission.altitude_m(0)
-    judge = Classifier.of(mission, setting.grid, height_m)
+    judge = Classifier.for_mission(mission, setting.grid, height_m)
     camera = judge.camera
     size_px = camera.width_px, camera.height_px
     # the same picture twice is a stalled camera

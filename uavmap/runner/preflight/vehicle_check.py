@@ -76,9 +76,9 @@ class Measurement:
             self._ask()
             await asyncio.sleep(seconds / PINGS)
         until_s = loop.time() + max(REPORTS_WAIT_S, 4.0 * session.ack_wait_s)
-        while not self._all_told() and loop.time() < until_s:
+        while not self._is_complete() and loop.time() < until_s:
             self._ask()
-            await session.until(self._all_told, seconds / PINGS)
+            await session.until(self._is_complete, seconds / PINGS)
         heard_after, missing_after = session.losses.counts(sender)
         heard, missing = heard_after - heard, missing_after - missing
         self.frames_hz = heard / max(loop.time() - begin_s, 1e-6)
@@ -91,7 +91,7 @@ class Measurement:
         if not self.version or self._session.view.identity is None:
             self._session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
 
-    def _all_told(self) -> bool:
+    def _is_complete(self) -> bool:
         view = self._session.view
         return (
             _fixed(self.fix)

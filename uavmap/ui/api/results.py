@@ -150,7 +150,7 @@ class Results:
     def _zone(self) -> UtmZone:
         for feature in [*self.features("track"), *self.features("cell"), *self.features("outline")]:
             for lon, lat, *_ in shapely.get_coordinates(_shape(feature)).tolist():
-                return UtmZone.of(LatLon(lat, (lon + 180.0) % 360.0 - 180.0))
+                return UtmZone.containing(LatLon(lat, (lon + 180.0) % 360.0 - 180.0))
         raise ResultsError(f"{self.folder / _MAP}: no feature has a place")
 
     def to_utm(self, geometry: BaseGeometry) -> BaseGeometry:

@@ -105,7 +105,7 @@ class Follower:
 
     def _send(self, watcher: Watcher, feed: Feed, *, whole: bool = False) -> None:
         board = watcher.board
-        over = watcher.state.over
+        over = watcher.state.is_over
         board.set_field("hands_off", RECORDED if self.recorded else PAST if over else WATCHES)
         if (picture := self._pictures.newest()) is not None:
             board.set_field("picture", picture)

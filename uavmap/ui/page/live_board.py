@@ -102,7 +102,7 @@ class LiveBoard(Onlooker):
                 reader.due_s = now_s + reader.every_s
             self._send(due)
 
-    def hear(self, telemetry: Telemetry) -> None:
+    def see_telemetry(self, telemetry: Telemetry) -> None:
         """A vehicle reports beside events: it is shown with the next event."""
         if self._watcher is not None:
             self._watcher.figures.hear(telemetry)
@@ -119,7 +119,7 @@ class LiveBoard(Onlooker):
             for reader in self._readers:
                 reader.feed.put({"kind": "ended", "text": text})
 
-    def look_back(self, event: Event, state: State) -> None:
+    def see_earlier(self, event: Event, state: State) -> None:
         """Note an event before the interruption of a resumed flight; shown at its beginning."""
         if self._broken:
             return

@@ -128,7 +128,7 @@ class VehicleFigures:
 
         `unsure`: whether the map has ground that is unlike what the detector knows.
         """
-        if state.over:
+        if state.is_over:
             return []
         found = [
             [f"{alarm} {number}", ALARMS[alarm].format(number)]

@@ -211,7 +211,7 @@ class Watcher:
         state, board = self.state, self.board
         board.set_field("t_s", round(state.t_s, 1))
         words = "replay of pictures" if self._recorded else phase(state)
-        if state.over and not self._recorded:
+        if state.is_over and not self._recorded:
             sure = not self._cells.sums.beyond(state.belief.roi)
             done = "complete" if state.completed and sure else "not complete"
             words = f"over, {'no verdict' if self._why_none(state, self._fit) else done}"
@@ -230,9 +230,9 @@ class Watcher:
         if state.traffic.tracks or board.field("traffic"):
             board.set_field("traffic", traffic_marks(state))
         board.set_field("paused", state.paused)
-        board.set_field("held", state.held)
+        board.set_field("held", state.is_held)
         board.set_field("recalled", state.recalled)
-        board.set_field("over", state.over or self._recorded)
+        board.set_field("over", state.is_over or self._recorded)
 
     def _paced(self, show: Callable[[], None], dear_s: float = math.inf) -> float:
         """Compute a costly figure; return when it may be computed again, by what it cost."""
@@ -252,7 +252,7 @@ class Watcher:
         if not self._recorded:
             left = time_left(state)
             about_s = None if left.about_s is None else round(left.about_s)
-            words = {"what": left.what, "of": left.of, "share": left.share, "about_s": about_s}
+            words = {"what": left.what, "of": left.whole, "share": left.share, "about_s": about_s}
             board.set_field("left", words)
             board.set_field("known", map_progress(state))
 

@@ -111,15 +111,15 @@ def test_operator_lets_the_team_go_on_in_spite_of_traffic():
     flight.start()
     flight.run(until=lambda flight: any(v.works for v in flight.state.vehicles.values()))
     flight.post(TrafficSeen(flight.now_s, (near(flight),)))
-    assert flight.state.held
+    assert flight.state.is_held
     flight.post(Continued(flight.now_s))
     flight.post(TrafficSeen(flight.now_s, (near(flight),)))
-    assert not flight.state.held
+    assert not flight.state.is_held
 
 
 def works_away(flight: Fleet) -> bool:
     """Return whether a vehicle works so far from its pad that its way home takes a while."""
-    return any(v.works and v.position.distance_to(v.pad) > 20.0 for v in flight.state.ours)
+    return any(v.works and v.position.distance_to(v.pad) > 20.0 for v in flight.state.own_vehicles)
 
 
 def test_vehicle_that_comes_home_for_traffic_turns_round_once_it_is_gone():
@@ -127,7 +127,7 @@ def test_vehicle_that_comes_home_for_traffic_turns_round_once_it_is_gone():
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
     flight.run(until=works_away)
-    number = next(v.vehicle for v in flight.state.ours if v.works)
+    number = next(v.vehicle for v in flight.state.own_vehicles if v.works)
     flight.post(TrafficSeen(flight.now_s, (near(flight, velocity_m_s=None),)))
     assert flight.state.vehicles[number].return_reason is ReturnReason.TRAFFIC
     gone = near(flight, place=GridPoint(0.0, 5000.0))
@@ -145,7 +145,7 @@ def test_vehicle_that_has_to_come_home_anyway_flies_on_when_the_traffic_is_gone(
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
     flight.run(until=works_away)
-    number = next(v.vehicle for v in flight.state.ours if v.works)
+    number = next(v.vehicle for v in flight.state.own_vehicles if v.works)
     flight.post(TrafficSeen(flight.now_s, (near(flight, velocity_m_s=None),)))
 
     def flies_home(flight: Fleet) -> bool:

@@ -32,7 +32,7 @@ PLACES = [
 
 @pytest.mark.parametrize("place", PLACES)
 def test_projection_against_epsg(place):
-    zone = UtmZone.of(place)
+    zone = UtmZone.containing(place)
     to_utm = pyproj.Transformer.from_crs(4326, zone.epsg, always_xy=True)
     east_m, north_m = to_utm.transform(place.lon_deg, place.lat_deg)
     utm = zone.to_utm(place)
@@ -73,14 +73,14 @@ def test_projection_against_epsg(place):
     ],
 )
 def test_zones_at_their_edges(lat_deg, lon_deg, epsg):
-    assert UtmZone.of(LatLon(lat_deg, lon_deg)).epsg == epsg
+    assert UtmZone.containing(LatLon(lat_deg, lon_deg)).epsg == epsg
 
 
 @FAST
 @given(places)
 def test_the_zone_is_one_that_proj_names(place):
     """Outside the exceptions, PROJ's own database of areas of use agrees."""
-    zone = UtmZone.of(place)
+    zone = UtmZone.containing(place)
     crs = pyproj.CRS.from_epsg(zone.epsg)
     assert f"zone {zone.number}{'S' if zone.south else 'N'}" in crs.name
 
@@ -90,7 +90,7 @@ def test_the_zone_is_one_that_proj_names(place):
 )
 def test_no_utm_beyond_its_limits(lat_deg, lon_deg):
     with pytest.raises(GeodesyError, match=f"{lat_deg:g}|{lon_deg:g}"):
-        UtmZone.of(LatLon(lat_deg, lon_deg))
+        UtmZone.containing(LatLon(lat_deg, lon_deg))
     with pytest.raises(GeodesyError):
         Grid.at(LatLon(lat_deg, lon_deg), cell_m=4.0)
 
@@ -138,10 +138,12 @@ def test_grid_north_lies_the_convergence_away_from_true_north(start):
 
 def test_the_convergence_has_the_right_sign():
     """East of the central meridian: clockwise in the north, anticlockwise in the south."""
-    assert UtmZone.of(LatLon(48, 11)).convergence_rad(LatLon(48, 11)) > 0.01
-    assert UtmZone.of(LatLon(-48, 11)).convergence_rad(LatLon(-48, 11)) < -0.01
-    assert UtmZone.of(LatLon(48, 9)).convergence_rad(LatLon(48, 9)) == pytest.approx(0, abs=1e-12)
-    assert UtmZone.of(LatLon(48, 9)).scale(LatLon(48, 9)) == pytest.approx(0.9996, abs=1e-9)
+    assert UtmZone.containing(LatLon(48, 11)).convergence_rad(LatLon(48, 11)) > 0.01
+    assert UtmZone.containing(LatLon(-48, 11)).convergence_rad(LatLon(-48, 11)) < -0.01
+    assert UtmZone.containing(LatLon(48, 9)).convergence_rad(LatLon(48, 9)) == pytest.approx(
+        0, abs=1e-12
+    )
+    assert UtmZone.containing(LatLon(48, 9)).scale(LatLon(48, 9)) == pytest.approx(0.9996, abs=1e-9)
 
 
 @FAST
@@ -176,7 +178,7 @@ def test_a_place_beyond_the_edge_of_the_zone_stays_in_the_grid_of_the_start():
     start = LatLon(48.0, 11.9999)
     grid = Grid.at(start, 4.0)
     beyond = LatLon(48.0, 12.001)
-    assert UtmZone.of(beyond) != grid.zone
+    assert UtmZone.containing(beyond) != grid.zone
     away_m = GEOD.inv(start.lon_deg, start.lat_deg, beyond.lon_deg, beyond.lat_deg)[2]
     assert grid.fixed(beyond).distance_to(GridPoint(0, 0)) == pytest.approx(away_m, rel=1e-4)
 

@@ -204,7 +204,7 @@ def test_no_cell_was_ever_false_more_often_than_three_of_five_allow(order):
 def grown(roi: set[Cell], looks: int, rng: np.random.Generator) -> Tree:
     tree = Tree.rooted(Cell(0, 0))
     for _ in range(looks):
-        todo = sorted(c for c in tree.vertices if not tree.has_looked(c))
+        todo = sorted(c for c in tree.vertices if not tree.is_observed(c))
         if not todo:
             break
         tree = observe(tree, todo[int(rng.integers(len(todo)))], roi)
@@ -222,12 +222,12 @@ def is_sound(tree: Tree) -> None:
             assert cell in tree.children(vertex.parent)
         assert next(reversed(list(tree.path_up(cell)))) == tree.root
         below = [c for c in tree.vertices if cell in tree.path_up(c)]
-        done = all(tree.has_looked(c) for c in below)
+        done = all(tree.is_observed(c) for c in below)
         assert tree.is_explored(cell) == done
-        unexplored = not tree.has_looked(cell)
+        unexplored = not tree.is_observed(cell)
         state = VertexState.UNEXPLORED if unexplored else VertexState.UNDER_EXPLORATION
         assert tree.state(cell) == (VertexState.EXPLORED if done else state)
-    assert Tree.of(tree.root, tree.vertices) == tree
+    assert Tree.from_vertices(tree.root, tree.vertices) == tree
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
@@ -245,7 +245,7 @@ def test_trees_grown_by_different_walks_join_in_any_order(seed, kind):
     assert a.join(a) == a
     assert joined.join(a) == joined
     assert set(joined.vertices) == set(a.vertices) | set(b.vertices)
-    assert all(joined.has_looked(v) for v in a.vertices if a.has_looked(v))
+    assert all(joined.is_observed(v) for v in a.vertices if a.is_observed(v))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -253,7 +253,7 @@ def test_a_joined_tree_goes_on_to_the_whole_roi(seed):
     rng = np.random.default_rng(seed)
     roi = KINDS["eden"](30, rng)
     tree = grown(roi, 12, rng).join(grown(roi, 12, rng))
-    while todo := [c for c in tree.vertices if not tree.has_looked(c)]:
+    while todo := [c for c in tree.vertices if not tree.is_observed(c)]:
         tree = observe(tree, todo[0], roi)
     is_sound(tree)
     assert set(tree.vertices) == component(roi, Cell(0, 0))

@@ -93,7 +93,7 @@ def test_no_team_beats_the_bound(block):
     tight = 0
     for seed in range(12 * block, 12 * block + 12):
         roi, cells = small(seed, 9)
-        bounds = LowerBounds.of(roi.cells, roi.start)
+        bounds = LowerBounds.from_roi(roi.cells, roi.start)
         best = tours(cells, Metric(), Cell.neighbours, closed=True)
         for robots in (1, 2, 3):
             exact = optimum(best, robots)
@@ -109,7 +109,9 @@ def test_no_team_beats_the_bound_with_a_drift(block):
         metric = drifting(seed)
         best = tours(cells, metric, Cell.neighbours, closed=True)
         for robots in (1, 2):
-            lower = drift_lower_bound(LowerBounds.of(roi.cells, roi.start).moves(robots), metric)
+            lower = drift_lower_bound(
+                LowerBounds.from_roi(roi.cells, roi.start).moves(robots), metric
+            )
             assert lower <= optimum(best, robots) * (1 + 1e-12)
 
 
@@ -144,7 +146,7 @@ def test_a_break_saves_a_leg_and_the_way_from_the_start():
 def test_bounds_of_the_shared_sets(path):
     for number, values in enumerate(json.loads(path.read_text("utf-8"))["rois"]):
         cells: Collection[Cell] = {Cell(*cell) for cell in values["cells"]}
-        bounds = LowerBounds.of(cells, Cell(*values["start"]))
+        bounds = LowerBounds.from_roi(cells, Cell(*values["start"]))
         assert values["lower_bound"]
         for robots, moves in values["lower_bound"].items():
             assert bounds.moves(int(robots)) == moves, (number, robots)
@@ -157,7 +159,7 @@ def test_compiled_or_not_the_bounds_are_the_same(kind, monkeypatch):
         found = []
         for compiled_from in (1, 10**9):
             monkeypatch.setattr(lower_bounds, "COMPILED_FROM", compiled_from)
-            found.append(LowerBounds.of(roi.cells, roi.start))
+            found.append(LowerBounds.from_roi(roi.cells, roi.start))
         assert found[0] == found[1]
         assert all(type(shell.block_steps) is int for shell in found[0].shells)
 
@@ -168,7 +170,7 @@ def test_a_run_lies_between_its_bounds(seed):
     roi = grown(sorted(KINDS)[seed % len(KINDS)], 50, seed)
     robots = seed % 5 + 1
     metric = drifting(seed) if seed % 2 else Metric()
-    bounds = LowerBounds.of(roi.cells, roi.start)
+    bounds = LowerBounds.from_roi(roi.cells, roi.start)
     for name in ("rdfs", "rdfs-paper"):
         done = run(EXPLORERS[name], roi.cells, roi.start, robots, metric=metric)
         certificate = certify(done, EXPLORERS[name], robots, metric, bounds)
@@ -200,7 +202,7 @@ TERMS = {
 )
 def test_a_bound_is_claimed_where_its_theorem_holds(name, robots, claimed):
     roi = grown("ragged", 40, 5)
-    bounds = LowerBounds.of(roi.cells, roi.start)
+    bounds = LowerBounds.from_roi(roi.cells, roi.start)
     for terms, metric in TERMS.items():
         done = run(EXPLORERS[name], roi.cells, roi.start, robots, metric=metric)
         certificate = certify(done, EXPLORERS[name], robots, metric, bounds)
@@ -210,6 +212,8 @@ def test_a_bound_is_claimed_where_its_theorem_holds(name, robots, claimed):
 def test_nothing_to_do_takes_no_time():
     start = Cell(0, 0)
     done = run(EXPLORERS["rdfs"], {start}, start, 2)
-    certificate = certify(done, EXPLORERS["rdfs"], 2, Metric(), LowerBounds.of({start}, start))
+    certificate = certify(
+        done, EXPLORERS["rdfs"], 2, Metric(), LowerBounds.from_roi({start}, start)
+    )
     assert (certificate.makespan, certificate.lower_bound) == (0.0, 0.0)
     assert certificate.bound_held

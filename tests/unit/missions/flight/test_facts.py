@@ -66,7 +66,7 @@ def facts_of(vehicle: int, seen: list[FrameSeen]) -> list[Fact]:
     own, told = OwnCells(Belief(5, 3), Belief(5, 3)), list[Fact]()
     for event in seen:
         if event.vehicle == vehicle:
-            told.extend(own.take(event))
+            told.extend(own.add(event))
     return told + own.passed(1e6)
 
 
@@ -97,7 +97,7 @@ def test_facts_have_mean_shares_of_explored_classes_in_tenths_and_older_journals
     for k, (two, three) in enumerate(shares):
         found = (ClassShare(here, 2, two), ClassShare(here, 3, 0.2), ClassShare(beside, 4, three))
         votes = (Vote(here, True, two), Vote(beside, False, three))
-        told += own.take(FrameSeen(1, k / 4, None, votes, classes=found))
+        told += own.add(FrameSeen(1, k / 4, None, votes, classes=found))
     told += own.passed(2.0)
     decided = ((here, True), (beside, False))
     assert told == [Fact(0.0, decided, classes=(ClassShare(here, 2, 0.7),))]
@@ -163,14 +163,14 @@ def test_members_that_know_the_same_facts_have_the_same_unsure_cells(
         events: list[FrameSeen | FactsShared] = [*data.draw(st.permutations(heard)), *own, *heard]
         facts, live = facts_in_journal(small_setting(member)), FrameSums()
         for event in events:
-            facts.take(event)
+            facts.add(event)
             live.note(event)
         facts.joined()
         found = FrameSums(facts.doubts)
         of_map = {Cell(*cell) for cell in found.cells().tolist()}
         assert of_map == {Cell(*cell) for cell in live.cells().tolist()} == doubted
         assert all(found.is_unsure(cell) for cell in doubted)
-        assert found.are(np.array(sorted(doubted), np.int32).reshape(-1, 2)).all()
+        assert found.which_unsure(np.array(sorted(doubted), np.int32).reshape(-1, 2)).all()
 
 
 @lru_cache
@@ -201,7 +201,7 @@ def test_facts_in_any_order_twice_and_in_any_batches_are_the_same(
     chance.shuffle(batches)
     known, new = Knowledge(), 0
     for origin, first, frames in batches:
-        for run in known.take(origin, first, frames):
+        for run in known.add(origin, first, frames):
             new += len(run.facts)
             assert run.facts == tuple(logs[origin - 1][run.first : run.first + len(run.facts)])
     assert known.facts == {
@@ -218,7 +218,7 @@ def test_whoever_compares_what_they_have_ends_with_the_same(
     """Any history of meetings, of any pairs, with messages lost; then one round in contact."""
     members = {number: Knowledge() for number in (1, 2, 3)}
     for number, member in members.items():
-        member.take(number, 0, logs[number - 1])
+        member.add(number, 0, logs[number - 1])
     pairs = st.tuples(st.sampled_from([1, 2, 3]), st.sampled_from([1, 2, 3]), st.booleans())
     history = data.draw(st.lists(pairs, max_size=12))
     last = [(a, b, False) for _ in range(2) for a in members for b in members]
@@ -226,7 +226,7 @@ def test_whoever_compares_what_they_have_ends_with_the_same(
         for origin, numbers in members[one].missing(members[other].have).items():
             told = numbers if not lost else data.draw(st.lists(st.sampled_from(numbers)))
             for number in told:
-                members[other].take(origin, number, [members[one].facts[origin][number]])
+                members[other].add(origin, number, [members[one].facts[origin][number]])
     assert members[1].have == members[2].have == members[3].have
     for origin in members[1].have:
         log = dict(enumerate(logs[origin - 1]))

@@ -69,7 +69,7 @@ def test_a_pause_does_not_keep_anybody_in_the_air_too_long(service: Service) -> 
     service.post(Landed(1, service.now_s, 1.0, position=GridPoint(0.0, 0.0)))
     service.post(BatterySwapped(1, service.now_s, 60.0))
     assert service.order() is None
-    assert not service.state.over
+    assert not service.state.is_over
     service.post(Continued(service.now_s))
     assert service.order() is not None
 
@@ -136,7 +136,7 @@ def test_a_skipped_vertex_is_told_and_nobody_looks_from_it(service: Service) -> 
     service.post(CellSkipped(1, service.now_s, NORTH))
     assert service.state.skipped == {NORTH}
     assert service.state.tree is not None
-    assert service.state.tree.has_looked(NORTH)
+    assert service.state.tree.is_observed(NORTH)
     for _ in range(10):
         service.track(1, service.setting.grid.centre_of(ROOT))
     assert service.state.exploration_finished
@@ -166,7 +166,7 @@ def test_a_skipped_suspicion_stays_skipped(service: Service) -> None:
     tree = service.state.tree
     assert tree is not None
     assert suspect in tree
-    assert tree.has_looked(suspect)
+    assert tree.is_observed(suspect)
 
 
 # --- words -------------------------------------------------------------------------------------
@@ -201,7 +201,7 @@ def _flown(seed: int, interventions: dict[float, object]) -> Fleet:
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
     due = sorted(interventions.items())
-    while not flight.state.over and flight.t_s < 5000.0:
+    while not flight.state.is_over and flight.t_s < 5000.0:
         while due and flight.t_s >= due[0][0]:
             _, make = due.pop(0)
             flight.post(make(flight))  # type: ignore[operator]

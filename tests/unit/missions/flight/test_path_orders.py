@@ -52,7 +52,7 @@ def flying(vehicles: int = 1, **how: object) -> Service:
 
 # --- the fence ---------------------------------------------------------------------------------
 def test_a_path_lies_inside_the_margin_all_along() -> None:
-    fence = Fence.of(EDGES, [], 2.0)
+    fence = Fence.from_rings(EDGES, [], 2.0)
     assert allowed(fence, line((10, 10), (50, 10), (50, 50)))
     assert allowed(fence, line((10, 2), (50, 2)))  # along its rim
     assert not allowed(fence, line((10, 10), (58.5, 10)))
@@ -61,12 +61,12 @@ def test_a_path_lies_inside_the_margin_all_along() -> None:
 
 def test_a_path_does_not_cross_a_hole_between_two_looks_at_it() -> None:
     thin = [GridPoint(*corner) for corner in square(30, 20, 0.5, 20)]
-    fence = Fence.of(EDGES, [thin], 0.0)
+    fence = Fence.from_rings(EDGES, [thin], 0.0)
     assert not allowed(fence, line((10, 30), (50, 30)))
 
 
 def test_a_path_may_begin_where_a_gust_has_blown_the_vehicle_if_it_leads_in() -> None:
-    fence = Fence.of(EDGES, [], 2.0)
+    fence = Fence.from_rings(EDGES, [], 2.0)
     assert allowed(fence, line((1.2, 30), (30, 30)))
     assert not allowed(fence, line((0.5, 30), (30, 30)))  # too far for a path
     assert not allowed(fence, line((1.5, 30), (1.2, 40), (30, 40)))  # and farther out
@@ -74,7 +74,7 @@ def test_a_path_may_begin_where_a_gust_has_blown_the_vehicle_if_it_leads_in() ->
 
 
 def test_a_path_over_a_region_that_drifts_is_held_to_where_it_will_be() -> None:
-    fence = Fence.of(EDGES, [], 2.0)
+    fence = Fence.from_rings(EDGES, [], 2.0)
     path = replace(line((10, 50), (50, 50), begin_s=0.0), drift_m_s=(0.0, 1.0))
     assert path.end_s > 9.0
     assert not allowed(fence, path)
@@ -223,7 +223,7 @@ def test_behind_is_on_the_path_and_late(east_m: float, north_m: float, behind: b
     assert isinstance(order, FlyPath)
     limits = Limits(made.setting.fence, made.setting.energy)
     task = Task("path", 10.0, height_m=12.0, name="FlyPath", course=Course((order.trajectory,)))
-    guard, verdicts = Guard().told(task), []
+    guard, verdicts = Guard().with_task(task), []
     for k in range(6):
         t_s = 15.0 + 0.5 * k
         due = order.trajectory.at(t_s).place
@@ -248,17 +248,17 @@ def test_who_swung_out_of_a_corner_late_is_behind(
     task = Task("path", 0.0, height_m=12.0, name="FlyPath", course=Course((path,)))
     seen = Snapshot(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
     assert at.distance_to(path.place_at(t_s)) > OFF_PLAN_M
-    assert is_behind(Guard().told(task), seen) is behind
+    assert is_behind(Guard().with_task(task), seen) is behind
 
 
 # --- the guardian ------------------------------------------------------------------------------
 def test_plans_that_follow_one_another_do_not_stop_the_guardians_clock() -> None:
     course = Course((line((0, 0), (50, 0)),))
     task = Task("path", 10.0, height_m=12.0, course=course)
-    guard = replace(Guard().told(task), off_since_s=11.0, sunk_since_s=11.5)
-    again = guard.told(replace(task, since_s=12.0))
+    guard = replace(Guard().with_task(task), off_since_s=11.0, sunk_since_s=11.5)
+    again = guard.with_task(replace(task, since_s=12.0))
     assert (again.off_since_s, again.sunk_since_s) == (11.0, 11.5)
-    hover = guard.told(Task("hold", 12.0))
+    hover = guard.with_task(Task("hold", 12.0))
     assert (hover.off_since_s, hover.sunk_since_s) == (None, None)
 
 

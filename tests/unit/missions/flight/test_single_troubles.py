@@ -38,7 +38,7 @@ def test_a_take_off_that_fails_in_the_air_is_a_vehicle_in_the_air() -> None:
     assert vehicle.phase is Phase.AIRBORNE
     assert vehicle.return_reason is ReturnReason.FAULT
     assert not vehicle.landed
-    assert not made.state.over
+    assert not made.state.is_over
     made.now_s = 45.0
     made.track(1, HOME, 11.0)
     assert made.order() == Land()  # it is over its home
@@ -127,7 +127,7 @@ def test_a_look_that_lasts_ends_before_its_cell_drifts_out_of_the_fence() -> Non
     assert followed(made) == pytest.approx(73.0, abs=1.5)
     assert made.state.undecided == {DRIFTING}
     assert made.state.tree is not None
-    assert made.state.tree.has_looked(DRIFTING)
+    assert made.state.tree.is_observed(DRIFTING)
     assert made.state.tree.children(DRIFTING) == (north,)
     assert not made.state.completed
 

@@ -327,7 +327,7 @@ def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() 
     service = over(square(-10, 16, 40, 20), drift_m_s=0.4, toward_deg=0.0)
     root, far, near = Cell(0, 20), Cell(0, 21), Cell(0, 19)
     service.exploring(at=root)
-    tree = Tree.rooted(root).looked(root, [far, near]).looked(far, [])
+    tree = Tree.rooted(root).with_observation(root, [far, near]).with_observation(far, [])
     vehicle = replace(service.state.vehicles[1], vertex=root, at_target=False, order=None)
     late = replace(service.state, tree=tree, t_s=50.0).with_vehicle(vehicle)
     assert not service.setting.fence.allows(
@@ -345,7 +345,7 @@ def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before() -> None:
     service = over(square(-10, 16, 40, 20), drift_m_s=0.4, toward_deg=0.0)
     root, far = Cell(0, 3), Cell(0, 24)
     service.exploring(at=root)
-    tree = Tree.rooted(root).looked(root, [far]).looked(far, [Cell(1, 24)])
+    tree = Tree.rooted(root).with_observation(root, [far]).with_observation(far, [Cell(1, 24)])
     vehicle = replace(service.state.vehicles[1], vertex=far, at_target=False, order=None)
     service.state = replace(service.state, tree=tree).with_vehicle(vehicle)
     here = service.setting.grid.centre_of(root)
@@ -389,7 +389,7 @@ def test_a_pilots_vehicle_on_its_pad_is_down_whatever_height_it_reports(service:
     service.post(Overridden(1, 20.0, "LAND"), Landed(1, 30.0, 50.0, HOME))
     service.track(1, HOME, height_m=1.2)
     assert service.state.vehicles[1].landed
-    assert service.state.over
+    assert service.state.is_over
 
 
 def test_a_fresh_battery_does_not_start_one_who_failed(service: Service) -> None:
@@ -457,7 +457,7 @@ def test_one_that_lies_there_is_fetched_and_not_flown(service: Service, how: str
     assert service.post(*events) == ((1, StandDown()),)
     assert service.state.vehicles[1].phase is Phase.DOWN
     assert said in service.state.vehicles[1].note
-    assert service.state.over
+    assert service.state.is_over
     service.post(Resumed(200.0))
     left_wh = 30.0 if "set down" in how else 60.0  # nothing broke
     assert service.post(found(201.0, wh=left_wh)) == ((1, AwaitBattery()),), "its crew says when"
@@ -518,7 +518,7 @@ def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
     assert service.connect() == ((1, StandDown()),)
     assert service.state.vehicles[1].phase is Phase.FAILED
     assert "search box" in service.state.vehicles[1].note
-    assert service.state.over
+    assert service.state.is_over
     assert not service.state.completed
 
 
@@ -536,7 +536,7 @@ def test_given_back_just_above_the_ground_it_is_in_the_air(service: Service) -> 
     service.post(Overridden(1, 9.0, "LOITER"))
     service.post(Recalled(12.0), Released(1, 20.0, HOME, 0.6))
     assert service.state.vehicles[1].phase is Phase.AIRBORNE
-    assert not service.state.over
+    assert not service.state.is_over
 
 
 def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> None:
@@ -544,7 +544,7 @@ def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> N
     service.track(1, HOME, 4.0)
     service.post(Overridden(1, service.now_s + 0.5, "LOITER"))
     assert not service.state.vehicles[1].landed
-    assert not service.state.over
+    assert not service.state.is_over
 
 
 def test_an_order_that_fails_in_the_air_brings_the_vehicle_home(service: Service) -> None:
@@ -615,7 +615,7 @@ def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair:
         pair.track(vehicle, at, 12.0 if vehicle == 1 else 18.0)
     ahead = replace(pair.state.vehicles[1], vertex=last, at_target=False, order=None)
     behind = replace(pair.state.vehicles[2], order=None)
-    tree = Tree.rooted(ROOT).looked(ROOT, [last])
+    tree = Tree.rooted(ROOT).with_observation(ROOT, [last])
     pair.state = replace(pair.state, tree=tree, vehicles={1: ahead, 2: behind})
     pair.track(2, centre(ROOT), 18.0)
     assert pair.order(2) == Hold()
@@ -701,7 +701,7 @@ def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: 
     east = Cell(ROOT.east + 1, ROOT.north)
     pair.connect_all()
     pair.exploring(1)
-    tree = Tree.rooted(ROOT).looked(ROOT, [east])
+    tree = Tree.rooted(ROOT).with_observation(ROOT, [east])
     pair.state = replace(pair.state, tree=tree)
     look = Look(east, 30, 18.0)
     pair.fly(2, centre(east), order=look, vertex=east, at_target=True, lanes=(), remaining_wh=60.0)
@@ -747,13 +747,13 @@ def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(servic
         service.post(Tracked(1, t_s + 2.0, far, 10.0, 50.0), Tracked(1, t_s + 4.0, far, 10.0, 50.0))
         assert isinstance(service.state.vehicles[1].order, FlyTo)
     assert service.post(OrderFailed(1, 21.0, "FlyTo", "denied")) == ((1, ReturnToLaunch()),)
-    assert not service.state.over
+    assert not service.state.is_over
     assert service.post(OrderFailed(1, 22.0, "ReturnToLaunch", "denied")) == ()
     assert service.state.vehicles[1].phase is Phase.GUARDED
-    assert not service.state.over
+    assert not service.state.is_over
     service.post(Tracked(1, 59.0, HOME, 0.0, 20.0), Landed(1, 60.0, 20.0, HOME))
     assert service.state.vehicles[1].phase is Phase.FAILED
-    assert service.state.over
+    assert service.state.is_over
 
 
 def test_over_what_the_fence_forbids_the_autopilot_returns_only_after_more_patience() -> None:
@@ -800,12 +800,12 @@ def test_set_down_on_higher_ground_by_its_pilot_it_stands(service: Service) -> N
     hill = GridPoint(30.0, 20.0)
     service.post(Airborne(1, 8.0), Overridden(1, 10.0, "LOITER"))
     service.post(Tracked(1, 11.0, hill, 9.0, 50.0), Landed(1, 20.0, 49.0, position=hill))
-    assert service.state.over
+    assert service.state.is_over
     service.post(Tracked(1, 21.0, hill, 3.0, 49.0))
     assert service.state.vehicles[1].landed
-    assert service.state.over
+    assert service.state.is_over
     service.post(LiftedOff(1, 30.0))
-    assert not service.state.over
+    assert not service.state.is_over
 
 
 def test_who_waits_in_vain_for_its_way_home_returns_by_its_autopilot(pair: Service) -> None:

@@ -39,13 +39,13 @@ SQUARE = ring(0, 0, 100, 100)
     ],
 )
 def test_inside_the_fence_and_inside_its_margin(east_m, north_m, inside, allowed):
-    fence = Fence.of(SQUARE, [], 2.0)
+    fence = Fence.from_rings(SQUARE, [], 2.0)
     assert fence.contains(GridPoint(east_m, north_m)) is inside
     assert fence.allows(GridPoint(east_m, north_m)) is allowed
 
 
 def test_a_hole_is_outside_and_keeps_a_margin_of_its_own():
-    fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
+    fence = Fence.from_rings(SQUARE, [ring(40, 40, 60, 60)], 2.0)
     assert not fence.contains(GridPoint(50, 50))
     assert fence.contains(GridPoint(39, 50))
     assert not fence.allows(GridPoint(39, 50))
@@ -54,28 +54,28 @@ def test_a_hole_is_outside_and_keeps_a_margin_of_its_own():
 
 
 def test_a_margin_that_fills_the_fence_allows_nothing():
-    fence = Fence.of(SQUARE, [], 60.0)
+    fence = Fence.from_rings(SQUARE, [], 60.0)
     assert not fence.allows(GridPoint(50, 50))
     assert fence.contains(GridPoint(50, 50))
     assert fence.route(GridPoint(50, 50), GridPoint(51, 50)) is None
 
 
 def test_a_leg_along_the_rim_of_the_margin_is_allowed():
-    fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
+    fence = Fence.from_rings(SQUARE, [ring(40, 40, 60, 60)], 2.0)
     assert fence.allows_leg(GridPoint(38, 20), GridPoint(38, 80))
     assert not fence.allows_leg(GridPoint(39, 20), GridPoint(39, 80))
     assert not fence.allows_leg(GridPoint(20, 50), GridPoint(80, 50))
 
 
 def test_a_leg_of_no_length_is_allowed_only_where_one_may_be():
-    fence = Fence.of(SQUARE, [ring(40, 40, 60, 60)], 2.0)
+    fence = Fence.from_rings(SQUARE, [ring(40, 40, 60, 60)], 2.0)
     for place, allowed in (((20, 20), True), ((50, 50), False), ((1, 50), False)):
         assert fence.allows_leg(GridPoint(*place), GridPoint(*place)) is allowed
 
 
 def test_a_leg_between_two_allowed_places_may_leave_a_hollow_fence():
     hollow = [GridPoint(*xy) for xy in ((0, 0), (100, 0), (100, 100), (50, 20), (0, 100))]
-    fence = Fence.of(hollow, [], 1.0)
+    fence = Fence.from_rings(hollow, [], 1.0)
     left, right = GridPoint(5, 80), GridPoint(95, 80)
     assert fence.allows(left)
     assert fence.allows(right)
@@ -105,20 +105,20 @@ ROUTES = {
 @pytest.mark.parametrize("name", ROUTES)
 def test_a_route_leads_the_shortest_way_inside_of_the_margin(name):
     hole, margin_m, start, way = ROUTES[name]
-    fence = Fence.of(SQUARE, [] if hole is None else [hole], margin_m)
+    fence = Fence.from_rings(SQUARE, [] if hole is None else [hole], margin_m)
     places = tuple(GridPoint(*place) for place in way)
     assert fence.route(GridPoint(*start), places[-1]) == places
 
 
 def test_nobody_is_sent_into_the_margin_or_through_a_wall():
-    assert Fence.of(SQUARE, [], 5.0).route(GridPoint(50, 50), GridPoint(1, 50)) is None
-    assert Fence.of(SQUARE, [WALL], 2.0).route(GridPoint(20, 50), GridPoint(80, 50)) is None
+    assert Fence.from_rings(SQUARE, [], 5.0).route(GridPoint(50, 50), GridPoint(1, 50)) is None
+    assert Fence.from_rings(SQUARE, [WALL], 2.0).route(GridPoint(20, 50), GridPoint(80, 50)) is None
 
 
 def test_between_two_holes_there_may_be_a_way_or_none():
     def through(gap_m: float) -> float | None:
         south, north = ring(40, 1, 60, 50), ring(40, 50 + gap_m, 60, 99)
-        fence = Fence.of(SQUARE, [south, north], 2.0)
+        fence = Fence.from_rings(SQUARE, [south, north], 2.0)
         route = fence.route(GridPoint(20, 52), GridPoint(80, 52))
         return None if route is None else route_length_m(GridPoint(20, 52), route)
 
@@ -156,7 +156,7 @@ def random_fence(seed: int) -> tuple[Fence, Polygon]:
         apart = all(body.distance(Polygon(other)) > 1.0 for other in holes)
         if body.is_valid and apart and Polygon(outer).buffer(-1.0).contains(body):
             holes.append(hole)
-    return Fence.of(outer, holes, MARGIN_M), Polygon(outer, holes)
+    return Fence.from_rings(outer, holes, MARGIN_M), Polygon(outer, holes)
 
 
 def somewhere(fence: Fence, rng: np.random.Generator) -> GridPoint:
@@ -236,7 +236,7 @@ def test_no_way_over_the_corners_is_shorter(seed):
 @given(st.floats(-20, 120), st.floats(-20, 120), st.floats(0, 20))
 def test_what_is_allowed_keeps_the_margin(east_m, north_m, margin_m):
     hole = ring(45, 30, 55, 70)
-    fence = Fence.of(SQUARE, [hole], margin_m)
+    fence = Fence.from_rings(SQUARE, [hole], margin_m)
     exact = Polygon(SQUARE, [hole])
     point = GridPoint(east_m, north_m)
     if fence.allows(point):
@@ -250,7 +250,7 @@ def test_what_is_allowed_keeps_the_margin(east_m, north_m, margin_m):
 @FAST
 @given(st.floats(3, 97), st.floats(3, 97), st.floats(3, 97), st.floats(3, 97))
 def test_an_allowed_leg_stays_in_the_margin_all_the_way(e1, n1, e2, n2):
-    fence = Fence.of(SQUARE, [ring(45, 30, 55, 70)], 2.0)
+    fence = Fence.from_rings(SQUARE, [ring(45, 30, 55, 70)], 2.0)
     a, b = GridPoint(e1, n1), GridPoint(e2, n2)
     leg = LineString([a, b])
     assert fence.allows_leg(a, b) == fence.allows_leg(b, a)
@@ -269,7 +269,7 @@ def test_a_leg_along_an_edge_is_allowed_whatever_the_last_bits_of_its_corners_sa
         GridPoint(41.999999, 30.000003),
         GridPoint(29.999997, 29.999999),
     ]
-    fence = Fence.of(square, [hole], 2.0)
+    fence = Fence.from_rings(square, [hole], 2.0)
     start, end = GridPoint(44.0, 16.0), GridPoint(28.0, 16.0)
     way = fence.route(start, end)
     assert way is not None

@@ -19,7 +19,7 @@ ENERGY = EnergyModel(
     hover_power_w=300.0, capacity_wh=60.0, reserve=0.15, speed_m_s=5.0, wind_m_s=3.0
 )
 LIMITS = Limits(
-    Fence.of(
+    Fence.from_rings(
         [GridPoint(-50, -50), GridPoint(100, -50), GridPoint(100, 50), GridPoint(-50, 50)],
         holes=[],
         margin_m=2.0,
@@ -32,7 +32,7 @@ IN_AIR = Snapshot(0.0, HOME, 12.0, 0.0, HOME, True, True, "follow", 50.0)
 class Watched:
     def __init__(self, task, seen=IN_AIR):
         self.seen = seen
-        self.guard = Guard().told(task)
+        self.guard = Guard().with_task(task)
         self.verdicts = []
         self.look()
 
@@ -197,7 +197,7 @@ def test_what_is_seen_leads_to_a_rung_of_the_ladder(situation):
 def test_a_leg_that_is_flown_is_left_alone():
     watched = Watched(leg())
     assert watched.pass_time(12, east_m=5.0) == []
-    watched.guard = watched.guard.told(Task("hold", 12.0, (FAR,), False, 12.0))
+    watched.guard = watched.guard.with_task(Task("hold", 12.0, (FAR,), False, 12.0))
     assert watched.pass_time(600) == []
 
 
@@ -205,7 +205,7 @@ def test_a_new_order_after_the_report_begins_anew():
     watched = Watched(leg())
     watched.pass_time(17)
     home = Task("leg", 17.0, (HOME, GridPoint(-40.0, 0.0)), True, 12.0, estimate_s=16.0)
-    watched.guard = watched.guard.told(home)
+    watched.guard = watched.guard.with_task(home)
     assert watched.pass_time(14) == []
     assert watched.pass_time(3) == ["rtl"], "on the way home there is nobody to tell"
 
@@ -217,19 +217,21 @@ def test_a_hopeless_wind_lands_it_before_it_is_carried_away():
 def test_a_new_order_does_not_hide_that_it_is_carried_away():
     watched = Watched(leg())
     watched.pass_time(3, east_m=-4.0)
-    watched.guard = watched.guard.told(Task("hold", 3.0, (watched.seen.position,), False, 12.0))
+    watched.guard = watched.guard.with_task(
+        Task("hold", 3.0, (watched.seen.position,), False, 12.0)
+    )
     assert watched.pass_time(3, east_m=-4.0) == ["report"]
 
 
 def returning(seen):
     watched = Watched(leg(homeward=True), seen)
-    watched.guard = watched.guard.acting("rtl", 0.0)
+    watched.guard = watched.guard.with_action("rtl", 0.0)
     return watched
 
 
 def test_what_it_has_taken_over_no_order_takes_back():
     watched = returning(replace(IN_AIR, mode="rtl"))
-    assert watched.guard.told(leg()).action == "rtl"
+    assert watched.guard.with_task(leg()).action == "rtl"
     assert watched.guard.released().action is None
 
 
@@ -300,7 +302,7 @@ def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour():
     """No wind is known: only the air can do that."""
     watched = Watched(hold())
     assert watched.pass_time(3, east_m=8.0) == []
-    watched.guard = watched.guard.told(leg())
+    watched.guard = watched.guard.with_task(leg())
     assert watched.pass_time(2, east_m=-8.0) == ["land"]
     assert "carried off" in watched.verdicts[0][1].reason
 
@@ -311,14 +313,16 @@ def test_orders_that_follow_one_another_faster_than_looks_hide_nothing():
     verdicts = []
     for _ in range(4):
         here = watched.seen.position
-        watched.guard = watched.guard.told(replace(hold(), since_s=watched.seen.t_s, path=(here,)))
+        watched.guard = watched.guard.with_task(
+            replace(hold(), since_s=watched.seen.t_s, path=(here,))
+        )
         verdicts += watched.pass_time(1, east_m=8.0)
     assert verdicts == ["land"]
 
 
 def test_a_landing_by_its_guardian_that_is_carried_off_is_hastened_once():
     slowly = Watched(hold())
-    slowly.guard = slowly.guard.acting("land", 0.0)
+    slowly.guard = slowly.guard.with_action("land", 0.0)
     assert slowly.pass_time(8, east_m=8.0, height_m=-0.5) == ["land"]
 
 
@@ -356,7 +360,7 @@ def test_a_path_that_replaces_another_is_left_alone():
     corners = [here.place, GridPoint(50, 0), GridPoint(50, 40)]
     plan = rounded_path(corners, 9.0, speed_m_s=6.0, begin_speed_m_s=here.v_east_m_s)
     task = replace(along(), since_s=6.0, course=course.then(plan, 6.0))
-    watched.guard = watched.guard.told(task)
+    watched.guard = watched.guard.with_task(task)
     fly_path(watched, plan.end_s + 5.0)
     assert not watched.verdicts
 
@@ -407,7 +411,7 @@ def test_a_movement_that_nobody_saw_for_long_has_not_lasted():
     """Telemetry is late while it moves away, an order calls it home, and 20 s later it is seen."""
     watched = Watched(leg())
     assert watched.pass_time(2, east_m=-4.0) == []
-    watched.guard = watched.guard.told(leg(homeward=True, since_s=3.0))
+    watched.guard = watched.guard.with_task(leg(homeward=True, since_s=3.0))
     watched.look(t_s=23.0, position=GridPoint(-6.0, 0.0))
     assert watched.verdicts == []
     assert watched.pass_time(3, east_m=4.0) == []

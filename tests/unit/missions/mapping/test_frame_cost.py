@@ -94,11 +94,13 @@ def of_looks(cells: int) -> tuple[float, float]:
     """Looks at the end of a corridor: the root is as far away as there are cells."""
     tree, costs = Tree.rooted(Cell(0, 0)), Costs()
     for east in range(cells):
-        tree = tree.looked(Cell(east, 0), [Cell(east + 1, 0)])
+        tree = tree.with_observation(Cell(east, 0), [Cell(east + 1, 0)])
     held = [tree]
     for east in range(cells, cells + 20):
         costs.measure(
-            lambda east=east: held.append(held.pop().looked(Cell(east, 0), [Cell(east + 1, 0)]))
+            lambda east=east: held.append(
+                held.pop().with_observation(Cell(east, 0), [Cell(east + 1, 0)])
+            )
         )
     return costs.medians()
 

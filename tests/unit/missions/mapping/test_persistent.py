@@ -160,4 +160,4 @@ def test_a_tree_that_was_handed_out_never_changes(kind: str) -> None:
         trees.append(grown)
     for i in rng.permutation(len(trees)).tolist():
         assert list(trees[i].vertices.items()) == were[i]
-        assert trees[i] == Tree.of(Cell(0, 0), dict(were[i]))
+        assert trees[i] == Tree.from_vertices(Cell(0, 0), dict(were[i]))

@@ -18,16 +18,21 @@ NORTH, EAST, SOUTH, WEST = ROOT.neighbours()
 # --- by hand ---------------------------------------------------------------------------------
 def test_children_come_north_east_south_west_whatever_the_order_they_were_told_in() -> None:
     for order in itertools.permutations(ROOT.neighbours()):
-        assert Tree.rooted(ROOT).looked(ROOT, order).children(ROOT) == (NORTH, EAST, SOUTH, WEST)
-    late = Tree.rooted(ROOT).looked(ROOT, [WEST]).looked(ROOT, [NORTH])
+        assert Tree.rooted(ROOT).with_observation(ROOT, order).children(ROOT) == (
+            NORTH,
+            EAST,
+            SOUTH,
+            WEST,
+        )
+    late = Tree.rooted(ROOT).with_observation(ROOT, [WEST]).with_observation(ROOT, [NORTH])
     assert late.children(ROOT) == (NORTH, WEST)
 
 
 # --- joining ---------------------------------------------------------------------------------
 def test_of_two_parents_the_one_nearer_to_the_root_is_kept() -> None:
-    around = Tree.rooted(ROOT).looked(ROOT, [EAST]).looked(EAST, [Cell(1, 1)])
-    around = around.looked(Cell(1, 1), [NORTH])  # found from the far side, at depth 3
-    straight = Tree.rooted(ROOT).looked(ROOT, [NORTH])
+    around = Tree.rooted(ROOT).with_observation(ROOT, [EAST]).with_observation(EAST, [Cell(1, 1)])
+    around = around.with_observation(Cell(1, 1), [NORTH])  # found from the far side, at depth 3
+    straight = Tree.rooted(ROOT).with_observation(ROOT, [NORTH])
     for joined in (around.join(straight), straight.join(around)):
         assert joined.parent(NORTH) == ROOT
         assert joined.vertices[NORTH].depth == 1
@@ -35,12 +40,18 @@ def test_of_two_parents_the_one_nearer_to_the_root_is_kept() -> None:
 
 
 def test_of_two_parents_of_one_depth_the_lesser_cell_is_kept() -> None:
-    over_north = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(NORTH, [Cell(1, 1)])
-    over_east = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(EAST, [Cell(1, 1)])
+    over_north = (
+        Tree.rooted(ROOT)
+        .with_observation(ROOT, [NORTH, EAST])
+        .with_observation(NORTH, [Cell(1, 1)])
+    )
+    over_east = (
+        Tree.rooted(ROOT).with_observation(ROOT, [NORTH, EAST]).with_observation(EAST, [Cell(1, 1)])
+    )
     for joined in (over_north.join(over_east), over_east.join(over_north)):
         assert joined.parent(Cell(1, 1)) == min(NORTH, EAST)
-        assert joined.has_looked(NORTH)
-        assert joined.has_looked(EAST)
+        assert joined.is_observed(NORTH)
+        assert joined.is_observed(EAST)
 
 
 # --- beside a plain one ----------------------------------------------------------------------
@@ -80,7 +91,7 @@ def test_the_tree_says_what_a_plain_one_says(roi: set[Cell], data: st.DataObject
     for _ in range(data.draw(st.integers(0, 14))):
         cell = data.draw(st.sampled_from(sorted(tree.vertices)))
         shown = data.draw(st.sets(st.sampled_from(sorted(roi))))
-        tree = tree.looked(cell, [n for n in cell.neighbours() if n in shown])
+        tree = tree.with_observation(cell, [n for n in cell.neighbours() if n in shown])
         plain.look(cell, shown)
     assert set(tree.vertices) == set(plain.parent)
     assert len(tree) == len(plain.parent)
@@ -88,7 +99,7 @@ def test_the_tree_says_what_a_plain_one_says(roi: set[Cell], data: st.DataObject
     for cell, parent in plain.parent.items():
         assert tree.parent(cell) == parent
         assert tree.vertices[cell].depth == plain.depth(cell)
-        assert tree.has_looked(cell) == (cell in plain.seen)
+        assert tree.is_observed(cell) == (cell in plain.seen)
         assert tree.is_explored(cell) == (plain.below(cell) <= plain.seen)
         assert set(tree.children(cell)) == {c for c, up in plain.parent.items() if up == cell}
-    assert Tree.of(ROOT, tree.vertices) == tree
+    assert Tree.from_vertices(ROOT, tree.vertices) == tree

@@ -51,7 +51,7 @@ def tree_of(cells: set[Cell], looks: int | None = None) -> Tree:
     """A tree of the cells, breadth first, with the first so many looked from."""
     tree = Tree.rooted(START)
     for cell in list(distances(cells, START))[: looks if looks is not None else len(cells)]:
-        tree = tree.looked(cell, [n for n in cell.neighbours() if n in cells])
+        tree = tree.with_observation(cell, [n for n in cell.neighbours() if n in cells])
     return tree
 
 
@@ -130,7 +130,7 @@ def test_a_leg_that_is_not_allowed_is_as_long_as_the_way_over_known_cells() -> N
 def test_what_nobody_looked_from_is_in_the_order_in_which_it_was_found() -> None:
     tree = tree_of({Cell(e, n) for e in range(3) for n in range(2)}, looks=1)
     assert Ways(tree, Metric()).unvisited == [Cell(0, 1), Cell(1, 0)]
-    tree = tree.looked(Cell(1, 0), [Cell(2, 0), Cell(1, 1)])
+    tree = tree.with_observation(Cell(1, 0), [Cell(2, 0), Cell(1, 1)])
     assert set(Ways(tree, Metric()).unvisited) == {Cell(0, 1), Cell(2, 0), Cell(1, 1)}
 
 

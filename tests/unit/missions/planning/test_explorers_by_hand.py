@@ -21,7 +21,7 @@ NORTH, EAST, SOUTH, WEST = START.neighbours()
 
 def fork(*children: Cell) -> Tree:
     """A root that was looked from, with children that were not."""
-    return Tree.rooted(START).looked(START, children)
+    return Tree.rooted(START).with_observation(START, children)
 
 
 def decide(name: str, tree: Tree, at: dict[int, Cell], *robots: int, **more: object):
@@ -35,12 +35,12 @@ def grown(*looks: tuple[Cell, list[Cell]]) -> Tree:
     """A tree that was looked from some cells, one after the other, and what each look showed."""
     tree = Tree.rooted(START)
     for cell, seen in looks:
-        tree = tree.looked(cell, seen)
+        tree = tree.with_observation(cell, seen)
     return tree
 
 
-NORTH_OPEN = fork(NORTH, EAST).looked(NORTH, [Cell(0, 2)])
-BOTH_OPEN = NORTH_OPEN.looked(EAST, [Cell(2, 0)])
+NORTH_OPEN = fork(NORTH, EAST).with_observation(NORTH, [Cell(0, 2)])
+BOTH_OPEN = NORTH_OPEN.with_observation(EAST, [Cell(2, 0)])
 COLUMN = [(Cell(0, n), [Cell(0, n + 1)]) for n in range(3)]
 RING = [Cell(0, 0), Cell(0, 1), Cell(0, 2), Cell(1, 2), Cell(2, 2), Cell(2, 1), Cell(2, 0),
         Cell(1, 0)]  # fmt: skip
@@ -55,7 +55,7 @@ DECISIONS: dict[str, tuple[str, Tree, dict[int, Cell], tuple[int, ...], Moves]] 
         "rdfs", BOTH_OPEN, {1: START, 2: Cell(0, 2), 3: Cell(0, 2), 4: Cell(2, 0)}, (1,), {1: EAST},
     ),
     "from a finished branch one goes up": (
-        "rdfs", fork(NORTH, EAST).looked(NORTH, []), {1: NORTH}, (1,), {1: START},
+        "rdfs", fork(NORTH, EAST).with_observation(NORTH, []), {1: NORTH}, (1,), {1: START},
     ),
     "the outermost of equal children comes first": (
         "rdfs", grown(*COLUMN, (Cell(0, 3), [Cell(1, 3), Cell(-1, 3), Cell(0, 4)])),
@@ -116,7 +116,7 @@ def test_robots_at_a_fork_part_evenly(children, robots, shares):
 
 
 def test_below_its_anchor_a_robot_goes_on_in_depth():
-    tree = fork(NORTH).looked(NORTH, [Cell(0, 2)])
+    tree = fork(NORTH).with_observation(NORTH, [Cell(0, 2)])
     there = decide("bfdn", tree, {1: START})
     assert there.moves == {1: NORTH}
     below = decide("bfdn", tree, {1: NORTH}, memory=there.memory)
@@ -124,7 +124,7 @@ def test_below_its_anchor_a_robot_goes_on_in_depth():
 
 
 def test_when_nothing_is_open_everybody_goes_home():
-    tree = fork(NORTH).looked(NORTH, [])
+    tree = fork(NORTH).with_observation(NORTH, [])
     for name in EXPLORERS:
         assert decide(name, tree, {1: NORTH, 2: START}).moves == {1: START, 2: None}, name
 
@@ -133,7 +133,7 @@ def test_when_nothing_is_open_everybody_goes_home():
 def test_anchors_are_spread_over_the_open_vertices_of_least_depth():
     tree = fork(NORTH, EAST, WEST)
     for arm in (NORTH, EAST, WEST):
-        tree = tree.looked(arm, [Cell(2 * arm.east, 2 * arm.north)])
+        tree = tree.with_observation(arm, [Cell(2 * arm.east, 2 * arm.north)])
     moves = decide("bfdn", tree, {1: START, 2: START, 3: START}).moves
     assert set(moves.values()) == {NORTH, EAST, WEST}
 
@@ -165,7 +165,7 @@ def test_lrv_takes_directions_in_turn():
 
 
 def test_lrta_leaves_the_weight_of_where_it_goes_and_one_more():
-    row = Tree.rooted(START).looked(START, [EAST]).looked(EAST, [Cell(2, 0)])
+    row = Tree.rooted(START).with_observation(START, [EAST]).with_observation(EAST, [Cell(2, 0)])
     there = decide("lrta", row, {1: START})
     assert there.memory == {START: 1}
     on = decide("lrta", row, {1: EAST}, memory=there.memory)
@@ -185,8 +185,8 @@ def test_smartdfs_keeps_its_left_hand_at_the_wall():
 
 # --- retreat: home, and over again -----------------------------------------------------------
 def test_a_retreat_brings_everybody_home_before_anybody_sets_out():
-    tree = fork(NORTH, EAST).looked(NORTH, [Cell(0, 2)])
-    retreat = Retreat.of(tree)
+    tree = fork(NORTH, EAST).with_observation(NORTH, [Cell(0, 2)])
+    retreat = Retreat.from_tree(tree)
     assert retreat.dropped == frozenset()
     moves, after = retreat.moves(Situation(tree, {1: NORTH, 2: START}, (1, 2)))
     assert moves == {1: START, 2: None}
@@ -197,8 +197,8 @@ def test_a_retreat_brings_everybody_home_before_anybody_sets_out():
 
 
 def test_a_retreat_leaves_out_what_is_explored():
-    tree = fork(NORTH, EAST).looked(NORTH, [])
-    retreat = Retreat.of(tree)
+    tree = fork(NORTH, EAST).with_observation(NORTH, [])
+    retreat = Retreat.from_tree(tree)
     assert retreat.dropped == {NORTH}
     moves, _ = retreat.moves(Situation(tree, {1: START}, (1,)))
     assert moves == {1: EAST}

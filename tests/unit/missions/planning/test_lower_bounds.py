@@ -55,12 +55,12 @@ def block(width: int, depth: int) -> set[Cell]:
     ],
 )
 def test_bounds_of_regions_that_one_can_draw(cells, robots, moves):
-    assert LowerBounds.of(cells, START).moves(robots) == moves
+    assert LowerBounds.from_roi(cells, START).moves(robots) == moves
 
 
 def test_a_star_is_shared_by_its_arms():
     star = {START, *(Cell(d * e, d * n) for e, n in START.neighbours() for d in range(1, 4))}
-    bounds = LowerBounds.of(star, START)
+    bounds = LowerBounds.from_roi(star, START)
     assert bounds.moves(1) == 2 * 12
     assert bounds.moves(2) == 12
     assert bounds.moves(4) == 6
@@ -68,7 +68,7 @@ def test_a_star_is_shared_by_its_arms():
 
 
 def test_shells_count_what_lies_at_a_distance_or_farther():
-    bounds = LowerBounds.of(row(4), START)
+    bounds = LowerBounds.from_roi(row(4), START)
     assert bounds.shells == (Shell(1, 2, 6), Shell(2, 1, 4), Shell(3, 1, 2))
 
 
@@ -77,7 +77,7 @@ def test_shells_count_what_lies_at_a_distance_or_farther():
 def test_on_a_tree_one_robot_walks_every_edge_twice(size, seed):
     """There the bound is the optimum, whatever the shape."""
     roi = grown("thin", size, seed)
-    assert LowerBounds.of(roi.cells, roi.start).moves(1) == 2 * (len(roi.cells) - 1)
+    assert LowerBounds.from_roi(roi.cells, roi.start).moves(1) == 2 * (len(roi.cells) - 1)
 
 
 # --- drift and flight ------------------------------------------------------------------------
@@ -128,7 +128,7 @@ def test_a_bound_in_moves_becomes_one_in_time():
 
 
 def test_promises_are_for_the_tree_that_came_out():
-    tree = Tree.rooted(START).looked(START, list(START.neighbours()))
+    tree = Tree.rooted(START).with_observation(START, list(START.neighbours()))
     assert promised_moves(EXPLORERS["rdfs"], tree, 1, Metric()) == 8.0
     assert promised_moves(EXPLORERS["rdfs-paper"], tree, 1, Metric()) is None
 
@@ -136,7 +136,7 @@ def test_promises_are_for_the_tree_that_came_out():
 def test_in_straight_flight_the_bound_in_steps_does_not_count():
     """A diagonal is two steps on foot and 1.4 cells in flight."""
     stairs = {START, Cell(1, 0), Cell(1, 1), Cell(2, 1), Cell(2, 2)}
-    static = LowerBounds.of(stairs, START)
+    static = LowerBounds.from_roi(stairs, START)
     for metric in (Metric(), Metric(straight=True)):
         done = run(EXPLORERS["greedy"], stairs, START, 1, metric=metric)
         certificate = certify(done, EXPLORERS["greedy"], 1, metric, static)

@@ -35,7 +35,7 @@ class Signer:
 
     def give(self, data):
         self.link.receive(data)
-        return [m.get_type() for m in self.into.parse_buffer(self.link.take()) or []]
+        return [m.get_type() for m in self.into.parse_buffer(self.link.read()) or []]
 
     def heard(self, data=None):
         return "COMMAND_ACK" in self.give(self.frame() if data is None else data)
@@ -52,7 +52,7 @@ def set_up(link, key=KEY, timestamp=START, signer=None):
     message = mav.MAVLink_setup_signing_message(1, 1, list(key), timestamp)
     out = mav.MAVLink(None, 255, 190) if signer is None else signer.out
     link.receive(message.pack(out))
-    link.take()
+    link.read()
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_both_ends_agree(vehicle, signed):
     client = Signer(signed)
     assert client.heard()
     vehicle.step(2.0)
-    messages = client.into.parse_buffer(signed.take())
+    messages = client.into.parse_buffer(signed.read())
     assert {m.get_type() for m in messages} >= {"HEARTBEAT"}
     assert all(m.get_signed() and m.get_link_id() == signed.link_id for m in messages)
     assert client.into.signing.badsig_count == client.into.signing.reject_count == 0
@@ -79,7 +79,7 @@ def test_each_link_signs_with_its_own_id(vehicle, signed):
     # both streams come from the same system: without their own ids one would be a replay
     client = Signer(signed)
     for link in (signed, other):
-        messages = client.into.parse_buffer(link.take())
+        messages = client.into.parse_buffer(link.read())
         assert {m.get_link_id() for m in messages} == {link.link_id}
 
 
@@ -142,7 +142,7 @@ def test_on_a_cable_unsigned_is_heard_and_answered_signed(vehicle, signed):
     assert client.heard(Signer(cable, key=b"x" * 32).frame())
     vehicle.step(1.0)
     assert all(
-        m.get_header().incompat_flags & 1 for m in mav.MAVLink(None).parse_buffer(cable.take())
+        m.get_header().incompat_flags & 1 for m in mav.MAVLink(None).parse_buffer(cable.read())
     )
 
 
@@ -160,7 +160,7 @@ def test_set_up_only_while_disarmed_and_from_now_on_signed(vehicle):
     assert set_up_text == ["STATUSTEXT"]
     assert client.heard()
     vehicle.step(15.0)  # disarms by itself
-    link.take()
+    link.read()
     assert not vehicle.truth.armed
     set_up(link)
     assert not client.heard()

@@ -41,10 +41,10 @@ def test_texts_go_only_where_a_ground_station_was_heard_and_events_everywhere(si
     answers = [m for m in heard.parse_buffer(data) if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")]
     assert [m.result for m in answers] == [REJECTED]  # one answer, and no text
     sitl.ground_station()
-    quiet.take()
+    quiet.read()
     assert sitl.command(ARM, 1) == REJECTED
     assert "Arming denied" in sitl.expect("STATUSTEXT").text
-    told = quiet.take()  # the other link is told nothing of it
+    told = quiet.read()  # the other link is told nothing of it
     assert told
     assert not frames_of(told, mav.MAVLINK_MSG_ID_STATUSTEXT)
 

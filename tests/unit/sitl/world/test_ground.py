@@ -20,7 +20,7 @@ from tests.unit.sitl.conftest import CAMERA, decoded
 
 HOME = LatLon(48.0, 11.0)
 PLANE = LocalPlane(HOME)
-ZONE = UtmZone.of(HOME)
+ZONE = UtmZone.containing(HOME)
 SPOT = (40, 30)  # metres east and north of home: where the pictures have a red square
 SIZE_M, PIXEL_M = 160.0, 0.25
 

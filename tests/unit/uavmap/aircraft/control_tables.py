@@ -64,24 +64,24 @@ CASES = (
 
 def holder_after(case, holder):
     _, start, kind, mode, armed, failsafe = case
-    return replace(start, holder=holder).heard(kind, Beat(mode, armed, failsafe, NOW_S)).holder
+    return replace(start, holder=holder).with_beat(kind, Beat(mode, armed, failsafe, NOW_S)).holder
 
 
 def stood(armed, landed_state, height_m):
     """Report the vehicle on the ground, long after NAV_TAKEOFF."""
     ground = Ground(armed, landed_state, height_m)
-    return lambda start: start.stood(ground, ARDUPILOT, MAX_LIFT_OFF_S + 1.0)
+    return lambda start: start.with_ground(ground, ARDUPILOT, MAX_LIFT_OFF_S + 1.0)
 
 
 ON, UP = mav.MAV_LANDED_STATE_ON_GROUND, mav.MAV_LANDED_STATE_IN_AIR
 UNSAID = mav.MAV_LANDED_STATE_UNDEFINED
 STEPS = (
-    ("we send NAV_TAKEOFF", lambda start: start.takes_off(0.0)),
+    ("we send NAV_TAKEOFF", lambda start: start.with_take_off(0.0)),
     ("armed, off the ground", stood(True, UP, 5.0)),
     ("the same in LAND", lambda start: stood(True, UP, 5.0)(replace(start, mode=LAND))),
     (
         "armed, on the ground",
-        lambda start: start.stood(Ground(True, ON, 0.0), ARDUPILOT, MAX_LIFT_OFF_S - 1.0),
+        lambda start: start.with_ground(Ground(True, ON, 0.0), ARDUPILOT, MAX_LIFT_OFF_S - 1.0),
     ),
     (f"the same {MAX_LIFT_OFF_S:g} s after NAV_TAKEOFF", stood(True, ON, 0.0)),
     ("motors off, on the ground", stood(False, ON, 0.0)),
@@ -89,7 +89,7 @@ STEPS = (
     (f"no landed state, armed, above {OFF_GROUND_M:g} m", stood(True, UNSAID, 5.0)),
     ("no landed state, armed, lower", stood(True, UNSAID, 0.0)),
     ("no landed state, motors off", stood(False, UNSAID, 0.0)),
-    ("the guardian sees that it crashed", lambda start: start.crashed()),
+    ("the guardian sees that it crashed", lambda start: start.with_crash()),
 )
 
 

@@ -30,7 +30,7 @@ def test_text_of_many_chunks_is_joined():
     words = b"PreArm: " + b"x" * 60 + b"y" * 60
     texts, said = Texts(), []
     for k in range(0, len(words), 50):
-        said += texts.take(1, statustext(words[k : k + 50], number=9, chunk=k // 50), 0.001 * k)
+        said += texts.add(1, statustext(words[k : k + 50], number=9, chunk=k // 50), 0.001 * k)
     assert [text.words.encode() for text in said] == [words]
 
 
@@ -40,27 +40,27 @@ def test_interleaved_chunks_of_texts_and_components_are_joined():
         (1, 3, 0, b"a" * 50), (1, 4, 0, b"b" * 50), (100, 3, 0, b"c" * 50),
         (100, 3, 1, b"!"), (1, 3, 1, b"?"), (1, 4, 1, b""),
     ):  # fmt: skip
-        said += texts.take(component, statustext(words, number=number, chunk=chunk), 0.0)
+        said += texts.add(component, statustext(words, number=number, chunk=chunk), 0.0)
     assert [text.words for text in said] == ["c" * 50 + "!", "a" * 50 + "?", "b" * 50]
 
 
 def test_chunk_that_is_lost_leaves_a_gap():
     texts = Texts()
-    texts.take(1, statustext(b"a" * 50, number=5, chunk=0), 0.0)
-    assert texts.take(1, statustext(b"end", number=5, chunk=2), 0.1) == []
+    texts.add(1, statustext(b"a" * 50, number=5, chunk=0), 0.0)
+    assert texts.add(1, statustext(b"end", number=5, chunk=2), 0.1) == []
     assert texts.late(MAX_CHUNK_WAIT_S) == []
     (text,) = texts.late(MAX_CHUNK_WAIT_S + 0.2)
     assert text.words == "a" * 50 + "[...]end"
-    texts.take(1, statustext(b"a" * 50, number=5, chunk=0), 10.0)
+    texts.add(1, statustext(b"a" * 50, number=5, chunk=0), 10.0)
     assert [text.words for text in texts.late(20.0)] == ["a" * 50 + "[...]"]
 
 
 def test_unfinished_texts_are_bounded():
     texts, said = Texts(), 0
     for number in range(1, 1000):
-        said += len(texts.take(1, statustext(b"z" * 50, number=number, chunk=0), 0.0))
+        said += len(texts.add(1, statustext(b"z" * 50, number=number, chunk=0), 0.0))
     assert said == 999 - MOST_OPEN
-    assert texts.take(1, statustext(b"z", number=1, chunk=200), 0.0) == []
+    assert texts.add(1, statustext(b"z", number=1, chunk=200), 0.0) == []
 
 
 # --- told and kept -----------------------------------------------------------------------------
@@ -212,7 +212,7 @@ def event(name, arguments=b"", levels=0x42):
 async def test_event_without_text_is_shown_by_number(onboard, garbled):
     peer, heard = Peer(), list[Any]()
     peer.session.onboard = onboard
-    peer.session.view.hear = heard.append
+    peer.session.view.on_text = heard.append
     peer.session.feed(peer.frame(px4(armed=True)))
     frame = bytearray(peer.frame(event("commander_other")))
     frame[-1] ^= garbled
@@ -264,7 +264,7 @@ async def test_event_of_failsafe_names_its_cause_on_every_link(name, arguments, 
     peer.session.feed(peer.frame(statustext(b"Preflight Fail: Battery unhealthy", CRITICAL)))
     peer.session.feed(peer.frame(event(name, arguments)))
     peer.session.feed(peer.frame(statustext(b"Failsafe activated", CRITICAL)))
-    said = peer.session.view.words_since(0.0)
+    said = peer.session.view.texts_since(0.0)
     assert words in said
     if name.startswith(ENTER) and arguments:
         assert (failsafe_of(said) or "") == f"{cause}: {words}"

@@ -39,15 +39,15 @@ def test_control_mode_not_requested_is_never_under_our_control(kind, steps):
     for asks, index, passed_s in steps:
         mode, now_s = modes[index % len(modes)], now_s + passed_s
         before = control
-        if asks and control.is_ours:
-            control = control.asking(mode, now_s)
+        if asks and control.is_under_control:
+            control = control.with_request(mode, now_s)
             asked, asked_s, seen = mode, now_s, mode == before.mode
             ever.add(mode)
             continue
-        control = control.heard(kind, Beat(mode, True, False, now_s))
-        if not control.is_ours:
+        control = control.with_beat(kind, Beat(mode, True, False, now_s))
+        if not control.is_under_control:
             continue
-        if not before.is_ours:  # the vehicle was given back
+        if not before.is_under_control:  # the vehicle was given back
             asked, ever = kind.follows, {kind.follows}
         elif before.mode in kind.by_itself and mode == kind.follows:
             asked, seen = mode, True
@@ -59,15 +59,15 @@ def test_control_mode_not_requested_is_never_under_our_control(kind, steps):
 
 @pytest.mark.parametrize(("after_s", "holder"), [(1.0, Holder.OURS), (4.0, Holder.PILOT)])
 def test_control_late_request_is_accepted_for_a_while(after_s, holder):
-    control = FLYING.asking(RTL, 0.0).asking(LAND, 0.5)
-    assert control.heard(ARDUPILOT, Beat(RTL, True, False, 0.5 + after_s)).holder is holder
+    control = FLYING.with_request(RTL, 0.0).with_request(LAND, 0.5)
+    assert control.with_beat(ARDUPILOT, Beat(RTL, True, False, 0.5 + after_s)).holder is holder
     assert LATE_REQUEST_S == 3.0
 
 
 def test_control_refused_request_leaves_the_mode_before_it():
-    control = FLYING.asking(RTL, 0.0).refused()
-    assert control.heard(ARDUPILOT, Beat(GUIDED, True, False, 9.0)).holder is Holder.OURS
-    assert control.heard(ARDUPILOT, Beat(RTL, True, False, 9.0)).holder is Holder.PILOT
+    control = FLYING.with_request(RTL, 0.0).with_refusal()
+    assert control.with_beat(ARDUPILOT, Beat(GUIDED, True, False, 9.0)).holder is Holder.OURS
+    assert control.with_beat(ARDUPILOT, Beat(RTL, True, False, 9.0)).holder is Holder.PILOT
 
 
 @pytest.mark.parametrize(
@@ -80,8 +80,8 @@ def test_control_refused_request_leaves_the_mode_before_it():
     ],
 )
 def test_control_found_in_air_depends_on_the_mode(mode, resumed, holder):
-    found = Control(air=AirState.AIRBORNE).noted(Beat(mode, True, False, 1.0))
-    assert found.connected(ARDUPILOT, resumed=resumed).holder is holder
+    found = Control(air=AirState.AIRBORNE).with_content(Beat(mode, True, False, 1.0))
+    assert found.with_connection(ARDUPILOT, resumed=resumed).holder is holder
 
 
 STANDS, LANDING = mav.MAV_LANDED_STATE_ON_GROUND, mav.MAV_LANDED_STATE_LANDING
@@ -103,23 +103,23 @@ def test_px4_that_disarms_into_hold_is_judged_by_its_heartbeat(mode, holder):
     An earlier version counted it as the pilot's mode. After a landing by a pilot or a failsafe it
     counted the vehicle as given back.
     """
-    told = lands(mode, holder).heard(PX4, Beat(HOLD, True, False, 9.1, STANDS))
+    told = lands(mode, holder).with_beat(PX4, Beat(HOLD, True, False, 9.1, STANDS))
     assert told.holder is holder
-    assert not told.knows_mode(9.1)  # and no mode is commanded before that
-    assert told.heard(PX4, Beat(HOLD, False, False, 9.9)).holder is holder
+    assert not told.is_mode_known(9.1)  # and no mode is commanded before that
+    assert told.with_beat(PX4, Beat(HOLD, False, False, 9.9)).holder is holder
 
 
 @pytest.mark.parametrize("mode", [PX4.rtl, PX4.land])
 def test_control_pilots_hold_in_a_landing_counts_at_once_until_a_heartbeat(mode):
     ours = lands(mode, Holder.OURS)
-    assert ours.heard(PX4, Beat(HOLD, True, False, 9.1, LANDING)).holder is Holder.PILOT
-    told = lands(mode, Holder.PILOT).heard(PX4, Beat(HOLD, True, False, 9.1, LANDING))
+    assert ours.with_beat(PX4, Beat(HOLD, True, False, 9.1, LANDING)).holder is Holder.PILOT
+    told = lands(mode, Holder.PILOT).with_beat(PX4, Beat(HOLD, True, False, 9.1, LANDING))
     assert told.holder is Holder.PILOT
-    assert told.heard(PX4, Beat(HOLD, True, False, 9.9)).holder is Holder.OURS
+    assert told.with_beat(PX4, Beat(HOLD, True, False, 9.9)).holder is Holder.OURS
 
 
 def test_another_mode_in_current_mode_is_the_pilots_at_once():
     flying = replace(lands(PX4.stream_mode, Holder.OURS), air=AirState.AIRBORNE)
     for mode in (HOLD, 3 << 16, PX4.rtl):
         for state in (STANDS, LANDING):
-            assert flying.heard(PX4, Beat(mode, True, False, 9.1, state)).holder is Holder.PILOT
+            assert flying.with_beat(PX4, Beat(mode, True, False, 9.1, state)).holder is Holder.PILOT

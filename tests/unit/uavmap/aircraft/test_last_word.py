@@ -113,7 +113,7 @@ class ByMap:
     def leapt(self, how):
         return True
 
-    def look(self, *, airborne):
+    def check(self, *, airborne):
         pass
 
 

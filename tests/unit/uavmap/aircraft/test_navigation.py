@@ -52,13 +52,13 @@ class Craft:
         self.at(0.0, 0.0)
 
     def at(self, east_m, north_m):
-        self.view.told = self.reporter.grid.position(GridPoint(east_m, north_m))
-        self.view.position = self.view.corrected(self.view.told)
+        self.view.reported = self.reporter.grid.position(GridPoint(east_m, north_m))
+        self.view.position = self.view.corrected(self.view.reported)
 
     def pass_s(self, seconds, *, airborne=True):
         for _ in range(round(10 * seconds)):
             self.now_s = round(self.now_s + 0.1, 3)
-            self.navigation.look(airborne=airborne)
+            self.navigation.check(airborne=airborne)
 
 
 def craft(**navigation):

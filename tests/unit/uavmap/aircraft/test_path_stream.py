@@ -329,7 +329,7 @@ async def test_braking_ends_in_time_and_sends_nothing_to_a_pilot(mode):
 @by(flown)
 async def test_px4_returns_to_hold_while_the_stream_continues():
     wire = Wire(px4=True)
-    wire.monitor.control = wire.monitor.control.asking(OFFBOARD, wire.now_s())
+    wire.monitor.control = wire.monitor.control.with_request(OFFBOARD, wire.now_s())
     wire.tell(OFFBOARD, speed_m_s=6.0)
 
     def answer(message):

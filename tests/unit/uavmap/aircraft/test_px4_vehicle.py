@@ -154,7 +154,7 @@ async def landing(flight):
 async def test_pilot_takes_over_in_every_phase(flight, /, phase, turned):
     await phase(flight)
     if turned == Px4Mode.OFFBOARD:
-        flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
+        flight.vehicle._ap.setpoints.note(flight.vehicle.t_s + 1e3)  # a stream without end
     pilot_mode(flight, turned)
     await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
     await flight.hears_nothing(10.0)
@@ -234,7 +234,7 @@ async def test_heartbeat_of_a_camera_reports_no_mode(flight, /):
     camera = mav.MAVLink(None, 1, mav.MAV_COMP_ID_CAMERA)
     beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_CAMERA, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
     flight.session.feed(beat.pack(camera))
-    assert not flight.driver._monitor.control.knows_mode(asyncio.get_running_loop().time())
+    assert not flight.driver._monitor.control.is_mode_known(asyncio.get_running_loop().time())
 
 
 @by(fly, on_px4)
@@ -293,7 +293,7 @@ async def test_vehicle_taken_before_take_off_and_disarmed_has_landed(flight, /):
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF, for_s=20.0)
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.session.view.armed)
-    flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
+    flight.vehicle._ap.setpoints.note(flight.vehicle.t_s + 1e3)  # a stream without end
     pilot_mode(flight, Px4Mode.OFFBOARD)
     await flight.sees(ev.Overridden, within_s=5.0)
     await flight.sees(ev.Landed, within_s=40.0)

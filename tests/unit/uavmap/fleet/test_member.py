@@ -231,12 +231,12 @@ def size(batches: tuple[Batch, ...]) -> int:
 def test_fact_under_way_is_not_sent_again_and_a_lost_one_is():
     peer, known = Peer(0.0), Knowledge()
     telling = FactSender(1, {2: peer})
-    known.take(1, 0, facts(0, 6))
+    known.add(1, 0, facts(0, 6))
     assert told(telling.batches(known, 10.0, ROOM)) == [(1, k) for k in range(6)]
     peer.have, peer.have_s = {}, 10.5  # sent before the fact could have arrived
     assert not telling.batches(known, 12.0, ROOM)
     peer.have, peer.have_s = {1: Holding(1, ((3, 4), (5, 6)))}, 13.0
-    known.take(1, 6, facts(6, 8))
+    known.add(1, 6, facts(6, 8))
     again = telling.batches(known, 14.0, ROOM)
     assert told(again) == [(1, 1), (1, 2), (1, 4), (1, 6), (1, 7)]
 
@@ -244,10 +244,10 @@ def test_fact_under_way_is_not_sent_again_and_a_lost_one_is():
 def test_lost_facts_take_half_of_the_room_while_there_is_news():
     peer, known = Peer(0.0), Knowledge()
     telling = FactSender(1, {2: peer})
-    known.take(1, 0, facts(0, 60))
+    known.add(1, 0, facts(0, 60))
     telling.batches(known, 1.0, 10_000)
     peer.have_s = 5.0
-    known.take(1, 60, facts(60, 120))
+    known.add(1, 60, facts(60, 120))
     said = telling.batches(known, 6.0, 200)
     numbers = {number for _, number in told(said)}
     assert size(said) <= 200
@@ -259,7 +259,7 @@ def test_lost_facts_take_half_of_the_room_while_there_is_news():
 def test_facts_of_others_are_relayed_to_a_member_that_lacks_them():
     peer, known = Peer(0.0), Knowledge()
     telling = FactSender(1, {2: peer})
-    known.take(3, 0, facts(0, 4))
+    known.add(3, 0, facts(0, 4))
     peer.have, peer.have_s, peer.lacks_since_s = {3: Holding(1)}, 20.0, {3: 20.0}
     assert not telling.batches(known, 20.0 + RELAY_S - 0.1, ROOM)
     assert told(telling.batches(known, 20.0 + RELAY_S, ROOM)) == [(3, 1), (3, 2), (3, 3)]
@@ -270,7 +270,7 @@ def test_facts_of_others_are_relayed_to_a_member_that_lacks_them():
 def test_restarted_member_sends_only_facts_that_another_lacks():
     peer, known = Peer(0.0), Knowledge()
     peer.have, peer.have_s = {1: Holding(5)}, 3.0
-    known.take(1, 0, facts(0, 7))
+    known.add(1, 0, facts(0, 7))
     assert told(FactSender(1, {2: peer}).batches(known, 4.0, ROOM)) == [(1, 5), (1, 6)]
 
 
@@ -319,7 +319,7 @@ def test_news_is_sent_soon_and_once_and_lost_facts_again(loss):
         for k in range(FACTS + int(SLOWEST_S)):
             if k < FACTS:
                 for member in members:
-                    member.knowledge.take(member._number, k, [fact(k)])
+                    member.knowledge.add(member._number, k, [fact(k)])
             await asyncio.sleep(1.0)
             found.look(float(k + 1))
         for task in tasks:

@@ -174,7 +174,7 @@ async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
             mind, fact = minds[k % 3], fact + 1
             mine = Fact(float(fact), ((Cell(fact, mind.number), True),))
             first = mind.member.knowledge.upto(mind.number)
-            mind.member.knowledge.take(mind.number, first, [mine])
+            mind.member.knowledge.add(mind.number, first, [mine])
         for one, other in itertools.combinations(minds, 2):
             held = one.holds or other.holds
             if held and too_near(one.air_used, other.air_used):
@@ -229,8 +229,8 @@ def test_message_that_was_overtaken_opens_no_air():
         met(ours, theirs)
         ask = AirRequest(7, GridPoint(4.0, 40.0), 12.0, 30.0, 3_640.0)
         early = theirs.sealed(encode(Message(3_600.0)))
-        member.heard(theirs.sealed(encode(Message(3_602.0, ask=ask))))
-        member.heard(early)
+        member.receive(theirs.sealed(encode(Message(3_602.0, ask=ask))))
+        member.receive(early)
         member.end()
         return [event for event in found if isinstance(event, AirRequested)]
 

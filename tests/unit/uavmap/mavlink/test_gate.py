@@ -267,7 +267,7 @@ def test_critical_state_of_an_ardupilot_is_reported_and_grounds_no_vehicle():
     beat.system_status = mav.MAV_STATE_CRITICAL
     vehicle.hear(beat, 1.0)
     assert vehicle.view.grounded_by == ""
-    assert vehicle.view.words_since(0.0) == ["system status CRITICAL"]
+    assert vehicle.view.texts_since(0.0) == ["system status CRITICAL"]
 
 
 # --- leaps -----------------------------------------------------------------------------------
@@ -363,7 +363,7 @@ def test_clock_of_another_speed_is_followed(rate):
     """A simulator may run slower or faster than its stated speed."""
     clock = BootClock()
     for n in range(1, 2000):
-        assert clock.take(rate * 0.1 * n, 0.1 * n) is None
+        assert clock.add(rate * 0.1 * n, 0.1 * n) is None
     now_s, boot_s = 199.9, rate * 199.9
     assert clock.offset_s is not None
     assert boot_s + clock.offset_s == pytest.approx(now_s, abs=4.0)
@@ -403,7 +403,7 @@ def test_clock_never_lies_in_the_future(told):
     clock, now_s = BootClock(), 0.0
     for boot_s, step_s in told:
         now_s += step_s
-        if clock.take(boot_s, now_s) is None:
+        if clock.add(boot_s, now_s) is None:
             assert clock.offset_s is not None
             assert boot_s + clock.offset_s <= now_s + 1e-6
 
@@ -589,7 +589,7 @@ def test_stream_that_is_never_read_to_its_end_takes_no_memory():
         for _ in range(2000):
             peer.session.feed(frame[5:] + frame[:5])
         assert len(peer.session._codec.buf) < 10_000
-        assert peer.session.view.texts_heard == 2000
+        assert peer.session.view.text_count == 2000
 
     in_session(endless)
 

@@ -45,7 +45,7 @@ def flown(rate_hz, speed_m_s, last_s=20.0, first_s=10.0):
     for i in range(round((last_s - first_s) * rate_hz) + 1):
         t_s = first_s + i / rate_hz
         place = north_of_home(speed_m_s * (t_s - 10.0))
-        track.take(Fix(t_s, place, 12.0 + 0.5 * (t_s - 10.0), (speed_m_s, 0.0, -0.5)))
+        track.add(Fix(t_s, place, 12.0 + 0.5 * (t_s - 10.0), (speed_m_s, 0.0, -0.5)))
     return track
 
 
@@ -66,7 +66,7 @@ def test_vehicle_without_a_report_has_no_place():
 
 def test_clock_that_restarts_clears_the_track():
     track = flown(5.0, 8.0)
-    track.take(Fix(1.0, north_of_home(500.0), 0.0, STILL))
+    track.add(Fix(1.0, north_of_home(500.0), 0.0, STILL))
     place = track.at(15.0)
     assert distance_m(place.position, north_of_home(500.0)) < 0.01
     assert place.gap_s == 14.0
@@ -80,8 +80,8 @@ def test_old_positions_are_forgotten():
 
 def test_track_across_the_date_line_is_interpolated():
     track = Whereabouts()
-    track.take(Fix(1.0, LatLon(0.0, 179.9999), 12.0, STILL))
-    track.take(Fix(2.0, LatLon(0.0, -179.9997), 12.0, STILL))
+    track.add(Fix(1.0, LatLon(0.0, 179.9999), 12.0, STILL))
+    track.add(Fix(2.0, LatLon(0.0, -179.9997), 12.0, STILL))
     place = track.at(1.5)
     assert place.position.lon_deg == pytest.approx(-179.9999)
 

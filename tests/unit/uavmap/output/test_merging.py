@@ -141,7 +141,7 @@ def test_unsure_cells_are_those_of_all_vehicles_on_every_map(
 
     def heard(number):
         own = facts_of(plan().known_setting())
-        facts = [fact for event in seen(number) for fact in own.take(event)]
+        facts = [fact for event in seen(number) for fact in own.add(event)]
         assert bytes_to_facts(facts_to_bytes(facts)) == tuple(facts)
         return FactsShared(number, 40.0, 0, tuple(facts))
 

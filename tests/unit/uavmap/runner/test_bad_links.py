@@ -136,7 +136,7 @@ async def test_vehicle_left_in_the_air_is_brought_home_if_the_connection_fails()
     # another process took it up there and died; this is the next one
     again = Flight(small_mission())
     again.vehicle = flight.vehicle
-    again.driver.was_flying()
+    again.driver.resume_flying()
     async with asyncio.TaskGroup() as tasks:
         world = tasks.create_task(again.fly_world())
 

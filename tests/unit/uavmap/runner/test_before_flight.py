@@ -55,7 +55,7 @@ def test_vehicle_that_was_just_switched_on_is_waited_for(autopilot, tmp_path):
         flight = before(field, tmp_path)
         assert field.links[0].session.view.ekf_flags & EKF_ABSOLUTE == 0
         with pytest.raises(NotFlownError) as dry:
-            await before(field, tmp_path, dry=True).go()
+            await before(field, tmp_path, dry=True).prepare()
         assert dry.value.could_fly, field.told
         await flight.restore()
 
@@ -66,7 +66,7 @@ def test_vehicle_that_was_just_switched_on_is_waited_for(autopilot, tmp_path):
 @by(on_field, mission_of)
 async def test_simulator_is_shown_and_set_up_without_a_question(field, /, autopilot, tmp_path):
     flight = before(field, tmp_path)
-    await flight.go()
+    await flight.prepare()
     assert "a box of about" in field.told[0]
     name = {"ardupilot": "ArduPilot 4.6.0", "px4": "PX4 1.15.4"}[autopilot]
     assert f"{name}, the bundled simulator" in told(field, "autopilot")
@@ -85,9 +85,9 @@ async def test_simulator_is_shown_and_set_up_without_a_question(field, /, autopi
 async def test_question_without_an_operator_counts_as_no(field, /, tmp_path, monkeypatch):
     real(monkeypatch)
     with pytest.raises(PreflightError, match="give --yes"):
-        await before(field, tmp_path).go()
+        await before(field, tmp_path).prepare()
     assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
-    await before(field, tmp_path, yes=True).go()
+    await before(field, tmp_path, yes=True).prepare()
     assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
 
 
@@ -107,7 +107,7 @@ async def test_vehicle_already_in_the_air_is_reported(field, /, tmp_path):
 async def test_dry_run_sets_all_and_arms_nothing(field, /, vehicles, tmp_path):
     flight = before(field, tmp_path, dry=True)
     with pytest.raises(NotFlownError) as over:
-        await flight.go()
+        await flight.prepare()
     assert over.value.could_fly
     assert sum("set and read back" in text for text in field.told) == 1
     assert not (tmp_path / FILE).exists()
@@ -125,7 +125,7 @@ async def test_return_heights_of_a_team_are_apart_at_any_heights_of_homes(
     """Layers above each own home put two of them, 6 m apart in height, into the same air."""
     views = [link.session.view for link in field.links]
     assert views[0].home_amsl_m - views[1].home_amsl_m == pytest.approx(6.0, abs=0.1)
-    await before(field, tmp_path, yes=True).go()
+    await before(field, tmp_path, yes=True).prepare()
     name, scale = ("RTL_ALT", 100.0) if autopilot == "ardupilot" else ("RTL_RETURN_ALT", 1.0)
     above_sea_m = [
         view.home_amsl_m + field.parameter(i, name) / scale for i, view in enumerate(views)
@@ -143,7 +143,7 @@ def test_empty_battery_refuses_the_flight(tmp_path, monkeypatch):
         field.vehicles[0]._battery.energy_wh = 2000.0
         await asyncio.sleep(3.0)
         with pytest.raises(PreflightError, match=r"bad   1 battery: \d+ %.*put a charged battery"):
-            await before(field, tmp_path, yes=True).go()
+            await before(field, tmp_path, yes=True).prepare()
 
     on_field(body, mission_of("ardupilot", battery=weak))
 
@@ -154,30 +154,30 @@ def test_empty_battery_refuses_the_flight(tmp_path, monkeypatch):
 @by(on_field, lambda kind: mission_of("ardupilot", faults=(fault_of(kind),)))
 async def test_camera_without_pictures_refuses_the_flight(field, /, kind, why, tmp_path):
     with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
-        await before(field, tmp_path, yes=True).go()
+        await before(field, tmp_path, yes=True).prepare()
     assert why in str(error.value)
     assert not any("bad   1 camera" in text for text in field.told), "it is told once"
     flight = before(field, tmp_path, dry=True)
     with pytest.raises(NotFlownError) as over:
-        await flight.go()
+        await flight.prepare()
     assert not over.value.could_fly
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
 async def test_kept_fence_that_the_mission_leaves_is_refused(field, /, tmp_path):
     field.put(0, "FENCE_ENABLE", 1)
-    await before(field, tmp_path, keep=True).go()
+    await before(field, tmp_path, keep=True).prepare()
     assert "kept: 0 items" in told(field, "fence")
     assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
     field.put(0, "FENCE_RADIUS", 15)
     with pytest.raises(PreflightError, match="leaves the one that is set: search"):
-        await before(field, tmp_path, keep=True).go()
+        await before(field, tmp_path, keep=True).prepare()
 
 
 @by(on_field, lambda: mission_of("ardupilot", faults=(fault_of("gps"),)))
 async def test_vehicle_without_a_fix_has_findings_that_name_it(field, /, tmp_path):
     with pytest.raises(NotFlownError) as over:
-        await before(field, tmp_path, dry=True).go()
+        await before(field, tmp_path, dry=True).prepare()
     assert not over.value.could_fly
     assert told(field, "GPS").startswith("bad   1 GPS: no fix, 0 satellites (wanted: a 3D fix")
     assert told(field, "EKF").startswith("bad   1 EKF: no position yet")
@@ -187,11 +187,11 @@ async def test_vehicle_without_a_fix_has_findings_that_name_it(field, /, tmp_pat
 async def test_resumed_flight_asks_no_question(field, /, tmp_path, monkeypatch):
     real(monkeypatch)
     goes_on = BeforeFlight(None, field.setting, tmp_path, field.links, Operator().ask)
-    await goes_on.go()
+    await goes_on.prepare()
     assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
     await goes_on.restore()
     (tmp_path / FILE).write_text("damaged", "utf-8")
-    await goes_on.go()
+    await goes_on.prepare()
     assert field.told[-1].startswith(f"{tmp_path / FILE} cannot be read")
     await goes_on.restore()
     assert "what was set for the mission stays set" in field.told[-1]
@@ -228,7 +228,7 @@ def line_of(mission: Mission, given_m: float, folder: Path) -> str:
     async def body(field: Field) -> None:
         field.setting = setting_of(at_heights(mission, (0.0, given_m)))
         with pytest.raises(NotFlownError):
-            await before(field, folder, dry=True).go()
+            await before(field, folder, dry=True).prepare()
 
     lines = "\n".join(on_field(body, mission).field.told).split("\n")
     (found,) = [line for line in lines if "home height: " in line]
@@ -252,6 +252,6 @@ def test_pad_heights_contradicted_keep_the_team_on_the_ground(tmp_path):
     async def body(field: Field) -> None:
         field.setting = setting_of(at_heights(mission, (0.0, 0.0)))
         with pytest.raises(PreflightError, match=r"home height: .*set vehicles.1..home_height_m"):
-            await before(field, tmp_path, yes=True).go()
+            await before(field, tmp_path, yes=True).prepare()
 
     on_field(body, mission)

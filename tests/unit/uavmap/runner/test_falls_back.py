@@ -58,7 +58,7 @@ def test_patience_grows_with_the_known_region():
     root = Cell(0, 0)
     tree = Tree.rooted(root)
     for east in range(200):
-        tree = tree.looked(Cell(east, 0), [Cell(east + 1, 0)])
+        tree = tree.with_observation(Cell(east, 0), [Cell(east + 1, 0)])
     known = replace(state, tree=tree)
     bound_s = fallback.bound_s(setting, 201, 200)
     assert fallback.patience_s(known) == bound_s > fallback.LEAST_PATIENCE_S

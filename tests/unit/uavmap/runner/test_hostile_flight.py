@@ -102,7 +102,7 @@ def test_flight_survives_two_thousand_forged_frames(kind):
 
 def test_single_wrong_charge_does_not_land_the_vehicle_in_the_field():
     corners = ((-50, -50), (50, -50), (50, 50), (-50, 50))
-    fence = Fence.of([GridPoint(*corner) for corner in corners], [], 2.0)
+    fence = Fence.from_rings([GridPoint(*corner) for corner in corners], [], 2.0)
     limits = Limits(fence, EnergyModel(300.0, 60.0, 0.15, 5.0, 2.0))
     here = GridPoint(20.0, 20.0)
     guard = Guard(task=Task("hold", 0.0, (here,), height_m=12.0))

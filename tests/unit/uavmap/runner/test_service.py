@@ -91,13 +91,13 @@ def test_events_are_committed_in_order_and_orders_handed_out(journal):
     state = serve(journal, vehicle, Service.recall)
     assert [type(o) for o in vehicle.orders] == [TakeOff, StandDown, StandDown]
     assert [type(e) for e in journal.events()] == [Connected, LinkLost, Recalled, Connected]
-    assert state.over
+    assert state.is_over
 
 
 def test_flight_is_over_when_no_vehicle_has_an_order(journal):
     vehicle = Played((1.0, CONNECTED), (2.0, Overridden(1, 2.0, "LOITER")))
     state = serve(journal, vehicle, lambda service: pytest.fail("it should be over by now"))
-    assert state.over
+    assert state.is_over
 
 
 def test_order_is_given_after_the_commit(journal):
@@ -125,7 +125,7 @@ def test_recall_is_posted_once(journal):
 
 def test_stop_ends_the_flight_as_it_is(journal):
     state = serve(journal, Played((1.0, CONNECTED)), Service.stop)
-    assert not state.over
+    assert not state.is_over
 
 
 def test_report_during_an_order_is_handled_afterwards(journal):

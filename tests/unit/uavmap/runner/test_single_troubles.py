@@ -118,7 +118,7 @@ async def test_link_that_drops_during_a_landing_costs_nothing(flight, service, /
     await flight.until(lambda: vehicle().landed, 60.0)
     assert vehicle().phase is Phase.GROUNDED
     assert isinstance(vehicle().order, AwaitBattery | TakeOff)
-    assert not service.state.over
+    assert not service.state.is_over
 
 
 @pytest.mark.parametrize("mode", [Mode.STABILIZE, Mode.LOITER])

@@ -176,12 +176,12 @@ async def _vehicle(
     ratio = mission.altitude_m(number - 1) / mission.altitude_m(0)
     if not link.session.view.armed:
         add(await examination.camera(setting, detector_of(mission, ratio), folder))
-    before, findings = await setup.look()
+    before, findings = await setup.examine()
     by_m = outside_m(mission.flight.speed_m_s, setting.energy.accel_m_s2)
     findings.append(
         ok(
             "fence",
-            f"{setup.in_words(before)}; a flight sets the mission's fence, {by_m:.0f} m wider",
+            f"{setup.settings_text(before)}; a flight sets the mission's fence, {by_m:.0f} m wider",
         )
     )
     add(for_vehicle(number, findings))

@@ -140,7 +140,7 @@ def run(options: argparse.Namespace) -> int:
         options.vehicles, options.strategy, options.wind, options.height, options.ceiling,
         options.find or "all",
     )  # fmt: skip
-    layout = lay_out(drawing, _wishes(options, drawing, largest_cell_m(figures, flying)))
+    layout = lay_out(drawing, _layout_settings(options, drawing, largest_cell_m(figures, flying)))
     name = options.name or folder_name(out.stem)
     origin = Path(drawing.source).name
     detector = choose_detector(options)
@@ -254,7 +254,7 @@ def _place(option: str, text: str) -> LatLon:
     return LatLon(lat_deg, lon_deg)
 
 
-def _wishes(options: argparse.Namespace, drawing: Drawing, largest_m: float) -> Wishes:
+def _layout_settings(options: argparse.Namespace, drawing: Drawing, largest_m: float) -> Wishes:
     name = options.area
     if name is None and len(drawing.areas) > 1 and not options.together and is_interactive():
         for number, area in enumerate(drawing.areas[:50], 1):

@@ -247,8 +247,8 @@ def test_lrv_needs_the_arrivals_for_that():
 def test_a_rotor_lets_the_directions_take_turns():
     tree = Tree.rooted(START)
     for cell in (START, *START.neighbours()):
-        tree = tree.looked(cell, [START, *START.neighbours()] if cell == START else [])
-    tree = tree.looked(Cell(0, 1), [Cell(0, 2)])  # something is left to do
+        tree = tree.with_observation(cell, [START, *START.neighbours()] if cell == START else [])
+    tree = tree.with_observation(Cell(0, 1), [Cell(0, 2)])  # something is left to do
     memory, seen = None, []
     for _ in range(8):
         decision = Lrv(arrivals=False).decide(Situation(tree, {0: START}, (0,), memory))
@@ -279,6 +279,6 @@ def test_a_random_walk_takes_every_direction_about_as_often():
 
 @pytest.mark.parametrize("name", ["greedy", "hungarian", "smartdfs"])
 def test_two_robots_part(name):
-    tree = Tree.rooted(START).looked(START, START.neighbours())
+    tree = Tree.rooted(START).with_observation(START, START.neighbours())
     moves = EXPLORERS[name].decide(Situation(tree, {1: START, 2: START}, (1, 2))).moves
     assert len(set(moves.values())) == 2

@@ -177,18 +177,18 @@ def test_robots_come_and_go_during_a_retreat(until):
 
 def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited():
     """After the retreat began a vertex outside T' gets a neighbour."""
-    tree = Tree.rooted(START).looked(START, [Cell(0, 1), Cell(1, 0)])
-    tree = tree.looked(Cell(0, 1), [Cell(0, 2)]).looked(Cell(0, 2), [])
-    retreat = Retreat.of(tree)
+    tree = Tree.rooted(START).with_observation(START, [Cell(0, 1), Cell(1, 0)])
+    tree = tree.with_observation(Cell(0, 1), [Cell(0, 2)]).with_observation(Cell(0, 2), [])
+    retreat = Retreat.from_tree(tree)
     assert Cell(0, 2) in retreat.dropped
-    late = tree.looked(Cell(0, 2), [Cell(0, 3)]).looked(Cell(1, 0), [])
+    late = tree.with_observation(Cell(0, 2), [Cell(0, 3)]).with_observation(Cell(1, 0), [])
     at, seen = START, []
     while not late.is_explored(START):
         moves, retreat = retreat.moves(Situation(late, {0: at}, (0,)))
         step = moves[0]
         assert step is not None
         at = step
-        late = late if late.has_looked(at) else late.looked(at, [])
+        late = late if late.is_observed(at) else late.with_observation(at, [])
         seen.append(at)
     assert seen[-3:] == [Cell(0, 1), Cell(0, 2), Cell(0, 3)]
 
@@ -196,8 +196,12 @@ def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited():
 def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others():
     """One cell is left and robot 1 was bound for it: robot 2 waits, unless 1 went home."""
     last = Cell(0, 3)
-    tree = Tree.rooted(START).looked(START, [Cell(0, 1)]).looked(Cell(0, 1), [Cell(0, 2)])
-    tree = tree.looked(Cell(0, 2), [last])
+    tree = (
+        Tree.rooted(START)
+        .with_observation(START, [Cell(0, 1)])
+        .with_observation(Cell(0, 1), [Cell(0, 2)])
+    )
+    tree = tree.with_observation(Cell(0, 2), [last])
     there = Situation(
         tree, {1: last, 2: Cell(0, 2)}, (2,), PlannerMemory(goals={1: last}), Metric(straight=True)
     )
@@ -207,8 +211,8 @@ def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others():
 
 def test_nobody_waits_for_the_share_of_one_who_is_away():
     """Two cells beside the root, and robot 1 in between on the ground: the others take one each."""
-    tree = Tree.rooted(START).looked(START, [Cell(1, 0), Cell(0, 1), Cell(0, -1)])
-    tree = tree.looked(Cell(1, 0), [Cell(2, 0)]).looked(Cell(2, 0), [])
+    tree = Tree.rooted(START).with_observation(START, [Cell(1, 0), Cell(0, 1), Cell(0, -1)])
+    tree = tree.with_observation(Cell(1, 0), [Cell(2, 0)]).with_observation(Cell(2, 0), [])
     at = {1: START, 2: Cell(1, 0), 3: Cell(2, 0)}
     there = Situation(tree, at, (2, 3), None, Metric(straight=True), frozenset({1}))
     assert set(Horizon().decide(there).moves.values()) == {Cell(0, 1), Cell(0, -1)}
@@ -222,7 +226,7 @@ def test_no_vertex_is_farther_over_known_cells_than_it_is_deep(seed):
     class Watched(Horizon):
         def decide(self, situation: Situation) -> Decision:
             tree = situation.tree
-            farthest = int(Ground.of(tree).steps_from(tree.root).max())
+            farthest = int(Ground.from_tree(tree).steps_from(tree.root).max())
             depths.append((farthest, tree.depth))
             return Horizon.decide(self, situation)
 
@@ -234,8 +238,10 @@ def test_no_vertex_is_farther_over_known_cells_than_it_is_deep(seed):
 def test_speeding_up_is_paid_for_by_the_short_legs_most():
     """A vehicle that needs 3 s to speed up and brake: a leg of 1 s takes 3.46 s, of 9 s 12."""
     metric = Metric(speed=1.0, straight=True, ramp=3.0)
-    tree = Tree.rooted(START).looked(START, [Cell(0, 1), Cell(1, 0)])
-    sites = Sites.of(Situation(tree, {1: START}, (1,), None, metric), Ground.of(tree), {1: START})
+    tree = Tree.rooted(START).with_observation(START, [Cell(0, 1), Cell(1, 0)])
+    sites = Sites.from_situation(
+        Situation(tree, {1: START}, (1,), None, metric), Ground.from_tree(tree), {1: START}
+    )
     step = 2.0 * 3.0**0.5
     north, east = (sites.nodes.index(cell) for cell in (Cell(0, 1), Cell(1, 0)))
     assert sites.legs[2, north] == pytest.approx(1.0)

@@ -41,7 +41,7 @@ def fleet(capacity_wh: float = 60.0) -> Fleet:
 @given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 40)), min_size=2, max_size=5))
 def test_both_stay_in_the_fence_and_the_mapper_in_the_picture(places):
     hole = [GridPoint(*place) for place in square(22, 12, 14, 16)]
-    fence = Fence.of([GridPoint(*place) for place in square(-5, -5, 70, 50)], [hole], 2.0)
+    fence = Fence.from_rings([GridPoint(*place) for place in square(-5, -5, 70, 50)], [hole], 2.0)
     way = [GridPoint(0.0, 0.0)]
     for east, north in places:
         way.extend(fence.route(way[-1], GridPoint(float(east), float(north))) or ())
@@ -64,7 +64,7 @@ def test_one_moves_at_a_time_and_the_box_is_mapped():
     view = tracker_view(flown.setting.mission)
     apart_m = []
     begun = False
-    while flown.t_s < 1500.0 and not flown.state.over:
+    while flown.t_s < 1500.0 and not flown.state.is_over:
         flown.tick()
         both = [flown.state.vehicles[number] for number in (MAPPER, TRACKER)]
         if all(v.phase is Phase.AIRBORNE and v.return_reason is None for v in both):

@@ -125,13 +125,13 @@ def test_cell_beside_what_is_region_from_on_high_is_asked_for_until_it_is_decide
         overview = overview.with_frame(None, FrameId(1, float(k)), {region: True})
     belief = belief.with_frame(None, FrameId(2, 5.0), {beside: False, far: False})
     state = replace(state, belief=belief, overview=overview)
-    asked = ALL.asked_for(state)
+    asked = ALL.required_cells(state)
     assert beside in asked
     assert far not in asked  # a frame took it for ground, and no region is near
     seen = state.belief
     for k in range(3):
         seen = seen.with_frame(None, FrameId(2, 6.0 + k), {region: False})
-    assert beside not in ALL.asked_for(replace(state, belief=seen))
+    assert beside not in ALL.required_cells(replace(state, belief=seen))
 
 
 def searching() -> State:

@@ -29,19 +29,19 @@ def test_member_or_station_is_not_complete_while_another_is_out_of_contact(
     phase: Phase, member: int
 ) -> None:
     state = ended(phase, member)
-    assert state.unheard == (2,)
+    assert state.unreported == (2,)
     assert not state.completed
     assert aircraft_down(state) == ["vehicle 2: out of contact at the end, and may be down"]
 
 
 def test_member_is_complete_once_all_others_are_known_to_stand() -> None:
     state = ended(Phase.FINISHED)
-    assert state.unheard == ()
+    assert state.unreported == ()
     assert state.completed
     assert aircraft_down(state) == []
 
 
 def test_one_service_for_all_knows_its_own_vehicles() -> None:
     state = ended(Phase.OFFLINE, member=None)
-    assert state.unheard == ()
+    assert state.unreported == ()
     assert state.completed

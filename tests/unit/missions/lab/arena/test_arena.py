@@ -70,7 +70,7 @@ def test_one_robot_along_a_row_learns_and_remembers():
     assert done.at == {0: START}
     assert set(done.tree.vertices) == set(ROW)
     assert [len(situation.tree) for situation in explorer.asked][:4] == [2, 3, 4, 4]
-    assert all(s.tree.has_looked(s.at[0]) for s in explorer.asked)
+    assert all(s.tree.is_observed(s.at[0]) for s in explorer.asked)
     assert [situation.memory for situation in explorer.asked] == [None, *range(1, 6)]
 
 

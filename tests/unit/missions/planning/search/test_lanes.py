@@ -39,7 +39,7 @@ def lane(west: float, north: float, east: float) -> Lane:
     return GridPoint(west, north), GridPoint(east, north)
 
 
-OPEN = Fence.of(ring(-1000, -1000, 1000, 1000), [], 0.0)
+OPEN = Fence.from_rings(ring(-1000, -1000, 1000, 1000), [], 0.0)
 
 
 # --- where they lie --------------------------------------------------------------------------
@@ -95,7 +95,7 @@ def test_a_slanting_rim_makes_lanes_as_long_as_the_longest_row_they_judge():
 
 
 def test_what_the_fence_forbids_is_cut_out():
-    holed = Fence.of(ring(-50, -50, 150, 150), [ring(40, -20, 60, 30)], 2.0)
+    holed = Fence.from_rings(ring(-50, -50, 150, 150), [ring(40, -20, 60, 30)], 2.0)
     flown = lanes(ring(0, 0, 100, 44), 4.0, holed)
     cut = [(a.east_m, b.east_m) for a, b in flown if a.north_m == 4.0]
     assert cut == [(0.0, 38.0), (62.0, 100.0)]
@@ -104,7 +104,7 @@ def test_what_the_fence_forbids_is_cut_out():
 
 
 def test_pieces_of_a_lane_that_is_flown_back_come_in_that_order():
-    holed = Fence.of(ring(-50, -50, 150, 150), [ring(40, -20, 60, 130)], 2.0)
+    holed = Fence.from_rings(ring(-50, -50, 150, 150), [ring(40, -20, 60, 130)], 2.0)
     second = [(a.east_m, b.east_m) for a, b in lanes(ring(0, 0, 100, 44), 4.0, holed)
               if a.north_m == 16.0]  # fmt: skip
     assert second == [(100.0, 62.0), (38.0, 0.0)]
@@ -112,14 +112,14 @@ def test_pieces_of_a_lane_that_is_flown_back_come_in_that_order():
 
 def test_pieces_shorter_than_half_a_cell_are_left_out():
     slit = [ring(4, -20, 50, 130), ring(51.9, -20, 100, 130)]
-    fence = Fence.of(ring(-50, -50, 150, 150), slit, 0.0)
+    fence = Fence.from_rings(ring(-50, -50, 150, 150), slit, 0.0)
     flown = lanes(ring(0, 0, 100, 20), 4.0, fence)
     assert all(a.distance_to(b) >= 2.0 for a, b in flown)
     assert all(max(a.east_m, b.east_m) <= 4.0 for a, b in flown)
 
 
 def test_a_box_in_the_margin_has_no_lane():
-    assert lanes(ring(0, 0, 100, 6), 4.0, Fence.of(ring(0, 0, 100, 100), [], 8.0)) == ()
+    assert lanes(ring(0, 0, 100, 6), 4.0, Fence.from_rings(ring(0, 0, 100, 100), [], 8.0)) == ()
 
 
 @FAST

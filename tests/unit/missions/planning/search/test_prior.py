@@ -19,7 +19,7 @@ from tests.unit.missions.mission.test_mission_file import HEAD, faults
 from uavmap.runner.preflight.plan_figures import first_sighting_s
 
 BOX = [GridPoint(*xy) for xy in ((0.0, 0.0), (100.0, 0.0), (100.0, 44.0), (0.0, 44.0))]
-OPEN = Fence.of([GridPoint(*xy) for xy in square(-500, -500, 1000, 1000)], [], 0.0)
+OPEN = Fence.from_rings([GridPoint(*xy) for xy in square(-500, -500, 1000, 1000)], [], 0.0)
 LANES = lanes(BOX, 4.0, OPEN)
 
 

@@ -120,8 +120,9 @@ def test_plain_blocks_are_those_of_a_search_without_a_prior():
 
 
 # --- whatever the box, the prior and the team ------------------------------------------------
-OPEN = Fence.of([GridPoint(*xy) for xy in ((-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3))],
-                [], 0.0)  # fmt: skip
+OPEN = Fence.from_rings(
+    [GridPoint(*xy) for xy in ((-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3))], [], 0.0
+)
 
 
 @settings(max_examples=60, deadline=None)

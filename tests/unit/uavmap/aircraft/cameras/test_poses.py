@@ -110,12 +110,12 @@ async def test_pose_reported_by_the_camera_has_precedence(peer, poses, /):
     place, height_m, turned = truth(2.0)
     told = ReportedPose(place, height_m, turned)
     taken_s = asyncio.get_running_loop().time()
-    assert await poses.pose_of(Announcement("a", taken_s, nothing, told=told)) == Pose(
+    assert await poses.pose_of(Announcement("a", taken_s, nothing, reported=told)) == Pose(
         place, height_m, turned
     )
     assert poses.streams == {}  # no stream was requested
     half = ReportedPose(place, height_m, None)
-    pose = await poses.pose_of(Announcement("a", taken_s, nothing, told=half))
+    pose = await poses.pose_of(Announcement("a", taken_s, nothing, reported=half))
     assert (pose.position, pose.height_m) == (place, height_m)
     assert angle_deg(pose.attitude, Mount(yaw_deg=90.0).attitude(turned)) < 0.1
     assert poses.streams == {mav.MAVLINK_MSG_ID_ATTITUDE: 10.0}

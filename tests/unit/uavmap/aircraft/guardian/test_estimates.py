@@ -150,7 +150,7 @@ def test_plausible_flight_is_no_leap(accelerations, step_s, noise_m):
     east, north, v_east, v_north = 0.0, 0.0, 0.0, 0.0
     for index, (a_east, a_north) in enumerate(accelerations):
         wobble = noise_m * (-1) ** index
-        leaps.take(t_s, at(east + wobble, north - wobble), (v_north, v_east))
+        leaps.add(t_s, at(east + wobble, north - wobble), (v_north, v_east))
         assert leaps.leapt == ""
         east += v_east * step_s + a_east * step_s**2 / 2.0
         north += v_north * step_s + a_north * step_s**2 / 2.0
@@ -162,21 +162,21 @@ def test_plausible_flight_is_no_leap(accelerations, step_s, noise_m):
 def test_leap_of_the_position_is_noticed(metres, bearing, gap_s):
     leaps = Leaps()
     for tenth in range(20):
-        leaps.take(100.0 + tenth / 10.0, at(0.5 * tenth, 0.0), (0.0, 5.0))
+        leaps.add(100.0 + tenth / 10.0, at(0.5 * tenth, 0.0), (0.0, 5.0))
     assert leaps.leapt == ""
     there = at(9.5 + metres * math.sin(bearing), metres * math.cos(bearing))
-    leaps.take(101.9 + gap_s, there, (0.0, 5.0))
+    leaps.add(101.9 + gap_s, there, (0.0, 5.0))
     assert leaps.leapt.startswith("its position has jumped by ")
     leaps.leapt = ""
-    leaps.take(102.0 + gap_s, there, (0.0, 5.0))
+    leaps.add(102.0 + gap_s, there, (0.0, 5.0))
     assert leaps.leapt == ""  # one leap is reported once
 
 
 def test_position_after_a_gap_or_a_restart_is_no_leap():
     leaps = Leaps()
-    leaps.take(100.0, at(0.0, 0.0), (0.0, 0.0))
-    leaps.take(102.0, at(80.0, 0.0), (0.0, 0.0))
-    leaps.take(3.0, at(0.0, 0.0), (0.0, 0.0))
+    leaps.add(100.0, at(0.0, 0.0), (0.0, 0.0))
+    leaps.add(102.0, at(80.0, 0.0), (0.0, 0.0))
+    leaps.add(3.0, at(0.0, 0.0), (0.0, 0.0))
     assert leaps.leapt == ""
 
 
@@ -212,7 +212,7 @@ def told(speeds, *, every_s=0.1, impact=None):
     impact = Impact() if impact is None else impact
     begin_s = impact._descent[-1][0] if impact._descent else 0.0
     for count, sink_m_s in enumerate(speeds, start=1):
-        impact.take(begin_s + count * every_s, sink_m_s)
+        impact.add(begin_s + count * every_s, sink_m_s)
     return impact
 
 
@@ -264,5 +264,5 @@ def test_braking_as_an_autopilot_brakes_is_no_impact():
 
 def test_clock_that_restarts_resets_the_impact():
     impact = told(fall(3.0, 0.1))
-    impact.take(0.0, 0.0)
+    impact.add(0.0, 0.0)
     assert impact.speed_m_s == 0.0

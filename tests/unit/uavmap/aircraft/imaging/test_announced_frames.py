@@ -64,7 +64,7 @@ def announced(**how):
 
 class Verdicts:
     def __init__(self):
-        self._judge = PictureJudge({1: Classifier.of(MISSION, SETTING.grid)})
+        self._judge = PictureJudge({1: Classifier.for_mission(MISSION, SETTING.grid)})
         self._last = None
 
     async def judge(self, taken):

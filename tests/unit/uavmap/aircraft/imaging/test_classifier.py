@@ -17,7 +17,7 @@ MADE = mission(square(0, 0, 40, 30), square(-30, -30, 120, 100))
 
 
 def classifier(made=MADE):
-    return Classifier.of(made, GRID)
+    return Classifier.for_mission(made, GRID)
 
 
 def seeing_all(*, noiseless=False):

@@ -94,7 +94,7 @@ class _Ends:
         """Have MAVSDK offer frames; return how many passed."""
         before = len(self.sent)
         for message in messages:
-            self.outbox.take(message.pack(self._codec))
+            self.outbox.forward(message.pack(self._codec))
         return len(self.sent) - before
 
 
@@ -158,5 +158,5 @@ def test_mavsdk_by_itself_may_only_request_messages():
         )
         == 0
     )
-    ends.outbox.take(b"\xfd\x09 no frame at all")
+    ends.outbox.forward(b"\xfd\x09 no frame at all")
     assert len(ends.sent) == 1

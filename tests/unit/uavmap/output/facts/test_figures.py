@@ -127,7 +127,11 @@ def test_finding_other_patches_seen_counts_only_the_explored_one(others, what, r
     belief = state.belief
     for t_s in (1.0, 2.0, 3.0):
         belief = belief.with_frame(None, FrameId(1, t_s), dict.fromkeys(roi, True))
-    tree = Tree.rooted(explored[0]).looked(explored[0], explored[1:]).looked(explored[1], ())
+    tree = (
+        Tree.rooted(explored[0])
+        .with_observation(explored[0], explored[1:])
+        .with_observation(explored[1], ())
+    )
     state = replace(state, belief=belief, tree=tree)
     assert finding(state) == f"{what} in 3 judged frames, explored to its end{rest}"
 

@@ -200,7 +200,7 @@ def test_facts_of_a_fleet_in_any_order_give_one_certificate(drawn, data):
         own, facts = OwnCells(Belief(5, 3), Belief(5, 3)), []
         for frame in frames_of(drawn):
             if frame.vehicle == vehicle:
-                facts.extend(own.take(frame))
+                facts.extend(own.add(frame))
         facts.extend(own.passed(1e6))
         told.extend(FactsShared(vehicle, 0.0, k, (fact,)) for k, fact in enumerate(facts))
     listening = setting(0)

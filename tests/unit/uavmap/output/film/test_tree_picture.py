@@ -130,9 +130,9 @@ def test_tree_of_one_vertex_is_drawn(tmp_path):
 
 def test_tree_too_large_to_draw_and_bad_names_are_refused(tmp_path):
     vertices = {
-        Cell(i, 0): Vertex(Cell(i - 1, 0) if i else None, i, looked=True) for i in range(2000)
+        Cell(i, 0): Vertex(Cell(i - 1, 0) if i else None, i, observed=True) for i in range(2000)
     }
-    long = Tree.of(START, vertices)
+    long = Tree.from_vertices(START, vertices)
     with pytest.raises(OutputError, match="2000 vertices and depth 1999 is too large to draw"):
         tree_picture.draw_tree(long, tmp_path / "long.png", title="long")
     for name, why in {"tree.jpg": "must end in .png or .svg", "no/tree.png": "no folder"}.items():

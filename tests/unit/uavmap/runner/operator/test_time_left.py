@@ -33,7 +33,7 @@ def course(recording: Recording, every: int = 10) -> list[tuple[State, TimeLeft]
 def test_share_is_whole_only_at_home_and_never_decreases_in_the_search():
     told = course(STOPS)
     *before, (last, end) = told
-    assert last.over
+    assert last.is_over
     assert (end.share, end.about_s) == (1.0, None)
     shares = [left.share for _, left in before if left.share is not None]
     assert max(shares) < 1.0

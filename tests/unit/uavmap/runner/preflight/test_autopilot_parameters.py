@@ -127,7 +127,7 @@ class Numbered:
 def test_missing_frames_are_counted_by_their_numbers(numbers, missing):
     losses = Losses()
     for number in numbers:
-        losses.take(Numbered(number))
+        losses.count(Numbered(number))
     assert losses.counts((1, 1)) == (len(numbers), missing)
 
 

@@ -267,7 +267,7 @@ async def test_kept_polygon_with_a_hole_in_the_box_is_refused(field, /, tmp_path
 @by(on_field, lambda: mission_of("ardupilot"))
 async def test_fence_is_farther_out_the_faster_the_mission_flies(field, /, tmp_path):
     setup = field.setup(1, tmp_path)
-    before, _ = await setup.look()
+    before, _ = await setup.examine()
     plan = setup.fence_of(before).plan()
     ring = Polygon([field.setting.grid.fixed(i.position) for i in plan.fence])
     assert ring.exterior.distance(Point(0, 0)) > 40.0 + plan.outside_m - 1.0

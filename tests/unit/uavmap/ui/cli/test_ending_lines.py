@@ -59,11 +59,11 @@ def test_vehicle_kept_on_the_ground_does_not_end_the_flight_of_the_others():
     line = told(made, Overridden(1, 3.0, "LOITER"))
     assert "vehicle 1 is in LOITER on the ground, not under our control" in line
     assert "it takes off at once" in line
-    assert not made.state.over
+    assert not made.state.is_over
     assert made.order(1) == StandDown()
     assert isinstance(made.order(2), TakeOff)
     made.post(Overridden(2, 4.0, "LOITER"))
-    assert made.state.over
+    assert made.state.is_over
 
 
 @pytest.mark.parametrize(
@@ -83,20 +83,20 @@ def test_vehicle_given_back_does_as_the_line_announced(cleared, said, order):
 def test_flight_without_another_vehicle_ends_with_the_reason():
     made = service(1)
     line = told(made, Overridden(1, 3.0, "LOITER"))
-    assert made.state.over
+    assert made.state.is_over
     assert "no other vehicle flies: the flight ends" in line
 
 
 def test_flight_after_a_pilots_landing_ends_with_the_reason():
     made = airborne(service(1))
     assert "hands off until" in told(made, Overridden(1, 3.0, "LOITER"))
-    assert not made.state.over
+    assert not made.state.is_over
     line = told(made, Landed(1, 30.0, 40.0, position=HOME))
     assert (
         "vehicle 1 has landed, not under our control; no other vehicle flies: the flight ends"
         in line
     )
-    assert made.state.over
+    assert made.state.is_over
 
 
 @pytest.mark.parametrize("landed", [True, False])
@@ -179,7 +179,7 @@ def mapped(phase, landed_away_m):
     """Return the end of a whole exploration; the second vehicle landed 45 m from its pad."""
     made = service(2)
     root = Cell(0, 6)
-    made.state = replace(made.state, tree=Tree.rooted(root).looked(root, ()))
+    made.state = replace(made.state, tree=Tree.rooted(root).with_observation(root, ()))
     for number, how in ((1, Phase.FINISHED), (2, phase)):
         there = replace(
             made.state.vehicles[number], phase=how, lanes=(), order=StandDown(),
