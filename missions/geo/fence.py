@@ -19,6 +19,8 @@ from shapely.ops import nearest_points
 from missions.units import GridPoint
 
 _TOLERANCE_M = 0.01
+_MIN_MARGIN_M = 1e-9
+"""Margin below which there is none, m: GEOS loses holes at margins below 1e-14 m."""
 _REMEMBERED = 10_000
 """Number of kept answers: rules ask for a route several times in one step of a mission."""
 
@@ -50,7 +52,8 @@ class Fence:
     ) -> Fence:
         """Return a fence from its rings (not closed) and the margin that legs keep from it."""
         outer = Polygon(polygon, holes)
-        inner = outer.buffer(-margin_m, join_style="mitre")
+        width_m = margin_m if margin_m >= _MIN_MARGIN_M else 0.0
+        inner = outer.buffer(-width_m, join_style="mitre")
         parts = inner.geoms if isinstance(inner, shapely.MultiPolygon) else [inner]
         corners = tuple(
             GridPoint(float(x), float(y))

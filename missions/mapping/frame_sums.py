@@ -59,7 +59,7 @@ class FrameSums:
     >>> sums = FrameSums()
     >>> cells = np.array([[0, 0], [0, 1]])
     >>> sums.add(cells, np.array([True, False]), [ClassShare(Cell(0, 1), 3, 0.5)])
-    >>> sums.cells().tolist(), sums.are(np.array([[0, 1], [0, 0]])).tolist()
+    >>> sums.cells().tolist(), sums.which_unsure(np.array([[0, 1], [0, 0]])).tolist()
     ([[0, 0]], [False, True])
     >>> sums.shares(cells, (3, 4)).tolist(), sums.classes(cells, (3, 4)).tolist()
     ([[0.0, 0.0], [0.5, 0.0]], [0, 3])

@@ -206,7 +206,7 @@ class VehicleView:
 
         >>> view = VehicleView()
         >>> view.off_deg = (0.5, 0.25)
-        >>> view.as_told(LatLon(47.0, 8.0)), view.corrected(view.as_told(LatLon(47.0, 8.0)))
+        >>> view.as_reported(LatLon(47.0, 8.0)), view.corrected(view.as_reported(LatLon(47.0, 8.0)))
         (LatLon(lat_deg=47.5, lon_deg=8.25), LatLon(lat_deg=47.0, lon_deg=8.0))
         """
         if self.off_deg == (0.0, 0.0):

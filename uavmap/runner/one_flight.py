@@ -129,7 +129,7 @@ class Flight:
                 with hold_signals():
                     with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                         if len(self._journal):
-                            _LOG.info(f"to go on: uavmap resume {self.folder}")
+                            _LOG.info(f"to continue: uavmap resume {self.folder}")
                         if self._resumed and len(self._journal) == self._events_before:
                             log_last_positions(self._state)
                     if self._again or len(self._journal) > self._events_before:

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 
@@ -234,6 +234,7 @@ def test_no_way_over_the_corners_is_shorter(seed):
 
 @FAST
 @given(st.floats(-20, 120), st.floats(-20, 120), st.floats(0, 20))
+@example(50.0, 50.0, 1e-54)
 def test_what_is_allowed_keeps_the_margin(east_m, north_m, margin_m):
     hole = ring(45, 30, 55, 70)
     fence = Fence.from_rings(SQUARE, [hole], margin_m)

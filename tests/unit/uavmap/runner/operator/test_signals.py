@@ -39,7 +39,7 @@ def test_background_job_that_gets_sigterm_cleans_up(interrupt):
 @pytest.mark.parametrize(("over", "presses"), [(True, 2), (False, 1)])
 def test_first_press_after_the_last_landing_does_not_cut_the_end_short(over, presses):
     counted = 0
-    service = Mock(spec=Service, flying=False, ended=True, state=Mock(over=over))
+    service = Mock(spec=Service, flying=False, ended=True, state=Mock(is_over=over))
 
     async def ending() -> None:
         nonlocal counted
