@@ -90,7 +90,7 @@ CHECKED: Final = (
     "uavmap/*.py",
     *(f"uavmap/{folder}/**/*.py" for folder in (
         "aircraft", "base", "fleet", "journal", "lab", "mavlink", "photos", "runner", "ui/api",
-        "ui/app", "ui/cli", "ui/ground", "ui/tak",
+        "ui/app", "ui/cli", "ui/ground", "ui/page", "ui/tak",
     )),
     "vision/**/*.py",
 )  # fmt: skip

@@ -92,13 +92,13 @@ class Team:
             before = self.state.vehicles[number]
             vehicle = replace(before, position=place, height_m=12.0, order=order)
             self.state = replace(self.state.with_vehicle(vehicle), t_s=t_s)
-            self.watcher.take_in(Tracked(number, t_s, place, 12.0, 40.0), self.state)
+            self.watcher.apply(Tracked(number, t_s, place, 12.0, 40.0), self.state)
             below = self.setting.grid.cell_of(place)
             votes = tuple(Vote(cell, True, 0.9) for cell in below.cross())
             if below in self.state.tree:  # type: ignore[operator]
                 tree = self.state.tree.with_observation(below, ())  # type: ignore[union-attr]
                 self.state = replace(self.state, tree=tree)
-            self.watcher.take_in(FrameSeen(number, t_s, below, votes), self.state)
+            self.watcher.apply(FrameSeen(number, t_s, below, votes), self.state)
 
 
 def on_the_flight() -> None:

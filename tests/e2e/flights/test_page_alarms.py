@@ -43,7 +43,7 @@ class Flown:
 
     def happen(self, event: Any) -> None:
         self.state, _ = step(self.state, event)
-        self.watcher.take_in(event, self.state)
+        self.watcher.apply(event, self.state)
 
     def go_on_to(self, t_s: float) -> Tracked:
         """Fly on to the first place that a vehicle reports after a time."""

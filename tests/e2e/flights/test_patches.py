@@ -88,7 +88,7 @@ def test_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     watcher = Watcher(state, now_s=lambda: 0.0)
     for event in events:  # the live page and the map agree
         state, _ = step(state, event)
-        watcher.take_in(event, state)
+        watcher.apply(event, state)
     watcher.refresh(whole=True)
     shown = {cell: STATES[code] for cell, code in watcher.board.cells.items()}
     table = map_data(state, figures(setting, events)[1], None).cells

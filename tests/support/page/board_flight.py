@@ -35,7 +35,7 @@ class BoardFlight:
             self.board.set_cell(place, STATES.index(state))  # type: ignore[arg-type]
 
     def live(self) -> LiveMap:
-        return LiveMap.of(self.scene, self.board.since(0))
+        return LiveMap.from_board(self.scene, self.board.since(0))
 
 
 RING = [(e, n) for e in range(3) for n in range(3) if (e, n) != (1, 1)]

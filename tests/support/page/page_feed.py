@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from uavmap.ui.page.board import Board, Delta
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_pipe import Message
 
 
 class Feed:
@@ -16,11 +16,11 @@ class Feed:
     dead = False
 
     def __init__(self, breaks_at: int = 10**9) -> None:
-        self.told: list[tuple[Words, bytes]] = []
+        self.told: list[tuple[Message, bytes]] = []
         self._asked = 0
         self._breaks_at = breaks_at
 
-    def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
+    def put(self, words: Message, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
         if len(self.told) >= self._breaks_at:
             raise RuntimeError("the page is broken")
         self.told.append((json.loads(json.dumps(words)), data))
@@ -31,7 +31,7 @@ class Feed:
         self._asked += 1
         return self._asked % 5 != 0
 
-    def orders(self) -> list[Words]:
+    def orders(self) -> list[Message]:
         return []
 
     @property

@@ -82,9 +82,9 @@ class Tab:
         result = None
         with self._news:
             arguments = json.loads(found[2])
-            if found[1] == "setting":
+            if found[1] == "setScene":
                 (self.scene,) = arguments
-            elif found[1] == "take":
+            elif found[1] == "applyDelta":
                 delta, self.link = arguments
                 self.takes += 1
                 self.snapshots += delta["since"] == 0

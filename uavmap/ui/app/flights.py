@@ -20,7 +20,7 @@ from uavmap.ui.app.jobs import Job
 from uavmap.ui.app.preflight import Findings
 from uavmap.ui.app.visitor import App, Visitor
 from uavmap.ui.page.feed import LOOPBACK
-from uavmap.ui.page.page_scene import of_tiles
+from uavmap.ui.page.page_scene import background_from_tiles
 from uavmap.ui.page.server import asked
 
 _LOG: Final = logging.getLogger("uavmap.ui.app")
@@ -156,7 +156,7 @@ def _tiles_option(app: App, mission: str) -> list[str]:
     setting = setting_of(load(str(app.workspace.folder / mission)))
     for name in app.grounds.files():
         with contextlib.suppress(UavmapError):
-            of_tiles(app.grounds.path_of(name), setting)  # as the flight will do
+            background_from_tiles(app.grounds.path_of(name), setting)  # as the flight will do
             return ["--tiles", name]
     return []
 

@@ -26,7 +26,7 @@ from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, TABLE
 from uavmap.ui.page.feed import LOOPBACK, opened
 from uavmap.ui.page.live import FlightPage
 from uavmap.ui.page.live_board import LiveBoard, Reader
-from uavmap.ui.page.page_scene import of_tiles
+from uavmap.ui.page.page_scene import background_from_tiles
 from uavmap.ui.tak.tak_feed import UPDATE_S, linked
 
 
@@ -72,7 +72,9 @@ def _page(
     options: argparse.Namespace, plan: FlightPlan, folder: Path, others: Sequence[Reader]
 ) -> Iterator[FlightPage]:
     mission = plan.mission
-    under = of_tiles(Path(options.tiles), setting_of(mission)) if options.tiles else None
+    under = (
+        background_from_tiles(Path(options.tiles), setting_of(mission)) if options.tiles else None
+    )
     config = {
         "title": mission.name,
         "steers": not plan.simulated,

@@ -1,8 +1,8 @@
 """Access to the page: only for browsers that were opened with its token.
 
-The token comes once, in the URL; then it is a cookie that scripts cannot read. A page of another
-origin gets nothing, whatever cookie the browser has. A GIS has no cookies: the map has a token of
-its own, which opens nothing else, for a GIS stores it in its projects.
+The URL has the token once; then it is in a cookie that scripts cannot read. A page of another
+origin gets nothing, even if the browser has the cookie. A GIS has no cookies, and stores the URL in
+its projects. So the map has its own token, which opens nothing else.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _POLICY: Final = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data:; base-uri 'none'; form-action 'none'; "
 )
-"""Nothing comes from elsewhere: there is no internet in the field, and none is needed."""
+"""Policy of the page: it loads only from its server, since the field has no internet."""
 
 
 def cookie_of(port: int) -> str:
@@ -33,14 +33,14 @@ def cookie_of(port: int) -> str:
 
 
 class Guard:
-    """Before an ASGI application.
+    """A check of the token before an ASGI application.
 
     Args:
-        token: Of those who may do everything.
-        cookie: The name of the cookie.
-        map_token: Of the map alone.
-        watch_token: Of those who may only look; the application reads the cookie.
-        frames: Sources of the pages that its pages show within them.
+        token: Token with all rights.
+        cookie: Name of the cookie.
+        map_token: Token for the map alone.
+        watch_token: Token for watching; the application reads the cookie.
+        frames: Sources of the pages that its pages may show in frames.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Guard:
         }
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what is allowed."""
+        """Pass on an allowed request; refuse others."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
@@ -97,12 +97,12 @@ class Guard:
                 message.setdefault("headers", [])
                 headers = MutableHeaders(scope=message)
                 for name, value in self._headers.items():
-                    headers.setdefault(name, value)  # a file of results has a stricter policy
+                    headers.setdefault(name, value)  # files of results have a stricter policy
             await send(message)
 
         return sending
 
 
 def same(given: str, token: str) -> bool:
-    """Return whether a token is the right one, in a time that does not depend on it."""
+    """Return whether a token is right, in a time that does not depend on it."""
     return hmac.compare_digest(given.encode(), token.encode())

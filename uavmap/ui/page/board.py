@@ -1,8 +1,8 @@
-"""What the page shows at an instant, and what has changed since an earlier one. Pure.
+"""The content of the page at an instant, and its changes since an earlier version. Pure.
 
-Cells by the number of their state, a record for each vehicle, lines of a log, and fields of the
-flight, each with a stamp. `since` returns all that was stamped after a version, so a slow browser
-is updated less often, and never twice.
+A board has cells with the number of their state, a record for each vehicle, lines of a log, and
+fields of the flight. Each has a stamp. `since` returns all that was stamped after a version, so a
+slow browser gets fewer updates, and each change once.
 """
 
 from __future__ import annotations
@@ -12,11 +12,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 Delta = dict[str, Any]
-"""The change between two versions of a board, for `json.dumps`.
+"""The changes from a version of a board (`since`) to a later one (`v`), for `json.dumps`.
 
-`v` is its end, `since` its begin (0: a snapshot of everything). `cells` is flat: column, row,
-state, column, ... `tracks` has east, north, ... by vehicle, `log` lines of number, mission
-seconds, level and text.
+If `since` is 0, it is a snapshot. `cells` is flat: column, row, state, column, ... `tracks` has
+east, north, ... by vehicle. `log` has lines of number, mission time in s, level and text.
 """
 
 MOST_LINES: Final = 300
@@ -29,7 +28,7 @@ Line = tuple[int, float, str, str]
 
 
 class Board:
-    """A picture of a flight.
+    """The content of the page of a flight.
 
     >>> board, copy = Board(), Board()
     >>> board.set_cell((3, -2), 1)
@@ -50,7 +49,7 @@ class Board:
     def __init__(self) -> None:
         self.version = 0
         self._cells: dict[Place, tuple[int, int]] = {}
-        """Number of the state, and stamp, in the order of the stamps."""
+        """Number of the state and stamp of each cell, in the order of the stamps."""
         self._fields: dict[str, tuple[Any, int]] = {}
         self._vehicles: dict[int, tuple[Mapping[str, Any], int]] = {}
         self._tracks: dict[int, deque[tuple[int, float, float]]] = {}
@@ -58,7 +57,7 @@ class Board:
         self._lines = 0
         self._changed = False
 
-    # --- what it shows ---------------------------------------------------------------------
+    # --- content ---------------------------------------------------------------------------
     @property
     def cells(self) -> dict[Place, int]:
         """The number of each cell's state."""
@@ -70,28 +69,28 @@ class Board:
         return tuple(self._vehicles)
 
     def field(self, name: str) -> Any:
-        """Return a field of the flight as a whole, None for one that is not set."""
+        """Return a field of the flight; None if it is not set."""
         return self._fields.get(name, (None, 0))[0]
 
     def cell(self, place: Place) -> int | None:
-        """Return the number of a cell's state, None for one that no frame shows."""
+        """Return the number of a cell's state; None if no frame shows the cell."""
         found = self._cells.get(place)
         return None if found is None else found[0]
 
-    # --- what changes ----------------------------------------------------------------------
+    # --- changes ---------------------------------------------------------------------------
     @property
     def _stamp(self) -> int:
         self._changed = True
         return self.version + 1
 
     def set_cell(self, place: Place, code: int) -> None:
-        """Give a cell a state, by its number."""
+        """Set the state of a cell by its number."""
         before = self._cells.get(place)
         if before is None or before[0] != code:
             self._put_cell(place, code, self._stamp)
 
     def set_field(self, name: str, value: Any) -> None:
-        """Set a field of the flight as a whole; `value` is for JSON."""
+        """Set a field of the flight; `value` is for JSON."""
         if name not in self._fields or self._fields[name][0] != value:
             self._fields[name] = (value, self._stamp)
 
@@ -102,7 +101,7 @@ class Board:
             self._vehicles[number] = (record, self._stamp)
 
     def add_point(self, number: int, east_m: float, north_m: float) -> None:
-        """Make the track of a vehicle longer by a point, metres in the grid's moving frame."""
+        """Append a point to the track of a vehicle, m in the grid's moving frame."""
         self._track(number).append((self._stamp, east_m, north_m))
 
     def add_line(self, t_s: float, level: str, text: str) -> None:
@@ -111,14 +110,14 @@ class Board:
         self._log.append((self._stamp, (self._lines, t_s, level, text)))
 
     def commit(self) -> bool:
-        """Make a version of all that was set; False where that is nothing new."""
+        """Make a version of all changes; return False if there are none."""
         changed, self._changed = self._changed, False
         self.version += changed
         return changed
 
     # --- deltas ----------------------------------------------------------------------------
     def since(self, version: int) -> Delta:
-        """Return what was set after a version, committed or not; for 0 a snapshot of all."""
+        """Return the changes after a version, committed or not; for 0 a snapshot."""
         self.commit()
         return {
             "v": self.version,
@@ -141,7 +140,7 @@ class Board:
         }
 
     def apply(self, delta: Delta) -> None:
-        """Apply a delta: a snapshot, or one that begins with this version; else `ValueError`."""
+        """Apply a snapshot, or a delta since this version. Raises `ValueError` for another."""
         since, stamp = delta["since"], delta["v"]
         if since not in (0, self.version):
             raise ValueError(f"a delta since {since} does not follow version {self.version}")

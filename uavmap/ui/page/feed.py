@@ -1,6 +1,6 @@
-"""A process that shows a flight, from the side of the flight, which never waits for it.
+"""A process that shows a flight, on the side of the flight, which never waits for it.
 
-While the queue of messages is full nothing more is put in; the next delta holds what was left out.
+While the queue of messages is full, messages are dropped; the next delta has all later changes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Final
 from missions.errors import OutputError, UavmapError
 from uavmap.base.child_process import Child
 from uavmap.base.extras import install_command
-from uavmap.ui.page.page_pipe import MAP_PATH, Lines, Words, packed
+from uavmap.ui.page.page_pipe import MAP_PATH, Lines, Message, packed
 
 PORT: Final = 8470
 LOOPBACK: Final = "127.0.0.1"
@@ -36,14 +36,14 @@ def need_nicegui() -> None:
 
 
 def bound(host: str, port: int, option: str) -> socket.socket:
-    """Bind a port and listen; 0 for any that is free. `option` is how the port is given.
+    """Bind a port and listen; 0 for any free port. `option` is the option of the port.
 
-    Raises `OutputError` where the port is taken, or the host is none of this computer.
+    Raises `OutputError` if the port is in use, or the host is not an address of this computer.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     try:
-        # else the port of a page that has just ended could not be had for a minute
+        # else the port of a page that has just ended stays in use for a minute
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((host, port))
         listening.listen(64)
@@ -52,43 +52,43 @@ def bound(host: str, port: int, option: str) -> socket.socket:
         reason = getattr(error, "strerror", None) or error
         raise OutputError(
             f"{option}: the page cannot be served on {host} port {port} ({reason}); give another "
-            f"port, or `{option} 0` for any that is free"
+            f"port, or `{option} 0` for any free one"
         ) from None
     return listening
 
 
 def shown(host: str) -> str:
-    """Return the host for a URL: of all addresses, the one by which others reach this computer."""
+    """Return the host for a URL; for all addresses, the one at which others reach this computer."""
     with contextlib.suppress(ValueError):
         if not ipaddress.ip_address(host).is_unspecified:
             return f"[{host}]" if ":" in host else host
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, contextlib.suppress(OSError):
-        probe.connect(("192.0.2.1", 9))  # nothing is sent: it only chooses a network
+        probe.connect(("192.0.2.1", 9))  # this sends nothing, and only chooses a network
         return str(probe.getsockname()[0])
     return LOOPBACK
 
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
 START_S: Final = 60.0
-"""Time in which a process must be ready, real seconds; a small computer takes about 3."""
+"""Maximum time until a process is ready, real s; a small computer needs about 3."""
 END_S: Final = 6.0
-"""Time in which its process receives the last messages and ends, real seconds."""
+"""Maximum time in which a process receives the last messages and ends, real s."""
 WAITING: Final = 8
 """Maximum number of messages that wait to be written."""
 
 
 class Feed:
-    """A process under way. A line is logged when it ends before its time.
+    """A running process that shows a flight. A line is logged if it ends too early.
 
     Args:
-        module: What it runs.
+        module: Module that the process runs.
         title: Its name in lines for the operator.
         config: Its first message.
         pass_fds: Open files that it inherits.
     """
 
     def __init__(
-        self, module: str, title: str, config: Words, pass_fds: Collection[int] = ()
+        self, module: str, title: str, config: Message, pass_fds: Collection[int] = ()
     ) -> None:
         self.title = title
         self._messages: queue.Queue[bytes | None] = queue.Queue(WAITING)
@@ -101,35 +101,35 @@ class Feed:
         self._writer.start()
 
     def wait_ready(self) -> None:
-        """Wait until it is ready. Raises `OutputError` where it does not begin."""
+        """Wait until it is ready. Raises `OutputError` if it does not start."""
         due_s = time.monotonic() + START_S
         why = f"it was not ready within {START_S:g} s"
         while (left_s := due_s - time.monotonic()) > 0.0:
             select.select([self.orders_file], [], [], min(left_s, 0.5))
             ended = self._child.process.poll()
             lines = self.orders()
-            if any(words.get("ready") for words in lines):
+            if any(message.get("ready") for message in lines):
                 return
-            failed = [str(words["failed"]) for words in lines if "failed" in words]
+            failed = [str(message["failed"]) for message in lines if "failed" in message]
             if failed or ended is not None:
-                said = failed or [self._child.last_words(END_S)]
-                why = said[0] or f"its process ended with {ended}"
+                reasons = failed or [self._child.last_words(END_S)]
+                why = reasons[0] or f"its process ended with {ended}"
                 break
-        raise OutputError(f"{self.title} does not begin: {why}")
+        raise OutputError(f"{self.title} does not start: {why}")
 
-    # --- there -----------------------------------------------------------------------------
+    # --- messages to it --------------------------------------------------------------------
     @property
     def idle(self) -> bool:
-        """Whether it has received nearly all messages."""
+        """True if it has received nearly all messages."""
         return not self.dead and self._messages.qsize() <= 1
 
-    def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
-        """Queue a message; return whether there was room within `wait_s` real seconds."""
+    def put(self, message: Message, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
+        """Queue a message; return whether the queue had room within `wait_s` real seconds."""
         if self.dead:
             self._log_end()
             return False
         try:
-            self._messages.put(packed(words, data), wait_s > 0.0, wait_s or None)
+            self._messages.put(packed(message, data), wait_s > 0.0, wait_s or None)
         except queue.Full:
             return False
         return True
@@ -150,16 +150,16 @@ class Feed:
         if not self._logged:
             self._logged = True
             why = self._child.last_words() or "its process has ended"
-            _LOG.info(f"{self.title} is gone ({why}); the flight goes on without it")
+            _LOG.info(f"{self.title} has ended ({why}); the flight continues without it")
 
-    # --- back ------------------------------------------------------------------------------
+    # --- messages from it ------------------------------------------------------------------
     @property
     def orders_file(self) -> int:
-        """Readable when there are orders."""
+        """File descriptor that is readable when there are orders."""
         return self._child.stdout.fileno()
 
-    def orders(self) -> list[Words]:
-        """Return the orders since the last call; none from a process that is gone."""
+    def orders(self) -> list[Message]:
+        """Return the orders since the last call; none from a process that has ended."""
         try:
             piece = os.read(self.orders_file, 1 << 16)
         except BlockingIOError:
@@ -168,11 +168,11 @@ class Feed:
             piece = b""
         if not piece:
             self.dead = True
-        return self._lines.of(piece)
+        return self._lines.parse(piece)
 
-    # --- over ------------------------------------------------------------------------------
-    def close(self) -> list[Words]:
-        """End it after its last messages, if it receives them in time; return its last lines."""
+    # --- end -------------------------------------------------------------------------------
+    def close(self) -> list[Message]:
+        """End the process after its last messages, at most `END_S`; return its last lines."""
         with contextlib.suppress(queue.Full):
             self._messages.put(None, timeout=0.0 if self.dead else END_S)
         self._writer.join(END_S)
@@ -188,18 +188,21 @@ class Feed:
         return last
 
 
-# --- opened before a flight begins: what is wrong is reported while nothing flies ---------------
+# --- the page is opened before a flight begins, so its errors come while no vehicle flies --------
 @contextlib.contextmanager
-def opened(config: Words, port: int, option: str, host: str = LOOPBACK) -> Iterator[Feed]:
+def opened(config: Message, port: int, option: str, host: str = LOOPBACK) -> Iterator[Feed]:
     """Serve a page in the context; log its URL. Raises `UavmapError` without NiceGUI or the port.
 
-    `config` has its `title`; `steers`, whether there are buttons; `why` there are none; `timeline`,
-    whether earlier times can be shown; `frames`, the folder of the pictures; `pictures`, why there
-    are none. `option` gives the `port`, 0 for any that is free.
+    Args:
+        config: The first message: `title`; `steers` for buttons, else `why` there are none;
+            `timeline` for earlier times; `folder` of the results; `pictures`, why there are none.
+        port: The port, 0 for any free one.
+        option: The option of the port, for errors.
+        host: The address at which the page is served.
     """
     need_nicegui()
     tokens = {name: secrets.token_urlsafe(16) for name in ("token", "map_token", "watch_token")}
-    with bound(host, port, option) as listening:  # the page's process has its own from then on
+    with bound(host, port, option) as listening:  # the page's process inherits its file
         port, number = listening.getsockname()[1], listening.fileno()
         served = {**tokens, "port": port, "socket": number}
         feed = Feed("uavmap.ui.page.page_child", "the live page", {**config, **served}, (number,))
@@ -212,7 +215,8 @@ def opened(config: Words, port: int, option: str, host: str = LOOPBACK) -> Itera
         _LOG.info(f"map for a GIS: {address}{MAP_PATH}?token={tokens['map_token']}")
         if host != LOOPBACK:
             _LOG.info(
-                "live page: whoever reaches this computer and has the token can give orders there"
+                "live page: each browser that reaches this computer and has the token can give "
+                "orders"
             )
         yield feed
     finally:

@@ -1,5 +1,5 @@
-// What a browser knows of the flight: the board, the cells as a picture, and marks of other aircraft.
-// What a delta holds is in uavmap/ui/page/board.py.
+// The flight in a browser: the board, the cells as a picture, and marks of other aircraft.
+// uavmap/ui/page/board.py describes a delta.
 
 const MOST_LINES = 300;
 const MOST_POINTS = 3000;
@@ -15,7 +15,7 @@ export class Board {
     this.log = [];
   }
 
-  // returns whether the delta follows on what is here
+  // returns whether the delta follows this version
   apply(delta, changedCell) {
     if (delta.since !== 0 && delta.since !== this.version) return false;
     if (delta.since === 0) Object.assign(this, new Board());
@@ -36,7 +36,7 @@ export class Board {
   }
 }
 
-// --- cells: a picture of a pixel each, drawn larger ---------------------------------------------
+// --- cells: a picture with a pixel for each, drawn larger ---------------------------------------
 export class Raster {
   constructor() {
     this.clear();
@@ -46,7 +46,7 @@ export class Raster {
     this.west = this.south = 0;
     this.columns = this.rows = 0;
     this.canvas = null;
-    this.seen = null; // the cells' own bounds: west, south, east, north, in cells
+    this.seen = null; // bounds of the cells: west, south, east, north, in cells
   }
 
   set(column, row, colour) {
@@ -90,7 +90,7 @@ export class Raster {
   }
 }
 
-// --- aircraft of others: a diamond with call sign and height, at the edge for one that is farther --
+// --- aircraft of others: a diamond with call sign and height; at the edge if it is farther away ----
 export function drawTraffic(map) {
   const { pen, ratio, canvas } = map;
   const edge = 10 * ratio;

@@ -1,10 +1,9 @@
-// The map of the flight on a canvas. It receives the scene by `setting` once, a delta by `take` each
-// time.
+// The map of the flight on a canvas. `setScene` sets the scene once, `applyDelta` applies each change.
 
 import { Board, Raster, drawTraffic } from "flight_board";
 
-const RESULTS_MS = 5000; // between two loads of the pictures of the results
-const EASE_S = 0.35; // a marker glides to where its vehicle was heard last
+const RESULTS_MS = 5000; // time between two loads of the pictures of the results
+const EASE_S = 0.35; // time in which a marker glides to the reported place of its vehicle
 
 export class FlightMap {
   constructor(canvas) {
@@ -14,16 +13,16 @@ export class FlightMap {
     this.raster = new Raster();
     this.board = new Board();
     this.scene = null;
-    this.background = null; // what is given for the ground
-    this.mosaic = null; // the ground by the pictures of the flight, over it
+    this.background = null; // picture of the ground
+    this.mosaic = null; // mosaic of the flight, over the background
     this.onresults = () => {}; // called when the results may have new pictures
     this.due_ms = 0;
-    this.shown = {}; // where the markers are drawn
+    this.shown = {}; // places at which the markers are drawn
     this.view = null;
-    this.stale = true; // the base has to be drawn anew
+    this.stale = true; // the base must be drawn again
     this.moving = true;
-    this.frames = 0; // how often it was drawn
-    this.drawn_ms = 0; // and how long that took in all
+    this.frames = 0; // number of drawings
+    this.drawn_ms = 0; // time for all drawings
     this.last_ms = 0;
     this.fingers = new Map();
     this.listen();
@@ -35,7 +34,7 @@ export class FlightMap {
     requestAnimationFrame(tick);
   }
 
-  setting(scene) {
+  setScene(scene) {
     this.scene = scene;
     this.colours = scene.states.map(([, colour]) => colour);
     this.view = null;
@@ -55,7 +54,7 @@ export class FlightMap {
     image.src = url;
   }
 
-  // the pictures of the results are loaded again while the mission goes on, and once it is over
+  // load the pictures of the results again during the mission, and once more at its end
   loadResults() {
     const { t_s, hands_off } = this.board.fields;
     const asked = encodeURIComponent(`${Math.round(t_s || 0)} ${hands_off}`);
@@ -68,7 +67,7 @@ export class FlightMap {
     this.onresults(asked);
   }
 
-  take(delta) {
+  applyDelta(delta) {
     if (delta.since === 0) this.raster.clear();
     const good = this.board.apply(delta, (column, row, code) =>
       this.raster.set(column, row, this.colours[code] || "#f0f"),
@@ -272,7 +271,7 @@ export class FlightMap {
     pen.imageSmoothingEnabled = true;
     pen.globalAlpha = 1;
     if (px < 7 * this.ratio) return;
-    // the grid itself, over the search box and what was seen
+    // the grid, over the search box and the seen cells
     const [de, dn] = this.drifted();
     const box = this.scene.box.map(([e, n]) => [(e - de) / m, (n - dn) / m]);
     const seen = raster.seen;
@@ -352,7 +351,7 @@ export class FlightMap {
     pen.fillText(length + " m", x, y - 3 * this.ratio);
   }
 
-  // from where a vehicle is drawn along its present path; of points that have a time those to come
+  // from each marker along the present path of its vehicle; of points with a time only later ones
   drawPaths() {
     const { pen, ratio } = this;
     const now_s = this.board.fields.t_s || 0;

@@ -1,11 +1,10 @@
-// The flight as the browser shows it: one canvas for the map, one for the latest picture, a table of
-// the aircraft, the figures, the log. It is told by two methods: `setting` once, `take` for each
-// change.
+// The flight in the browser: one canvas for the map, one for the latest picture, a table of the
+// aircraft, the figures, the log. The server calls `setScene` once, and `applyDelta` for each change.
 
 import { FlightMap } from "flight_map";
 
 const SILENT_S = 6;
-const AGAIN_S = 5; // between two sounds of an alarm that nobody has acknowledged
+const AGAIN_S = 5; // time between two sounds of an alarm until it is acknowledged
 
 const clock = (seconds) => {
   if (seconds === null || seconds === undefined) return "";
@@ -18,10 +17,10 @@ const clock = (seconds) => {
 const known = (value) => value !== null && value !== undefined;
 const metres = (m) => (Math.round(m) || 0) + " m"; // never -0
 
-// two short tones, made here; a browser is silent until its page was clicked once
+// two short tones; a browser stays silent until the first click on its page
 class Sound {
   constructor() {
-    this.times = 0; // how often it was asked for
+    this.times = 0; // number of requests
     const allow = () => {
       this.context = this.context || new AudioContext();
       this.context.resume();
@@ -104,7 +103,7 @@ export default {
       </figure>
       <figure class="flight-picture" v-if="judged">
         <img :src="judged" alt="a judged picture">
-        <figcaption>Outlined in red: what the detector takes for the region, in the first picture that shows some of it, or else in the first one</figcaption>
+        <figcaption>Red outlines: ground that the detector rates as region, in the first picture with region, else in the first picture</figcaption>
       </figure>
       <ol class="flight-log" aria-label="log" tabindex="0">
         <li v-for="[number, t, level, text] in lines" :key="number" :class="level">
@@ -124,13 +123,13 @@ export default {
   mounted() {
     this.map = new FlightMap(this.$refs.map);
     window.flightSound = this.sound = new Sound();
-    window.flightMap = this.map; // for tests, and whoever looks into it
+    window.flightMap = this.map; // for tests and inspection
     this.map.onresults = (asked) => {
       const image = new Image();
       image.onload = () => (this.judged = image.src);
       image.src = "result/judged.jpg?" + asked;
     };
-    this.heard_ms = performance.now();
+    this.updated_ms = performance.now();
     this.sound_ms = 0;
     this.timer = setInterval(() => this.check(), 1000);
   },
@@ -144,19 +143,19 @@ export default {
       this.map.touched = false;
       this.map.fit();
     },
-    setting(scene) {
+    setScene(scene) {
       this.scene = scene;
-      this.map.setting(scene);
+      this.map.setScene(scene);
     },
-    // a delta, and how the flight is followed; the answer is the version that is shown, 0 where a
-    // snapshot is needed
-    take(delta, link) {
-      this.heard_ms = performance.now();
+    // apply a delta and the state of the link; returns the version that is shown, 0 if a snapshot is
+    // needed
+    applyDelta(delta, link) {
+      this.updated_ms = performance.now();
       this.link = link;
       document.body.classList.toggle("flight-ended", !!link.text);
-      if (link.text) window.socket?.io.reconnection(false); // its server ends now
+      if (link.text) window.socket?.io.reconnection(false); // the server ends now
       this.check();
-      if (!this.scene || !this.map.take(delta)) return 0;
+      if (!this.scene || !this.map.applyDelta(delta)) return 0;
       const board = this.map.board;
       if (Object.keys(delta.vehicles).length) this.listVehicles(board);
       if (Object.keys(delta.fields).length) this.listFigures(board.fields);
@@ -168,22 +167,22 @@ export default {
     },
     check() {
       if (!this.link) return;
-      const silent_s = Math.round((performance.now() - this.heard_ms) / 1000);
+      const silent_s = Math.round((performance.now() - this.updated_ms) / 1000);
       const over = this.map.board.fields.over;
       if (this.link.text) this.banner = this.link.text;
       else if (this.link.live && !over && silent_s >= SILENT_S)
-        this.banner = "nothing new for " + silent_s + " s: what is shown is that old";
+        this.banner = "no update for " + silent_s + " s: the page shows an old state";
       else this.banner = "";
       if (this.open.length && performance.now() >= this.sound_ms) this.ring();
     },
     ring() {
       this.sound_ms = performance.now() + 1000 * AGAIN_S;
-      if (this.link.heard) this.sound.play();
+      if (this.link.sounds) this.sound.play();
     },
     acknowledge() {
       this.alarms.forEach(([key]) => this.acknowledged.add(key));
     },
-    // an alarm that has ended and comes again has to be acknowledged again
+    // an alarm that ends and starts again needs a new acknowledgement
     listAlarms(alarms) {
       const before = new Set(this.alarms.map(([key]) => key));
       const keys = new Set(alarms.map(([key]) => key));
@@ -210,7 +209,7 @@ export default {
       const above = known(v.above_home_m) ? ` (${metres(v.above_home_m)} above home)` : "";
       return [
         ["control", v.control + (v.mode ? ", " + v.mode : "")],
-        ["up", v.landed ? "" : metres(v.up) + above],
+        ["height", v.landed ? "" : metres(v.up) + above],
         ["speed", speed(v.speed_m_s)],
         ["wind", speed(v.wind_m_s)],
         ["home", v.home_m === null ? "" : metres(v.home_m) + ", " + clock(v.home_s)],
@@ -227,21 +226,21 @@ export default {
       rows.push(["region", f.roi + " cells decided"]);
       this.scene.classes.forEach((name, i) => {
         const area_m2 = (f.class_areas_m2 || [])[i];
-        if (area_m2) rows.push(["of it " + name, Math.round(area_m2) + " m²"]);
+        if (area_m2) rows.push(["region, " + name, Math.round(area_m2) + " m²"]);
       });
       if (f.frames)
         rows.push(["pictures judged", f.frames[0] + (f.frames[1] ? ", " + f.frames[1] + " lost" : "")]);
       const c = f.certificate;
       if (c && c.lower_bound_s) {
         rows.push(["exploration up to " + clock(c.t_s), clock(c.exploration_s)]);
-        rows.push(["nobody can be faster than", clock(c.lower_bound_s)]);
+        rows.push(["lower bound for any team", clock(c.lower_bound_s)]);
         if (c.ratio) rows.push(["ratio of the two", c.ratio.toFixed(2)]);
-        if (c.bound_s) rows.push(["the strategy's bound", clock(c.bound_s)]);
+        if (c.bound_s) rows.push(["bound of the strategy", clock(c.bound_s)]);
       }
       if (f.left && f.left.share !== null)
         rows.push(["done", "about " + Math.floor(100 * f.left.share) + " % of " + f.left.of]);
       if (f.left && f.left.what)
-        rows.push(["left, as far as is known", f.left.what + (f.left.about_s === null ? "" : ", about " + clock(f.left.about_s))]);
+        rows.push(["known rest", f.left.what + (f.left.about_s === null ? "" : ", about " + clock(f.left.about_s))]);
       if (f.over) rows.push(["found", f.finding]);
       this.figures = rows;
     },
@@ -253,7 +252,7 @@ export default {
       }
       const image = new Image();
       image.onload = () => {
-        if (this.map.board.fields.picture !== picture) return; // a newer one is under way
+        if (this.map.board.fields.picture !== picture) return; // a newer one is loading
         const yes = picture.cells.filter((cell) => cell[8]).length;
         this.caption = `vehicle ${picture.vehicle} at ${clock(picture.t_s)}: ${yes} of ${picture.cells.length} cells look like region`;
         const canvas = this.$refs.picture;

@@ -1,4 +1,4 @@
-"""A page of a flight that another process flies, or has flown: its journal, folded as it grows."""
+"""A page of a flight of another process, or of the past: it follows the journal as it grows."""
 
 from __future__ import annotations
 
@@ -20,30 +20,36 @@ from uavmap.output.drawing.mosaic_file import ORTHO, Ground, raster_of
 from uavmap.output.facts.flown_mission import DERIVED
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.live_board import send_scene
-from uavmap.ui.page.page_scene import marks_of, of_mosaic, of_tiles, scene_of
+from uavmap.ui.page.page_scene import (
+    background_from_mosaic,
+    background_from_tiles,
+    marks_of,
+    scene_of,
+)
 from uavmap.ui.page.watching import Watcher
 
 LOOK_S: Final = 0.2
-"""Time between two reads of the journal, real seconds."""
+"""Time between two reads of the journal, real s."""
 STEP_S: Final = 0.5
 """Minimum mission time between two updates, s."""
 MOST_STEPS: Final = 2000
-"""Maximum number of updates of a long flight, about."""
+"""Approximate maximum number of updates of a long flight."""
 WATCHES: Final = (
-    "this page only watches: who flies is another program, which takes orders by the keys at its "
-    "terminal, or from the page of `uavmap fly --page`"
+    "this page only watches; give orders with the keys at the terminal of `uavmap fly`, or on the "
+    "page of `uavmap fly --page`"
 )
 PAST: Final = "the flight is over"
-RECORDED: Final = "recorded pictures: nobody flies"
-GONE: Final = "the live page is gone; watch it anew"
+RECORDED: Final = "recorded pictures: no vehicle flies"
+GONE: Final = "the live page has ended; run uavmap watch again"
 _UNMATCHED: Final = 64
+"""Maximum number of frames without a kept picture."""
 
 
 class Follower:
-    """Sends a page what a journal holds, and what is added to it.
+    """A sender of a journal, and of all that is added to it, to a page.
 
-    `tiles`: an MBTiles file under the map, else the folder's mosaic. Raises `MissionFileError` for
-    a mission that this program does not fly, `OutputError` for the tiles.
+    `tiles` is a map file beneath; by default the folder's mosaic is. Raises `MissionFileError` for
+    a mission that this program does not fly, and `OutputError` for the tiles.
     """
 
     def __init__(self, reader: JournalReader, tiles: Path | None = None) -> None:
@@ -54,9 +60,9 @@ class Follower:
         self.setting, self._real = plan.known_setting(), not plan.simulated
         self._drawn = plan.mission_source != DERIVED
         self._background = (
-            of_mosaic(self._folder / ORTHO, self.setting)
+            background_from_mosaic(self._folder / ORTHO, self.setting)
             if tiles is None
-            else of_tiles(tiles, self.setting)
+            else background_from_tiles(tiles, self.setting)
         )
         self._pictures = Pictures(self._folder, self.setting)
         self._version = 0
@@ -67,7 +73,7 @@ class Follower:
         return self.setting.mission.name
 
     def run(self, feed: Feed, sleep: Callable[[float], None] = time.sleep) -> None:
-        """Follow until `KeyboardInterrupt`. Raises `OutputError` when the page is gone."""
+        """Follow until `KeyboardInterrupt`. Raises `OutputError` if the page ends."""
         events = self._reader.new_events()
         state = self.setting.initial_state()
         watcher = Watcher(
@@ -89,7 +95,7 @@ class Follower:
         while True:
             for event in events:
                 state, _ = step(state, event)
-                watcher.take_in(event, state)
+                watcher.apply(event, state)
                 self._pictures.note(event)
                 if state.t_s >= due_s:
                     due_s = state.t_s + step_s
@@ -99,7 +105,7 @@ class Follower:
                 self._send(watcher, feed, whole=True)
             elif not events:
                 sleep(LOOK_S)
-                feed.orders()  # there are none, but so it is seen that it has ended
+                feed.orders()  # there are none; the call detects the end of the process
                 if feed.dead:
                     raise OutputError(GONE)
 
@@ -120,7 +126,7 @@ class Follower:
 
 
 class Pictures:
-    """The kept pictures of a flight, found by their events, before which they may be missing."""
+    """The kept pictures of a flight, found by their events; they may be written later."""
 
     def __init__(self, folder: Path, setting: Setting) -> None:
         self._folder = folder
@@ -135,7 +141,7 @@ class Pictures:
             self._seen.append(event)
 
     def newest(self) -> dict[str, object] | None:
-        """Return the newest judged picture for a board; None where there is no newer."""
+        """Return the newest judged picture for a board; None if there is no newer one."""
         if not self._seen:
             return None
         self._read()

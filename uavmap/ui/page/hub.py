@@ -1,4 +1,4 @@
-"""What the process of a page knows: the board as it is now, and as it was at any time before."""
+"""The data in the process of a page: the board now, and at any earlier time."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from uavmap.output.drawing.mosaic_file import MOSAIC
 from uavmap.ui.page.board import Board, Delta
 from uavmap.ui.page.live_geojson import EMPTY, geojson
 from uavmap.ui.page.live_map import LiveMap
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_pipe import Message
 
 MOST_PICTURES: Final = 24
-"""Maximum number of pictures that are kept for slow browsers."""
+"""Maximum number of pictures in memory for slow browsers."""
 PICTURE_PX: Final = 640
 """Maximum width of a picture, px."""
 _QUALITY: Final = 75
 _SUFFIXES: Final = (".jpg", ".png")
 RESULTS: Final = {MOSAIC: "image/webp", JUDGED: "image/jpeg"}
-"""Types of the pictures of the results that a page shows; a flight writes them anew."""
+"""Types of the pictures of the results that a page shows; a flight replaces them."""
 KEY_EVERY: Final = 40
 """Number of deltas between two snapshots of a timeline."""
 
@@ -49,7 +49,7 @@ class Timeline:
         self._newest = Board()
 
     def add(self, t_s: float, delta: Delta) -> None:
-        """Add the next delta; mission times do not fall."""
+        """Add the next delta; mission times do not decrease."""
         self._newest.apply(delta)
         if len(self._times) % KEY_EVERY == 0:
             self._keys.append(self._newest.since(0))
@@ -58,11 +58,11 @@ class Timeline:
 
     @property
     def span(self) -> tuple[float, float]:
-        """The first and the last time, mission seconds."""
+        """The first and the last mission time, s."""
         return (self._times[0], self._times[-1]) if self._times else (0.0, 0.0)
 
     def at(self, t_s: float) -> Board:
-        """Return the board at a mission time, or at the first one."""
+        """Return the board at a mission time, or at the first time."""
         index = max(bisect.bisect_right(self._times, t_s) - 1, 0)
         board = Board()
         if self._keys:
@@ -74,73 +74,73 @@ class Timeline:
 
 
 class Hub:
-    """The messages of a flight, for its browsers."""
+    """The messages of a flight for its browsers."""
 
-    def __init__(self, config: Words) -> None:
+    def __init__(self, config: Message) -> None:
         self.board = Board()
-        self.scene: Words | None = None
+        self.scene: Message | None = None
         self.ended = ""
-        """Why nothing more will come; empty while it may."""
+        """Reason for the end of the messages; empty before that."""
         self.timeline = Timeline() if config.get("timeline") else None
         self.background = b""
-        """What lies under the map, as JPEG; empty without one."""
+        """Picture beneath the map, JPEG; empty without one."""
         self.answers: dict[str, asyncio.Future[str]] = {}
         self._folder = Path(config["folder"]) if config.get("folder") else None
         self._pictures: dict[str, bytes] = {}
         self.news = asyncio.Event()
-        """Set when something is new; then it is another event."""
+        """Event that is set at the next message; then another event replaces it."""
         self._encoded = -1, EMPTY
-        """A version of the board, and its map for a GIS."""
+        """Version of the board, and its map for a GIS."""
         self._encoding = asyncio.Lock()
         self._present: set[object] = set()
-        self.nobody = asyncio.Event()
-        """Set while no browser waits for an update."""
-        self.nobody.set()
+        self.unwatched = asyncio.Event()
+        """Event that is set while no browser waits for an update."""
+        self.unwatched.set()
 
     def enter(self, visitor: object) -> None:
-        """Add a browser, which receives what is new."""
+        """Add a browser, which receives updates."""
         self._present.add(visitor)
-        self.nobody.clear()
+        self.unwatched.clear()
 
     def leave(self, visitor: object) -> None:
-        """Remove a browser that is gone or has everything."""
+        """Remove a browser that is closed or has all updates."""
         self._present.discard(visitor)
         if not self._present:
-            self.nobody.set()
+            self.unwatched.set()
 
     def wake(self) -> None:
-        """Wake those that wait for news."""
+        """Wake the tasks that wait for news."""
         self.news.set()
         self.news = asyncio.Event()
 
-    async def receive(self, words: Words, data: bytes) -> None:
+    async def receive(self, message: Message, data: bytes) -> None:
         """Receive a message of the flight (`uavmap.ui.page.page_pipe`)."""
-        match words.get("kind"):
+        match message.get("kind"):
             case "scene":
-                self.scene = words["scene"]
+                self.scene = message["scene"]
             case "delta":
-                self.board.apply(words["delta"])
+                self.board.apply(message["delta"])
                 if self.timeline is not None:
-                    self.timeline.add(self.board.field("t_s") or 0.0, words["delta"])
+                    self.timeline.add(self.board.field("t_s") or 0.0, message["delta"])
             case "picture":
-                image = await asyncio.to_thread(_decoded, data, words.get("shape"))
-                self._pictures[str(words["id"])] = b"" if image is None else _small(image)
+                image = await asyncio.to_thread(_decoded, data, message.get("shape"))
+                self._pictures[str(message["id"])] = b"" if image is None else _small(image)
                 while len(self._pictures) > MOST_PICTURES:
                     del self._pictures[next(iter(self._pictures))]
             case "background":
                 self.background = data
             case "answer":
-                answer = self.answers.pop(str(words.get("id")), None)
+                answer = self.answers.pop(str(message.get("id")), None)
                 if answer is not None and not answer.done():
-                    answer.set_result(str(words["text"]))
+                    answer.set_result(str(message["text"]))
             case "ended":
-                self.ended = str(words["text"])
+                self.ended = str(message["text"])
         self.wake()
 
     async def geojson(self, *, again: bool) -> bytes:
-        """Return the live map for a GIS; `again`: as it was given last, to who reads it in parts.
+        """Return the live map for a GIS; `again`: the last one, for a GIS that reads it in parts.
 
-        It is encoded once a version of the board.
+        It is encoded once for each version of the board.
         """
         async with self._encoding:
             version, known = self._encoded
@@ -149,20 +149,23 @@ class Hub:
                 and (version < 0 or not again)
                 and version != self.board.version
             ):
-                version, live = self.board.version, LiveMap.of(self.scene, self.board.since(0))
+                version, live = (
+                    self.board.version,
+                    LiveMap.from_board(self.scene, self.board.since(0)),
+                )
                 known = await asyncio.to_thread(geojson, live, self.scene)
                 self._encoded = version, known
             return known
 
     async def result(self, name: str) -> bytes:
-        """Return one of `RESULTS` as it is now; empty where it is not there."""
+        """Return one of `RESULTS` as it is now; empty if it does not exist."""
         if self._folder is None or name not in RESULTS:
             return b""
         path = self._folder / name
         return await asyncio.to_thread(lambda: path.read_bytes() if path.is_file() else b"")
 
     async def picture(self, name: str) -> bytes:
-        """Return a picture as JPEG; empty for one that is gone."""
+        """Return a picture as JPEG; empty for one that is not kept any more."""
         if name in self._pictures:
             return self._pictures[name]
         plain = PurePath(name).name == name and not name.startswith(".")
@@ -172,13 +175,13 @@ class Hub:
 
 
 def _shown(path: Path) -> bytes:
-    """Return a picture small enough for a page, as JPEG; empty for what cannot be decoded."""
+    """Return a picture small enough for a page, as JPEG; empty if it cannot be decoded."""
     image = _decoded(path.read_bytes() if path.is_file() else b"", None)
     return b"" if image is None else _small(image)
 
 
 def _decoded(data: bytes, shape: Sequence[int] | None) -> NDArray[np.uint8] | None:
-    """Decode a picture, (rows, columns, 3); None for what cannot be decoded."""
+    """Decode a picture to shape (rows, columns, 3); None if that is impossible."""
     pixels: Any = np.frombuffer(data, np.uint8)
     if not data:
         return None

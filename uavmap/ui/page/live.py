@@ -1,4 +1,4 @@
-"""A flight's page, from the side of the flight: events go out, orders come in."""
+"""A flight's page, on the side of the flight: it sends events and receives orders."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from uavmap.journal.kept_frames import KeptFrame
 from uavmap.runner.service import Service
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.live_board import LiveBoard, Reader
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_pipe import Message
 from uavmap.ui.page.page_scene import Background, marks_of
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
 UPDATE_S: Final = 0.1
-"""Minimum time between two updates of the page, real seconds."""
+"""Minimum time between two updates of the page, real s."""
 PICTURE_S: Final = 1.0
-"""Minimum time between two pictures, real seconds."""
-SIMULATED: Final = "a flight that is simulated with --sim takes no orders: nobody could repeat it"
-NOT_YET: Final = "orders are taken once the vehicles have answered"
+"""Minimum time between two pictures, real s."""
+SIMULATED: Final = "a flight with --sim accepts no orders, so that it can be repeated"
+NOT_YET: Final = "orders are accepted when the vehicles have answered"
 LANDED: Final = "the flight is over"
 
 
 class FlightPage(LiveBoard):
-    """Shows a flight and its lines on a page, and to others that read the same board.
+    """The page of a flight, and other readers of the same board.
 
-    A `simulated` flight takes no orders; `now_s` is real time.
+    A `simulated` flight accepts no orders; `now_s` is real time, s.
     """
 
     at_once = True
@@ -55,17 +55,17 @@ class FlightPage(LiveBoard):
         self._picture_due_s = float("-inf")
         self._pictures: dict[int, tuple[KeptFrame, bytes | NDArray[np.uint8]]] = {}
         self._shown = 0
-        """How many pictures."""
+        """Number of pictures shown so far."""
 
     def update(self, event: Event, state: State, again: int) -> None:
-        """An event was taken in."""
+        """Show an event, and the picture of a judged frame."""
         if isinstance(event, FrameSeen):
             with self._harmless():
                 self._show_picture(event, self._now_s())
         super().update(event, state, again)
 
     def end(self) -> None:
-        """The flight is over."""
+        """Show that the flight is over."""
         if self._watcher is not None:
             self._watcher.board.set_field("hands_off", LANDED)
         super().end()
@@ -85,7 +85,7 @@ class FlightPage(LiveBoard):
         """Carry out the page's orders."""
         loop, file = asyncio.get_running_loop(), self._feed.orders_file
 
-        def hear() -> None:
+        def receive() -> None:
             with self._harmless():
                 for order in self._feed.orders():
                     answer = carry_out(service, order)
@@ -94,10 +94,10 @@ class FlightPage(LiveBoard):
             if self._feed.dead or self._broken:
                 loop.remove_reader(file)
 
-        self._feed.orders()  # a click before the vehicles can fly is no order
+        self._feed.orders()  # drop clicks from before the vehicles could fly
         self._set("hands_off", "")
         with contextlib.suppress(OSError, ValueError):
-            loop.add_reader(file, hear)
+            loop.add_reader(file, receive)
         try:
             yield
         finally:
@@ -114,24 +114,24 @@ class FlightPage(LiveBoard):
         self._picture_due_s = now_s + PICTURE_S
         self._shown += 1
         setting = self._watcher.setting
-        words: Words = {"kind": "picture", "id": str(self._shown)}
+        message: Message = {"kind": "picture", "id": str(self._shown)}
         if not isinstance(picture, bytes):
-            words, picture = {**words, "shape": picture.shape}, picture.tobytes()
-        if self._feed.put(words, picture):
+            message, picture = {**message, "shape": picture.shape}, picture.tobytes()
+        if self._feed.put(message, picture):
             marks = marks_of(setting, frame, event.votes)
-            self._watcher.board.set_field("picture", {"id": words["id"], **marks})
+            self._watcher.board.set_field("picture", {"id": message["id"], **marks})
 
 
-def carry_out(service: Service, order: Words) -> str:
-    """Carry out one of the page's three orders; return the answer in words."""
+def carry_out(service: Service, order: Message) -> str:
+    """Carry out one of the page's three orders; return the answer in message."""
     if not service.flying:
-        return "nobody flies now: nothing is ordered"
+        return "no vehicle flies now: no order is given"
     match order:
         case {"do": "pause"}:
             done = service.pause()
-            return "paused: everybody holds" if done else "it is paused already"
+            return "paused: all vehicles hold" if done else "it is paused already"
         case {"do": "continue"}:
-            return "the mission goes on" if service.go_on() else "it is not paused"
+            return "the mission continues" if service.go_on() else "it is not paused"
         case {"do": "return", "vehicle": int(number)} if not isinstance(number, bool):
             if number not in service.state.vehicles:
                 return f"there is no vehicle {number}"
@@ -141,4 +141,4 @@ def carry_out(service: Service, order: Words) -> str:
         case {"do": "return", "vehicle": None}:
             service.recall()
             return "all vehicles return; the mission can be resumed"
-    return "that is no order: nothing is done"
+    return "unknown order: nothing is done"

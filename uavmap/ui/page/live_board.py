@@ -1,4 +1,4 @@
-"""A flight on a board, for the processes that show it: a page, a TAK link."""
+"""A flight on a board, for the processes that show it: a page and a TAK link."""
 
 from __future__ import annotations
 
@@ -28,28 +28,27 @@ class Reader:
     """A process that shows the board.
 
     Attributes:
-        every_s: Minimum time between two updates, real seconds.
-        reports: Whether its lines are for the operator; the lines of a page are orders.
+        every_s: Minimum time between two updates, real s.
+        reports: True if its lines are for the operator; the lines of a page are orders.
     """
 
     feed: Feed
     every_s: float
     reports: bool = False
     version: int = 0
-    """Of the board, as the process knows it."""
+    """Version of the board that the process has."""
     due_s: float = float("-inf")
 
 
 class LiveBoard(Onlooker):
-    """Sends a flight and its lines to readers.
+    """A sender of a flight and its lines to readers.
 
-    Events wait for the next place of a vehicle: between a picture and the order that follows it
-    nothing is done here. A failure in here ends the readers, and nothing else. `now_s` is real
-    time.
+    Events wait for the next place of a vehicle, so that no work here delays an order after a
+    picture. A failure here ends the readers, and nothing else. `now_s` is real time, s.
     """
 
     at_once = False
-    """Whether every event is shown at once: a page with pictures does so."""
+    """True if each event is shown at once, as on a page with pictures."""
 
     def __init__(
         self,
@@ -66,21 +65,21 @@ class LiveBoard(Onlooker):
         self._watcher: Watcher | None = None
         self._waiting: list[tuple[Event, State]] = []
         self._looked_back = False
-        """Whether the watcher has earlier events, and the flight has not begun."""
-        self._said: list[str] = []
-        """Lines from before there was a board."""
+        """True if the watcher has earlier events, and the flight has not begun."""
+        self._early_lines: list[str] = []
+        """Lines from before the board was made."""
         self._broken = False
 
     def show(self, text: str) -> None:
         """Add a line to the log."""
         with self._harmless():
             if self._watcher is None:
-                self._said.append(text)
+                self._early_lines.append(text)
             else:
-                self._watcher.say(text)
+                self._watcher.log(text)
 
     def begin(self, setting: Setting, *, again: bool) -> None:
-        """The flight starts."""
+        """Show the start of the flight."""
         with self._harmless():
             before, self._looked_back = self._looked_back, False
             if not before:
@@ -88,7 +87,7 @@ class LiveBoard(Onlooker):
             self._send(self._readers, whole=before)
 
     def update(self, event: Event, state: State, again: int) -> None:
-        """An event was taken in."""
+        """Show an event, with the next place of a vehicle."""
         with self._harmless():
             if self._watcher is None:
                 return
@@ -103,24 +102,24 @@ class LiveBoard(Onlooker):
             self._send(due)
 
     def see_telemetry(self, telemetry: Telemetry) -> None:
-        """A vehicle reports beside events: it is shown with the next event."""
+        """Note a vehicle's report; it is shown with the next event."""
         if self._watcher is not None:
-            self._watcher.figures.hear(telemetry)
+            self._watcher.figures.note_telemetry(telemetry)
 
     def end(self) -> None:
-        """The flight is over."""
+        """Show the end of the flight."""
         with self._harmless():
             self._send(self._readers, whole=True)
 
     def close(self, text: str) -> None:
-        """Show why nothing more will come."""
+        """Show the reason for the end."""
         with self._harmless():
             self._send(self._readers, whole=True)
             for reader in self._readers:
                 reader.feed.put({"kind": "ended", "text": text})
 
     def see_earlier(self, event: Event, state: State) -> None:
-        """Note an event before the interruption of a resumed flight; shown at its beginning."""
+        """Note an event from before a resume; it is shown at the start of the flight."""
         if self._broken:
             return
         with self._harmless():
@@ -128,7 +127,7 @@ class LiveBoard(Onlooker):
                 self._looked_back = True
                 self._watch(state.setting)
             if self._watcher is not None:
-                self._watcher.take_in(event, state)
+                self._watcher.apply(event, state)
 
     def _watch(self, setting: Setting) -> None:
         self._watcher = Watcher(
@@ -137,8 +136,8 @@ class LiveBoard(Onlooker):
         scene = scene_of(setting, self._background, raster_of(setting))
         for reader in self._readers:
             send_scene(reader.feed, scene, None if reader.reports else self._background)
-        for text in self._said:
-            self._watcher.say(text)
+        for text in self._early_lines:
+            self._watcher.log(text)
 
     def _set(self, name: str, value: Any) -> None:
         """Show a field at once."""
@@ -148,11 +147,11 @@ class LiveBoard(Onlooker):
                 self._send(self._readers)
 
     def _send(self, readers: Sequence[Reader], *, whole: bool = False) -> None:
-        """Send what is new; to a busy reader nothing, and more of it later."""
+        """Send the changes to idle readers; a busy one gets them later."""
         watcher, free = self._watcher, []
         if watcher is not None:
             for event, state in self._waiting:
-                watcher.take_in(event, state)
+                watcher.apply(event, state)
             self._waiting.clear()
         for reader in readers:
             if reader.reports:
@@ -160,7 +159,7 @@ class LiveBoard(Onlooker):
             if watcher is not None and (whole or reader.feed.idle):
                 free.append(reader)
             elif reader.feed.dead:
-                reader.feed.put({})  # which logs it
+                reader.feed.put({})  # this logs its end
         if watcher is None or not free:
             return
         watcher.refresh(whole=whole)
@@ -177,7 +176,7 @@ class LiveBoard(Onlooker):
 
     @contextlib.contextmanager
     def _harmless(self) -> Iterator[None]:
-        """End the readers, and nothing else, at any failure in here."""
+        """End only the readers if the code in the context fails."""
         try:
             yield
         except Exception as failure:
@@ -188,20 +187,20 @@ class LiveBoard(Onlooker):
             names = " and ".join(reader.feed.title for reader in self._readers)
             _LOG.info(
                 f"{names} {'has' if len(self._readers) == 1 else 'have'} failed "
-                f"({type(failure).__name__}: {failure}); the flight goes on without"
+                f"({type(failure).__name__}: {failure}); the flight continues without"
                 f"{' it' if len(self._readers) == 1 else ' them'}"
             )
 
 
 def log_reports(lines: Sequence[dict[str, Any]]) -> None:
     """Log what a process reports to the operator."""
-    for words in lines:
-        if text := words.get("report"):
+    for message in lines:
+        if text := message.get("report"):
             _LOG.info(str(text))
 
 
 def send_scene(feed: Feed, scene: dict[str, Any], background: Background | None) -> None:
-    """Send a process what does not change, the background of the map first."""
+    """Send a process the constant parts: the background of the map, then the scene."""
     if background is not None and background.jpeg:
         feed.put({"kind": "background"}, background.jpeg)
     feed.put({"kind": "scene", "scene": scene})

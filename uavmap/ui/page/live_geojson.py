@@ -1,4 +1,4 @@
-"""The live map as GeoJSON by RFC 7946, for a GIS that asks for it again and again."""
+"""The live map as GeoJSON by RFC 7946, for a GIS that loads it again and again."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from uavmap.output.formats.geojson_encoder import (
     written_parts,
 )
 from uavmap.ui.page.live_map import LiveMap
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_pipe import Message
 from uavmap.ui.page.page_scene import STATES
 
 EMPTY = "".join(collection({}, [], ())).encode()
-"""The map before there is any."""
+"""The map before the first version of the board."""
 
 
 def part_of(data: bytes, asked: str) -> tuple[int, dict[str, str], bytes]:
-    """Return status, headers and body of the answer to a `Range`, by which GDAL reads files.
+    """Return status, headers and body of the response to a `Range`, with which GDAL reads files.
 
     >>> part_of(b"0123", "bytes=1-9")
     (206, {'content-range': 'bytes 1-3/4'}, b'123')
@@ -45,16 +45,16 @@ def part_of(data: bytes, asked: str) -> tuple[int, dict[str, str], bytes]:
     return 206, {"content-range": f"bytes {first}-{last}/{len(data)}"}, data[first : last + 1]
 
 
-def geojson(live: LiveMap, scene: Words) -> bytes:
-    """Encode a live map, a feature a line, with `kind` and `colour` among its properties.
+def geojson(live: LiveMap, scene: Message) -> bytes:
+    """Encode a live map with a feature on each line; all have the properties `kind` and `colour`.
 
-    * `cell`: Polygon; `column`, `row`, `state`, and `class` where a detector tells classes apart.
+    * `cell`: Polygon; `column`, `row`, `state`, and `class` if the detector has classes.
     * `outline`: Polygon or MultiPolygon around the region's cells; `unsure`: around unsure ones.
-      `cells`, `area_m2`. The geometry is null where there are none.
+      `cells`, `area_m2`. The geometry is null if there are none.
     * `aircraft`: Point; `vehicle`, `height_m` above home, `amsl_m`, `battery` in percent, `doing`,
       `landed`, `at_s`, the mission time of its place.
     * `traffic`: Point of an aircraft of others; `name`, `height_m` above the start, perhaps null.
-    * `track`, `path`: LineString of what a vehicle has flown, and of its present order; `vehicle`.
+    * `track`, `path`: LineString that a vehicle has flown, or of its present order; `vehicle`.
     """
     head = {"mission": live.mission, "t_s": live.t_s, "phase": live.snapshot["fields"].get("phase")}
     marks = list(_marks(live))
@@ -71,8 +71,8 @@ def geojson(live: LiveMap, scene: Words) -> bytes:
     return "".join(collection(head, box, features())).encode()
 
 
-def _cells(live: LiveMap, scene: Words) -> Iterator[str]:
-    """Write a line per cell; codes above those of the states are classes of the region."""
+def _cells(live: LiveMap, scene: Message) -> Iterator[str]:
+    """Yield a line for each cell; codes above those of the states are classes of the region."""
     classes = scene.get("classes", [])
     values = []
     for code, (_, colour) in enumerate(scene["states"]):

@@ -1,4 +1,4 @@
-"""The live map over ground: what a board shows at an instant, as shapes in WGS84."""
+"""The live map on the ground: the content of a board at an instant, as shapes in WGS84."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uavmap.output.facts.cell_outlines import outline
 from uavmap.output.facts.map_model import NOT_ROI, CellCorners, placed
 from uavmap.output.formats.layers import DECIMALS
 from uavmap.ui.page.board import Delta
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_pipe import Message
 from uavmap.ui.page.page_scene import STATES
 
 _UNSURE = STATES.index("unsure")
@@ -33,20 +33,20 @@ class Aircraft:
     number: int
     east_m: float
     north_m: float
-    record: Words
+    record: Message
 
 
 @dataclass(frozen=True)
 class LiveMap:
-    """What a board shows, in the moving frame; `on_earth` puts it over ground.
+    """The content of a board in the moving frame; `on_earth` transforms it to the ground.
 
     Attributes:
-        mission: Its name.
-        start: The origin of the grid.
-        t_s: Mission time.
+        mission: Name of the mission.
+        start: Origin of the grid.
+        t_s: Mission time, s.
         cells: Columns and rows, shape (n, 2).
-        codes: Of the cells' states, or of classes of the region, shape (n,).
-        snapshot: All of the board (`Board.since(0)`).
+        codes: Codes of the cells' states, or of classes of the region, shape (n,).
+        snapshot: The whole board (`Board.since(0)`).
     """
 
     mission: str
@@ -58,7 +58,7 @@ class LiveMap:
     snapshot: Delta
 
     @classmethod
-    def of(cls, scene: Words, snapshot: Delta) -> Self:
+    def from_board(cls, scene: Message, snapshot: Delta) -> Self:
         """Create the map of a scene (`uavmap.ui.page.page_scene`) and a snapshot."""
         lat_deg, lon_deg, cell_m, drift_m_s, toward_deg = scene["grid"]
         start = LatLon(lat_deg, lon_deg)
@@ -75,17 +75,17 @@ class LiveMap:
 
     @cached_property
     def region(self) -> Polygon | MultiPolygon:
-        """Around the cells of the region."""
+        """Outline of the cells of the region."""
         return self._around(np.isin(self.codes, _ROI) | (self.codes >= len(STATES)))
 
     @cached_property
     def unsure(self) -> Polygon | MultiPolygon:
-        """Around the cells that are unsure."""
+        """Outline of the unsure cells."""
         return self._around(self.codes == _UNSURE)
 
     @property
     def corners(self) -> CellCorners:
-        """The corners of the cells over ground."""
+        """Corners of the cells on the ground."""
         return CellCorners.of(self.cells, self.grid, self.t_s)
 
     def _around(self, some: NDArray[np.bool_]) -> Polygon | MultiPolygon:
@@ -103,7 +103,7 @@ class LiveMap:
             yield Aircraft(int(number), record["e"] + east_m, record["n"] + north_m, record)
 
     def place(self, aircraft: Aircraft) -> Any:
-        """Return where a vehicle is, in WGS84."""
+        """Return the place of a vehicle in WGS84."""
         east_m, north_m = (speed * self.t_s for speed in self.grid.drift_m_s)
         return self.on_earth(Point(aircraft.east_m - east_m, aircraft.north_m - north_m))
 
@@ -114,7 +114,7 @@ class LiveMap:
                 yield int(number), LineString(np.array(flat).reshape(-1, 2))
 
     def paths(self) -> Iterator[tuple[int, LineString]]:
-        """Yield the vehicles that are under way by orders, with the line from each to its end."""
+        """Yield the vehicles with an order, with the line from each to the end of its path."""
         for number, record in self.snapshot["vehicles"].items():
             flat = self.snapshot["fields"].get(f"path {number}")
             if flat:  # time, east, north, ...

@@ -1,6 +1,7 @@
-"""The process of a page, started by `uavmap.ui.page.feed`; it ends with the flight.
+"""The process of a page; `uavmap.ui.page.feed` starts it.
 
-Messages of the flight come by standard input, orders go by standard output.
+It reads the messages of the flight from standard input, writes orders to standard output, and ends
+with the flight.
 """
 
 from __future__ import annotations
@@ -14,21 +15,21 @@ from typing import Final
 
 from uavmap.base.extras import install_command
 from uavmap.ui.page.hub import Hub
-from uavmap.ui.page.page_pipe import Words, back, messages, read
+from uavmap.ui.page.page_pipe import Message, back, messages, read
 
 LAST_S: Final = 4.0
-"""Maximum time for the last updates of browsers, real seconds."""
-DIED: Final = "the flight's program has ended without a word; `uavmap resume` goes on with it"
+"""Maximum time for the last updates of browsers, real s."""
+DIED: Final = "the process of the flight has ended too early; `uavmap resume` continues the flight"
 
 
 def main() -> None:
     """Serve a page until the flight ends."""
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_serve(back()))
-    os._exit(0)  # nothing is left to write, and a flight waits: to tear all this down takes seconds
+    os._exit(0)  # at once: all is written, a flight waits, and an orderly end takes seconds
 
 
-async def _serve(send: Callable[[Words], None]) -> None:
+async def _serve(send: Callable[[Message], None]) -> None:
     reader = await messages()
     config, _ = await read(reader)
     try:
@@ -59,7 +60,7 @@ async def _listen(hub: Hub, reader: asyncio.StreamReader) -> None:
     hub.ended = hub.ended or DIED
     hub.wake()
     with contextlib.suppress(TimeoutError):
-        await asyncio.wait_for(hub.nobody.wait(), LAST_S)
+        await asyncio.wait_for(hub.unwatched.wait(), LAST_S)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What a page draws, for JSON: once the ground, the fence, the colours; then judged pictures."""
+"""The scene of a page, for JSON: ground, fence and colours; and the marks of judged pictures."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _QUALITY: Final = 80
 MOST_TILES: Final = 120
 """Maximum number of tiles; a larger area takes a coarser zoom."""
 _NODES: Final = 33
-"""Number of points a side on which the projection is computed; linear between them."""
+"""Number of points on each side for which the projection is computed; linear between them."""
 _MERCATOR_M: Final = 2.0 * math.pi * 6378137.0
 
 Colours = NDArray[np.uint8]
@@ -43,7 +43,7 @@ Colours = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """A picture of the ground, and the rectangle that it covers in the fixed frame."""
+    """A picture of the ground, with its rectangle in the fixed frame."""
 
     jpeg: bytes
     west_m: float
@@ -53,7 +53,7 @@ class Background:
 
     @property
     def place(self) -> dict[str, Any]:
-        """For the scene of a page."""
+        """The place of the picture, for the scene of a page."""
         return placed(self.west_m, self.north_m, self.width_m, self.height_m)
 
 
@@ -63,14 +63,14 @@ def placed(west_m: float, north_m: float, width_m: float, height_m: float) -> di
 
 
 def jpeg(image: NDArray[Any]) -> bytes:
-    """Return a picture of the ground as a page gets it."""
+    """Encode a picture of the ground for a page."""
     return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
 
 
-def of_tiles(path: Path, setting: Setting) -> Background:
-    """Return the part of a map (`uavmap.ui.ground`) that lies under a mission.
+def background_from_tiles(path: Path, setting: Setting) -> Background:
+    """Return the part of a map file (`uavmap.ui.ground`) beneath a mission.
 
-    Raises `OutputError` for another file, one of vector tiles, or one without tiles here.
+    Raises `OutputError` for another file, for vector tiles, or without tiles of the place.
     """
     west_m, south_m, east_m, north_m = bounds_around(setting)
     m_per_px = max(east_m - west_m, north_m - south_m) / SIDE_PX
@@ -81,8 +81,8 @@ def of_tiles(path: Path, setting: Setting) -> Background:
         laid = _laid(layer, nodes, m_per_px, setting.mission.home.lat_deg)
     if laid is None:
         raise OutputError(
-            f"--tiles {path}: has no tile of this mission's place; tiles of "
-            f"{setting.mission.home.lat_deg:.3f} deg north and around are needed"
+            f"--tiles {path}: has no tile at the place of the mission; give tiles around latitude "
+            f"{setting.mission.home.lat_deg:.3f}, longitude {setting.mission.home.lon_deg:.3f}"
         )
     canvas, pixels = laid
     maps = [cv2.resize(pixels[..., i].astype(np.float32), size) for i in (0, 1)]
@@ -92,8 +92,8 @@ def of_tiles(path: Path, setting: Setting) -> Background:
     )
 
 
-def of_mosaic(path: Path, setting: Setting) -> Background | None:
-    """Return the mosaic of some results; None without it or rasterio, or for a drifting region."""
+def background_from_mosaic(path: Path, setting: Setting) -> Background | None:
+    """Return the mosaic of results; None without it or rasterio, or for a drifting region."""
     if not path.is_file() or not there() or setting.grid.drift_speed_m_s:
         return None
     import rasterio  # noqa: PLC0415 - an extra
@@ -108,7 +108,7 @@ def of_mosaic(path: Path, setting: Setting) -> Background | None:
             bands = file.read((1, 2, 3), out_shape=(3, *shape))
             seen = file.dataset_mask(out_shape=shape)
             bounds = file.bounds
-    except OSError:  # rasterio's own are such, too
+    except OSError:  # the base of rasterio's errors
         return None
     image = np.ascontiguousarray(bands.transpose(1, 2, 0)[..., ::-1])
     image[seen == 0] = PAPER
@@ -124,8 +124,7 @@ def of_mosaic(path: Path, setting: Setting) -> Background | None:
 def _mercator(
     grid: Grid, easts: NDArray[np.float64], norths: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return Web Mercator, 0 to 1 from the world's upper left corner, by rows and columns."""
-
+    """Return Web Mercator, 0 to 1 from the upper left corner of the world, by rows and columns."""
     places = [grid.position(GridPoint(e, n)) for n in norths.tolist() for e in easts.tolist()]
     shares = share_of([place.lat_deg for place in places], [place.lon_deg for place in places])
     return np.stack(shares, axis=-1).reshape(len(norths), len(easts), 2)
@@ -169,7 +168,7 @@ def _tiles(
 
 
 def _on_paper(image: NDArray[Any]) -> Colours:
-    """Return a tile in colours, without gaps."""
+    """Return a tile in colours, with its gaps filled."""
     if image.ndim == 2:
         return np.repeat(image[..., None], 3, axis=2).astype(np.uint8)
     if image.shape[2] == 3:
@@ -179,7 +178,7 @@ def _on_paper(image: NDArray[Any]) -> Colours:
 
 
 STATES: Final[tuple[State, ...]] = tuple(palette.STATES)
-"""The states of a cell; a board has their index. Classes of the region follow them."""
+"""States of a cell; a board has their index. Classes of the region follow them."""
 
 
 def scene_of(
@@ -192,10 +191,16 @@ def scene_of(
 ) -> dict[str, Any]:
     """Return the scene of a mission, for JSON, with the picture under its map.
 
-    `mosaic` is where the mosaic of the results lies, which may grow, in the fixed frame.
-    `drawn`: its box and fence are not derived from pictures. Points are metres east and north in
-    the fixed frame; cells are in the moving one, which drifts with `drift_m_s` from mission time 0.
-    `grid` has the arguments of `Grid.at`, the first as latitude and longitude.
+    Points are in m east and north in the fixed frame. Cells are in the moving frame, which drifts
+    with `drift_m_s` from mission time 0. `grid` has the arguments of `Grid.at`, the first as
+    latitude and longitude.
+
+    Args:
+        setting: The setting of the mission.
+        background: The picture beneath the map.
+        mosaic: The place of the mosaic of the results in the fixed frame; the mosaic may grow.
+        recorded: True for recorded pictures.
+        drawn: True if box and fence are drawn, and not derived from pictures.
     """
     mission, grid, drift = setting.mission, setting.grid, setting.mission.drift
 
@@ -264,7 +269,7 @@ def scene_of(
 
 
 def camera_of(setting: Setting, frame: KeptFrame) -> Camera:
-    """Return the camera of a picture, at the size at which it is judged."""
+    """Return the camera of a picture, with the size at which it is judged."""
     optics = setting.mission.camera.optics
     return Camera(math.radians(frame.hfov_deg), optics.width_px, optics.height_px)
 
@@ -272,8 +277,9 @@ def camera_of(setting: Setting, frame: KeptFrame) -> Camera:
 def marks_of(setting: Setting, frame: KeptFrame, votes: Sequence[Vote]) -> dict[str, Any]:
     """Return the verdicts of a picture, for JSON.
 
-    `cells` holds, for each cell before the camera, its corners as eight shares of the picture's
-    width and height, then 1 for region, else 0, and the share of it that looks so.
+    `cells` has a row for each cell in front of the camera. The first eight values are its corners,
+    as shares of the picture's width and height. Then come 1 for region, else 0, and the share of
+    its pixels that are rated as region.
     """
     optics, camera = setting.mission.camera.optics, camera_of(setting, frame)
     laid = Projection(camera, frame.pose, frame.t_s, setting.grid, setting.ground)

@@ -1,4 +1,4 @@
-"""The path ahead of each vehicle, as a page draws it. Pure."""
+"""The path ahead of each vehicle, for a page. Pure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NEAR_M: Final = 4.0
 
 
 class Ahead:
-    """The paths ahead of the vehicles: a path stays as long as its order."""
+    """The paths ahead of the vehicles; a path changes only with its order."""
 
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
@@ -33,8 +33,8 @@ class Ahead:
     def news(self, vehicle: VehicleState, t_s: float) -> list[float] | None:
         """Return the path of a vehicle at mission time `t_s`, if it has changed; else None.
 
-        Flat: time (mission seconds), east and north (m) of each point. Empty for a vehicle that is
-        not under way by our orders.
+        It is flat: mission time (s), east and north (m) of each point. It is empty for a vehicle
+        without an order of ours.
         """
         order = vehicle.order if vehicle.phase is Phase.AIRBORNE and not vehicle.landed else None
         route = _route(vehicle, order, self._setting, t_s)
@@ -46,7 +46,7 @@ class Ahead:
         if isinstance(order, FlyPath):
             return self._of_path(order.trajectory, t_s)
         flat = self._of_route(route[begin:], vehicle.position, t_s)
-        if isinstance(order, FlyTo) and order.cell is not None:  # which drifts with the region
+        if isinstance(order, FlyTo) and order.cell is not None:  # the cell drifts with the region
             flat[-2:] = self._setting.grid.centre_of(order.cell)
         return flat
 
@@ -59,7 +59,7 @@ class Ahead:
         return flat
 
     def _of_route(self, route: Sequence[GridPoint], here: GridPoint, t_s: float) -> list[float]:
-        """A region that drifts is met where it is by then."""
+        """Return the points in the moving frame at the times when the vehicle reaches them."""
         flat: list[float] = []
         for point in route[:MOST_POINTS]:
             t_s += here.distance_to(point) / self._setting.energy.speed_m_s
@@ -86,7 +86,7 @@ def _route(
 
 
 def _begun(route: Sequence[GridPoint], here: GridPoint) -> int:
-    """Return the number of the point that is flown to: the end of the vehicle's last leg."""
+    """Return the index of the next point: the end of the vehicle's present leg."""
     for end in range(len(route) - 1, 0, -1):
         if LineString(route[end - 1 : end + 1]).distance(Point(here)) < _NEAR_M:
             return end
@@ -94,7 +94,7 @@ def _begun(route: Sequence[GridPoint], here: GridPoint) -> int:
 
 
 def _times(pieces: Sequence[Piece]) -> list[float]:
-    """Return when lines, arcs and their chords begin."""
+    """Return the times at which lines, arcs and their chords begin, s."""
     times = []
     for piece in pieces:
         bend = abs(piece.curvature_1_m)

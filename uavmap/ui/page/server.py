@@ -1,7 +1,7 @@
 """The page by NiceGUI: the frame around the map, the buttons, and a loop for each browser.
 
-A browser gets the changes since the version that it has confirmed, and no more before it confirms
-again: nothing piles up.
+A browser gets the changes since the version that it has confirmed. It gets no more before it
+confirms again, so changes do not accumulate.
 """
 
 from __future__ import annotations
@@ -21,46 +21,46 @@ from uavmap.ui.page.access_guard import Guard, cookie_of, same
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.hub import RESULTS, Hub
 from uavmap.ui.page.live_geojson import part_of
-from uavmap.ui.page.page_pipe import MAP_PATH, Words
+from uavmap.ui.page.page_pipe import MAP_PATH, Message
 
 UPDATE_S: Final = 0.1
-"""Minimum time between two updates of a browser, real seconds."""
+"""Minimum time between two updates of a browser, real s."""
 CONFIRM_S: Final = 8.0
 """Time without a confirmation after which a browser gets a snapshot, s."""
 ANSWER_S: Final = 8.0
-"""Maximum time in which the flight answers an order, s."""
-WATCHES: Final = "this page watches the flight; another one has its buttons"
+"""Maximum time until the flight answers an order, s."""
+WATCHES: Final = "this page only watches the flight; another page has the buttons"
 _CSS: Final = (Path(__file__).parent / "page.css").read_text("utf-8")
 _ICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" '
     'fill="#74b27a"/><path d="M3 8h10M8 3v10" stroke="#fff" stroke-width="2"/></svg>'
 )
 
-Send = Callable[[Words], None]
+Send = Callable[[Message], None]
 
 
 class FlightView(
     ui.element, component="flight_view.js", dependencies=["flight_board.js", "flight_map.js"]
 ):
-    """The map, the table, the log: what `flight_view.js` draws."""
+    """The map, the table and the log, drawn by `flight_view.js`."""
 
 
 class Server(uvicorn.Server):
-    """A server that sets `begun` when it answers."""
+    """A server that sets `begun` when it accepts requests."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
         self.begun = asyncio.Event()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to answer."""
+        """Start to accept requests."""
         await super().startup(sockets)
         if self.started:
             self.begun.set()
 
 
-def serving(hub: Hub, config: Words, send: Send) -> Server:
-    """Create the server of the page, not yet begun. `send` passes an order on to the flight."""
+def serving(hub: Hub, config: Message, send: Send) -> Server:
+    """Create the server of the page, without starting it. `send` passes orders to the flight."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     numbers = itertools.count(1)
 
@@ -81,7 +81,7 @@ def serving(hub: Hub, config: Words, send: Send) -> Server:
         status = 200 if data else 204 if name in RESULTS else 404  # a browser logs a 404
         return Response(data, status, {"cache-control": "no-store"}, RESULTS.get(name))
 
-    # GDAL asks for the length by HEAD, then for parts
+    # GDAL reads the length by HEAD, then parts
     @app.api_route(MAP_PATH, methods=["GET", "HEAD"])
     async def live_map(request: Request) -> Response:
         asked = request.headers.get("range", "")
@@ -128,13 +128,15 @@ def server_of(app: FastAPI, title: str, port: int, **guarded_by: Any) -> Server:
 class Visitor:
     """One open page."""
 
-    def __init__(self, hub: Hub, config: Words, send: Send, numbers: itertools.count[int]) -> None:
+    def __init__(
+        self, hub: Hub, config: Message, send: Send, numbers: itertools.count[int]
+    ) -> None:
         self._hub = hub
         self._config = config
         self._send = send
         self._numbers = numbers
         self._at_s: float | None = None
-        """The mission time that is looked at; None: now."""
+        """Mission time that is shown, s; None for now."""
         self._changed = asyncio.Event()
         self._buttons: dict[str, ui.button] = {}
         self._listed: list[int] = []
@@ -152,12 +154,12 @@ class Visitor:
     # --- orders ----------------------------------------------------------------------------
     def _add_buttons(self) -> None:
         for name, label, question in (
-            ("pause", "Pause", "Everybody holds where they are?"),
-            ("continue", "Continue", "The mission goes on?"),
+            ("pause", "Pause", "Hold all vehicles?"),
+            ("continue", "Continue", "Continue the mission?"),
             ("return", "Return", ""),
         ):
             look = "outline color=grey-9 padding='xs md'"
-            if name == "return":  # whose size is the style sheet's
+            if name == "return":  # the style sheet has its size
                 look = "unelevated color=red-9"
             button = ui.button(label).props(f"no-caps {look}")
             button.mark(name).props(f"data-order={name}")
@@ -172,14 +174,14 @@ class Visitor:
         return ask
 
     async def _return(self) -> None:
-        choices = {0: "everybody"} | {number: f"vehicle {number}" for number in self._listed}
-        question = "Who comes home? A vehicle that is called stays there until a resume."
+        choices = {0: "all vehicles"} | {number: f"vehicle {number}" for number in self._listed}
+        question = "Which vehicles return? They stay at home until a resume."
         if (vehicle := await asked(question, "Return", "Cancel", choices)) is not None:
             await self._order({"do": "return", "vehicle": vehicle or None})
 
-    async def _order(self, order: Words) -> None:
+    async def _order(self, order: Message) -> None:
         if self._hub.board.field("hands_off") or self._hub.ended:
-            ui.notify("nothing is ordered: the flight takes no orders now")
+            ui.notify("no order is given: the flight accepts no orders now")
             return
         number = str(next(self._numbers))
         answer = asyncio.get_running_loop().create_future()
@@ -188,7 +190,7 @@ class Visitor:
         try:
             ui.notify(await asyncio.wait_for(answer, ANSWER_S))
         except TimeoutError:
-            ui.notify("the flight has not answered; look at the log, and at the aircraft")
+            ui.notify("no response from the flight; check the log and the aircraft")
         finally:
             self._hub.answers.pop(number, None)
 
@@ -196,7 +198,7 @@ class Visitor:
         why = self._hub.ended or board.field("hands_off") or self._config.get("why", "")
         paused = bool(board.field("paused"))
         fits = {"pause": not paused, "continue": paused or bool(board.field("held"))}
-        self._why.set_text("" if self._hub.ended else why)  # which the banner shows
+        self._why.set_text("" if self._hub.ended else why)  # the banner shows the end
         if self._buttons:
             self._orders.set_visibility(not why)
         for name, button in self._buttons.items():
@@ -248,9 +250,9 @@ class Visitor:
             self._slider.set_value(at_s)
         self._now.set_visibility(self._at_s is not None)
 
-    # --- what is shown ---------------------------------------------------------------------
+    # --- updates ---------------------------------------------------------------------------
     async def follow(self, client: Client) -> None:
-        """Send the browser what is new, until its page is closed, or nothing more will come."""
+        """Send the browser all changes until its page is closed or the flight is over."""
         with client:
             await client.connected()
             self._hub.enter(self)
@@ -269,12 +271,12 @@ class Visitor:
             try:
                 if scene is not self._hub.scene:
                     scene, version = self._hub.scene, 0
-                    await self._view.run_method("setting", scene, timeout=CONFIRM_S)
+                    await self._view.run_method("setScene", scene, timeout=CONFIRM_S)
                 board = self._board()
                 version = version if board is shown else 0
                 version, shown = await self._send_news(board, version), board
             except TimeoutError:
-                version, scene = 0, None  # whatever it has missed is in a snapshot
+                version, scene = 0, None  # a snapshot has all that it has missed
                 continue
             if ended:
                 return
@@ -287,17 +289,17 @@ class Visitor:
         return self._hub.timeline.at(self._at_s)
 
     async def _send_news(self, board: Board, version: int) -> int:
-        """Send the browser what is new; return the version that it confirms, 0 for none."""
+        """Send the browser the changes; return the version that it confirms, 0 for none."""
         self._show_buttons(self._hub.board)
         self._listed = sorted(board.vehicles)
         link = {
             "live": self._at_s is None and not self._hub.ended,
-            "heard": self._hub.timeline is None and not self._hub.ended,
+            "sounds": self._hub.timeline is None and not self._hub.ended,
             "text": self._hub.ended,
             "pictures": self._config.get("pictures", ""),
         }
         delta = board.since(version)
-        confirmed = await self._view.run_method("take", delta, link, timeout=CONFIRM_S)
+        confirmed = await self._view.run_method("applyDelta", delta, link, timeout=CONFIRM_S)
         return delta["v"] if confirmed == delta["v"] else 0
 
     async def _rest(self, board: Board, version: int) -> None:
@@ -320,7 +322,7 @@ class Visitor:
 async def asked(
     question: str, yes: str = "Yes", no: str = "No", choices: dict[int, str] | None = None
 ) -> int | None:
-    """Ask before something happens to aircraft; return the choice, or 0, and None for a no."""
+    """Ask before an order to aircraft; return the choice, 0 without choices, or None for no."""
     with ui.dialog() as dialog, ui.card():
         ui.label(question)
         chosen = None

@@ -1,6 +1,6 @@
 """The figures of each vehicle on a page, and the alarms of a flight. Pure.
 
-Paths home and fences cost time: they are computed once in `HOME_S` for each vehicle.
+Return paths and fences need time: they are computed once in `HOME_S` for each vehicle.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from uavmap.output.facts.flight_log import Count
 from uavmap.runner.operator.progress import doing
 
 HOME_S: Final = 1.0
-"""Minimum time between two computations of a path home, mission seconds."""
+"""Minimum mission time between two computations of a return path, s."""
 SPEED_S: Final = 2.0
 """Time over which a ground speed is measured, s."""
 RATE_S: Final = 10.0
@@ -36,24 +36,24 @@ _ALARM_PHASES: Final[Mapping[Phase, Alarm]] = {
     Phase.LOST: "lost",
 }
 _GROUND_TOO: Final = (Phase.DOWN, Phase.LOST)
-"""Phases that need the operator although nothing is in the air."""
+"""Phases that need the operator even if no vehicle is in the air."""
 
 
 class Home(NamedTuple):
-    """The path home from a place."""
+    """The return path from a place."""
 
     at_s: float
     distance_m: float
     time_s: float
     needed_wh: float
-    """Energy to fly it, to land and to keep the reserve, with the margin of the energy model."""
+    """Energy to fly it, to land and to keep the reserve, with the model's margin, Wh."""
     outside: bool
-    """Whether the place is outside of the fence."""
+    """True if the place is outside of the fence."""
 
 
 @dataclass(slots=True)
 class _Known:
-    """Reports of one vehicle."""
+    """The reports of one vehicle."""
 
     amsl_m: float | None = None
     fixes: deque[tuple[float, GridPoint]] = field(default_factory=deque)
@@ -64,7 +64,7 @@ class _Known:
 
 
 class VehicleFigures:
-    """Figures of the vehicles of a flight, by its events; `counts` are those of the vehicles."""
+    """The figures of the vehicles of a flight, from its events and from `counts`."""
 
     def __init__(self, setting: Setting, counts: Mapping[int, Count]) -> None:
         self._setting = setting
@@ -85,8 +85,8 @@ class VehicleFigures:
             case ev.FrameLost():
                 self._known[event.vehicle].lost += 1
 
-    def hear(self, telemetry: Telemetry) -> None:
-        """Note what a vehicle reports beside events."""
+    def note_telemetry(self, telemetry: Telemetry) -> None:
+        """Note a report of a vehicle beside events."""
         self._known[telemetry.vehicle].telemetry = telemetry
 
     def record(self, vehicle: VehicleState, t_s: float) -> dict[str, Any]:
@@ -124,9 +124,9 @@ class VehicleFigures:
         }
 
     def alarms(self, state: State, *, unsure: bool) -> list[list[str]]:
-        """Return the conditions that need the operator now, each as its key and its words.
+        """Return the conditions that need the operator now, each with its key and text.
 
-        `unsure`: whether the map has ground that is unlike what the detector knows.
+        `unsure` is true if the map has ground that is unlike the examples of the detector.
         """
         if state.is_over:
             return []
@@ -152,7 +152,7 @@ class VehicleFigures:
         return found
 
     def _home(self, known: _Known, vehicle: VehicleState, t_s: float) -> Home | None:
-        """Return the path home, computed again after `HOME_S`; None without a position."""
+        """Return the return path, computed again after `HOME_S`; None without a position."""
         if not known.fixes:
             return None
         if known.home is None or not 0.0 <= t_s - known.home.at_s < HOME_S:
@@ -179,7 +179,7 @@ class VehicleFigures:
 
 
 def _reported(telemetry: Telemetry | None) -> dict[str, Any]:
-    """Return what a vehicle reports beside events, for JSON; empty before that."""
+    """Return the figures of a vehicle's report, for JSON; empty without one."""
     if telemetry is None:
         return {}
     loss = telemetry.loss
@@ -194,13 +194,13 @@ def _reported(telemetry: Telemetry | None) -> dict[str, Any]:
 
 
 def _forget(times: deque[Any], before_s: float) -> None:
-    """Drop the first entries as long as the second one is early enough, too."""
+    """Drop first entries while the second one is early enough."""
     while len(times) > 1 and times[1][0] <= before_s:
         times.popleft()
 
 
 def _speed_m_s(fixes: deque[tuple[float, GridPoint]], t_s: float) -> float | None:
-    """Return the ground speed; None where nothing was reported for `SPEED_S`."""
+    """Return the ground speed, m/s; None without a report for `SPEED_S`."""
     if len(fixes) < 2 or t_s - fixes[-1][0] > SPEED_S:
         return None
     (from_s, start), (to_s, end) = fixes[0], fixes[-1]
@@ -208,7 +208,7 @@ def _speed_m_s(fixes: deque[tuple[float, GridPoint]], t_s: float) -> float | Non
 
 
 def _rate_hz(frames_s: deque[float], t_s: float) -> float:
-    """Return how many frames a second were judged in the last `RATE_S`."""
+    """Return the rate of judged frames in the last `RATE_S`, Hz."""
     while frames_s and frames_s[0] <= t_s - RATE_S:
         frames_s.popleft()
     return round(len(frames_s) / RATE_S, 1)

@@ -1,7 +1,7 @@
-"""A flight as its events come, on a board. Pure but for the clock that it is given.
+"""A flight on a board, event by event. Pure, except for its clock.
 
-It runs in the loop that steers aircraft: `refresh` visits a limited number of cells, and computes
-costly figures seldom.
+It runs in the loop that commands aircraft. So `refresh` visits a limited number of cells, and
+computes costly figures seldom.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from uavmap.ui.page.paths_ahead import Ahead
 from uavmap.ui.page.vehicle_figures import VehicleFigures
 
 MOST_CELLS: Final = 100
-"""Maximum number of cells of the tree that a refresh visits, beside those that pictures changed."""
+"""Maximum number of cells of the tree that a refresh visits, besides those that frames changed."""
 FIGURES_S: Final = 5.0
 """Minimum time between two computations of the certificate and of the time left, s of the clock."""
 FIGURES_SHARE: Final = 0.005
-"""Maximum share of the time that they take."""
+"""Maximum share of the time for these computations."""
 DEAR_S: Final = 0.02
-"""Maximum time of a certificate that is computed again before the flight is over, s."""
+"""Maximum computing time of a certificate that is computed again during the flight, s."""
 STEP_M: Final = 0.5
 """Minimum distance of two points of a track, m."""
 _LEVELS: Final = {0: "grave", 1: "grave", 2: "grave", 3: "grave", 4: "warning"}
@@ -48,15 +48,15 @@ _CODES: Final = {state: code for code, state in enumerate(STATES)}
 
 
 class Watcher:
-    """Puts a flight on a board; `state` is that before the first event.
+    """The writer of a flight's board; `state` is the state before the first event.
 
     Args:
-        recorded: Whether the pictures were recorded, and nothing flies.
-        weighed: Whether recorded pictures are weighed.
-        real: Whether the ground was not painted by the simulator in the flight's process.
-        words: Whether vehicles' messages go into the log here.
-        dear_s: Maximum time of a certificate that is computed again, seconds of the clock.
-        now_s: A clock, seconds.
+        recorded: True for recorded pictures, without a flight.
+        weighed: True if recorded pictures are weighed.
+        real: False if the simulator in the flight's process has painted the ground.
+        words: True to log the vehicles' messages here.
+        dear_s: Maximum computing time of a certificate that is computed again, s of the clock.
+        now_s: A clock, s.
     """
 
     def __init__(
@@ -82,11 +82,11 @@ class Watcher:
         explored = state.setting.mission.detector.explored
         self._class_codes = {number: len(STATES) + k for k, number in enumerate(explored)}
         self._classes: dict[Cell, int] = {}
-        """The class of each cell that frames of its own, or of other members, show."""
+        """Class of each cell, from frames of this service or of other members."""
         self._counts = dict.fromkeys([*self._class_codes.values(), _CODES["unsure"]], 0)
-        """How many cells on the board are unsure or of each class, by their code."""
+        """Number of cells on the board that are unsure or of each class, by their code."""
         self._waiting: deque[Cell] = deque()
-        """Cells of the tree that are still to be visited."""
+        """Cells of the tree that wait for a visit."""
         self._tree: Tree | None = None
         self._why_none = partial(no_verdict, real=real)
         self._judged = self._lost = 0
@@ -95,18 +95,18 @@ class Watcher:
         self._due_s = self._certificate_due_s = float("-inf")
 
     # --- events ----------------------------------------------------------------------------
-    def take_in(self, event: ev.Event, state: State) -> None:
-        """Note what an event changes; `state` is that after it."""
+    def apply(self, event: ev.Event, state: State) -> None:
+        """Note the changes by an event; `state` is the state after it."""
         self._counter.before(event, self.state)
         self._counter.after(event)
-        self.say(traffic_news(self.state, state), "warning")
+        self.log(traffic_news(self.state, state), "warning")
         self.state = state
         self.figures.note(event)
         judged = self._cells.note(event)
         if isinstance(event, ev.FrameSeen):
             self._judged += 1
             if (news := self._fit.note(event)) and not self._recorded:
-                self.say(news.text, "warning" if news.warns else "event")
+                self.log(news.text, "warning" if news.warns else "event")
             self._mark(judged)
         elif isinstance(event, ev.FrameWeighed):
             self._marked.update(dict.fromkeys(judged))
@@ -118,19 +118,19 @@ class Watcher:
             self._mark(judged)
             doubts = (fact for fact in event.frames if fact.doubt)
             self._marked.update((cell, None) for fact in doubts for cell, _ in fact.votes)
-        self._tell(event, state)
+        self._log_event(event, state)
 
     def _mark(self, voted: Iterable[Cell]) -> None:
         if not self.setting.strategy.flies_all_lanes:
             self._marked.update(dict.fromkeys(voted))
             return
-        # without a tree a cell is explored once those beside it are decided, and what is plain
-        # from high up depends on all around it
+        # without a tree a cell is explored when its neighbours are decided, and a verdict from
+        # high up depends on all neighbours
         steps, judged = (-1, 0, 1), self.state.belief.open_ballots
         near = {Cell(c.east + e, c.north + n) for c in voted for e in steps for n in steps}
         self._marked.update(dict.fromkeys(cell for cell in sorted(near) if cell in judged))
 
-    def say(self, text: str, level: str = "said") -> None:
+    def log(self, text: str, level: str = "said") -> None:
         """Add lines for the operator to the log."""
         for line in text.splitlines():
             self.board.add_line(round(self.state.t_s, 1), level, printable(line))
@@ -144,19 +144,19 @@ class Watcher:
             self._last[event.vehicle] = (place.east_m, place.north_m)
             self.board.add_point(event.vehicle, round(place.east_m, 2), round(place.north_m, 2))
 
-    def _tell(self, event: ev.Event, state: State) -> None:
+    def _log_event(self, event: ev.Event, state: State) -> None:
         if isinstance(event, ev.AutopilotText):
             if self._words:
                 again = f" ({event.times} times)" if event.times > 1 else ""
-                self.say(
-                    f"vehicle {event.vehicle} says: {event.text}{again}",
+                self.log(
+                    f"vehicle {event.vehicle} reports: {event.text}{again}",
                     _LEVELS.get(event.severity, "said"),
                 )
             if event.cause is None:
                 return
         ordered = _ORDERED.get(type(event), "").format(getattr(event, "vehicle", 0))
         if text := remarkable(event, state) or ordered:
-            self.say(text, "warning" if isinstance(event, _WARNINGS) else "event")
+            self.log(text, "warning" if isinstance(event, _WARNINGS) else "event")
 
     # --- the board -------------------------------------------------------------------------
     def refresh(self, *, whole: bool = False) -> bool:
@@ -166,7 +166,7 @@ class Watcher:
         self._classes.update(self._cells.classes_of([*self._marked, *cells]))
         for cell in self._marked:
             at: Cell | None = cell
-            while at is not None and self._show(at):  # what is found below changes those above
+            while at is not None and self._show(at):  # a change may change the parents
                 at = tree.parent(at) if tree is not None and at in tree else None
         self._marked.clear()
         if tree is not None and tree is not self._tree and not self._waiting:
@@ -202,7 +202,7 @@ class Watcher:
         return before != code
 
     def _code(self, cell: Cell) -> int:
-        """Return the code of a cell: in the region that of its class, if any; else its state's."""
+        """Return the code of a cell: of its class, if it is region and has one; else its state."""
         state = self._cells.state_of(cell, self.state)
         found = self._class_codes.get(self._classes.get(cell, 0), _CODES[state])
         return _CODES[state] if state in NOT_ROI else found
@@ -224,7 +224,7 @@ class Watcher:
         if not self._recorded:
             unsure = bool(self._counts[_CODES["unsure"]])
             board.set_field("alarms", self.figures.alarms(state, unsure=unsure))
-        if state.tree is not None and state.belief.open_ballots:  # the same count in words
+        if state.tree is not None and state.belief.open_ballots:  # agrees with the count of cells
             board.set_field("known", map_progress(state))
         board.set_field("frames", [self._judged, self._lost])
         if state.traffic.tracks or board.field("traffic"):
@@ -235,7 +235,7 @@ class Watcher:
         board.set_field("over", state.is_over or self._recorded)
 
     def _paced(self, show: Callable[[], None], dear_s: float = math.inf) -> float:
-        """Compute a costly figure; return when it may be computed again, by what it cost."""
+        """Compute a costly figure; return the earliest time of the next computation."""
         begin_s = self._now_s()
         show()
         cost_s = self._now_s() - begin_s
@@ -273,12 +273,12 @@ class Watcher:
 
 
 _ORDERED: Final[Mapping[type[ev.Event], str]] = {
-    ev.Paused: "paused: everybody holds",
-    ev.Continued: "the mission goes on",
-    ev.Recalled: "everybody is called home",
-    ev.VehicleRecalled: "vehicle {} is called home",
-    ev.Resumed: "the mission was interrupted, and is resumed",
+    ev.Paused: "paused: all vehicles hold",
+    ev.Continued: "the mission continues",
+    ev.Recalled: "all vehicles return",
+    ev.VehicleRecalled: "vehicle {} returns",
+    ev.Resumed: "the mission is resumed after an interruption",
     ev.LiftedOff: "vehicle {} has taken off",
     ev.Landed: "vehicle {} has landed",
 }
-"""What the operator, or a vehicle, did that the terminal shows elsewhere."""
+"""Lines about actions of the operator or a vehicle; the terminal shows these in other ways."""

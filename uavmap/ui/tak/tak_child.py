@@ -16,7 +16,7 @@ from typing import Final
 from uavmap.base.extras import install_command
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.live_map import LiveMap
-from uavmap.ui.page.page_pipe import Words, back, messages, read
+from uavmap.ui.page.page_pipe import Message, back, messages, read
 from uavmap.ui.tak.marks import Marks
 from uavmap.ui.tak.outbox import Outbox
 
@@ -33,7 +33,7 @@ def main() -> None:
     os._exit(0)  # at once: all is written, and a flight waits
 
 
-async def _serve(send: Callable[[Words], None]) -> None:
+async def _serve(send: Callable[[Message], None]) -> None:
     reader = await messages()
     config, _ = await read(reader)
     try:
@@ -67,23 +67,23 @@ class Sender:
     """
 
     def __init__(
-        self, outbox: Outbox, config: Words, now_s: Callable[[], float] = time.monotonic
+        self, outbox: Outbox, config: Message, now_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._outbox = outbox
         self._aircraft_s, self._shapes_s = config["aircraft_s"], config["shapes_s"]
         self._marks = Marks(simulated=config["simulated"])
-        self._board, self._scene = Board(), Words()
+        self._board, self._scene = Board(), Message()
         self._ended = DIED
         self._now_s = now_s
         self._shapes_due_s = float("-inf")
 
-    def receive(self, words: Words) -> None:
+    def receive(self, message: Message) -> None:
         """Receive a message of the flight (`uavmap.ui.page.page_pipe`)."""
-        match words.get("kind"):
+        match message.get("kind"):
             case "scene":
-                self._scene = words["scene"]
+                self._scene = message["scene"]
             case "delta":
-                self._board.apply(words["delta"])
+                self._board.apply(message["delta"])
                 self._put()
             case "ended":
                 self._ended = OVER
@@ -96,7 +96,7 @@ class Sender:
     def _put(self, ended: str | None = None) -> None:
         if not self._scene:
             return
-        live = LiveMap.of(self._scene, self._board.since(0))
+        live = LiveMap.from_board(self._scene, self._board.since(0))
         self._outbox.put("unit", [self._marks.unit(live)], self._shapes_s)
         self._outbox.put("aircraft", self._marks.aircraft(live, ended), self._aircraft_s)
         now_s = self._now_s()

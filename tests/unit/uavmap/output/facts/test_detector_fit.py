@@ -131,7 +131,7 @@ def test_terminal_and_page_report_a_detector_that_finds_region_everywhere():
     for number in range(FIRST_FRAMES):
         table.notice(frame(number, 10))
         table.update(frame(number, 10), state, 0)
-        watcher.take_in(frame(number, 10), state)
+        watcher.apply(frame(number, 10), state)
     assert "takes 100% of what the first 100 pictures show for region" in out.getvalue()
     watcher.refresh(whole=True)
     ((_, level, text),) = [line[-3:] for line in watcher.board.since(0)["log"]]

@@ -32,16 +32,16 @@ def steered():
     ("order", "asked", "answer"),
     [
         ({"do": "pause"}, [call.pause()], "paused"),
-        ({"do": "continue"}, [call.go_on()], "goes on"),
+        ({"do": "continue"}, [call.go_on()], "continues"),
         ({"do": "return", "vehicle": None}, [call.recall()], "all vehicles return"),
         ({"do": "return", "vehicle": 2}, [call.recall_vehicle(2)], "vehicle 2 returns"),
         ({"do": "return", "vehicle": 3}, [], "no vehicle 3"),
-        ({"do": "return", "vehicle": True}, [], "no order"),
-        ({"do": "return"}, [], "no order"),
-        ({"do": "return", "vehicle": "1"}, [], "no order"),
-        ({"do": "land_here", "vehicle": 1}, [], "no order"),
-        ({"do": ["pause"]}, [], "no order"),
-        ({}, [], "no order"),
+        ({"do": "return", "vehicle": True}, [], "unknown order"),
+        ({"do": "return"}, [], "unknown order"),
+        ({"do": "return", "vehicle": "1"}, [], "unknown order"),
+        ({"do": "land_here", "vehicle": 1}, [], "unknown order"),
+        ({"do": ["pause"]}, [], "unknown order"),
+        ({}, [], "unknown order"),
     ],
 )
 def test_order_of_the_page_calls_the_service(order, asked, answer):
@@ -55,14 +55,14 @@ def test_order_before_or_after_the_flight_or_twice_is_refused():
     service.pause.return_value = False
     assert "already" in carry_out(service, {"do": "pause"})
     service.flying = False
-    assert "nobody flies" in carry_out(service, {"do": "pause"})
+    assert "no vehicle flies" in carry_out(service, {"do": "pause"})
     assert service.mock_calls == [call.pause()]
 
 
 def test_lines_that_are_no_messages_are_left_out():
     lines = Lines()
-    assert lines.of(b'[1]\nx\n\xff\n{"a":1}\n' + b"y" * 10_000) == [{"a": 1}]
-    assert lines.of(b'\n{"b":2}\n') == [{"b": 2}]
+    assert lines.parse(b'[1]\nx\n\xff\n{"a":1}\n' + b"y" * 10_000) == [{"a": 1}]
+    assert lines.parse(b'\n{"b":2}\n') == [{"b": 2}]
 
 
 def test_message_has_its_lengths():
@@ -73,7 +73,7 @@ MISSION = str(Path(__file__).parents[4] / "data" / "speck.toml")
 
 
 BROKEN = (
-    "the live page has failed (RuntimeError: the page is broken); the flight goes on without it"
+    "the live page has failed (RuntimeError: the page is broken); the flight continues without it"
 )
 
 
@@ -207,7 +207,7 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said):
 
         def orders(self):
             try:
-                return lines.of(os.read(read, 1000))
+                return lines.parse(os.read(read, 1000))
             except BlockingIOError:
                 return []
 
@@ -233,8 +233,8 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said):
 
     asyncio.run(flight())
     assert service.mock_calls == [call.pause(), call.go_on()]
-    assert said[0] == "page: paused: everybody holds"
-    assert {"kind": "answer", "id": "7", "text": "paused: everybody holds"} in [
+    assert said[0] == "page: paused: all vehicles hold"
+    assert {"kind": "answer", "id": "7", "text": "paused: all vehicles hold"} in [
         words for words, _ in feed.told
     ]
     assert "a defect" in said[1]

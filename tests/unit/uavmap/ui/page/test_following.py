@@ -26,7 +26,7 @@ from uavmap.ui.cli.commands import watch
 from uavmap.ui.page import following
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.following import WATCHES, Follower, Pictures
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_pipe import Message
 from uavmap.ui.page.page_scene import STATES
 
 
@@ -106,7 +106,7 @@ def test_command_watches_until_control_c(tmp_path, monkeypatch):
     before = (tmp_path / JOURNAL).read_bytes()
 
     class Interrupted(Feed):
-        def orders(self) -> list[Words]:  # requested after all events
+        def orders(self) -> list[Message]:  # requested after all events
             raise KeyboardInterrupt
 
     feed = Interrupted()

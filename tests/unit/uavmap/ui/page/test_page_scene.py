@@ -14,7 +14,7 @@ from missions.flight.setting_of import setting_of
 from missions.units import GridPoint, LatLon
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.mosaic_file import raster_of
-from uavmap.ui.page.page_scene import of_mosaic, of_tiles, scene_of
+from uavmap.ui.page.page_scene import background_from_mosaic, background_from_tiles, scene_of
 
 MISSION = str(Path(__file__).parents[4] / "data" / "speck.toml")
 ZOOM = 18
@@ -53,7 +53,7 @@ def written(path, around, kind="png", zoom=ZOOM):
 
 
 def test_points_of_the_ground_are_where_the_tiles_have_them(setting, tmp_path):
-    found = of_tiles(written(tmp_path / "a.mbtiles", setting.mission.home), setting)
+    found = background_from_tiles(written(tmp_path / "a.mbtiles", setting.mission.home), setting)
     image = cv2.imdecode(np.frombuffer(found.jpeg, np.uint8), cv2.IMREAD_COLOR)
     rows, columns = image.shape[:2]
     m_per_px = found.width_m / columns
@@ -78,26 +78,28 @@ def test_unusable_tiles_are_refused_in_a_line(setting, tmp_path):
     home = setting.mission.home
     for name, said, make in (
         ("vector", "vector tiles", lambda p: written(p, home, "pbf")),
-        ("far", "no tile of this mission", lambda p: written(p, LatLon(-30.0, 100.0))),
+        ("far", "no tile at the place", lambda p: written(p, LatLon(-30.0, 100.0))),
         ("text", "cannot be read", lambda p: p.write_text("no tiles")),
         ("missing", "cannot be read", lambda p: None),
     ):
         path = tmp_path / f"{name}.mbtiles"
         make(path)
         with pytest.raises(OutputError, match=said) as refusal:
-            of_tiles(path, setting)
+            background_from_tiles(path, setting)
         assert str(path) in str(refusal.value)
         assert "\n" not in str(refusal.value)
 
 
 def test_coarser_zoom_is_used_where_there_is_no_finer(setting, tmp_path):
-    assert of_tiles(written(tmp_path / "b.mbtiles", setting.mission.home, zoom=12), setting).jpeg
+    assert background_from_tiles(
+        written(tmp_path / "b.mbtiles", setting.mission.home, zoom=12), setting
+    ).jpeg
 
 
 def test_scene_without_a_mosaic_has_none(setting, tmp_path):
-    assert of_mosaic(tmp_path / "ortho.tif", setting) is None
+    assert background_from_mosaic(tmp_path / "ortho.tif", setting) is None
     (tmp_path / "ortho.tif").write_bytes(b"no GeoTIFF")
-    assert of_mosaic(tmp_path / "ortho.tif", setting) is None
+    assert background_from_mosaic(tmp_path / "ortho.tif", setting) is None
 
 
 def test_scene_has_the_place_of_the_mosaic_around_the_fence(setting):

@@ -116,8 +116,8 @@ def test_buttons_ask_first_and_the_flight_answers(flight):
         page.press("Yes")
         order = flight.ordered()
         assert order["do"] == "pause"
-        flight.feed.put({"kind": "answer", "id": order["id"], "text": "everybody holds"})
-        page.wait(lambda: "everybody holds" in page.notes)
+        flight.feed.put({"kind": "answer", "id": order["id"], "text": "all vehicles hold"})
+        page.wait(lambda: "all vehicles hold" in page.notes)
         flight.set(paused=True)
         page.wait(lambda: {"Continue", "Return"} <= set(page.buttons().values()))
         assert "Pause" not in page.buttons().values()
@@ -130,9 +130,9 @@ def test_buttons_ask_first_and_the_flight_answers(flight):
 def test_tab_after_the_flight_has_no_buttons(flight):
     with tab(flight) as page:
         page.wait(lambda: "Pause" in page.buttons().values())
-        flight.set(hands_off="nobody flies")
+        flight.set(hands_off="no vehicle flies")
         page.wait(lambda: "Pause" not in page.buttons().values())
-        assert any(e.get("text") == "nobody flies" for e in page.elements.values())
+        assert any(e.get("text") == "no vehicle flies" for e in page.elements.values())
     flight.set(hands_off="")
 
 
@@ -217,7 +217,7 @@ def test_port_in_use_and_foreign_host_are_refused(monkeypatch):
 async def test_hub_shows_the_end_to_all_browsers():
     hub = Hub({"title": "x"})
     hub.enter("a browser")
-    waiting = asyncio.create_task(hub.nobody.wait())
+    waiting = asyncio.create_task(hub.unwatched.wait())
     await hub.receive({"kind": "ended", "text": "over"}, b"")
     await asyncio.sleep(0)
     assert not waiting.done()
@@ -236,4 +236,4 @@ def test_page_that_is_killed_is_reported_once_and_orders_nothing(flight):
     assert not feed.idle
     assert not any(feed.put({"kind": "delta"}) for _ in range(3))
     assert len(flight.said) == 4
-    assert flight.said[3].startswith("the live page is gone")
+    assert flight.said[3].startswith("the live page has ended")

@@ -19,7 +19,7 @@ class Flown:
 
     def happen(self, event):
         self.state, _ = step(self.state, event)
-        self.watcher.take_in(event, self.state)
+        self.watcher.apply(event, self.state)
 
     def until(self, t_s):
         for event in self.events:

@@ -41,7 +41,7 @@ def test_board_of_a_flight_is_its_map(monkeypatch):
     watcher = Watcher(state, now_s=lambda: 0.0)
     for index, event in enumerate(events):
         state, _ = step(state, event)
-        watcher.take_in(event, state)
+        watcher.apply(event, state)
         if index % 5 == 0 and watcher.refresh():
             copy.apply(json.loads(json.dumps(watcher.board.since(copy.version))))
     watcher.refresh(whole=True)
@@ -68,7 +68,7 @@ def test_board_of_classes_has_the_cells_the_legend_and_the_areas_of_its_map():
     watcher = Watcher(state, now_s=lambda: 0.0)
     for event in CLASS_EVENTS:
         state, _ = step(state, event)
-        watcher.take_in(event, state)
+        watcher.apply(event, state)
         if watcher.refresh():
             copy.apply(json.loads(json.dumps(watcher.board.since(copy.version))))
     watcher.refresh(whole=True)
@@ -93,7 +93,7 @@ def test_board_of_a_member_has_the_cells_of_another_by_class():
         2, 30.0, 0, (Fact(20.0, ((there, True), (beside, False)), classes=classes),)
     )
     watcher = Watcher(setting.initial_state(), now_s=lambda: 0.0)
-    watcher.take_in(event, step(setting.initial_state(), event)[0])
+    watcher.apply(event, step(setting.initial_state(), event)[0])
     watcher.refresh()
     names = [name for name, _ in scene_of(setting)["states"]]
     shown = {cell: names[code] for cell, code in watcher.board.cells.items()}
@@ -107,7 +107,7 @@ def test_board_of_a_station_has_the_unsure_cells_of_a_member():
     for number, (unsure, name) in enumerate(((True, "unsure: "), (False, "not region"))):
         fact = Fact(20.0 + number, ((there, unsure),), doubt=True)
         state, _ = step(state, event := FactsShared(2, 30.0, number, (fact,)))
-        watcher.take_in(event, state)
+        watcher.apply(event, state)
         watcher.refresh()
         shown = {cell: names[code] for cell, code in watcher.board.cells.items()}
         assert shown.keys() == {there}
@@ -120,7 +120,7 @@ def test_figures_of_a_flight_without_stopping_agree_at_any_time():
     watcher = Watcher(state, now_s=lambda: 0.0)
     for line in PASSES.lines():
         state, _ = step(state, event := from_json(line))
-        watcher.take_in(event, state)
+        watcher.apply(event, state)
         watcher.refresh()
         if "ROI cells decided" in (known := watcher.board.field("known")):
             assert known.startswith(f"{watcher.board.field('roi')} ")

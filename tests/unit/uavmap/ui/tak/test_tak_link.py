@@ -242,7 +242,7 @@ def test_link_tls_server_without_a_trusted_certificate_gets_nothing(certificates
     ],
 )
 def test_link_url_that_cannot_be_used_is_refused_before_anything_flies(url, why):
-    with ExitStack() as stack, pytest.raises(OutputError, match=f"does not begin: .*{why}"):
+    with ExitStack() as stack, pytest.raises(OutputError, match=f"does not start: .*{why}"):
         stack.enter_context(linked(url, simulated=False))
 
 
@@ -261,4 +261,4 @@ def test_link_that_is_killed_is_logged_once_and_the_flight_continues():
         until(lambda: flight.feed.orders() == [] and flight.feed.dead)
         for _ in range(3):
             assert not flight.feed.put({"kind": "delta"})
-    assert len([line for line in said if "the TAK link is gone" in line]) == 1
+    assert len([line for line in said if "the TAK link has ended" in line]) == 1
