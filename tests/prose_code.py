@@ -1,9 +1,10 @@
-"""Check the prose of Python: docstrings, strings below fields, and comments.
+"""Check the prose of Python: docstrings, strings below fields, comments, and names of tests.
 
     python -m tests.prose_code                       every module that is checked
     python -m tests.prose_code missions/geo/*.py     these modules
 
-The words are those of `tests.prose`; a docstring begins with a verb or a noun as well.
+The words are those of `tests.prose`; a docstring begins with a verb or a noun as well. The name of
+a test begins with its subject: `test_guardian_pilot_selects_land_stops_sending`.
 """
 
 from __future__ import annotations
@@ -25,12 +26,28 @@ _BEGINS: Final = re.compile(r"(?:Who|What|How|Where|Whether|Why|Nothing|Nobody)\
 _ITEM: Final = re.compile(r"\s*(?:[*-] |\d+\. |\w+(?:, \w+)*: )")
 _ENTRY: Final = re.compile(r"\s+\w+(?:, \w+)*: ")
 """A name in a list of arguments or attributes, which is code."""
+_NO_SUBJECT: Final = re.compile(
+    r"(?<=test_)(?:above|after|at|before|below|beside|by|from|if|in|it|its|of|on|one_that|over|that|"
+    r"there|these|they|this|those|to|when|where|while|with|without|nothing|whatever)(?=_)"
+)
+_NAME: Final = re.compile(
+    r"(?<=_)(?:who|whom|whoever|nobody|somebody|everybody|anybody|what|tells?|told|says?|said|"
+    r"hears?|heard|so_long|so_many|taken_up|in_vain|pressing)(?=_|$)"
+)
 _PRAGMA: Final = re.compile(r"# ?(?:noqa|type:|pragma|fmt:|---|===|mypy:|ruff:|!)")
+
+
+def statements(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements of a module, at every depth."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.stmt | ast.excepthandler | ast.match_case):
+            yield node
+            yield from statements(node)
 
 
 def docstrings(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Yield the strings that stand alone as statements, with their lines."""
-    for node in ast.walk(tree):
+    for node in statements(tree):
         value = node.value if isinstance(node, ast.Expr) else None
         if isinstance(value, ast.Constant) and isinstance(value.value, str):
             yield value.lineno, value.value
@@ -49,6 +66,15 @@ def comments(source: str) -> Iterator[tuple[int, str]]:
         gathered.append(token.string.lstrip("# "))
     if gathered:
         yield begun, " ".join(gathered)
+
+
+def names_of_tests(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield the names of tests with their lines."""
+    for node in statements(tree):
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
+                if name.startswith("test_"):
+                    yield node.lineno, name
 
 
 def paragraphs(docstring: str) -> Iterator[str]:
@@ -71,8 +97,11 @@ def paragraphs(docstring: str) -> Iterator[str]:
 
 def source_faults(source: str) -> list[Fault]:
     """Return what is wrong with the prose of a module."""
-    found = []
-    for line, docstring in docstrings(ast.parse(source)):
+    found, tree = [], ast.parse(source)
+    for line, name in names_of_tests(tree):
+        if match := _NO_SUBJECT.match(name, 5) or _NAME.search(name):
+            found.append(Fault(line, f"{match[0]!r} in {name}: name subject, condition, outcome"))
+    for line, docstring in docstrings(tree):
         if match := _BEGINS.match(docstring):
             found.append(Fault(line, f"begins with {match[0]!r}: begin with a verb or a noun"))
         found += [
@@ -93,6 +122,9 @@ CHECKED: Final = (
         "ui/app", "ui/cli", "ui/ground", "ui/page", "ui/tak",
     )),
     "vision/**/*.py",
+    *(f"tests/{folder}/**/*.py" for folder in (
+        "campaign", "conformance", "e2e", "fake_fleet", "golden", "prop", "referee", "unit",
+    )),
 )  # fmt: skip
 """Modules that are checked, as patterns."""
 

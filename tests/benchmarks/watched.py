@@ -22,7 +22,7 @@ from missions.events import Event, from_json
 from missions.units import Cell
 from tests.campaign.outcome import FORBIDDEN
 from tests.e2e.rig import MISSIONS, bodies, roi_cells
-from tests.referee import Referee, Said
+from tests.referee import ProductReport, Referee
 from tests.support.sitl_truth import Observer, ground_of, observed
 from uavmap.ui.cli import main as uavmap_main
 
@@ -114,13 +114,13 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
 
 def _said(
     observer: Observer, code: int | None, summary: Mapping[str, Any], raised: str, folder: Path
-) -> Said:
+) -> ProductReport:
     """Return what the command reported, and the ground that there is in truth."""
     mapped, touched, owed = set[tuple[int, int]](), frozenset[Cell](), frozenset[Cell]()
     if observer.mission is not None and (folder / "map.geojson").exists():
         mapped, (touched, owed) = roi_cells(folder), ground_of(observer.mission)
     kind = "no end" if "no end" in raised else "traceback"
-    return Said(
+    return ProductReport(
         observer.t_s,
         code=code,
         completed=bool(summary.get("completed")),

@@ -1,1 +1,1 @@
-"""Random missions with everything that can go wrong: `python -m tests.campaign`."""
+"""Random missions with random troubles: `python -m tests.campaign`."""

@@ -1,16 +1,16 @@
 """Fly a campaign: `python -m tests.campaign --flights 1000 --seed 0 --workers 2`.
 
-A failure is flown again by `--seed X --flights 1 --verbose`. Exit 1 if there was one; they are kept
-in the file `--failures`. `--record` adds the campaign to `flights.json`, of which
-`python -m tests.reliability` makes `docs/reliability.md`.
+`--seed X --flights 1 --verbose` repeats a failed flight. The exit code is 1 if there was a failure.
+The file `--failures` keeps all failures. `--record` adds the campaign to `flights.json`, from
+which `python -m tests.reliability` makes `docs/reliability.md`.
 
-`--world reducer` flies a fleet of points, `--find` ("first", "all" or "all, from on high") patches
-of the region, with `--receivers` whose heights above the sea err by this standard deviation, m,
-and pads that differ by up to `--pads` metres; with `--teams` only seeds of two vehicles and more.
-`--world sitl` flies the bundled simulator: with `--pilots` one turns a mode switch at a random
-moment of every flight; `--quirk` KEY=VALUE ... are habits of all aircraft, as in [sim.quirks].
-`--world fleet` flies the simulator, too, with a service on each of four vehicles.
-`--strategy` is that of all flights; without it, it is drawn.
+`--world reducer` flies a fleet of points. `--find` ("first", "all" or "all, from on high") chooses
+the patches of the region. `--receivers` is the standard deviation of heights above the sea, m.
+Pads differ by up to `--pads` metres in height. `--teams` leaves out seeds of a single vehicle.
+`--world sitl` flies the bundled simulator. With `--pilots` a pilot turns a mode switch at a random
+moment of every flight. `--quirk` KEY=VALUE ... are quirks of all aircraft, as in [sim.quirks].
+`--world fleet` flies the simulator with a service on each of four vehicles.
+`--strategy` is that of all flights; by default it is drawn.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Flights of fleets in this process, on virtual time: a service for each vehicle, a bad radio.
 
-Vehicles search from on high and map from below, so they change their layers all the time, with the
-air that others have promised or over their own pads.
+Vehicles search from high up and map from below. Therefore they change their layers all the time,
+in air that is reserved with the others, or over their own pads.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from missions.errors import PreflightError
 from missions.fleet_events import Partition
-from tests.referee import Said
+from tests.referee import ProductReport
 from tests.support.fleet_rig import field_text
 from tests.support.plans import plan_of
 from tests.support.sitl_truth import Observer
@@ -40,7 +40,7 @@ def plan_of_seed(seed: int) -> Plan:
 
 
 def radio_of(flight: Plan, rng: random.Random) -> LinkModel:
-    """The radio of a flight: good, lossy, slow, or of a short range."""
+    """Return the radio of a flight: good, lossy, slow, or of a short range."""
     partitions: list[Partition] = []
     for kind, phase in zip(flight.kinds, flight.phases, strict=True):
         if kind == "hear":
@@ -59,7 +59,7 @@ def radio_of(flight: Plan, rng: random.Random) -> LinkModel:
 
 
 def text_of(flight: Plan, rng: random.Random) -> str:
-    """The mission of a flight."""
+    """Return the mission of a flight."""
     text = with_small_pictures(field_text(VEHICLES, high=True))
     rates = rng.choice(["", "climb_m_s = 4.0\ndescent_m_s = 3.0\n"])
     text = text.replace("[flight]\n", f"[flight]\n{rates}")
@@ -120,7 +120,7 @@ def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Out
         states = {number: one.state for number, one in fleet.flights.items()}
     completed = any(state.completed for state in states.values())
     referee = observer.end(
-        Said(observer.t_s, completed=completed, reported=observer.reported, faults=faults)
+        ProductReport(observer.t_s, completed=completed, reported=observer.reported, faults=faults)
     )
     if verbose:
         for number, state in states.items():

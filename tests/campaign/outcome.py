@@ -1,4 +1,4 @@
-"""What came of a flight, and the table of many."""
+"""The outcome of a flight, and the table of many flights."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ FORBIDDEN: Final = {
 AWAY_M: Final = 8.0
 """Distance from its pad from which a vehicle counts as away."""
 EXPLAINED: Final = """\
-n flights; ok complete, inc honestly incomplete; home, away: everybody landed at home, or somebody
-elsewhere; air left in the air at the end; alone somebody in the air without anybody responsible;
-taken a mode that a pilot chose is changed by somebody else;
+n flights; ok complete; inc honestly incomplete; home all vehicles landed at home; away one landed
+elsewhere; air one left in the air at the end; alone one in the air without a responsible part;
+taken a mode that a pilot chose was changed by the service;
 crash a crash (reported); breach out of the fence; far more than 150 m out; near two too near;
 fell out of energy in the air; reserve landed with less than the reserve; lie a false "complete",
-votes lost, or a journal that tells another state; unrep a crash or a landing away from home that
-is not told; owner a setting of the owner not given back; end no end; tb a traceback. From air on,
-all but crash are forbidden."""
+lost votes, or a journal with another state; unrep a crash or a landing away from home without a
+report; owner a setting of the owner not given back; end no end; tb a traceback. From air on, all
+but crash are forbidden."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +43,13 @@ class Outcome:
     counts: frozenset[str]
     """The columns that it counts in."""
     found: tuple[tuple[str, str], ...]
-    """What was forbidden: kind and words."""
+    """Broken rules: kind and text."""
     forgiven: Counter[str] = field(default_factory=Counter)
-    """How often each rule of forgiveness was used."""
+    """Number of uses of each rule of forgiveness."""
 
 
 def outcome(flight: Plan, referee: Referee, *, completed: bool) -> Outcome:
-    """Return what a referee made of a flight."""
+    """Return the outcome of a flight by its referee."""
     columns = {FORBIDDEN[kind] for kind, _ in referee.found}
     columns.add("ok" if completed else "inc")
     far = any(referee.from_pad_m(number) > AWAY_M for number in referee.memories)
@@ -61,7 +61,7 @@ def outcome(flight: Plan, referee: Referee, *, completed: bool) -> Outcome:
 
 
 def forgiven_line(outcomes: Iterable[Outcome]) -> str:
-    """Return how often each rule of forgiveness was used in all flights."""
+    """Return the number of uses of each rule of forgiveness in all flights."""
     total = sum((outcome.forgiven for outcome in outcomes), Counter[str]())
     return "forgiven: " + (", ".join(f"{n} {name}" for name, n in total.most_common()) or "nothing")
 

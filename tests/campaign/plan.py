@@ -1,4 +1,4 @@
-"""Which flight has which troubles: each kind in each phase alone, then in pairs."""
+"""Troubles of each flight: each kind in each phase alone, then in pairs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Plan:
 
 
 def plan(seed: int, kinds: tuple[str, ...], phases: tuple[str, ...]) -> Plan:
-    """The flight of a seed: the kind and the phase by its number, so that each comes up as often.
+    """Return the flight of a seed: kind and phase follow from the number, each equally often.
 
     >>> plan(0, ("a", "b"), ("x", "y")).kinds
     ('a',)

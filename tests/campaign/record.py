@@ -21,7 +21,7 @@ KEPT: Final = Path(__file__).with_name("flights.json")
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What the flights of a seed range gave."""
+    """The results of the flights of a seed range."""
 
     commit: str
     """The program that flew; it ends in `+` if files had changed since."""

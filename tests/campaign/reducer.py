@@ -18,8 +18,8 @@ from .plan import Plan, plan
 
 LIMIT_S = 4000.0
 KINDS = (*ACTS, "homes")
-"""`homes`: they lie at different heights, and vehicles do not stand where the plan says."""
-LEGS = ("search", "explore", "way home")
+"""`homes`: homes lie at different heights, and vehicles stand beside their planned places."""
+LEGS = ("search", "explore", "return")
 
 
 def plan_of(seed: int) -> Plan:
@@ -36,7 +36,8 @@ def fleet_of(
 ) -> Fleet:
     """Return the fleet of a flight, before anything has happened.
 
-    `pads_m` is the most that two pads differ in height, where the flight has no trouble with them.
+    `pads_m` is the maximum difference in height of two pads where the flight has no trouble
+    with them.
     """
     rng = random.Random(flight.seed)
     scenario = unkind_scenario(flight.seed, strategy)
@@ -64,11 +65,11 @@ def fleet_of(
         receiver_sigma_m=receiver_sigma_m, stand_off_m=off_m,
     )  # fmt: skip
     made.troubles = _troubles(flight, vehicles, rng)
-    tells_wind = rng.random() < 0.8
+    reports_wind = rng.random() < 0.8
     has_failsafe = rng.random() < 0.5
     for number, craft in made.vehicles.items():
         craft.noise_m = max(craft.noise_m, 0.2)
-        made.drivers[number].tells_wind = tells_wind
+        made.drivers[number].reports_wind = reports_wind
         made.drivers[number].swap_s = rng.uniform(3.0, 20.0)
         craft.return_height_m = rng.choice([15.0, 30.0])
         if has_failsafe:
@@ -125,7 +126,7 @@ def fly(
 
 
 def narrate(fleet: Fleet) -> None:
-    """What happened, in the order it did, but for whereabouts and frames."""
+    """Print all events in their order, but for positions and frames."""
     lines = [
         (event.t_s, 0, str(event))
         for event in fleet.events

@@ -25,13 +25,13 @@ KINDS: Final = (
 )  # fmt: skip
 PHASES: Final = {
     "ground": 0.0, "take-off": 5.0, "search": 14.0, "look": 24.0, "explore": 32.0,
-    "way home": 46.0, "landing": 58.0,
+    "return": 46.0, "landing": 58.0,
 }  # fmt: skip
 """About when each phase of the small mission begins, in seconds."""
 COMMANDS: Final = (20, 21, 22, 176, 192, 400, 2000)
 """RTL, land, take-off, mode, reposition, arm, capture."""
 LIMIT_S: Final = 4000.0
-"""A flight that has not ended by then never does."""
+"""Duration after which a flight counts as endless, s."""
 
 
 def plan_of(seed: int) -> Plan:
@@ -39,7 +39,7 @@ def plan_of(seed: int) -> Plan:
 
 
 def fault_of(kind: str, phase: str, rng: random.Random) -> dict[str, Any]:
-    """A fault of a kind in a phase, as `[[sim.faults]]` holds it."""
+    """Return a fault of a kind in a phase, as `[[sim.faults]]` holds it."""
     fault: dict[str, Any] = {"kind": kind, "at_s": round(PHASES[phase] + rng.uniform(0, 8), 2)}
     for_s = rng.choice([5.0, 20.0, 60.0, None])
     if for_s is not None and kind not in ("battery_cell", "companion_reboot"):
@@ -61,9 +61,10 @@ def fault_of(kind: str, phase: str, rng: random.Random) -> dict[str, Any]:
 def text_of(
     flight: Plan, strategy: str | None = None, quirks: Mapping[str, str] = MappingProxyType({})
 ) -> str:
-    """The mission file of a flight: a dark square of four cells, and what goes wrong.
+    """Return the mission file of a flight: a dark square of four cells, and the faults.
 
-    `quirks` of the aircraft, as the file holds them. A single vehicle's receiver errs in height.
+    `quirks` are those of the aircraft, as in the file. The receiver of a single vehicle errs in
+    height.
     """
     rng = random.Random(flight.seed)
     vehicles = rng.choice([1, 1, 2])
@@ -90,25 +91,25 @@ TURNS: Final = {
     "ardupilot": ("LAND", "RTL", "LOITER", "BRAKE", "POSHOLD", "ALT_HOLD", "STABILIZE"),
     "px4": ("LAND", "RTL", "HOLD", "POSITION", "ALTITUDE"),
 }
-"""What a pilot turns his switch to."""
+"""Modes that a pilot selects."""
 KEEPS_S: Final = 20.0
-"""So long he keeps a vehicle in such a mode, then he lands it."""
+"""Time for which a pilot keeps a vehicle in such a mode before landing it, s."""
 
 
 @dataclass(slots=True)
 class Pilot:
-    """Turns the mode switch of one vehicle at a moment in flight."""
+    """A pilot who turns the mode switch of one vehicle at a moment in flight."""
 
     vehicle: int
     at_s: float
     mode: str
     since_s: float = math.inf
-    """Since when it is his."""
+    """Time from which the pilot has the vehicle, s."""
     done: bool = False
-    """It is on the ground again."""
+    """The vehicle is on the ground again."""
 
     @classmethod
-    def of(cls, seed: int, vehicles: int, autopilot: str) -> Pilot:
+    def from_seed(cls, seed: int, vehicles: int, autopilot: str) -> Pilot:
         rng = random.Random(f"pilot {seed}")
         at_s = rng.uniform(6.0, 70.0)
         return cls(rng.randint(1, vehicles), at_s, rng.choice(TURNS[autopilot]))
@@ -120,19 +121,19 @@ class Pilot:
             return
         mode = truth.mode.name
         if math.isinf(self.since_s):
-            # Hold is his on a path only: elsewhere it says that the vehicle is given back
+            # Hold takes control on a path only: elsewhere it gives the vehicle back
             takes = mode != self.mode and (self.mode != "HOLD" or mode == "OFFBOARD")
             if t_s >= self.at_s and takes and not truth.failsafe:
                 self._turn(vehicle, self.mode)
         elif mode != self.mode and truth.failsafe:
-            self.mode = mode  # a failsafe comes before him
+            self.mode = mode  # a failsafe acted before the pilot
         elif mode != self.mode and t_s - self.since_s <= RACE_S:
-            self._turn(vehicle, self.mode)  # a command was on its way: he turns it again
+            self._turn(vehicle, self.mode)  # a command was on its way: turn again
         elif mode == self.mode and t_s - self.since_s > KEEPS_S and mode not in ("LAND", "RTL"):
             self._turn(vehicle, "LAND")
 
     def _turn(self, vehicle: SimVehicle, mode: str) -> None:
-        """By radio control, which no link has a part in."""
+        """Set the mode by radio control, without any link."""
         autopilot: Any = vehicle._ap
         if not vehicle.fail.rc_lost and autopilot.set_mode(type(autopilot.mode)[mode]) is None:
             self.mode, self.since_s = mode, vehicle.t_s
@@ -140,7 +141,7 @@ class Pilot:
 
 @dataclass(slots=True)
 class Witness(Observer):
-    """Shows the referee a flight in which a pilot may take a vehicle."""
+    """A witness that shows the referee a flight in which a pilot may take a vehicle."""
 
     pilot: Pilot | None = None
 
@@ -161,7 +162,7 @@ def fly(
     quirks: Mapping[str, str] = MappingProxyType({}),
     verbose: bool = False,
 ) -> Outcome:
-    """Fly the flight of a seed to its end; with `pilots` one takes a vehicle in it."""
+    """Fly the flight of a seed to its end; with `pilots` a pilot takes a vehicle in it."""
     flight = plan_of(seed)
     text = text_of(flight, strategy, quirks)
     # a battery that fails and a gust take charge before it is reported
@@ -172,9 +173,9 @@ def fly(
     )  # fmt: skip
     if pilots:
         autopilot = "px4" if 'autopilot = "px4"' in text else "ardupilot"
-        witness.pilot = Pilot.of(seed, text.count("[[vehicles]]"), autopilot)
+        witness.pilot = Pilot.from_seed(seed, text.count("[[vehicles]]"), autopilot)
     flown = watched.flown(str(flight), text, seed, observer=witness)
     if verbose:
-        told = (event for event in flown.events if event.kind not in ("tracked", "frame_seen"))
-        print(*told, text, flown.said, flown.summary, flown.line(), sep="\n")
+        reported = (event for event in flown.events if event.kind not in ("tracked", "frame_seen"))
+        print(*reported, text, flown.said, flown.summary, flown.line(), sep="\n")
     return outcome(flight, flown.referee, completed=bool(flown.summary.get("completed")))

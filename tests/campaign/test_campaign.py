@@ -16,16 +16,19 @@ ONCE_WRONG = (
 )  # fmt: skip
 
 
-def test_nothing_forbidden_happens_in_an_unkind_world():
-    """A third of the kinds of trouble alone, and pairs of all."""
+def test_fleet_of_points_in_an_unkind_world_breaks_no_rule():
+    """A third of the kinds of trouble comes alone, and all kinds in pairs."""
     outcomes = [fly(seed) for seed in range(FLIGHTS)]
     assert [(o.plan, o.found) for o in outcomes if o.found] == []
     assert any("ok" in o.counts for o in outcomes)
 
 
 @pytest.mark.parametrize("seed", ONCE_WRONG)
-def test_what_once_went_wrong_does_not_again(seed):
-    """Two that a pilot left side by side waited for each other; a storm took one down a slope."""
+def test_flight_that_once_broke_a_rule_breaks_none(seed):
+    """Two vehicles that a pilot left side by side waited for each other.
+
+    A storm took another one down a slope.
+    """
     assert fly(seed).found == ()
 
 
@@ -40,7 +43,7 @@ def test_the_same_seed_flies_the_same_flight():
     assert [fly(seed) for seed in (6, 9)] == [fly(seed) for seed in (6, 9)]
 
 
-def test_every_kind_comes_up_alone_in_every_phase():
+def test_every_kind_is_planned_alone_in_every_phase():
     seeds = range(len(KINDS) * len(PHASES) * 10 // 6 + 10)
     alone = Counter(
         (plan.kinds[0], plan.phases[0]) for plan in map(plan_of, seeds) if len(plan.kinds) == 1
@@ -60,21 +63,24 @@ def test_the_table_counts_each_flight_in_its_row_and_in_all():
 
 
 @pytest.mark.parametrize("seed", [910005, 910146, 920099, 940038, 950056, 960105, 960437])
-def test_nobody_is_carried_far(seed):
-    """A compass that points backwards in the climb and in the landing, and storms of 25 m/s."""
+def test_vehicle_with_a_reversed_compass_in_a_storm_is_not_carried_far(seed):
+    """The compass points backwards in the climb and in the landing, in storms of 25 m/s."""
     assert simulated.fly(seed).found == ()
 
 
 @pytest.mark.parametrize("seed", [103, 110, 131, 210, 258])
-def test_nobody_is_taken_back_from_a_pilot(seed):
-    """LAND, POSITION, RTL, STABILIZE while a guardian lands it, BRAKE; landed after 20 s."""
+def test_vehicle_of_a_pilot_is_not_taken_back(seed):
+    """A pilot selects LAND, POSITION, RTL, BRAKE, or STABILIZE while a guardian lands.
+
+    After 20 s the pilot lands.
+    """
     outcome = simulated.fly(seed, pilots=True)
     assert outcome.found == ()
 
 
 @pytest.mark.parametrize("seed", [1, 3, 4, 9, 1600328])
-def test_nothing_forbidden_happens_against_the_simulator(seed):
-    """Single faults and pairs of `sitl.faults`, through the driver and the wire."""
+def test_service_against_the_simulator_breaks_no_rule(seed):
+    """Single faults and pairs of `sitl.faults` pass through the driver and the wire."""
     outcome = simulated.fly(seed)
     assert outcome.found == ()
     assert outcome.counts & {"ok", "inc"}

@@ -1,4 +1,4 @@
-"""The referees see what they are there for: each is shown what it once did not see."""
+"""The referees see each fault that one of them once missed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def kinds(fleet: Fleet) -> set[str]:
 
 @pytest.mark.parametrize("forgets", [True, False])
 def test_a_silent_vehicle_given_up_before_its_battery_can_be_empty_is_seen(monkeypatch, forgets):
-    """Cut at lift-off, before that was told: over at 122 s, 14 m up, 6 to 13 Wh left."""
+    """The link was cut before lift-off was reported: over at 122 s, 14 m up, 6 to 13 Wh left."""
     fleet = untroubled(0)
     listen = Driver.listen
 
@@ -54,8 +54,8 @@ def airborne(fleet: Fleet) -> Fleet:
 
 
 @pytest.mark.parametrize("mode", ["land", "rtl", "other"])
-def test_a_mode_that_a_pilot_chose_and_somebody_changes_is_seen(mode):
-    """LAND by the pilot while a guardian flies it home: mode 9 became 6 within a second."""
+def test_change_of_a_pilots_mode_is_seen(mode):
+    """The pilot selected LAND while a guardian flew home: mode 9 became 6 within a second."""
     fleet = airborne(untroubled(0))
     craft = fleet.vehicles[1]
     craft.turn_switch(mode)  # type: ignore[arg-type]
@@ -67,7 +67,7 @@ def test_a_mode_that_a_pilot_chose_and_somebody_changes_is_seen(mode):
 
 
 @pytest.mark.parametrize("mode", ["land", "rtl"])
-def test_a_pilots_land_or_rtl_ends_what_the_service_does(mode):
+def test_land_or_rtl_by_a_pilot_ends_the_control_of_the_service(mode):
     fleet = airborne(untroubled(0))
     fleet.vehicles[1].turn_switch(mode)  # type: ignore[arg-type]
     orders = len(fleet.orders)
@@ -80,11 +80,11 @@ def test_a_pilots_land_or_rtl_ends_what_the_service_does(mode):
 
 @pytest.mark.parametrize("deaf_for_s", [0.0, 150.0])
 def test_a_landing_below_the_reserve_is_seen_unless_no_command_could_reach_it(deaf_for_s):
-    """Seed 20471: its commands were lost for 149 s; the next one landed it."""
+    """Seed 20471: commands were lost for 149 s, and the next one landed the vehicle."""
     fleet = airborne(untroubled(0))
     fleet.drivers[1].link = "commands lost"
-    heard_s = fleet.t_s + deaf_for_s
-    fleet.run(until=lambda fleet: fleet.t_s >= heard_s)
+    received_s = fleet.t_s + deaf_for_s
+    fleet.run(until=lambda fleet: fleet.t_s >= received_s)
     fleet.drivers[1].link = "good"
     fleet.vehicles[1].wh = 0.5 * fleet.setting.energy.reserve_wh
     fleet.run(until=lambda fleet: not fleet.vehicles[1].flying)
@@ -92,20 +92,20 @@ def test_a_landing_below_the_reserve_is_seen_unless_no_command_could_reach_it(de
 
 
 def test_vehicles_are_apart_by_their_true_heights():
-    """Receivers 5.5 m apart: told in layers of 12 and 18 m, they flew at 12.1 and 12.5 m."""
+    """Receivers 5.5 m apart: vehicles in layers of 12 and 18 m flew at 12.1 and 12.5 m."""
     fleet = next(f for f in map(untroubled, range(100)) if len(f.vehicles) > 1)
     airborne(fleet)
     a, b = fleet.vehicles[1], fleet.vehicles[2]
     b.flying = b.armed = True
     b.position, b.height_m = a.position, a.height_m + a.level_m - b.level_m
-    b.sea_error_m = 20.0  # what it says of its height
+    b.sea_error_m = 20.0  # its reported height
     for _ in range(2):
         fleet.t_s += 0.25
         fleet.look()
     assert "near" in kinds(fleet)
 
 
-def test_receivers_are_as_wrong_as_told_and_others_after_a_swap():
+def test_receivers_err_as_configured_and_anew_after_a_swap():
     fleet = fleet_of(plan_of(3), "swath", receiver_sigma_m=3.0)
     driver = fleet.drivers[1]
     errors_m = []
@@ -118,7 +118,7 @@ def test_receivers_are_as_wrong_as_told_and_others_after_a_swap():
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_mode_of_a_simulated_pilot_that_somebody_changes_is_seen(autopilot):
+def test_change_of_a_simulated_pilots_mode_is_seen(autopilot):
     (vehicle,) = Setup(autopilot=autopilot, gps_sigma_m=0.0).build()
     vehicle.step(6.0)
     command(vehicle, 400, 1)

@@ -1,8 +1,8 @@
 """A simulated vehicle under a driver, in this process: either driver, either autopilot.
 
-The driver of the service is flown on virtual time. MAVSDK, in its own process, knows real time
-only: the vehicle's time then passes `SPEEDUP` times as fast as real time, and who waits for
-something waits in the vehicle's time for longer than a busy machine needs.
+The driver of the service flies on virtual time. MAVSDK, in its own process, knows real time
+only: the vehicle's time then passes `SPEEDUP` times as fast as real time. Waits in the vehicle's
+time are then longer than a busy machine needs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from uavmap.mavlink.session import GROUND_SYSTEM_ID
 from uavmap.runner.simulation import STEP_S
 
 SPEEDUP = 10.0
-SLOW_MACHINE_S = 3.0  # real seconds by which it may be late
+SLOW_MACHINE_S = 3.0  # real seconds by which MAVSDK may be late
 PATIENCE_S = 300.0  # real seconds for a flight that takes 10
 
 DRIVERS = ("pymavlink", "mavsdk")
@@ -66,21 +66,21 @@ def _fly_ours(body, autopilot):
 
 def _fly_mavsdk(body, autopilot, speedup):
     async def main():
-        told = []
+        reported = []
         slack_s = SLOW_MACHINE_S * speedup
 
         def driver(send):
-            return MavsdkSession(send, lambda frame: None, say=told.append, speedup=speedup)
+            return MavsdkSession(send, lambda frame: None, say=reported.append, speedup=speedup)
 
         flight = Flight(
             over(autopilot), driver=driver, link_lost_s=slack_s, battery_stale_s=slack_s,
             slack_s=slack_s,
         )  # fmt: skip
-        flight.told = told
+        flight.messages = reported
         spoken_to = flight.session
         await spoken_to.process.start()
         try:
-            while spoken_to.view.autopilot is None:  # however long MAVSDK takes to find it
+            while spoken_to.view.autopilot is None:  # MAVSDK may take long to find it
                 flight._deliver(flight.vehicle.step(STEP_S))
                 await asyncio.sleep(STEP_S)
             async with asyncio.timeout(PATIENCE_S * speedup), running(flight):
@@ -95,12 +95,12 @@ def _fly_mavsdk(body, autopilot, speedup):
 
 
 def checked(flight):
-    """What holds of every flight: all that was sent was ours to send."""
+    """Check that every message that was sent was allowed."""
     assert {m.get_srcSystem() for _, m in flight.sent} == {GROUND_SYSTEM_ID}
     return flight
 
 
 async def turned_to(flight, mode, *params):
-    """The pilot turns the mode switch; returns when that is heard."""
+    """Turn the mode switch for the pilot; return once the new mode is received."""
     flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, *params)
     await flight.until(lambda: flight.session.view.mode == mode)

@@ -64,7 +64,7 @@ def test_a_detector_keeps_the_protocol(name, shape):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_mask_is_what_is_most_probable(name):
+def test_mask_has_the_most_probable_pixels(name):
     image = picture(60, 80)
     detector = made(name)
     marked = detector.mask(image) > 0

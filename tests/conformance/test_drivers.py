@@ -53,7 +53,7 @@ def commands(flight, since=0):
     return [m.command for _, m in flight.sent[since:] if m.get_type().startswith("COMMAND_")]
 
 
-def nothing_flew_it(flight, since):
+def assert_not_flown(flight, since):
     harmless = {
         mav.MAV_CMD_IMAGE_STOP_CAPTURE, mav.MAV_CMD_REQUEST_MESSAGE,
         mav.MAV_CMD_SET_MESSAGE_INTERVAL,
@@ -63,8 +63,8 @@ def nothing_flew_it(flight, since):
     assert kinds <= {"HEARTBEAT", "COMMAND_LONG"}
 
 
-async def taken_while_it_waits(flight, autopilot):
-    """A pilot takes the vehicle while a target waits for its acknowledgement, which is lost."""
+async def take_over_while_it_waits(flight, autopilot):
+    """Let a pilot take the vehicle while a target waits for its acknowledgement, which is lost."""
     mode, asked = HOLDS[autopilot]
     await flight.after(TakeOff(UP_M), Airborne)
     flight.to_driver = lambda message: message.get_type() != "COMMAND_ACK"
@@ -99,7 +99,7 @@ async def test_every_order_ends_with_its_event(flight, autopilot):
 
 
 @flown()
-async def test_the_autopilot_returns_by_itself_when_it_is_told_to(flight, autopilot):
+async def test_autopilot_commanded_rtl_returns_by_itself(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(to(12.0, 0.0), Arrived)
     await flight.after(ReturnToLaunch(), Landed)
@@ -112,7 +112,7 @@ async def test_the_autopilot_returns_by_itself_when_it_is_told_to(flight, autopi
 
 
 @flown()
-async def test_what_does_not_return_is_told_to_land(flight, autopilot):
+async def test_vehicle_that_refuses_rtl_is_commanded_to_land(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     for command in (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, mav.MAV_CMD_DO_SET_MODE):
         flight.vehicle.fail.reject(command, mav.MAV_RESULT_DENIED)
@@ -142,7 +142,7 @@ async def test_a_path_is_flown_without_a_halt(flight, autopilot):
     assert len(flight.seen(FrameSeen)) > 5
     setpoints = [m for _, m in flight.sent if m.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"]
     assert len(setpoints) > 60
-    assert sorted(off_m)[len(off_m) // 2] < 2.5  # of the wire, not of a machine's hiccup
+    assert sorted(off_m)[len(off_m) // 2] < 2.5  # delays of the wire, not of a busy machine
 
 
 @flown()
@@ -155,7 +155,7 @@ async def test_a_pilot_has_the_last_word(flight, autopilot):
     await flight.sees(Overridden)
     since = len(flight.sent)
     await asyncio.sleep(12.0)
-    nothing_flew_it(flight, since)
+    assert_not_flown(flight, since)
     assert flight.session.view.mode == int(mode)
     follows = flight.session.view.kind
     await turned_to(flight, follows.follows, *follows.follow_params[1:])
@@ -164,16 +164,16 @@ async def test_a_pilot_has_the_last_word(flight, autopilot):
 
 @flown()
 async def test_a_command_that_is_waited_for_ends_with_its_order(flight, autopilot):
-    """Nobody acknowledges it, and a pilot takes the vehicle: it is not repeated once more."""
-    await taken_while_it_waits(flight, autopilot)
+    """No acknowledgement arrives, and a pilot takes the vehicle: the order is not repeated."""
+    await take_over_while_it_waits(flight, autopilot)
     await flight.sees(Overridden)
     since = len(flight.sent)
     await asyncio.sleep(30.0)
-    nothing_flew_it(flight, since)
+    assert_not_flown(flight, since)
 
 
 @flown()
-async def test_what_is_refused_is_said_and_not_asked_again(flight, autopilot):
+async def test_refused_target_is_reported_and_not_sent_again(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION, mav.MAV_RESULT_DENIED)
     before = len(flight.sent)
@@ -183,7 +183,7 @@ async def test_what_is_refused_is_said_and_not_asked_again(flight, autopilot):
 
 
 @flown()
-async def test_an_arming_that_is_refused_is_said_with_its_reason(flight, autopilot):
+async def test_refused_arming_is_reported_with_its_reason(flight, autopilot):
     flight.vehicle.fail.reject(mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_RESULT_DENIED)
     failed = await flight.after(TakeOff(UP_M), OrderFailed)
     assert "denied" in failed.reason
@@ -202,8 +202,8 @@ async def test_a_silent_link_is_lost_and_found_again(flight, autopilot):
 
 
 @flown(autopilots=("ardupilot",))
-async def test_a_fifth_of_all_frames_lost(flight, autopilot):
-    """The second of every five of a kind: no command is lost as often as it is repeated."""
+async def test_flight_with_a_fifth_of_all_frames_lost_lands(flight, autopilot):
+    """The second of every five frames of a kind is lost, so repeats of a command arrive."""
     numbers = defaultdict(itertools.count)
     flight.to_driver = flight.to_vehicle = lambda message: (
         next(numbers[message.get_type()]) % 5 != 1
@@ -217,14 +217,14 @@ async def test_a_fifth_of_all_frames_lost(flight, autopilot):
 
 @flown(autopilots=("ardupilot",))
 async def test_a_link_is_signed_in_both_directions(flight, autopilot):
-    """With a key nothing unsigned goes out, and what is not signed is not heard."""
+    """With a key all frames are sent signed, and unsigned frames are ignored."""
     begun = []
     session, feed = flight.session, flight.session.feed
-    theirs, parser = Signing(KEY, Memory(), ticks_now), mav.MAVLink(None)
+    others, parser = Signing(KEY, Memory(), ticks_now), mav.MAVLink(None)
 
     def signed(data):
         frames = [bytes(m.get_msgbuf()) for m in parser.parse_buffer(data) or ()]
-        return feed(b"".join(map(theirs.sign, frames)))
+        return feed(b"".join(map(others.sign, frames)))
 
     session.signing = Signing(KEY, Memory(), ticks_now)
     session.feed = signed  # type: ignore[method-assign]

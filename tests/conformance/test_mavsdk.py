@@ -13,7 +13,7 @@ from missions.errors import LinkError
 from missions.events import Airborne, Arrived, Connected, Landed, OrderFailed
 from missions.orders import Land, TakeOff
 from tests.conformance.rig import flown, fly
-from tests.conformance.test_drivers import taken_while_it_waits
+from tests.conformance.test_drivers import take_over_while_it_waits
 from tests.support.flights import UP_M, to
 from uavmap.base.clock import ScaledClock, run
 from uavmap.mavlink.mavsdk.driver_process import MavsdkProcess
@@ -31,15 +31,15 @@ async def test_both_decoders_read_the_same(flight, autopilot):
     await flight.after(to(6.0, 0.0), Arrived)
     await flight.after(Land(), Landed)
     wire = [m for m in mav.MAVLink(None).parse_buffer(b"".join(logged)) if m.get_srcSystem() == 1]
-    ours, theirs = between(wire, read)
-    assert [str(message) for message in theirs] == [str(message) for message in ours]
-    kinds = Counter(message.get_type() for message in theirs)
+    ours, others = between(wire, read)
+    assert [str(message) for message in others] == [str(message) for message in ours]
+    kinds = Counter(message.get_type() for message in others)
     for kind in ("HEARTBEAT", "GLOBAL_POSITION_INT", "SYS_STATUS", "ATTITUDE", "COMMAND_ACK"):
         assert kinds[kind] > 2
 
 
 def between(wire, read):
-    """Both between the first and the last position that both have: some are always on the way."""
+    """Keep positions between the first and the last that both have: some are on the way."""
     common = {str(message) for message in wire} & {str(message) for message in read}
 
     def is_mark(message):
@@ -51,14 +51,14 @@ def between(wire, read):
 
 
 @flown(drivers=("mavsdk",))
-async def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(flight, autopilot):
-    await taken_while_it_waits(flight, autopilot)
+async def test_repeats_by_mavsdk_of_a_dead_order_do_not_leave_this_machine(flight, autopilot):
+    await take_over_while_it_waits(flight, autopilot)
     outbox = flight.session.outbox
     await flight.until(lambda: outbox.held_back["COMMAND_INT"] > 0)
     # no heartbeat but the guardian's: they would go on when it does not
     assert outbox.held_back["HEARTBEAT"] > 0
     beats = [m for _, m in flight.sent if m.get_type() == "HEARTBEAT"]
-    assert mav.MAV_TYPE_GENERIC not in {m.type for m in beats}  # as which MAVSDK beats
+    assert mav.MAV_TYPE_GENERIC not in {m.type for m in beats}  # MAVSDK's own numbers
 
 
 @pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGSTOP], ids=["dies", "hangs"])
@@ -76,7 +76,7 @@ def test_a_mavsdk_that_fails_in_flight_is_started_again(blow):
         assert not _lives(first)
 
     flight = fly(body, "mavsdk", "ardupilot")
-    assert [text for text in flight.told if "is started again" in text]
+    assert [text for text in flight.messages if "is started again" in text]
     assert not flight.seen(OrderFailed)
     assert all(connected.ours for connected in flight.seen(Connected)[1:])
 
@@ -100,7 +100,7 @@ def _nothing(_):
         ("print('hello'); import os; os.write(1, b'x' * 99); os._exit(0)", "an invalid piece"),
     ],
 )
-def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(source, why, tmp_path, monkeypatch):
+def test_mavsdk_that_does_not_start_is_reported_with_the_remedy(source, why, tmp_path, monkeypatch):
     package = tmp_path / "mavsdk"
     package.mkdir()
     (package / "__init__.py").write_text(source, "utf-8")
@@ -117,7 +117,7 @@ def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(source, why, tmp_p
     run(main(), ScaledClock())
 
 
-def test_what_is_asked_of_a_mavsdk_that_has_ended_is_a_lost_link():
+def test_request_to_an_ended_mavsdk_is_a_lost_link():
     async def main():
         process = MavsdkProcess(245, 191, _nothing, _nothing, _nothing)
         await process.start()
@@ -138,11 +138,11 @@ def _fail(pid):
     os.kill(pid, signal.SIGKILL)
 
 
-def test_a_session_hears_nobody_before_mavsdk_does():
-    """Bytes that are no MAVLink, and messages that MAVSDK cannot have read, change nothing."""
-    told = []
+def test_session_receives_no_vehicle_before_mavsdk_does():
+    """Other bytes than MAVLink, and messages that MAVSDK cannot have read, change nothing."""
+    reported = []
     sent = []
-    session = MavsdkSession(sent.append, lambda frame: None, say=told.append)
+    session = MavsdkSession(sent.append, lambda frame: None, say=reported.append)
     take = session._receive_object
 
     async def main():
@@ -155,4 +155,4 @@ def test_a_session_hears_nobody_before_mavsdk_does():
     run(main(), ScaledClock())
     assert session.view.autopilot != mav.MAV_AUTOPILOT_PX4
     assert len(sent) == 1
-    assert told == []
+    assert reported == []

@@ -52,7 +52,7 @@ def test_lanes_lie_in_the_fence_and_leave_no_cell_of_the_box_out(strategy, vehic
 
 
 @each
-def test_each_lane_is_somebodys_and_nobody_elses(strategy, vehicles):
+def test_each_lane_is_of_exactly_one_vehicle(strategy, vehicles):
     setting = setting_of(made(strategy, vehicles))
     shares = setting.shares
     assert len(shares) == vehicles
@@ -73,10 +73,10 @@ def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(strategy, 
     assert state.completed
     assert state.belief.roi >= ROI
     assert not setting.strategy.open_cells(state)
-    # once it has ended no vehicle is ordered anything
+    # once it has ended no vehicle gets an order
     last = next(event for event in reversed(flight.events) if event.kind == "tracked")
     assert step(state, last)[1] == ()
-    # it keeps nothing to itself: another that never flew gives the same orders
+    # it keeps no state of its own: another that never flew gives the same orders
     assert vars(setting.strategy) == before
     again = setting_of(setting.mission).initial_state()
     given = []

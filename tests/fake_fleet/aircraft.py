@@ -16,8 +16,8 @@ from tests.referee.track import Holder
 
 ROUGHNESS_M = 0.03  # of a meadow: the wind is weaker near the ground
 REFERENCE_M = 12.0  # height of given winds
-STRONGEST_M_S = 25.0  # at any height, gusts included
-RAMP_S = 3.0  # a storm comes up within this time
+STRONGEST_M_S = 25.0  # maximum at any height, gusts included
+RAMP_S = 3.0  # time within which a storm rises
 GUST_TAU_S = 4.0
 
 Vector = tuple[float, float]
@@ -31,7 +31,7 @@ def profile(height_m: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Storm:
-    """Wind besides the given one, at the reference height, towards east and north."""
+    """Wind in addition to the given one, at the reference height, towards east and north."""
 
     begin_s: float
     end_s: float
@@ -70,7 +70,7 @@ ACCEL_M_S2 = 2.5
 AIRSPEED_M_S = 13.0  # what the airframe can fly
 CLIMB_M_S = 1.5
 DESCENT_M_S = 1.5
-DESCENT_M_S2 = 1.0  # how soon it sinks faster than that, where it was asked to; so it brakes, too
+DESCENT_M_S2 = 1.0  # acceleration of a faster descent, and of braking it
 SINK_M_S = 0.75  # on landing
 SPIN_UP_S = 2.0
 DISARM_S = 1.0
@@ -78,14 +78,14 @@ STOP_M = 0.7
 FALL_M_S = 12.0
 LIFTED_M = 0.3
 NOISE_TAU_S = 20.0
-AIRSPEED_DRAW = 0.1  # so much more than hovering does flying at 12 m/s draw
+AIRSPEED_DRAW = 0.1  # additional power at 12 m/s, over that of hovering
 STREAM_TIMEOUT_S = 1.0  # without a setpoint it brakes
-STREAM_GAIN_1_S = 0.6  # how eagerly it makes up for being off a streamed place
+STREAM_GAIN_1_S = 0.6  # gain towards a streamed place, 1/s
 
 
 @dataclass(slots=True)
 class Aircraft:
-    """Truth, and the autopilot's targets."""
+    """One multicopter: its truth, and the targets of its autopilot."""
 
     number: int
     home: GridPoint
@@ -98,13 +98,13 @@ class Aircraft:
     velocity_m_s: Vector = (0.0, 0.0)
     wind_m_s: Vector = (0.0, 0.0)
     armed: bool = False
-    flying: bool = False  # off the ground, under any control
+    flying: bool = False  # in the air, under any control
     mode: Mode = "follow"
     failsafe: bool = False  # it returns or lands by a failsafe of its own
     unasked: bool = False  # it returns by itself, without a failsafe in its telemetry
     piloted: bool = False  # a pilot chose the mode that it is in
-    changes: list[tuple[Holder, str]] = field(default_factory=list)  # modes set since last seen
-    sea_error_m: float = 0.0  # what its receiver's height above the sea errs by
+    changes: list[tuple[Holder, str]] = field(default_factory=list)  # modes since the last sample
+    sea_error_m: float = 0.0  # error of its receiver's height above the sea
     target: GridPoint | None = None
     target_height_m: float = 0.0
     streamed: tuple[GridPoint, Vector] | None = None  # place and velocity of the last setpoint
@@ -118,7 +118,7 @@ class Aircraft:
     motors_failed: bool = False
     stays_armed: bool = False  # after a crash its motors go on turning: no crash detection
     low_wh: float = -1.0  # charge of its own battery failsafe; -1: none
-    offset_m: Vector = (0.0, 0.0)  # how far satellite navigation is off
+    offset_m: Vector = (0.0, 0.0)  # error of satellite navigation
     drift_m_s: Vector = (0.0, 0.0)
     compass_rad: float = 0.0
     noise_m: float = 0.0
@@ -141,7 +141,7 @@ class Aircraft:
 
     @property
     def ground_speed_m_s(self) -> float:
-        """By its own estimate: spoofed positions come with spoofed velocities."""
+        """Return the speed by its own estimate; spoofed positions have spoofed velocities."""
         (east, north), drift = self.velocity_m_s, self.drift_m_s
         return math.hypot(east + drift[0], north + drift[1]) if self.flying else 0.0
 
@@ -261,7 +261,7 @@ class Aircraft:
         elif self.returning == "fly" and self.believed.distance_to(self.home) <= STOP_M:
             self.returning = "land"
 
-    def _wanted(self, dt_s: float) -> Vector:
+    def _target_velocity(self, dt_s: float) -> Vector:
         """Return the velocity over ground, along its stream or towards its target."""
         here, target = self.believed, self.target
         east = north = 0.0
@@ -282,7 +282,7 @@ class Aircraft:
         return east, north
 
     def _fly(self, dt_s: float, wind: Vector) -> None:
-        east, north = self._wanted(dt_s)
+        east, north = self._target_velocity(dt_s)
         east, north = east - self.drift_m_s[0], north - self.drift_m_s[1]
         east, north = _through_air(east, north, wind)
         ve, vn = self.velocity_m_s

@@ -1,6 +1,6 @@
 """The driver of one aircraft: carries out orders, reports events, runs the guardian.
 
-It does without MAVLink what `uavmap.aircraft` does; switches set the state of its link, and orders
+Without MAVLink it does the same as `uavmap.aircraft`. Switches set the state of its link. Orders
 can be refused, fail half-way, or be carried out without an acknowledgement.
 """
 
@@ -69,9 +69,9 @@ if TYPE_CHECKING:
 TRACK_S = 1.0
 WATCH_S = 0.5
 PATH_TRACK_S = 0.4  # on a path that is flown without stopping
-LEAD_S = 0.3  # velocities are sent so far ahead: it is half a metre off its path, as a real one
+LEAD_S = 0.3  # lead of the velocities: it is half a metre off its path, as a real one
 LINK_LOST_S = 5.0
-PATIENCE_S = 120.0  # how long the crew waits for a silent vehicle that stands on the ground
+PATIENCE_S = 120.0  # time for which the crew waits for a silent vehicle on the ground
 SPARE_S = 60.0
 WORST_HEIGHT_M = 8.0  # a receiver's height above the sea is never worse
 NO_ACK_S = 7.5  # without an acknowledgement a command has failed
@@ -84,11 +84,11 @@ LEAP_M = 8.0  # a position that leaps farther is noticed
 SLOW_M_S = 0.5
 FRESH = 0.9
 WIND_WINDOW = 8
-LEAST_WINDS = 7  # fewest measurements of a wind that is reported
+LEAST_WINDS = 7  # minimum measurements of a wind that is reported
 
 Link = Literal["good", "silent", "commands lost", "acks lost"]
 Camera = Literal["good", "silent", "lost", "slow", "drops"]
-COMMANDS = (TakeOff, Look, Land)  # which end with a command that must be acknowledged
+COMMANDS = (TakeOff, Look, Land)  # orders that end with a command that must be acknowledged
 
 
 def rounded(point: GridPoint) -> GridPoint:
@@ -101,13 +101,13 @@ class Driver:
     fleet: Fleet
     link: Link = "good"
     camera: Camera = "good"
-    refuses: tuple[str, ...] = ()  # orders by name that the vehicle refuses
-    poor_batteries: list[float] = field(default_factory=list)  # shares of capacity of the next
+    refuses: tuple[str, ...] = ()  # names of orders that it refuses
+    poor_batteries: list[float] = field(default_factory=list)  # capacities of the next, as shares
     swap_s: float = 10.0
     swaps: int = 0  # in the present wait
     waited_s: float = 0.0
-    hides_wh: float = 0.0  # by which its battery monitor reads too little
-    tells_wind: bool = False
+    hides_wh: float = 0.0  # error of its battery monitor
+    reports_wind: bool = False
     order: Order | None = None
     clock_s: float = 0.0
     frames: int = 0
@@ -125,7 +125,7 @@ class Driver:
     silent_s: float = 0.0
     known_wh: float = 0.0
     given_up: bool = False
-    asked: Mode = "follow"  # the mode commanded last; another is a pilot's or a failsafe's
+    asked: Mode = "follow"  # the last commanded mode; another mode is a pilot's or a failsafe's
     sent_up: bool = False  # a take-off was commanded, and no landing reported since
     receiver_sigma_m: float = 0.0
     receivers: random.Random = field(default_factory=lambda: random.Random(0))
@@ -135,7 +135,7 @@ class Driver:
     seen_from: list[tuple[float, GridPoint, float]] = field(default_factory=list)
     misplaced: bool = False  # a frame was judged while positions were off by half a cell
     corners: list[GridPoint] | None = None
-    stops: bool = False  # where to turn on the way home after the mission has failed; None before
+    stops: bool = False  # corners of the return path after the mission has failed; None before
     fail_in_s: float = math.inf  # until the present order fails
     least_off_m: float = math.inf  # least true height above ground, less that of its layer
 
@@ -153,11 +153,11 @@ class Driver:
 
     @property
     def height_m(self) -> float:
-        """By its telemetry, above the ground where a mission flies above that."""
+        """Return the height by telemetry, above ground where a mission flies by that."""
         return round(self.craft.height_m - self.lift_m(self.craft.believed), 2)
 
     def lift_m(self, point: GridPoint) -> float:
-        """Return how much higher the ground is there than at its home; 0 where it is flat."""
+        """Return the height of the ground there above its home; 0 on flat ground."""
         ground = self.fleet.setting.ground
         return 0.0 if ground is None else ground.height_m(point) - ground.height_m(self.craft.home)
 
@@ -167,11 +167,11 @@ class Driver:
             self.least_off_m = min(self.least_off_m, above_m - order.height_m)
 
     @property
-    def hears(self) -> bool:
+    def has_telemetry(self) -> bool:
         return self.link != "silent"
 
     @property
-    def obeys(self) -> bool:
+    def receives_commands(self) -> bool:
         return self.link in ("good", "acks lost")
 
     @property
@@ -184,8 +184,8 @@ class Driver:
         self.craft.sea_error_m = max(-WORST_HEIGHT_M, min(WORST_HEIGHT_M, error_m))
 
     @property
-    def theirs(self) -> bool:
-        """Whether its mode is a pilot's or a failsafe's."""
+    def is_foreign(self) -> bool:
+        """Its mode is a pilot's or a failsafe's."""
         return self.craft.failsafe or self.craft.mode != self.asked
 
     def _switch(self, mode: Mode) -> None:
@@ -196,11 +196,11 @@ class Driver:
     def give(self, order: Order) -> None:
         """Carry out an order instead of the present one."""
         if isinstance(order, FlyPath):
-            self._given_path(order)
+            self._continue_path(order)
         else:
             self.course = None
         if isinstance(order, StandDown):
-            self.order = order  # whatever it flies now it flies on, and the guardian stays with it
+            self.order = order  # it continues its present flight, and its guardian keeps watching
             return
         self.order, self.clock_s, self.frames, self.begun = order, 0.0, 0, False
         self.swaps, self.waited_s = 0, 0.0
@@ -216,13 +216,18 @@ class Driver:
     def _report(self, kind: Callable[..., Event], *what: object, **more: object) -> None:
         self.fleet.post(kind(self.number, self.fleet.now_s, *what, **more))
 
-    def leapt(self, by_m: float) -> None:
+    def report_leap(self, by_m: float) -> None:
         """Report that its position has leapt, as telemetry shows."""
-        told = self.connected and self.hears and not self.overridden and self.guard.action is None
-        if by_m > LEAP_M and self.craft.flying and told and self.order is not None:
+        reports = (
+            self.connected
+            and self.has_telemetry
+            and not self.overridden
+            and self.guard.action is None
+        )
+        if by_m > LEAP_M and self.craft.flying and reports and self.order is not None:
             self._fail(f"its position has jumped by {by_m:.0f} m")
 
-    def _given_path(self, order: FlyPath) -> None:
+    def _continue_path(self, order: FlyPath) -> None:
         """Continue the present path with this one, or begin it at rest."""
         if self.course is not None and isinstance(self.order, FlyPath):
             self.course = self.course.then(order.trajectory, self.fleet.t_s)
@@ -293,12 +298,12 @@ class Driver:
         if isinstance(order, AwaitBattery):
             self._await_battery()
             return
-        if not self.hears:
+        if not self.has_telemetry:
             return
         refused = type(order).__name__ in self.refuses or (
             isinstance(order, FlyTo | FlyPath | Sweep | Look) and self.craft.mode != "follow"
         )
-        if not self.begun and not refused and self.obeys:
+        if not self.begun and not refused and self.receives_commands:
             self._begin()
         if refused and self.clock_s >= REFUSED_S:
             self._fail("it was refused")
@@ -334,7 +339,7 @@ class Driver:
         elif isinstance(order, Look):
             self._look(order)
         elif isinstance(order, Land) and not craft.armed and not self.was_airborne:
-            self._on_ground()  # a take-off that was called off in time
+            self._on_ground()  # a take-off that was cancelled in time
 
     def _reached(self, point: GridPoint, *, stop: bool) -> bool:
         off_m = self.craft.believed.distance_to(point)
@@ -345,9 +350,9 @@ class Driver:
 
     def _aim(self, point: GridPoint, height_m: float) -> None:
         ground = self.fleet.setting.ground
-        if self.obeys and ground is None:
+        if self.receives_commands and ground is None:
             self.craft.aim(point, height_m)
-        elif self.obeys and ground is not None:
+        elif self.receives_commands and ground is not None:
             here, above_m = self.craft.believed, self.height_m
             aim, aim_m = ground.sent_target(here, above_m, point, height_m)
             self.craft.aim(aim, aim_m + self.lift_m(aim))
@@ -383,7 +388,7 @@ class Driver:
         course, craft, t_s = self.course, self.craft, self.fleet.t_s
         assert course is not None
         ahead = course.at(t_s + LEAD_S)
-        if self.obeys:
+        if self.receives_commands:
             place = course.at(t_s).place
             height_m = order.height_m + self.lift_m(place)
             craft.stream(place, (ahead.v_east_m_s, ahead.v_north_m_s), height_m)
@@ -413,7 +418,7 @@ class Driver:
     def _frame(self, vantage: Cell | None) -> None:
         """Take a picture of the ground below, filed under the estimated position.
 
-        Without a vantage it judges every cell that it shows whole.
+        Without a vantage the picture judges every cell that it shows whole.
         """
         now_s, rng = self.fleet.now_s, self.fleet.rng
         if self.camera == "silent":
@@ -427,7 +432,7 @@ class Driver:
             self.misplaced = True
         roi = self.fleet.roi
         votes = []
-        shown = self._shown() if vantage is None else vantage.cross()
+        shown = self._visible_cells() if vantage is None else vantage.cross()
         for cell in shown:
             positive = Cell(cell.east + east, cell.north + north) in roi
             votes.append(Vote(cell, positive, float(positive)))
@@ -445,7 +450,7 @@ class Driver:
         optics = self.fleet.setting.mission.camera.optics
         return 0.5 * optics.footprint(max(self.height_m, 0.1)).short_m
 
-    def _shown(self) -> tuple[Cell, ...]:
+    def _visible_cells(self) -> tuple[Cell, ...]:
         setting, craft = self.fleet.setting, self.craft
         camera, grid = setting.mission.camera, setting.grid
         yaw_rad = math.radians(setting.yaw_deg + camera.yaw_deg) - grid.convergence_rad
@@ -466,7 +471,7 @@ class Driver:
         self.was_airborne = craft.flying
         if not craft.flying:
             self.asked, self.sent_up = craft.mode, False
-        ours = not self.theirs
+        ours = not self.is_foreign
         self.overridden = craft.flying and not ours
         self.order = self.course = None
         if not craft.flying:
@@ -484,7 +489,7 @@ class Driver:
 
     def listen(self, dt_s: float) -> None:
         """Watch the link, the mode and the ground."""
-        if not self.hears:
+        if not self.has_telemetry:
             self._silent(dt_s)
             return
         if not self.connected:
@@ -492,9 +497,9 @@ class Driver:
             return
         self.silent_s, self.known_wh = 0.0, self.remaining_wh
         craft = self.craft
-        theirs = craft.armed and self.theirs
+        others = craft.armed and self.is_foreign
         mode = self._mode_name()
-        if theirs and (not self.overridden or mode != self.reported_mode):
+        if others and (not self.overridden or mode != self.reported_mode):
             self.overridden, self.reported_mode = True, mode
             self._report(Overridden, mode)
         elif self.overridden and craft.armed and craft.mode == "follow" and not craft.failsafe:
@@ -503,12 +508,12 @@ class Driver:
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True
             self._report(LiftedOff)
-        elif not craft.armed and self._flew:
+        elif not craft.armed and self._owes_landing:
             self._on_ground()
 
     @property
-    def _flew(self) -> bool:
-        """Whether a landing is still to be reported: it flew, or its guardian had acted."""
+    def _owes_landing(self) -> bool:
+        """A landing is still to be reported: it flew, or its guardian had acted."""
         return self.was_airborne or (self.guard.action is not None and not self.guard.down)
 
     def _mode_name(self) -> str:
@@ -539,7 +544,7 @@ class Driver:
 
     @property
     def responsible(self) -> bool:
-        """Whether its guardian has to bring it home, until its end was reported."""
+        """Its guardian has to bring it home, until its end was reported."""
         in_air = self.craft.flying or (self.was_airborne and not self.guard.down)
         return in_air and not self.overridden and not self.given_up
 
@@ -579,7 +584,7 @@ class Driver:
         estimate_s = self.fleet.setting.energy.leg_s(path[0].distance_to(path[1])) + 5.0
         self.guard = self.guard.with_task(
             Task("leg", self.fleet.now_s, path, homeward=True, height_m=self.height_m,
-                 estimate_s=estimate_s, name="way home")
+                 estimate_s=estimate_s, name="return path")
         )  # fmt: skip
 
     def track(self) -> None:
@@ -591,13 +596,13 @@ class Driver:
         self.watch_over()
 
     def _measured_m_s(self) -> float | None:
-        if not self.tells_wind or len(self.winds) < LEAST_WINDS:
+        if not self.reports_wind or len(self.winds) < LEAST_WINDS:
             return None
         east, north = (sum(parts) / len(self.winds) for parts in zip(*self.winds, strict=True))
         return round(math.hypot(east, north), 1)
 
     def watch_over(self) -> bool:
-        """Let the guardian look; return whether it found the vehicle down."""
+        """Run the guardian's check; return whether it found the vehicle down."""
         craft, now_s = self.craft, self.fleet.now_s
         mode: Mode = "other" if self.overridden else craft.mode
         wind_m_s = self._measured_m_s()
@@ -627,7 +632,7 @@ class Driver:
         """Repeat the guardian's command until the vehicle executes it."""
         action, craft = self.guard.action, self.craft
         named = {"rtl": "ReturnToLaunch", "land": "Land"}
-        if action is None or self.overridden or not self.obeys or not craft.armed:
+        if action is None or self.overridden or not self.receives_commands or not craft.armed:
             return
         aim_m = quick_aim_m(self.height_m) if action == "land" and self.hurry else None
         if aim_m is not None:
@@ -646,6 +651,6 @@ class Driver:
         share = self.poor_batteries.pop(0) if self.poor_batteries else 1.0
         self.craft.wh = share * capacity_wh
         self.switch_on()
-        if self.remaining_wh >= FRESH * capacity_wh and self.hears:
+        if self.remaining_wh >= FRESH * capacity_wh and self.has_telemetry:
             self.order, self.waited_s = None, 0.0
             self._report(BatterySwapped, self.remaining_wh)

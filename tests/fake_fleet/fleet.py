@@ -1,4 +1,4 @@
-"""A fleet without MAVLink: aircraft that carry out orders on time, for driving `step` to the end.
+"""A fleet without MAVLink: aircraft that carry out orders, to run `step` to the end.
 
 In the unkind world troubles begin in phases of the flight (`tests.fake_fleet.troubles`). The fleet
 plays the driver (`tests.fake_fleet.driver`) with its guardian, and each tick it shows the referee
@@ -27,13 +27,13 @@ from tests.support.folding import fold
 
 from .aircraft import Air, Aircraft
 from .driver import PATH_TRACK_S, TRACK_S, WATCH_S, Driver
-from .record import Recorder, holder_of, said
+from .record import Recorder, holder_of, report_of
 from .troubles import ACTS, Pilot, Trouble, in_phase
 
 TICK_S = 0.25
-SETTLED_S = 10.0  # after its last vehicle the service goes on: what started late shows
+SETTLED_S = 10.0  # time that the service runs after its last vehicle: late starts show
 OPERATOR_S = 600.0  # without a battery the operator recalls all vehicles
-NEAR_HOME_M = 6.0  # so far around a home the ground is as high as there
+NEAR_HOME_M = 6.0  # radius around a home within which the ground is as high as there
 
 
 @dataclass(slots=True)
@@ -47,7 +47,7 @@ class Fleet:
     troubles: list[Trouble] = field(default_factory=list)
     air: Air = field(default_factory=Air)
     stand_off_m: Sequence[tuple[float, float]] = ()  # from their planned homes
-    receiver_sigma_m: float = 3.0  # of heights above the sea, drawn anew after each swap
+    receiver_sigma_m: float = 3.0  # error of heights above the sea, drawn anew after each swap
     t_s: float = 0.0
     state: State = field(init=False)
     vehicles: dict[int, Aircraft] = field(init=False)
@@ -61,9 +61,9 @@ class Fleet:
     recorder: Recorder = field(default_factory=Recorder)
     events: list[Event] = field(default_factory=list)
     orders: list[tuple[float, int, Order]] = field(default_factory=list)
-    dead: bool = False  # the mission has ended, and nothing is taken in
-    homing: bool = False  # it failed, and its guardians still bring vehicles down
-    back_s: float = math.inf  # when it is started again
+    dead: bool = False  # the mission has ended, and no event is accepted
+    homing: bool = False  # the mission failed, and its guardians still bring vehicles down
+    back_s: float = math.inf  # time of the next start
     settled_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -81,7 +81,7 @@ class Fleet:
                 level_m=self._level_m(number, place),
                 rng=random.Random(self.seed * 31 + number),
             )  # fmt: skip
-            if self.setting.ground is not None:  # as is set before a flight
+            if self.setting.ground is not None:  # as set before a flight
                 highest_m = mission.highest_ground_m - self.setting.ground.height_m(place)
                 craft.return_height_m = highest_m + mission.altitude_m(number - 1)
             self.vehicles[number] = craft
@@ -118,7 +118,7 @@ class Fleet:
     # --- the mission ---------------------------------------------------------------------
     def post(self, event: Event) -> None:
         """Hand an event to the mission, and its orders to the vehicles."""
-        if self.gone:
+        if self.is_without_service:
             return
         self.events.append(event)
         try:
@@ -147,14 +147,14 @@ class Fleet:
         self.dead, self.homing, self.back_s = True, not kill, self.t_s + away_s
 
     @property
-    def gone(self) -> bool:
-        """Whether no process controls the vehicles."""
+    def is_without_service(self) -> bool:
+        """No process controls the vehicles."""
         return self.dead and not self.homing
 
     def revive(self) -> None:
         """Resume from the journal, as the operator does."""
         if fold(self.setting, self.events) != self.state:
-            self.referee.note(self.t_s, "fold", "the journal tells another state")
+            self.referee.note(self.t_s, "fold", "the journal gives another state")
         self._take_up()
 
     def _take_up(self) -> None:
@@ -164,7 +164,7 @@ class Fleet:
             driver.connected, driver.given_up, driver.corners = False, False, None
         self.post(Resumed(self.now_s))
         for driver in self.drivers.values():
-            if driver.hears:
+            if driver.has_telemetry:
                 driver.connect()
 
     # --- running -------------------------------------------------------------------------
@@ -181,7 +181,7 @@ class Fleet:
 
     @property
     def ended(self) -> bool:
-        """Whether the process ends: no vehicle flies, or none will do anything more."""
+        """The process ends: no vehicle flies, or none has anything more to do."""
         if self.dead:
             flying = any(craft.flying for craft in self.vehicles.values())
             return not flying and not math.isfinite(self.back_s)
@@ -191,7 +191,7 @@ class Fleet:
         self.t_s += TICK_S
         self.air.step(TICK_S)
         if self.troubles:
-            self._begin_and_end()
+            self._update_troubles()
         for number, pilot in self.pilots.items():
             pilot.fly(self.vehicles[number], TICK_S)
         for number, craft in self.vehicles.items():
@@ -204,7 +204,7 @@ class Fleet:
                     craft.failsafe, craft.unasked = failsafe, True
         if self.homing:
             self._bring_home()
-        if self.gone and self.t_s >= self.back_s:
+        if self.is_without_service and self.t_s >= self.back_s:
             self.revive()
         if not self.dead:
             self._drive()
@@ -217,52 +217,54 @@ class Fleet:
 
     def conclude(self, *, twice: bool = False) -> None:
         """Have the referee judge the end. `twice`: also by the journal's text."""
-        self.referee.conclude(said(self, twice=twice))
+        self.referee.conclude(report_of(self, twice=twice))
 
     def _drive(self) -> None:
         for driver in self.drivers.values():
             driver.listen(TICK_S)
             driver.deliver_late()
-            if driver.connected and driver.hears:
+            if driver.connected and driver.has_telemetry:
                 driver.carry_out(TICK_S)
-                if self._due(driver) and not self.dead:
+                if self._is_report_due(driver) and not self.dead:
                     driver.track()
-                elif self._looks(driver) and not self.dead:
+                elif self._is_check_due(driver) and not self.dead:
                     driver.watch_over()
             elif not driver.connected:
                 driver.carry_out(TICK_S)
         waited_s = max(driver.waited_s for driver in self.drivers.values())
         if waited_s > OPERATOR_S and not self.state.recalled:
             self.recall()
-        ours = any(d.craft.armed and d.hears and not d.craft.crashed for d in self.drivers.values())
+        ours = any(
+            d.craft.armed and d.has_telemetry and not d.craft.crashed for d in self.drivers.values()
+        )
         if not self.state.is_over or (ours and self.troubles):
             self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)
 
     def _bring_home(self) -> None:
-        """Let the guardians act alone until all vehicles are down, or under other control."""
+        """Let the guardians act alone until all vehicles are down or under other control."""
         for driver in self.drivers.values():
             driver.listen(TICK_S)
-            if driver.responsible and driver.hears:
+            if driver.responsible and driver.has_telemetry:
                 driver.bring_home()
-                if self._due(driver):
+                if self._is_report_due(driver):
                     driver.track()
-                elif self._looks(driver):
+                elif self._is_check_due(driver):
                     driver.watch_over()
         self.homing = any(driver.responsible for driver in self.drivers.values())
 
-    def _due(self, driver: Driver) -> bool:
-        """Whether a vehicle reports its position: each second, or faster along a path."""
+    def _is_report_due(self, driver: Driver) -> bool:
+        """Return whether a vehicle reports its position: each second, or faster along a path."""
         if driver.course is None:
             return abs(self.t_s % TRACK_S - TICK_S * (driver.number % 4)) < 1e-6
         return self.t_s - driver.tracked_s >= PATH_TRACK_S - 1e-6
 
-    def _looks(self, driver: Driver) -> bool:
-        """Whether its guardian looks between two reports."""
+    def _is_check_due(self, driver: Driver) -> bool:
+        """Return whether its guardian checks between two reports."""
         shifted_s = self.t_s - TICK_S * (driver.number % 4)
         return driver.course is None and abs(shifted_s % WATCH_S) < 1e-6
 
     def _ground_m(self, craft: Aircraft) -> float:
-        """The ground below a vehicle, above its home: level, but for the places of homes."""
+        """Return the height of the ground below a vehicle above its home, m."""
         ground = self.setting.ground
         if ground is not None:
             return ground.height_m(craft.position) - ground.height_m(craft.home)
@@ -276,7 +278,7 @@ class Fleet:
         return below_m - craft.level_m
 
     # --- troubles ------------------------------------------------------------------------
-    def _begin_and_end(self) -> None:
+    def _update_troubles(self) -> None:
         for i, trouble in enumerate(self.troubles):
             if trouble.ended:
                 continue
@@ -299,7 +301,7 @@ class Fleet:
         if not craft.armed:
             return
         self.pilots[number] = Pilot([], "keep", self.setting.mission.battery.capacity_wh)
-        self.pilots[number].take(craft)
+        self.pilots[number].take_over(craft)
         self.drivers[number].listen(0.0)
 
     def put_down(self, number: int) -> None:

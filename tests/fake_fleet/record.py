@@ -1,4 +1,4 @@
-"""What the referee sees of a fleet: the truth of each vehicle, and what the mission made of it."""
+"""The record of a fleet for the referee: the truth of each vehicle, and the mission's view."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from missions.flight.vehicle_state import Phase
 from missions.lab.arena.roi import component
 from missions.mapping.belief import FrameId
 from missions.units import Cell
-from tests.referee import Said, Sample
+from tests.referee import ProductReport, Sample
 from tests.referee.track import FINE, Ail, Holder
 from tests.support.claims import claim
 from tests.support.folding import fold
@@ -22,27 +22,27 @@ from .aircraft import Aircraft
 if TYPE_CHECKING:
     from .fleet import Fleet
 
-LIES_M: Final = 1.5  # positions that are off by more lie
+LIES_M: Final = 1.5  # positions with a larger error count as wrong
 COMPASS_RAD: Final = math.radians(30.0)
 
 
 @dataclass(slots=True)
 class Recorder:
-    """Makes samples of a fleet, one after the other."""
+    """A recorder of samples of a fleet, one after the other."""
 
     known_wind_m_s: dict[int, float] = field(default_factory=dict)
-    """The strongest wind that each sortie was reckoned with."""
+    """Strongest wind in the estimates of each sortie, m/s."""
 
     def sample(self, fleet: Fleet, craft: Aircraft) -> Sample:
         vehicle = fleet.state.vehicles[craft.number]
         changes, craft.changes = tuple(craft.changes), []
         return Sample(
             fleet.t_s, craft.position, craft.level_m + craft.height_m, craft.flying, craft.crashed,
-            craft.wh, craft.mode, holder_of(craft), changes, self._ails(fleet, craft),
+            craft.wh, craft.mode, holder_of(craft), changes, self._conditions(fleet, craft),
             *claim(vehicle, returns=craft.mode == "rtl"),
         )  # fmt: skip
 
-    def _ails(self, fleet: Fleet, craft: Aircraft) -> frozenset[Ail]:
+    def _conditions(self, fleet: Fleet, craft: Aircraft) -> frozenset[Ail]:
         number, driver = craft.number, fleet.drivers[craft.number]
         energy, vehicle = fleet.setting.energy, fleet.state.vehicles[craft.number]
         if not craft.flying:  # a sortie begins with another battery
@@ -57,8 +57,8 @@ class Recorder:
         ails: dict[Ail, bool] = {
             "blind": lies or wind_m_s > energy.max_airspeed_m_s,
             "misled": craft.drift_m_s != (0.0, 0.0),
-            "unheard": not driver.hears,
-            "deaf": not driver.obeys or fleet.gone,
+            "unheard": not driver.has_telemetry,
+            "deaf": not driver.receives_commands or fleet.is_without_service,
             "straight": "FlyTo" in refuses,
             "helpless": refuses >= {"FlyTo", "Land", "ReturnToLaunch"},
             "stormy": wind_m_s > self.known_wind_m_s.get(number, energy.wind_m_s) + 1.0,
@@ -67,7 +67,7 @@ class Recorder:
             "falling": craft.motors_failed,
             "by hand": craft.mode == "other",
             "idle": craft.mode == "follow" and craft.target_height_m >= craft.height_m
-            and driver.obeys and not refuses and driver.corners is None,
+            and driver.receives_commands and not refuses and driver.corners is None,
             "unserved": fleet.dead,
             "unasked": craft.unasked,
             "pads outside": fleet.stood_outside,
@@ -76,28 +76,28 @@ class Recorder:
 
 
 def holder_of(craft: Aircraft) -> Holder:
-    """Return who has a vehicle, in truth."""
+    """Return the holder of a vehicle in truth: service, pilot or failsafe."""
     if craft.failsafe:
         return "failsafe"
     return "pilot" if craft.mode == "other" or craft.piloted else "service"
 
 
-def said(fleet: Fleet, *, twice: bool) -> Said:
-    """Return what a fleet reported at its end. `twice`: also by its journal's text."""
+def report_of(fleet: Fleet, *, twice: bool) -> ProductReport:
+    """Return the report of a fleet at its end. `twice`: also fold the text of its journal."""
     state, setting, cell_m = fleet.state, fleet.setting, fleet.setting.grid.cell_m
     faults: list[tuple[str, str]] = []
     if twice:
         again = fold(setting, [from_json(to_json(event)) for event in fleet.events])
         if again != state:
             faults.append(("fold", "the journal's text gives another state"))
-    owed, forbidden = _owed(fleet)
+    owed, forbidden = _owed_cells(fleet)
     explored = setting.strategy.whole_box or setting.strategy.patches or state.tree is not None
     frames = [
         (place, max(reach_m, 2.0 * cell_m))
         for driver in fleet.drivers.values()
         for _, place, reach_m in driver.seen_from
     ]
-    return Said(
+    return ProductReport(
         fleet.t_s,
         completed=state.completed,
         reported=frozenset(
@@ -111,12 +111,12 @@ def said(fleet: Fleet, *, twice: bool) -> Said:
         lanes=() if explored else setting.lanes,
         frames=frames,
         step_m=cell_m,
-        lost=_lost(fleet),
+        lost=_lost_frames(fleet),
         faults=faults,
     )
 
 
-def _lost(fleet: Fleet) -> list[str]:
+def _lost_frames(fleet: Fleet) -> list[str]:
     state = fleet.state
     return [
         f"the frame of {event.t_s} s over {event.vantage} is lost"
@@ -127,8 +127,8 @@ def _lost(fleet: Fleet) -> list[str]:
     ]
 
 
-def _owed(fleet: Fleet) -> tuple[frozenset[Cell], bool]:
-    """Return what a complete map holds in truth, and whether the fence forbids a part."""
+def _owed_cells(fleet: Fleet) -> tuple[frozenset[Cell], bool]:
+    """Return the cells of a complete map in truth, and whether the fence forbids a part."""
     state, setting, region = fleet.state, fleet.setting, frozenset(fleet.roi)
     box = region & frozenset(setting.box_cells)
     if setting.strategy.whole_box:
@@ -139,7 +139,7 @@ def _owed(fleet: Fleet) -> tuple[frozenset[Cell], bool]:
         return frozenset(), False
     patch = frozenset(component(region, state.tree.root) & region)
     if setting.grid.drift_speed_m_s > 0.0 or not setting.strategy.stops:
-        # without a stop it judges cells from beside, also those beyond the fence
+        # without a stop frames judge cells beside the path, also those beyond the fence
         return patch, False
     looked, mapped = reachable(setting, region, state.tree.root)
     return frozenset(mapped), looked != patch

@@ -1,4 +1,4 @@
-"""What can go wrong, as values: each begins in some phase of a vehicle's flight, and may end."""
+"""Troubles as values: each begins in some phase of a vehicle's flight, and may end."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from .aircraft import STOP_M, Aircraft, Storm, Vector
 if TYPE_CHECKING:
     from .fleet import Fleet
 
-FlightPhase = Literal["take-off", "search", "look", "explore", "way home", "landing", "ground"]
+FlightPhase = Literal["take-off", "search", "look", "explore", "return", "landing", "ground"]
 PHASES: Final[tuple[FlightPhase, ...]] = (
-    "take-off", "search", "look", "explore", "way home", "landing", "ground",
+    "take-off", "search", "look", "explore", "return", "landing", "ground",
 )  # fmt: skip
 
 
 Ending = Literal["release", "land", "keep", "LAND", "RTL"]
-LOW_SHARE = 0.25  # with less of its battery a pilot lands, wherever the vehicle is
+LOW_SHARE = 0.25  # share of the battery below which a pilot lands at once
 
 
 @dataclass(slots=True)
 class Pilot:
-    """Flies through points with heights above the vehicle's home, then ends."""
+    """A pilot who flies through points with heights above the vehicle's home, then ends."""
 
     way: list[tuple[GridPoint, float]]
     ending: Ending
@@ -37,7 +37,7 @@ class Pilot:
     keeps_s: float = 20.0
     done: bool = False
 
-    def take(self, craft: Aircraft) -> None:
+    def take_over(self, craft: Aircraft) -> None:
         craft.turn_switch("other")
         if not self.way:
             self._end_by_mode(craft)
@@ -76,10 +76,10 @@ class Pilot:
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
-    """One thing that goes wrong with one vehicle.
+    """One trouble of one vehicle.
 
-    It begins `after_s` after the vehicle is first in `phase`, and lasts `for_s`. Numbers and word
-    are the kind's.
+    It begins `after_s` after the vehicle is first in `phase`, and lasts `for_s`. The meaning of the
+    numbers and the word depends on the kind.
     """
 
     kind: str
@@ -115,7 +115,7 @@ def in_phase(fleet: Fleet, trouble: Trouble) -> bool:
             return isinstance(order, Look) or (isinstance(order, FlyPath) and found)
         case "explore":
             return isinstance(order, FlyTo | FlyPath) and found and not home
-        case "way home":
+        case "return":
             return isinstance(order, FlyTo) and home
         case "landing":
             return isinstance(order, Land)
@@ -146,7 +146,7 @@ def _storm(fleet: Fleet, trouble: Trouble) -> None:
 
 def _jump(fleet: Fleet, trouble: Trouble) -> None:
     fleet.vehicles[trouble.vehicle].offset_m = trouble.towards
-    fleet.drivers[trouble.vehicle].leapt(trouble.size)
+    fleet.drivers[trouble.vehicle].report_leap(trouble.size)
 
 
 def _drift_ends(fleet: Fleet, trouble: Trouble) -> None:
@@ -181,7 +181,7 @@ def _pilot(fleet: Fleet, trouble: Trouble) -> None:
         ]
     full_wh = fleet.setting.mission.battery.capacity_wh
     pilot = Pilot(way, cast(Ending, ending), full_wh, keeps_s=rng.uniform(1.0, 20.0))
-    pilot.take(craft)
+    pilot.take_over(craft)
     fleet.pilots[trouble.vehicle] = pilot
 
 
@@ -195,7 +195,7 @@ def _failsafe(fleet: Fleet, trouble: Trouble) -> None:
 
 
 def _link_failsafe(fleet: Fleet, trouble: Trouble) -> None:
-    """Silence it; after some seconds its own failsafe brings it home."""
+    """Silence a vehicle; after some seconds its own failsafe brings it home."""
     _cut(fleet, replace(trouble, word="silent"))
     fleet.link_failsafes[trouble.vehicle] = fleet.t_s + trouble.size
 

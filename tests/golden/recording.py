@@ -1,4 +1,4 @@
-"""The recorded flights: their missions, their events, and what must come out of them."""
+"""The recorded flights: their missions, events and outcomes."""
 
 from __future__ import annotations
 
@@ -64,16 +64,16 @@ class Recording:
 
 
 STOPS: Final = Recording("stops", str(HERE / "mission.toml"), "rdfs", 11)
-"""Looks from every cell, with a battery that has to be changed."""
+"""A flight that observes from every cell, with a battery that has to be changed."""
 PASSES: Final = Recording("passes", str(HERE / "mission.toml"), "swath", 11)
 RUNWAY: Final = Recording("runway", "runway", "swath", 1)
 SPILL: Final = Recording("spill", "spill", "swath", 1)
-"""Three vehicles, and a region that drifts."""
+"""A flight of three vehicles over a region that drifts."""
 RECORDINGS: Final = (STOPS, PASSES, RUNWAY, SPILL)
 
 
 def outcome(recording: Recording, events: Sequence[Event]) -> dict[str, Any]:
-    """The figures and the ROI cells of a journal, as JSON keeps them."""
+    """Return the figures and the ROI cells of a journal, as JSON keeps them."""
     setting = recording.setting()
     state, found = figures(setting, events)
     tree = state.tree

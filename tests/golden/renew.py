@@ -1,8 +1,8 @@
 """Fly the golden missions anew and record their events: `python -m tests.golden.renew [NAME ...]`.
 
-To be done when the service is meant to act differently, never to make a test pass: look at the
-difference of the outcomes before they are committed. With `--outcomes` the recorded events stay:
-for a summary that tells more of the same flight.
+Run it when the service is meant to act differently, never to make a test pass. Examine the
+difference of the outcomes before you commit them. With `--outcomes` the recorded events stay:
+use it for a summary with more figures of the same flight.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from uavmap.journal.flight_plan import JOURNAL
 from uavmap.runner.flight import fly
 
 
-def flown(recording: Recording, folder: Path) -> list[str]:
+def events_of(recording: Recording, folder: Path) -> list[str]:
     source = named_text(recording.mission)
     plan = plan_of(*source, strategy=recording.strategy, seed=recording.seed)
     fly(plan, folder)
@@ -40,7 +40,7 @@ def main() -> None:
             bodies = recording.lines()
         else:
             with tempfile.TemporaryDirectory() as folder:
-                bodies = flown(recording, Path(folder) / "flight")
+                bodies = events_of(recording, Path(folder) / "flight")
         recording.write(bodies, outcome(recording, [from_json(body) for body in bodies]))
         print(recording.name, len(bodies), "events", recording.events.stat().st_size, "bytes")
 

@@ -1,6 +1,6 @@
-"""Recorded flights, folded again: `step` must say today what it said then.
+"""Recorded flights, folded again: `step` must give the recorded outcome.
 
-How to renew the recordings, and when: see `tests/golden/renew.py`.
+`tests/golden/renew.py` describes how and when to renew the recordings.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tests.support.folding import fold
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class RecordedFlight:
     recording: Recording
     lines: list[str]
     events: list[Event]
@@ -28,60 +28,62 @@ class Told:
 
 
 @pytest.fixture(scope="module", params=RECORDINGS, ids=lambda recording: recording.name)
-def told(request: pytest.FixtureRequest) -> Told:
+def flight(request: pytest.FixtureRequest) -> RecordedFlight:
     recording: Recording = request.param
     if recording.strategy == "swath" and not COMPILED:
         pytest.skip("numba is not installed: plans are shorter searches, and others")
     lines = recording.lines()
-    return Told(recording, lines, [from_json(line) for line in lines], recording.setting())
+    return RecordedFlight(
+        recording, lines, [from_json(line) for line in lines], recording.setting()
+    )
 
 
-def test_the_recording_is_a_whole_flight(told):
-    kinds = {event.kind for event in told.events}
+def test_the_recording_is_a_whole_flight(flight):
+    kinds = {event.kind for event in flight.events}
     assert {"connected", "airborne", "tracked", "frame_seen", "landed"} <= kinds
-    assert told.recording.events.stat().st_size < 120_000
-    if told.recording is STOPS:
+    assert flight.recording.events.stat().st_size < 120_000
+    if flight.recording is STOPS:
         assert {"arrived", "battery_swapped"} <= kinds
 
 
-def test_the_text_of_an_event_is_stable(told):
-    assert [to_json(event) for event in told.events] == told.lines
+def test_the_text_of_an_event_is_stable(flight):
+    assert [to_json(event) for event in flight.events] == flight.lines
 
 
-def test_the_outcome_is_the_recorded_one(told):
-    recorded = told.recording.recorded()
+def test_the_outcome_is_the_recorded_one(flight):
+    recorded = flight.recording.recorded()
     assert recorded["summary"]["completed"]
-    assert outcome(told.recording, told.events) == recorded
-    if told.recording is STOPS:
+    assert outcome(flight.recording, flight.events) == recorded
+    if flight.recording is STOPS:
         assert recorded["summary"]["sorties"] >= 2
 
 
-def test_any_prefix_folds_to_the_state_that_was_held_then(told):
-    """What a resume after a kill relies on; at the end the recorded outcome is compared."""
-    state = told.setting.initial_state()
-    every = len(told.events) // 3 + 1
-    for number, event in enumerate(told.events, start=1):
+def test_any_prefix_folds_to_the_state_that_was_held_then(flight):
+    """A resume after a kill relies on this; at the end the recorded outcome is compared."""
+    state = flight.setting.initial_state()
+    every = len(flight.events) // 3 + 1
+    for number, event in enumerate(flight.events, start=1):
         state, _ = step(state, event)
         if number % every == 0:
-            assert fold(told.setting, told.events[:number]) == state
+            assert fold(flight.setting, flight.events[:number]) == state
     assert state.is_over
     assert state.completed
 
 
-def test_the_order_of_the_frames_does_not_change_the_map(told):
-    frames = [event for event in told.events if event.kind == "frame_seen"]
-    none = told.setting.initial_state()
+def test_the_order_of_the_frames_does_not_change_the_map(flight):
+    frames = [event for event in flight.events if event.kind == "frame_seen"]
+    none = flight.setting.initial_state()
     low, high = none.belief, none.overview
     for event in reversed(frames):
         state, _ = step(none, event)
         low, high = low.join(state.belief), high.join(state.overview)
     shown = list(high.open_ballots)
-    belief = with_plain(low, high, told.setting.in_box, shown)
-    assert sorted([c.east, c.north] for c in belief.roi) == told.recording.recorded()["roi"]
+    belief = with_plain(low, high, flight.setting.in_box, shown)
+    assert sorted([c.east, c.north] for c in belief.roi) == flight.recording.recorded()["roi"]
 
 
 @pytest.mark.parametrize(("recording", "stops"), [(STOPS, True), (PASSES, False)])
-def test_who_stops_looks_and_who_does_not_flies_paths(recording, stops):
+def test_strategy_with_stops_orders_looks_and_one_without_orders_paths(recording, stops):
     setting = recording.setting()
     state, kinds = setting.initial_state(), set[type]()
     for line in recording.lines():

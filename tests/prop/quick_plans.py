@@ -1,4 +1,4 @@
-"""Plans that are searched for less long, for properties that hold of each, good or bad."""
+"""Plans with a shorter search, for properties that hold of each plan, good or bad."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from missions.planning.sweep.paths import Plan, Tuning
 from missions.planning.sweep.plan_memo import PlanMemo
 
 MOVES = 200
-"""Of the planner, for each plan: by default it makes 700, and 20 where nothing is compiled."""
+"""Trials of the planner for each plan: by default 700, and 20 without compiled code."""
 
 
 @contextlib.contextmanager
 def quick_plans() -> Iterator[None]:
-    """Within this block nobody plans longer: for what asks about troubles and places.
+    """Limit the search of each plan within this block, for tests of troubles and places.
 
-    Not where paths themselves are looked at: good plans bring vehicles closer to each other.
+    Do not use it where paths themselves are tested: good plans bring vehicles closer together.
     """
     thorough = sweep_passes.plan_once
 

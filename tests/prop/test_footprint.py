@@ -26,7 +26,7 @@ BAVARIA = LatLon(48.0, 11.9)  # grid north is 2.2 degrees off true north
 PLAIN = make_detector("threshold", dilations=0)
 CAMERA = Camera(math.radians(80.0), 160, 120)
 NEAR_M = 0.02
-"""Cells so near to the limit may be in or out: the two projections differ by millimetres."""
+"""Distance from the limit within which a cell may be in or out, m: projections differ."""
 
 angles = st.floats(-180.0, 180.0)
 metres = st.floats(-40.0, 40.0)
@@ -34,7 +34,7 @@ margins = st.sampled_from([0.0, 0.5, 1.3])
 
 
 def shown(grid: Grid, over: GridPoint, height_m: float, yaw_deg: float, roll: float, pitch: float):
-    """The polygon of ground in a picture, in the fixed frame; None if it reaches the horizon."""
+    """Return the polygon of ground in a picture, in the fixed frame; None with the horizon."""
     axes = camera_axes(math.radians(roll), math.radians(pitch - 90.0), math.radians(yaw_deg))
     plane = LocalPlane(grid.position(over))
     right, low = math.tan(CAMERA.hfov_rad / 2), math.tan(CAMERA.hfov_rad / 2) * 120 / 160
@@ -113,7 +113,7 @@ def test_the_cells_of_a_level_footprint(east_m, north_m, across_m, along_m, bear
 
 @FAST
 @given(metres, metres, st.floats(8.0, 30.0), angles, margins)
-def test_what_a_planner_expects_of_a_level_camera_is_what_its_frames_judge(
+def test_cells_that_a_planner_expects_are_those_that_level_frames_judge(
     east_m, north_m, height_m, yaw_deg, margin_m
 ):
     grid, over = Grid.at(BAVARIA, 4.0), GridPoint(east_m, north_m)

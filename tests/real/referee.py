@@ -74,7 +74,7 @@ class Referee:
         completed = bool(summary.get("completed", code == 0))
         before = len(self.judge.found)
         self.judge.conclude(
-            referee.Said(0.0, code=code, completed=completed, owners=owners, faults=faults)
+            referee.ProductReport(0.0, code=code, completed=completed, owners=owners, faults=faults)
         )
         return "; ".join(text for kind, text in self.judge.found[before:] if kind in HONEST)
 

@@ -3,9 +3,18 @@
 from .forgiveness import FORGIVENESSES
 from .referee import Referee
 from .rules import AT_THE_END, RULES
-from .track import FINE, Ail, Bounds, Charge, Holder, Said, Sample
+from .track import FINE, Ail, Bounds, Charge, Holder, ProductReport, Sample
 
 __all__ = [
-    "AT_THE_END", "FINE", "FORGIVENESSES", "RULES", "Ail", "Bounds", "Charge", "Holder", "Referee",
-    "Said", "Sample",
+    "AT_THE_END",
+    "FINE",
+    "FORGIVENESSES",
+    "RULES",
+    "Ail",
+    "Bounds",
+    "Charge",
+    "Holder",
+    "ProductReport",
+    "Referee",
+    "Sample",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What the referee forgives: each a named rule, with its reason, and counted in the result.
+"""The rules of forgiveness: each has a name and a reason, and its uses are counted.
 
 `docs/reference/referee.md` shows this table.
 """
@@ -12,14 +12,14 @@ from typing import Final
 from .memory import Memory
 
 REACTION_S: Final = 12.0
-"""Time that the others take to leave the air of a vehicle that left its own."""
+"""Time for the others to leave the air of a vehicle that left its own, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Forgiveness:
     name: str
     kinds: tuple[str, ...]
-    """Kinds of faults that it forgives."""
+    """Kinds of faults that the rule forgives."""
     why: str
     holds: Callable[[Memory], bool]
 
@@ -67,7 +67,7 @@ FORGIVENESSES: Final = (
     Forgiveness(
         "uncontrolled", ("breach",),
         "60 s after it was flown by others or blind; longer while no command arrives",
-        lambda m: m.uncontrolled,
+        lambda m: m.is_uncontrolled,
     ),
     Forgiveness(
         "straight return", ("breach",),
@@ -128,7 +128,7 @@ FORGIVENESSES: Final = (
     Forgiveness(
         "fell unseen at its pad", ("unreported", "lie"),
         "no telemetry shows a fall over the pad",
-        lambda m: m.fell_unheard,
+        lambda m: m.fell_silent,
     ),
 )  # fmt: skip
 BY_KIND: Final = {

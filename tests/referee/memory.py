@@ -1,4 +1,4 @@
-"""What the referee remembers of one vehicle."""
+"""The referee's memory of one vehicle."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from .motion import Inside
 from .track import Ail, Bounds, Sample
 
 FORGIVEN_S: Final = 60.0
-"""Time within which a vehicle that could not be controlled lands or returns."""
+"""Time within which a vehicle that could not be controlled lands or returns, s."""
 FALLS_M_S: Final = 2.0
-"""Speed downwards from which a vehicle that crashes counts as falling."""
+"""Speed of descent from which a crashing vehicle counts as falling, m/s."""
 REPORTED_S: Final = 5.0
-"""Time within which a mode of others is reported."""
+"""Time within which the product reports a mode of others, s."""
 STRUCK_M_S: Final = 2.5
-"""Speed towards the ground at which it strikes."""
+"""Speed of descent at which a landing counts as a strike, m/s."""
 
 
 @dataclass(slots=True)
@@ -24,33 +24,33 @@ class Memory:
     now: Sample
     bounds: Bounds
     last_s: dict[Ail | str, float] = field(default_factory=dict)
-    """When it last suffered each; "hands": a pilot or a failsafe had it."""
+    """Time of the last moment in each condition; "hands": a pilot or a failsafe had it."""
     sortie: set[Ail | str] = field(default_factory=set)
-    """All of that in the air since its take-off."""
+    """Conditions in the air since its take-off."""
     ours_s: float = -math.inf
-    """When it was the program's, or could not report whose it is, last."""
+    """Time when the program last had it, or it could not report its holder."""
     left_s: float | None = None
-    """When it left the fence under our control."""
+    """Time when it left the fence under our control."""
     out_m: float = 0.0
     unknown_s: float = -math.inf
-    """When its mode was not known, or changed, last."""
+    """Time when its mode was last unknown, or changed."""
     unguarded_s: float = -math.inf
-    """When its guardian did not act, last."""
+    """Time when its guardian last did not act."""
     alone_s: float | None = None
     pilot_chose: bool = False
     pilots_mode: str = ""
     turned_s: float = -math.inf
-    """When the pilot chose it last..."""
+    """Time of the pilot's last choice of a mode."""
     pilots_s: float = -math.inf
-    """... and before the present sample."""
+    """Time of the pilot's last choice before the present sample."""
     fell_m: float = 0.0
-    fell_unheard: bool = False
-    """No telemetry shows all of its fall."""
+    fell_silent: bool = False
+    """Telemetry does not show all of its fall."""
     struck: bool = False
     landed_blind: bool = False
     highest_m: float = -math.inf
     ever: set[Ail | str] = field(default_factory=set)
-    """What it suffered in the air at any time."""
+    """Conditions in the air at any time."""
     inside: Inside = field(init=False)
     _slow_up_m: float = field(init=False)
 
@@ -59,7 +59,7 @@ class Memory:
         self._slow_up_m = self.now.up_m
 
     def learn(self, sample: Sample) -> None:
-        """Take the next sample in."""
+        """Update the memory by the next sample."""
         before, self.now = self.now, sample
         t_s = sample.t_s
         for ail in sample.ails:
@@ -96,27 +96,27 @@ class Memory:
         self.struck = self.struck or (not now.flying and strikes_m_s > STRUCK_M_S)
         if now.crashed:
             self.fell_m = max(self.fell_m, self._slow_up_m - now.up_m)
-            unheard = bool(now.ails & {"unheard", "unserved"})
-            self.fell_unheard = self.fell_unheard or unheard
+            silent = bool(now.ails & {"unheard", "unserved"})
+            self.fell_silent = self.fell_silent or silent
 
     def within(self, ail: Ail | str, span_s: float = FORGIVEN_S) -> bool:
-        """Return whether it suffered something less than `span_s` ago."""
+        """Return whether it was in a condition less than `span_s` ago."""
         return self.now.t_s - self.last_s.get(ail, -math.inf) < span_s
 
     @property
-    def known_as_theirs(self) -> bool:
-        """Whether a pilot or a failsafe has it in the air for longer than a report takes."""
+    def is_known_foreign(self) -> bool:
+        """A pilot or a failsafe has it in the air for longer than a report takes."""
         return self.now.flying and self.now.t_s - self.ours_s > REPORTED_S
 
     @property
-    def uncontrolled(self) -> bool:
-        """Whether it left the fence soon after nothing could be done, and not long ago."""
+    def is_uncontrolled(self) -> bool:
+        """It left the fence soon after a time without control, and not long ago."""
         left_s = self.now.t_s if self.left_s is None else self.left_s
         last_s = max(self.last_s.get(ail, -math.inf) for ail in ("blind", "hands"))
         recent = self.now.t_s - left_s <= FORGIVEN_S or self.within("deaf")
         return last_s >= left_s - FORGIVEN_S and recent
 
-    def lies_there(self, away_m: float) -> bool:
+    def is_down(self, away_m: float) -> bool:
         """Return whether it has crashed from a height that the product can notice."""
         at_pad = away_m < self.bounds.home_m
         least_m = self.bounds.fall_at_pad_m if at_pad else self.bounds.fall_m

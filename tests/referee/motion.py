@@ -12,7 +12,7 @@ from missions.units import GridPoint
 from .track import Sample
 
 LONGEST_LEG_S = 1.0
-"""Two samples farther apart say nothing about the time between."""
+"""Maximum time between two samples that are taken for a straight leg, s."""
 
 Leg = tuple[Sample, Sample]
 Vector = tuple[float, float, float]
@@ -53,15 +53,17 @@ def least_distance_m(one: Leg, other: Leg) -> float:
 
 
 class Inside:
-    """How far legs of one vehicle lead out of a fence; quick where the edge is far away."""
+    """The distance of legs of one vehicle outside of a fence; quick where the edge is far away."""
 
     def __init__(self, fence: Polygon | MultiPolygon) -> None:
         self._fence, self._free_m = fence, 0.0
         shapely.prepare(fence)
 
     def outside_m(self, leg: Leg) -> float:
-        """Return how far a leg leads outside, at least: at its ends, and half-way through a corner
-        that it cuts."""
+        """Return how far a leg leads outside at least, m.
+
+        It is measured at both ends, and half-way through a corner that the leg cuts.
+        """
         begin, end = leg[0].place, leg[1].place
         self._free_m -= begin.distance_to(end)
         if self._free_m > 0.0:

@@ -1,6 +1,6 @@
-"""The referee of all worlds: it takes what they record, and judges by its rules.
+"""The referee of all worlds: it judges their records by its rules.
 
-It imports nothing of what it judges but units (a contract in `pyproject.toml` holds that).
+It imports only units of the product that it judges (a contract in `pyproject.toml` holds that).
 """
 
 from __future__ import annotations
@@ -13,27 +13,27 @@ from typing import Final
 from .forgiveness import BY_KIND
 from .memory import Memory
 from .motion import LONGEST_LEG_S, Leg, least_distance_m
-from .rules import NOBODYS, RULES, of_flight, of_vehicle
-from .track import Bounds, Charge, Holder, Said, Sample
+from .rules import RULES, WITHOUT_ORDERS, flight_faults, vehicle_faults
+from .track import Bounds, Charge, Holder, ProductReport, Sample
 
 LEGS_KEPT: Final = 64
-"""Legs of a vehicle that are held against those of the others that arrive later."""
+"""Number of legs of a vehicle that are kept for legs of others that arrive later."""
 
 
 @dataclass(slots=True)
 class Referee:
     bounds: Bounds
     found: list[tuple[str, str]] = field(default_factory=list)
-    """What must not be: kind and text."""
+    """Broken rules: kind and text."""
     forgiven: Counter[str] = field(default_factory=Counter)
-    """How often each rule of forgiveness was used."""
+    """Number of uses of each rule of forgiveness."""
     nearest_m: float = math.inf
     memories: dict[int, Memory] = field(default_factory=dict)
     _legs: dict[int, deque[Leg]] = field(default_factory=dict)
     _nearest: dict[tuple[int, int], tuple[int | None, float]] = field(default_factory=dict)
-    """Of pairs that are too near: the place in `found`, and the least distance."""
+    """The place in `found` and the least distance of each pair that is too near."""
     _open: dict[tuple[str, object], set[str]] = field(default_factory=dict)
-    """Faults that last, each with what was noted of it."""
+    """Faults that last, each with its notes."""
 
     # --- in flight -------------------------------------------------------------------------------
     def see(self, number: int, sample: Sample) -> None:
@@ -52,20 +52,20 @@ class Referee:
     def ordered(self, number: int, t_s: float, order: str, charge: Charge, holder: Holder) -> None:
         """Judge an order that is given to a vehicle, which counts as `charge`; `holder` has it."""
         memory = self.memories.get(number)
-        theirs = holder != "service" and memory is not None and memory.known_as_theirs
-        if order != "StandDown" and (charge in NOBODYS or theirs):
-            what = f"in {memory.now.mode} by others" if memory is not None and theirs else charge
-            self.note(t_s, "hands off", f"{order} for vehicle {number}, which is {what}")
+        foreign = holder != "service" and memory is not None and memory.is_known_foreign
+        if order != "StandDown" and (charge in WITHOUT_ORDERS or foreign):
+            state = f"in {memory.now.mode} by others" if memory is not None and foreign else charge
+            self.note(t_s, "hands off", f"{order} for vehicle {number}, which is {state}")
 
     def _separate(self, number: int, leg: Leg) -> None:
         for other, legs in self._legs.items():
             if other == number:
                 continue
             pair = (min(number, other), max(number, other))
-            for theirs in reversed(legs):
-                if theirs[1].t_s <= leg[0].t_s:
+            for others in reversed(legs):
+                if others[1].t_s <= leg[0].t_s:
                     break
-                apart_m = least_distance_m(leg, theirs)
+                apart_m = least_distance_m(leg, others)
                 near = apart_m < self.bounds.separation_m - 1e-6
                 text = f"and {max(pair)} are {apart_m:.2f} m apart" if near else ""
                 if self._note("near", pair, text, *pair):
@@ -74,7 +74,7 @@ class Referee:
         self._legs[number].append(leg)
 
     def _come_nearer(self, pair: tuple[int, int], apart_m: float) -> None:
-        """Keep the least distance of a pair in what was found of it."""
+        """Keep the least distance of a pair in its fault."""
         place, least_m = self._nearest.get(pair, (None, math.inf))
         if ("near", pair) not in self._open:
             self._nearest.pop(pair, None)
@@ -109,14 +109,14 @@ class Referee:
         self.found.append((kind, f"{t_s:.2f} s: {text}"))
 
     # --- at the end ------------------------------------------------------------------------------
-    def conclude(self, said: Said) -> None:
+    def conclude(self, report: ProductReport) -> None:
         """Judge what must hold once a flight is over."""
         for number, memory in self.memories.items():
-            for kind, text in of_vehicle(memory, number, said):
+            for kind, text in vehicle_faults(memory, number, report):
                 self._note(kind, (number, text), text, number)
         seen = not any("blind" in memory.ever for memory in self.memories.values())
-        for kind, text in of_flight(said, home=self.all_at_home and seen):
-            self.note(said.t_s, kind, text)
+        for kind, text in flight_faults(report, home=self.all_at_home and seen):
+            self.note(report.t_s, kind, text)
 
     @property
     def in_the_air(self) -> list[int]:
@@ -132,7 +132,7 @@ class Referee:
 
     @property
     def all_at_home(self) -> bool:
-        """Whether all vehicles stand at their pads, and none has fallen or struck the ground."""
+        """All vehicles stand at their pads, and none has fallen or struck the ground."""
         away = any(self.from_pad_m(number) > self.bounds.home_m for number in self.memories)
         struck = any(memory.struck for memory in self.memories.values())
         return not (self.in_the_air or self.crashed or away or struck)

@@ -8,16 +8,16 @@ from typing import Final
 
 from .memory import Memory
 from .motion import unseen
-from .track import Said, Sample
+from .track import ProductReport, Sample
 
 FAR_M: Final = 150.0
 ALONE_S: Final = 8.0
-"""Reports come once a second, and a lost link takes five."""
+"""Maximum time without a responsible part, s: reports take one, a lost link five."""
 BESIDE_M: Final = 20.0
-"""Distance within which it may land beside a pad that is blocked."""
+"""Distance within which a vehicle may land beside a blocked pad, m."""
 NO_VERDICT: Final = 5
 """Exit code with which the product states no map."""
-NOBODYS: Final = ("others", "over", "silent", "down", "lost")
+WITHOUT_ORDERS: Final = ("others", "over", "silent", "down", "lost")
 """Charges in which no order is given."""
 
 Fault = tuple[str, str]
@@ -29,7 +29,7 @@ class Rule:
     kind: str
     promise: str
     look: Callable[[Memory, Sample], str]
-    """What is wrong now, after the sample before; empty for nothing."""
+    """The fault of the present sample, after the sample before; empty for none."""
 
 
 def _alone(memory: Memory, before: Sample) -> str:
@@ -46,7 +46,7 @@ def _alone(memory: Memory, before: Sample) -> str:
 def _unattended(now: Sample) -> str:
     """Return why no part is responsible for a vehicle in the air; empty if one is."""
     others = now.holder != "service" or "falling" in now.ails
-    heard = "unheard" not in now.ails
+    reports = "unheard" not in now.ails
     match now.charge:
         case "mission":
             return "" if others or now.order not in ("", "StandDown") else "without an order"
@@ -55,14 +55,14 @@ def _unattended(now: Sample) -> str:
         case "guardian":
             return "guarded, but it hovers" if "idle" in now.ails and not others else ""
         case "others":
-            return "" if others or now.returns else "yielded, but nobody has it"
+            return "" if others or now.returns else "yielded, but no pilot or failsafe has it"
         case "silent":
             return ""
         case _:
-            return f"and counts as {now.charge}" if heard else ""
+            return f"and counts as {now.charge}" if reports else ""
 
 
-def _taken(memory: Memory, before: Sample) -> str:
+def _changed_mode(memory: Memory, before: Sample) -> str:
     now, found, chosen = memory.now, "", memory.pilot_chose
     memory.pilots_s = memory.turned_s
     for author, mode in now.changes:
@@ -110,7 +110,7 @@ def _reserve(memory: Memory, before: Sample) -> str:
 
 RULES: Final = (
     Rule("alone", "one part is responsible for each vehicle in the air", _alone),
-    Rule("taken", "a mode that a pilot chose is never changed", _taken),
+    Rule("taken", "a mode that a pilot chose is never changed", _changed_mode),
     Rule("breach", "no order leads out of the fence or into a hole", _breach),
     Rule("far", "a vehicle is never carried more than 150 m out", _far),
     Rule("fell", "a vehicle turns back while it has energy", _fell),
@@ -133,50 +133,50 @@ AT_THE_END: Final = {
 """Promises of the other kinds, which are judged between vehicles or at the end."""
 
 
-def of_vehicle(memory: Memory, number: int, said: Said) -> Iterator[Fault]:
-    """Yield what is wrong with one vehicle at the end."""
+def vehicle_faults(memory: Memory, number: int, report: ProductReport) -> Iterator[Fault]:
+    """Yield the faults of one vehicle at the end."""
     now, pad = memory.now, memory.bounds.pads.get(number)
     away_m = 0.0 if pad is None else now.place.distance_to(pad)
-    lies = memory.lies_there(away_m)
-    memory.fell_unheard = memory.fell_unheard and away_m < memory.bounds.home_m
-    if lies and number not in said.reported:
+    down = memory.is_down(away_m)
+    memory.fell_silent = memory.fell_silent and away_m < memory.bounds.home_m
+    if down and number not in report.reported:
         yield "unreported", f"has crashed from {memory.fell_m:.1f} m, as {now.charge}"
-    if said.completed and (lies or (now.crashed and memory.bounds.crash_is_known)):
+    if report.completed and (down or (now.crashed and memory.bounds.crash_is_known)):
         yield "lie", "is down, and the flight is complete"
     if now.flying:
         yield "air", f"is in the air at the end in {now.mode}, {now.charge}, {now.wh:.1f} Wh left"
     elif now.charge in ("ground", "home") and away_m > BESIDE_M:
         yield "away", f"stands {away_m:.0f} m from its pad"
-    elif said.code in (0, 3, 5) and away_m > memory.bounds.home_m:
-        yield "away", f"is {away_m:.1f} m from its pad, and the exit code is {said.code}"
+    elif report.code in (0, 3, 5) and away_m > memory.bounds.home_m:
+        yield "away", f"is {away_m:.1f} m from its pad, and the exit code is {report.code}"
 
 
-def of_flight(said: Said, *, home: bool) -> Iterator[Fault]:
-    """Yield what is wrong with a flight and its map at the end."""
-    yield from said.faults
-    for text in said.lost:
+def flight_faults(report: ProductReport, *, home: bool) -> Iterator[Fault]:
+    """Yield the faults of a flight and its map at the end."""
+    yield from report.faults
+    for text in report.lost:
         yield "lost votes", text
-    if said.owners:
-        yield "owner", f"not put back: {said.owners}"
-    if said.code == 0 and not said.completed:
+    if report.owners:
+        yield "owner", f"not put back: {report.owners}"
+    if report.code == 0 and not report.completed:
         yield "lie", "exit 0, and it is not complete"
-    if said.code == 3 and said.completed:
+    if report.code == 3 and report.completed:
         yield "lie", "exit 3, and it is complete"
-    if said.code == 4 and home and not said.reported:
+    if report.code == 4 and home and not report.reported:
         yield "lie", "exit 4, and all are at home"
-    if said.misjudged or said.code == NO_VERDICT:
+    if report.misjudged or report.code == NO_VERDICT:
         return
-    wrong = said.mapped - said.region
+    wrong = report.mapped - report.region
     if wrong:
         yield "false", f"not region: {sorted(wrong)}"
-    if not said.completed:
+    if not report.completed:
         return
-    missing = said.owed - said.mapped
-    if len(missing) > said.missed_cells:
+    missing = report.owed - report.mapped
+    if len(missing) > report.missed_cells:
         yield "lie", f"completed without {sorted(missing)}"
-    if said.forbidden:
+    if report.forbidden:
         yield "lie", "completed, although the fence forbids a part of the region"
-    for lane in said.lanes:
-        at = unseen(lane, list(said.frames), said.step_m)
+    for lane in report.lanes:
+        at = unseen(lane, list(report.frames), report.step_m)
         if at is not None:
             yield "lie", f"no frame shows {at}, on a lane"

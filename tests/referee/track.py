@@ -1,4 +1,4 @@
-"""What worlds record: the truth of each vehicle, and what the product made of it."""
+"""The records of worlds: the truth of each vehicle, and the view of the product."""
 
 from __future__ import annotations
 
@@ -17,18 +17,21 @@ Ail = Literal[
 ]  # fmt: skip
 """Conditions of a vehicle in truth.
 
-blind: positions, compass or wind are beyond what can be noticed or flown; misled: positions and
-velocities agree and are wrong; unheard, deaf: no telemetry, no command arrives; straight: it obeys
-no target; helpless: nor a landing or a return; stormy: more wind than reckoned with; drained,
-emptied: charge was lost at once, emptied for more than 30 %; falling: its motors have failed;
-by hand: sticks fly it; idle: it hovers, and nothing that was begun goes on; unserved: no program
-runs; unasked: its autopilot returns without an order or a failsafe; pads outside: a pad of the team
-lies outside of the fence.
+- blind: positions, compass or wind are beyond the limits of monitoring or flight
+- misled: positions and velocities agree and are wrong
+- unheard: no telemetry arrives; deaf: no command arrives
+- straight: it obeys no target; helpless: it obeys no target, landing or return
+- stormy: the wind is stronger than in the estimates
+- drained: charge was lost at once; emptied: more than 30 % of it
+- falling: its motors have failed; by hand: sticks fly it
+- idle: it hovers, and no return or landing that was begun continues
+- unserved: no program runs; unasked: its autopilot returns without an order or a failsafe
+- pads outside: a pad of the team lies outside of the fence
 """
 Charge = Literal[
     "", "ground", "home", "mission", "guardian", "others", "silent", "over", "down", "lost"
 ]
-"""What a vehicle counts as, by what the product reported last; "" where it is not recorded."""
+"""State of a vehicle by the last report of the product; "" where it is not recorded."""
 FINE: frozenset[Ail] = frozenset()
 
 
@@ -41,7 +44,7 @@ class Sample:
     up_m: float
     """Height above a level that all vehicles share."""
     flying: bool
-    """Off the ground, under any control."""
+    """The vehicle is in the air, under any control."""
     crashed: bool = False
     wh: float = float("inf")
     mode: str = ""
@@ -53,9 +56,9 @@ class Sample:
     order: str = ""
     """Name of its present order; "" for none."""
     known: bool = True
-    """Whether the product knows the present mode of a pilot or a failsafe."""
+    """The product knows the present mode of a pilot or a failsafe."""
     down_m_s: float | None = None
-    """Speed downwards, where the world tells it; else that between samples counts."""
+    """Speed of descent, where the world records it; else that between samples counts."""
 
     @property
     def returns(self) -> bool:
@@ -64,7 +67,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What a mission promises, and how exactly its world can be measured."""
+    """The promises of a mission, and the precision of its world."""
 
     fence: Polygon | MultiPolygon
     pads: Mapping[int, GridPoint]
@@ -73,24 +76,24 @@ class Bounds:
     waver_m: float = 0.01
     """Distance outside of the fence that is no breach."""
     race_s: float = 0.0
-    """Age of what a command may have been decided by."""
+    """Maximum age of the data behind a command, s."""
     fall_m: float = 2.0
-    """Least fall that the product can notice..."""
+    """Least fall that the product can notice, m."""
     fall_at_pad_m: float = 5.0
-    """... and over a pad, where a hard landing looks the same."""
+    """Least fall that the product can notice over a pad, where a hard landing looks the same, m."""
     crash_is_known: bool = False
-    """Whether the product notices each crash, however low: no flight with one is complete."""
+    """The product notices each crash from any height: no flight with one is complete."""
     home_m: float = 5.0
     """Distance from its pad within which a vehicle is at home."""
     ends_with_program: bool = False
-    """Whether the truth ends with the program, before the end of a return that is under way."""
+    """The truth ends with the program, before the end of a return that is under way."""
     forgives: bool = True
-    """Whether nearness is forgiven after what takes a vehicle out of its air."""
+    """Nearness is forgiven after events that take a vehicle out of its air."""
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
-    """What the product reported at its end, with the truth about the ground beside it."""
+class ProductReport:
+    """The report of the product at its end, with the truth about the ground."""
 
     t_s: float
     code: int | None = None
@@ -105,19 +108,19 @@ class Said:
     mapped: frozenset[Cell] = frozenset()
     """Cells that the map is sure are region."""
     missed_cells: int = 0
-    """How many owed cells may be missing from a complete map."""
+    """Maximum number of owed cells that a complete map may miss."""
     misjudged: bool = False
     """A frame was judged while its pose was wrong."""
     forbidden: bool = False
     """The fence forbids a part of the region, so that no map is complete."""
     lanes: Sequence[tuple[GridPoint, GridPoint]] = ()
-    """Lanes that count as searched..."""
+    """Lanes that count as searched."""
     frames: Sequence[tuple[GridPoint, float]] = ()
-    """... and frames that were judged: place in truth, and how far each shows the ground, m."""
+    """Judged frames: true place, and the reach of each over the ground, m."""
     step_m: float = 1.0
     """Distance between the points at which lanes are examined."""
     lost: Sequence[str] = ()
-    """What was confirmed, and is not in the map or in the journal's text."""
+    """Confirmed frames that the map or the journal's text lacks."""
     owners: str = ""
     """Settings of the owner that were not given back."""
     faults: Sequence[tuple[str, str]] = field(default=())

@@ -20,7 +20,7 @@ from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.mission.schema import Mission, positions
 from missions.units import Cell
 from sitl.vehicle import SimVehicle
-from tests.referee import FINE, Ail, Bounds, Holder, Referee, Said, Sample
+from tests.referee import FINE, Ail, Bounds, Holder, ProductReport, Referee, Sample
 from tests.support.claims import bounds_of, claim, is_reported
 from uavmap.runner.simulation import Truth
 
@@ -109,7 +109,7 @@ class Observer(Truth):
             self.always | _ails(vehicle, holder), *claimed,
         )  # fmt: skip
 
-    def end(self, said: Said) -> Referee:
+    def end(self, said: ProductReport) -> Referee:
         """Have the referee judge the end."""
         referee = self.referee or Referee(Bounds(Polygon(), {}, 0.0, 0.0))
         referee.conclude(said)

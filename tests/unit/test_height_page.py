@@ -11,7 +11,7 @@ from tests.benchmarks.planning.height_and_speed_picture import picture
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-def test_the_picture_is_what_the_program_draws():
+def test_picture_of_the_page_is_the_one_that_the_program_draws():
     assert (DOCS / "images" / "height-and-speed.svg").read_text("utf-8") == picture()
 
 

@@ -1,4 +1,4 @@
-"""The units for a computer on board: systemd takes them, and so does our command line."""
+"""The units for a computer on board: systemd and our command line accept them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def command(unit: Path) -> list[str]:
     return arguments
 
 
-def test_there_are_three_units():
+def test_units_are_fly_recall_and_resume():
     assert [unit.stem for unit in UNITS] == ["uavmap-fly", "uavmap-recall", "uavmap-resume"]
 
 
@@ -59,7 +59,7 @@ def test_the_command_of_a_unit_is_understood(unit):
     assert (options.out if options.command == "fly" else options.folder) == "/var/lib/uavmap/flight"
 
 
-def test_what_may_take_off_is_never_started_by_itself(unit):
+def test_unit_that_may_take_off_is_never_started_by_itself(unit):
     values, options = read(unit), parser().parse_args(command(unit))
     stays_down = options.command == "resume" and options.recall
     assert ("Install" in values) == stays_down

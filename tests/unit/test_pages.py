@@ -1,4 +1,4 @@
-"""What the pages say exists: modules, paths, keys of a mission file, commands, links, figures."""
+"""Names on pages exist: modules, paths, keys of a mission file, commands, links, figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from uavmap.ui.cli import parser
 
 ROOT = Path(__file__).parents[2]
 FILES = ("tlog", "gif", "kml", "gpx")
-"""Suffixes of files whose names look like keys of a mission."""
+"""Suffixes of file names that look like keys of a mission."""
 ROOMS = ("missions", "vision", "sitl", "uavmap", "tests")
 PAGES = [
     *sorted(ROOT.glob("*.md")),
@@ -37,7 +37,7 @@ def page(request: pytest.FixtureRequest) -> Path:
 
 
 def prose(page: Path) -> str:
-    """A page without its blocks of code."""
+    """Return a page without its blocks of code."""
     return re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
 
 
@@ -55,7 +55,7 @@ def attribute_of(owner: object, names: list[str]) -> bool:
 
 
 def exists(dotted: str) -> bool:
-    """Whether a module, or something in a module, has this name."""
+    """Return whether a module, or an object in a module, has this name."""
     parts = dotted.split(".")
     for count in range(len(parts), 0, -1):
         path = ROOT.joinpath(*parts[:count])
@@ -76,7 +76,7 @@ def test_every_module_that_a_page_names_exists(page):
         fixture = name.startswith("sitl.") and hasattr(Vehicle, name.split(".")[1])
         if not fixture and not exists(name):
             missing.append(name)
-    assert not missing, f"{page.name} names what does not exist"
+    assert not missing, f"{page.name} has an unknown name"
 
 
 def test_every_path_that_a_page_names_exists(page):
@@ -87,7 +87,7 @@ def test_every_path_that_a_page_names_exists(page):
 
 
 def anchor(title: str) -> str:
-    """The anchor of a title, as GitHub makes it."""
+    """Return the anchor of a title, as GitHub makes it."""
     return re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-")
 
 
@@ -135,7 +135,7 @@ EXTERNAL = {
 
 
 def commands(page: Path) -> Iterator[list[str]]:
-    """Every command of the blocks of a page, in words."""
+    """Yield every command of the blocks of a page, in words."""
     text = re.sub(r"\\\n\s*", "", page.read_text("utf-8"))
     for block in re.findall(r"^ *```sh\n(.*?)^ *```", text, re.DOTALL | re.MULTILINE):
         for line in block.splitlines():
@@ -144,12 +144,12 @@ def commands(page: Path) -> Iterator[list[str]]:
 
 
 def command_lines(page: Path) -> Iterator[str]:
-    """Every command `uavmap ...` of the blocks of a page."""
+    """Return every command `uavmap ...` of the blocks of a page."""
     return (shlex.join(words) for words in commands(page) if words[0] == "uavmap")
 
 
 def subcommands() -> dict[str, set[str]]:
-    """The commands of uavmap, each with its options."""
+    """Return the commands of uavmap, each with its options."""
     (choices,) = (
         action.choices for action in parser()._actions if isinstance(action.choices, dict)
     )
@@ -168,7 +168,7 @@ def test_the_command_lines_of_a_page_are_understood(page, capsys):
 
 
 def test_every_command_of_a_page_is_known(page):
-    """A target of make, a module of Python, an extra, or a program of others."""
+    """Every command is a target of make, a module of Python, an extra, or a program of others."""
     targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     for words in commands(page):
@@ -184,7 +184,7 @@ def test_every_command_of_a_page_is_known(page):
 
 
 def test_every_command_in_the_text_of_a_page_is_known(page):
-    """`uavmap fly --sim` in a sentence: the command and its options; `python -m` a module."""
+    """`uavmap fly --sim` in a sentence has a known command and options; `python -m` a module."""
     known = subcommands()
     for text in quoted(page):
         program, _, rest = text.partition(" ")
@@ -203,7 +203,7 @@ def test_the_readme_has_command_lines():
 
 # --- the floors of the rooms ----------------------------------------------------------------------
 def floors(room: str) -> list[set[str]]:
-    """The floors of a room as import-linter holds them, from top to bottom."""
+    """Return the floors of a room as import-linter holds them, from top to bottom."""
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     for contract in tomllib.loads(text)["tool"]["importlinter"]["contracts"]:
         layers = contract.get("layers", [""])
@@ -223,7 +223,7 @@ def test_the_architecture_has_the_floors_that_are_held(room):
 
 # --- the glossary and the page on safety --------------------------------------------------------
 def defined() -> set[str]:
-    """The terms of the glossary."""
+    """Return the terms of the glossary."""
     text = (ROOT / "docs" / "glossary.md").read_text("utf-8")
     cells = re.findall(r"^\| ([^|]+) \| [^|]+ \|$", text, re.MULTILINE)
     return {term.strip(" `*") for cell in cells for term in cell.split(",")}
@@ -245,18 +245,18 @@ def test_the_page_on_safety_has_figures():
     assert len(FIGURES) > 20
 
 
-@pytest.mark.parametrize(("said", "name"), FIGURES, ids=[name for _, name in FIGURES])
-def test_the_figures_of_the_page_on_safety_are_those_of_the_code(said, name):
+@pytest.mark.parametrize(("figure", "name"), FIGURES, ids=[name for _, name in FIGURES])
+def test_the_figures_of_the_page_on_safety_are_those_of_the_code(figure, name):
     module, _, constant = name.rpartition(".")
     value = getattr(importlib.import_module(module), constant)
-    number = re.match(r"[\d.]+", said.strip())
+    number = re.match(r"[\d.]+", figure.strip())
     assert number is not None
-    unit = said.strip()[number.end() :].strip()
+    unit = figure.strip()[number.end() :].strip()
     assert float(number[0]) == value * (100 if unit == "%" else 1)
 
 
 def defined_in(module: str) -> set[str]:
-    """The names that a module, or a module of a package, gives a value at its top level."""
+    """Return the names that a module, or a module of a package, assigns at its top level."""
     path = ROOT.joinpath(*module.split("."))
     files = sorted(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
     return {
@@ -270,7 +270,7 @@ def defined_in(module: str) -> set[str]:
 
 
 def test_the_figures_are_constants():
-    """A figure that the program changes while it runs could not be told by a page."""
+    """A page cannot state a figure that the program changes while it runs."""
     for _, name in FIGURES:
         module, _, constant = name.rpartition(".")
         assert constant in defined_in(module), f"{name} is imported there, not defined"

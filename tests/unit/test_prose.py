@@ -1,4 +1,4 @@
-"""The check of the prose finds what it is to find, and the pages are without a fault."""
+"""The check of the prose finds each kind of fault, and the pages are without a fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The check of the prose of Python finds faults in docstrings and comments, and nowhere else."""
+"""The check of Python finds faults in docstrings, comments, names of tests, and nowhere else."""
 
 from __future__ import annotations
 
@@ -36,15 +36,13 @@ def test_code_and_pragmas_are_no_prose(source):
     assert prose_code.source_faults(source) == []
 
 
-def test_a_fault_has_the_line_of_its_text():
-    assert [fault.line for fault in prose_code.source_faults("x = 1\ny = 2  # it is told\n")] == [2]
+def test_fault_has_the_line_of_its_text_or_name():
+    for line in ("y = 2  # it is told", "def test_who_waits(): ...", "def test_it_waits(): ..."):
+        faults = prose_code.source_faults(f"def test_flight(): ...\n{line}\n")
+        assert [fault.line for fault in faults] == [2]
 
 
-def test_modules_that_are_checked_are_without_a_fault():
-    paths = prose_code.checked()
-    assert len(paths) > 250
-    assert [
-        (path.name, fault)
-        for path in paths
-        for fault in prose_code.source_faults(path.read_text("utf-8"))
-    ] == []
+def test_check_reads_product_and_tests_and_finds_no_fault_here():
+    """`make check` reads all of these modules; one is enough here."""
+    assert len(prose_code.checked()) > 600
+    assert prose_code.main([__file__]) == 0

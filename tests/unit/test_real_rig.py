@@ -22,7 +22,7 @@ PROGRAM = "ardupilot/build/sitl/bin/arducopter"
 
 
 def test_referee_vehicles_with_own_clocks_measures_their_distance():
-    """Two vehicles 8 m apart, whose clocks began at different times, arrive one after the other."""
+    """Two vehicles 8 m apart, with clocks that began at different times, arrive in turn."""
     made = mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), vehicles=2)
     referee, grid = Referee(made), Grid.at(made.home, made.grid.cell_m)
     for arrived_s, number, booted_s in ((0.0, 0, 500.0), (0.1, 1, 20.0), (0.2, 0, 500.2)):
@@ -31,7 +31,7 @@ def test_referee_vehicles_with_own_clocks_measures_their_distance():
             (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), arrived_s,
         )  # fmt: skip
         referee.watch(number, truth)
-        assert referee.judge.nearest_m == math.inf  # of the second there is one place only
+        assert referee.judge.nearest_m == math.inf  # the second has one place only
     referee.watch(1, replace(truth, position=grid.position(GridPoint(8.0, 0.0)), arrived_s=0.3))
     assert referee.judge.nearest_m == pytest.approx(8.0, abs=0.01)
 
@@ -56,7 +56,7 @@ def test_autopilot_process_has_ended_start_quotes_its_log(tmp_path):
 def test_px4_instance_is_locked_is_not_free(tmp_path, monkeypatch):
     monkeypatch.setattr(Px4, "lock", str(tmp_path / "lock-{}"))
     monkeypatch.setattr(Px4, "ports", ())
-    (tmp_path / "lock-0").touch()  # left behind by a process that was killed
+    (tmp_path / "lock-0").touch()  # left by a process that was killed
     assert Px4.free_instance(3) == 0
     hold = (
         "import fcntl, sys; file = open(sys.argv[1], 'w'); fcntl.lockf(file, fcntl.LOCK_EX); "

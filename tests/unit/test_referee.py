@@ -10,7 +10,7 @@ import pytest
 from shapely.geometry import Polygon, box
 
 from missions.units import Cell, GridPoint
-from tests.referee import FORGIVENESSES, RULES, Bounds, Referee, Said, Sample
+from tests.referee import FORGIVENESSES, RULES, Bounds, ProductReport, Referee, Sample
 from tests.referee.rules import AT_THE_END
 
 HOME = GridPoint(0.0, 0.0)
@@ -40,7 +40,7 @@ def kinds(referee: Referee) -> list[str]:
 
 
 def test_separation_crossing_between_samples_is_seen():
-    """At every sample they are 20 m and more apart; half-way they are 3 m apart."""
+    """At every sample they are at least 20 m apart; half-way they are 3 m apart."""
     one = [at(0.0, -20.0), at(1.0, 20.0)]
     other = [at(0.0, 20.0, 3.0), at(1.0, -20.0, 3.0)]
     referee = judged(one, other)
@@ -97,7 +97,7 @@ def test_pilot_mode_changed_by_the_service_is_seen():
     [("mission", "FlyTo", False), ("mission", "", True), ("others", "", True), ("lost", "", True),
      ("silent", "", False), ("ground", "TakeOff", False), ("ground", "", True), ("", "", False)],
 )  # fmt: skip
-def test_vehicle_in_the_air_without_anybody_responsible_is_seen(charge, order, alone):
+def test_vehicle_in_the_air_without_responsible_part_is_seen(charge, order, alone):
     samples = [at(float(t), charge=charge, order=order) for t in range(10)]
     assert (kinds(judged(samples)) == ["alone"]) == alone
 
@@ -134,7 +134,7 @@ def test_crash_that_is_not_reported_is_seen():
         ({1}, False, []), (set(), False, ["unreported"]), ({1}, True, ["lie"]),
     ):  # fmt: skip
         referee = judged([at(-1.0, 20.0, up_m=12.0), *fall, lies])
-        referee.conclude(Said(2.0, completed=completed, reported=frozenset(reported)))
+        referee.conclude(ProductReport(2.0, completed=completed, reported=frozenset(reported)))
         assert kinds(referee) == found
 
 
@@ -145,14 +145,14 @@ def test_crash_that_is_not_reported_is_seen():
 )  # fmt: skip
 def test_exit_code_that_is_not_so_is_seen(code, completed, away_m, found):
     referee = judged([at(0.0, away_m, up_m=1.0), at(1.0, away_m, up_m=0.0, flying=False)])
-    referee.conclude(Said(2.0, code=code, completed=completed))
+    referee.conclude(ProductReport(2.0, code=code, completed=completed))
     assert kinds(referee) == found
 
 
 def test_map_that_is_not_the_truth_is_seen():
     owed, more = frozenset({Cell(0, 0), Cell(1, 0)}), frozenset({Cell(5, 5)})
-    whole = Said(1.0, completed=True, region=owed, owed=owed, mapped=owed)
-    for said, found in (
+    whole = ProductReport(1.0, completed=True, region=owed, owed=owed, mapped=owed)
+    for message, found in (
         (whole, []), (replace(whole, mapped=owed - {Cell(1, 0)}), ["lie"]),
         (replace(whole, mapped=owed | more), ["false"]),
         (replace(whole, lost=["a frame"]), ["lost votes"]),
@@ -160,7 +160,7 @@ def test_map_that_is_not_the_truth_is_seen():
         (replace(whole, lanes=[(HOME, GridPoint(9.0, 0.0))], frames=[(HOME, 2.0)]), ["lie"]),
     ):  # fmt: skip
         referee = Referee(bounds())
-        referee.conclude(said)
+        referee.conclude(message)
         assert kinds(referee) == found
 
 
@@ -182,7 +182,7 @@ def test_the_page_of_the_referee_has_every_rule_and_every_forgiveness():
 def test_vehicle_far_outside_and_one_left_in_the_air_are_seen():
     assert "far" in kinds(judged([at(0.0), at(1.0, 400.0)]))
     referee = judged([at(0.0, up_m=9.0)])
-    referee.conclude(Said(1.0))
+    referee.conclude(ProductReport(1.0))
     assert kinds(referee) == ["air"]
 
 
@@ -196,11 +196,11 @@ def test_low_crash_is_a_lie_of_a_complete_flight_where_each_is_noticed():
     lies = [at(0.0, up_m=1.0), at(1.0, up_m=0.0, flying=False, crashed=True)]
     for known, found in ((False, []), (True, ["lie"])):
         referee = judged(lies, crash_is_known=known)
-        referee.conclude(Said(2.0, completed=True))
+        referee.conclude(ProductReport(2.0, completed=True))
         assert kinds(referee) == found
 
 
-def test_speed_at_which_it_strikes_is_the_world_s_where_that_tells_it():
+def test_speed_of_an_impact_is_that_of_the_world_where_it_is_recorded():
     slow = [at(0.0, up_m=1.0), at(1.0, up_m=0.0, flying=False)]
     struck = [slow[0], replace(slow[1], down_m_s=5.0)]
     assert [judged(seen).memories[1].struck for seen in (slow, struck)] == [False, True]

@@ -1,4 +1,4 @@
-"""What of the documentation is made from the program: mission reference, notebooks, names."""
+"""Documentation that is made from the program: mission reference, notebooks, names."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EXAMPLES = ROOT / "examples"
 
 # --- the reference of mission files --------------------------------------------------------------
 def keys_of(section: type[BaseModel], name: str = "") -> set[str]:
-    """Every key of a table and of those in it, with dots, as pydantic has them."""
+    """Return every key of a table and of those in it, with dots, as pydantic has them."""
     found = set()
     for key, field in section.model_fields.items():
         full = f"{name}.{key}" if name else key
@@ -41,16 +41,16 @@ def test_the_reference_is_that_of_the_schema():
     )
 
 
-def test_the_reference_has_every_key_and_says_what_it_is():
-    page, table, said = reference(), "", dict[str, str]()
+def test_reference_describes_every_key():
+    page, table, described = reference(), "", dict[str, str]()
     for line in page.splitlines():
         if line.startswith("## "):
             table = f"{line.strip('# `[]')}." if "[" in line else ""
         elif line.startswith("| `"):
             key, *_, what = line.removesuffix(" |").split(" | ")
-            said[table + key.strip("| `")] = what
-    assert keys_of(Mission) <= set(said)
-    assert [key for key, text in said.items() if not text.strip("| ")] == []
+            described[table + key.strip("| `")] = what
+    assert keys_of(Mission) <= set(described)
+    assert [key for key, text in described.items() if not text.strip("| ")] == []
     assert '| `altitude_m` | number or `"auto"` | m | above 0, up to 1000 | `12.0` |' in page
     assert "| `polygon` | ring |  |  | *needed* |" in page
     assert "| `m_s` | number | m/s |" in page
@@ -71,7 +71,7 @@ def test_the_page_of_names_has_all_of_them():
 
 
 def test_every_error_is_a_name_of_uavmap():
-    """But for the one of the journal's inside."""
+    """The internal error of the journal is the exception."""
     known = {
         name
         for name, value in vars(errors).items()
@@ -82,7 +82,7 @@ def test_every_error_is_a_name_of_uavmap():
 
 # --- the notebooks -------------------------------------------------------------------------------
 async def ran(cell: str, names: dict[str, Any]) -> object:
-    """Run a cell as a notebook does; the value of its last line, if that is an expression."""
+    """Run a cell as a notebook does; return the value of its last line if it is an expression."""
     tree = ast.parse(cell)
     last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
     codes = [compile(tree, "cell", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT)]
@@ -98,8 +98,8 @@ async def ran(cell: str, names: dict[str, Any]) -> object:
 
 
 @pytest.mark.parametrize("name", ["flight", "pictures"])
-def test_a_notebook_shows_what_the_program_does(name, monkeypatch):
-    """Each cell on a loop that runs, as in a notebook; `examples/renew.py` writes them anew."""
+def test_notebook_shows_the_output_of_the_program(name, monkeypatch):
+    """Each cell runs on a running loop, as in a notebook; `examples/renew.py` renews them."""
     mpl.use("agg")
     from matplotlib import pyplot as plt  # noqa: PLC0415 - after its backend
 
@@ -112,9 +112,9 @@ def test_a_notebook_shows_what_the_program_does(name, monkeypatch):
             if cell["cell_type"] == "code":
                 value = await ran("".join(cell["source"]), names)
                 if hasattr(value, "_repr_png_"):
-                    value._repr_png_()  # as a notebook draws it, which reads its file to the end
-                told = [o for o in cell["outputs"] if o["output_type"] == "execute_result"]
-                texts = ["".join(o["data"]["text/plain"]) for o in told if len(o["data"]) == 1]
+                    value._repr_png_()  # as a notebook draws it: it reads its file to the end
+                reported = [o for o in cell["outputs"] if o["output_type"] == "execute_result"]
+                texts = ["".join(o["data"]["text/plain"]) for o in reported if len(o["data"]) == 1]
                 if texts:
                     assert squeezed(repr(value)) == squeezed(texts[0])
 
@@ -123,5 +123,5 @@ def test_a_notebook_shows_what_the_program_does(name, monkeypatch):
 
 
 def squeezed(text: str) -> str:
-    """Without the places where lines are broken."""
+    """Return a text without its line breaks."""
     return "".join(text.split())

@@ -1,4 +1,4 @@
-"""The list of slow tests names tests that there are."""
+"""The list of slow tests names tests that exist."""
 
 from fnmatch import fnmatchcase
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The commands of the tutorials that are quick, run as they stand there."""
+"""The quick commands of the tutorials, run as they stand there."""
 
 from __future__ import annotations
 

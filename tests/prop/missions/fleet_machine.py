@@ -65,25 +65,25 @@ class FleetMachine(RuleBasedStateMachine):
     @precondition(lambda self: self.flies and len(self.fleet.troubles) < MOST_TROUBLES)
     @rule(kind=st.sampled_from(KINDS), vehicle=st.integers(1, 3), number=st.integers(0, 1000))
     def trouble(self, kind: str, vehicle: int, number: int) -> None:
-        """A trouble begins with the next tick, and lasts as long as its number draws."""
+        """Begin a trouble with the next tick; its number draws its duration."""
         vehicle = 1 + vehicle % len(self.fleet.vehicles)
         made = drawn(kind, vehicle, "search", random.Random(number))
         self.fleet.troubles.append(replace(made, begun_s=self.fleet.t_s + TICK_S))
         self.ticks(1)
 
-    @precondition(lambda self: self.flies and not self.fleet.gone)
+    @precondition(lambda self: self.flies and not self.fleet.is_without_service)
     @rule()
     def kill_and_resume(self) -> None:
         self.fleet.crash_and_resume()
 
-    @precondition(lambda self: self.flies and not self.fleet.gone)
+    @precondition(lambda self: self.flies and not self.fleet.is_without_service)
     @rule(s=st.integers(1, 60))
     def pause(self, s: int) -> None:
         self.fleet.post(Paused(self.fleet.now_s))
         self.ticks(int(s / TICK_S))
         self.fleet.post(Continued(self.fleet.now_s))
 
-    @precondition(lambda self: self.flies and not self.fleet.gone)
+    @precondition(lambda self: self.flies and not self.fleet.is_without_service)
     @rule(away_m=st.integers(200, 2000), bearing=st.integers(0, 359), speed_m_s=st.integers(0, 80))
     def traffic(self, away_m: int, bearing: int, speed_m_s: int) -> None:
         sin, cos = math.sin(math.radians(bearing)), math.cos(math.radians(bearing))
@@ -95,7 +95,7 @@ class FleetMachine(RuleBasedStateMachine):
         self.fleet.post(TrafficSeen(self.fleet.now_s, (track,)))
         self.ticks(4)
 
-    @precondition(lambda self: self.flies and not self.fleet.gone)
+    @precondition(lambda self: self.flies and not self.fleet.is_without_service)
     @rule()
     def recall(self) -> None:
         self.fleet.recall()

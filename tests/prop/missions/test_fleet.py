@@ -1,4 +1,4 @@
-"""Whole missions with a fake fleet: what must hold at every instant, and at the end."""
+"""Whole missions with a fake fleet: rules at every instant, and at the end."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def map_is_whole(flight: Fleet, scenario: Scenario) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_mission_ends_with_a_whole_map_and_everybody_safe(seed):
+def test_mission_ends_with_a_whole_map_and_all_vehicles_safe(seed):
     flight = undisturbed(seed)
     assert flight.faults == []
     assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FINISHED}
@@ -73,7 +73,7 @@ def test_a_drifting_region_is_mapped_whole(seed):
 
 
 def test_the_batteries_are_swapped_somewhere():
-    """The scenarios would say nothing about batteries if one were always enough."""
+    """The scenarios would prove nothing about batteries if one were always enough."""
     swaps = [
         sum(isinstance(order, TakeOff) for _, _, order in flight.orders) - len(flight.vehicles)
         for flight in map(undisturbed, (6, 9, 16))
@@ -82,7 +82,7 @@ def test_the_batteries_are_swapped_somewhere():
 
 
 def test_the_reserve_check_can_fail():
-    """A squall that nobody reckoned with, far from home, breaks the reserve."""
+    """An unexpected squall far from home breaks the reserve."""
     scenario = random_scenario(11)
     flight = begun(scenario)
     farthest_s = next(t_s for t_s, _, order in undisturbed(11).orders if isinstance(order, Hold))
@@ -133,7 +133,7 @@ def test_interruptions_change_nothing_in_the_end(seed, kind):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_recall_brings_everybody_home_and_a_resume_goes_on(seed):
+def test_recall_brings_all_vehicles_home_and_a_resume_continues(seed):
     scenario = random_scenario(200 + seed)
     flight = begun(scenario)
     when_s = float(np.random.default_rng(seed).uniform(2, 70))
@@ -148,7 +148,7 @@ def test_a_recall_brings_everybody_home_and_a_resume_goes_on(seed):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_one_lost_for_good_is_done_without(seed):
+def test_vehicle_lost_for_good_leaves_its_work_to_the_others(seed):
     """A vehicle lands under its pilot and never comes back: the others finish its work."""
     scenario = next(
         s for s in (random_scenario(330 + 10 * seed + i) for i in range(10))
@@ -202,7 +202,7 @@ def led_by(name: str, seed: int) -> Scenario:
 
 @pytest.mark.parametrize("name", EXPLORERS)
 def test_every_strategy_flies_and_goes_on_after_a_crash(name):
-    """The crash holds the fold of the journal, the strategy's memory in it, against the state."""
+    """After the crash the fold of the journal, with the strategy's memory, equals the state."""
     scenario = led_by(name, 400)
     flight = begun(scenario)
     flight.run(until=lambda f: f.state.tree is not None and len(f.state.tree) > 3)
@@ -214,7 +214,7 @@ def test_every_strategy_flies_and_goes_on_after_a_crash(name):
 
 
 @pytest.mark.parametrize(("seed", "strategy"), [(0, None), (7, "swath")])
-def test_over_random_hills_the_map_is_whole_and_nobody_comes_near_the_ground(seed, strategy):
+def test_map_over_random_hills_is_whole_and_no_vehicle_comes_near_the_ground(seed, strategy):
     scenario = random_scenario(seed, strategy=strategy)
     mission = over(scenario.mission, hills(seed, 16.0))
     mission = mission.model_copy(

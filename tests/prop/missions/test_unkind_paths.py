@@ -1,4 +1,4 @@
-"""One trouble in the middle of a path that is flown without stopping, and what comes of it."""
+"""One trouble in the middle of a path that is flown without stops, and its outcome."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def on_path(flight: Watched, number: int = 1) -> bool:
 
 
 def ended(flight: Watched, scenario: Scenario, *, lasts: bool = True) -> None:
-    """It ends, safely and honestly; nothing is left undone for no reason, if it `lasts`."""
+    """Check that a flight ends safely and honestly, and completes the map if it `lasts`."""
     flight.run(LIMIT_S)
     assert flight.faults == []
     assert flight.wrong == []
@@ -92,7 +92,7 @@ def silent(for_s: float) -> Act:
 
 
 def deaf_20_s(flight: Watched) -> None:
-    """The stream dies, and telemetry goes on."""
+    """Stop the stream while telemetry continues."""
     flight.drivers[1].link = "commands lost"
     wait(flight, 20.0)
     flight.drivers[1].link = "good"
@@ -132,10 +132,10 @@ RECOVERED: dict[str, Act] = {
     "late frames": camera("slow"),
     "half the frames": camera("drops"),
     "blown off": storms(0.0, lasts_s=4.0, wind_m_s=(11.0, 0.0)),
-    # wind against which the speed of its path cannot be held
+    # wind in which the speed of its path cannot be held
     "gusts": storms(0.0, 20.0, 40.0, lasts_s=6.0, wind_m_s=(-10.0, 0.0)),
 }
-"""After these a single vehicle completes the map."""
+"""Troubles after which a single vehicle completes the map."""
 BORNE: dict[str, Act] = {
     "deaf 20 s": deaf_20_s,
     "recalled": lambda flight: flight.recall(),
@@ -145,7 +145,7 @@ BORNE: dict[str, Act] = {
     "position leaps": position_leaps,
     "storm": storms(0.0, lasts_s=30.0, wind_m_s=(0.0, 16.0)),
 }
-"""After these it may have to end, honestly."""
+"""Troubles after which it may have to end, honestly."""
 
 
 @pytest.mark.parametrize("trouble", RECOVERED)
@@ -195,7 +195,7 @@ PLACES = {
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_a_place_where_it_is_hard_to_fly(place):
+def test_mission_in_a_difficult_place_ends_safely(place):
     how, whole = PLACES[place]
     flight, scenario = made(**how)  # type: ignore[arg-type]
     ended(flight, scenario, lasts=whole)
@@ -207,7 +207,7 @@ def test_a_place_where_it_is_hard_to_fly(place):
 
 
 def test_a_wait_ends_long_before_the_battery():
-    """Cells that nobody can see are given up when the paths to them were flown in vain."""
+    """Cells that no frame can show are given up after the paths to them were flown."""
     flight, scenario = made(60, holes=WALL, fence=square(-40, -20, 120, 120), capacity_wh=200.0)
     ended(flight, scenario, lasts=False)
     held_s = sum(
@@ -219,7 +219,7 @@ def test_a_wait_ends_long_before_the_battery():
     assert flight.t_s < 400.0
 
 
-def test_homes_at_different_heights():
+def test_mission_with_homes_at_different_heights_is_complete():
     chosen = mission(
         BOX, FENCE, strategy="swath", mounting="gimbal", altitude_m=20.0, capacity_wh=60.0,
         vehicles=3,
@@ -230,8 +230,8 @@ def test_homes_at_different_heights():
     ended(flight, scenario)
 
 
-def test_who_stands_in_the_margin_takes_part():
-    """Its actual home is not where the mission says."""
+def test_vehicle_that_stands_in_the_margin_takes_part():
+    """Its actual home differs from that of the mission."""
     fence = square(-2.5, -2.5, 60, 60)
     chosen = mission(
         square(4, 14, 30, 24), fence, strategy="swath", mounting="gimbal", altitude_m=14.0,

@@ -1,7 +1,7 @@
-"""Pilots who change the mode at random moments, whatever ours do: none is taken back.
+"""Pilots who change the mode at random moments: no vehicle is taken back from them.
 
-On the wire of the bundled simulator, both flavours. What has been sent before the service could
-hear of the pilot may cross his switch: that is counted, and bounded by the rate of heartbeats.
+They fly on the wire of the bundled simulator, in both flavours. A command sent before the service
+could receive the new mode may cross it. The test counts these; the heartbeat rate bounds them.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from tests.support.small_missions import square
 from uavmap.aircraft.control import EARLIER_MODE_AFTER_S
 
 FLIGHTS = 25
-"""For each flavour; with 150, 212 pilots turned a switch and none was crossed."""
-HEARD_S = 0.25
-"""Heartbeats come five times a second, and a step of the simulator later they are heard."""
+"""Flights for each flavour; in 150 flights 212 pilots turned a switch and none was crossed."""
+NOTICED_S = 0.25
+"""Time within which the service receives a new mode, s: heartbeats come five times a second."""
 COPTER = ("LAND", "RTL", "LOITER", "BRAKE", "POSHOLD", "STABILIZE")
 PX4 = ("POSITION", "ALTITUDE", "HOLD", "RTL", "LAND", "STABILIZED")
 MODE_COMMANDS = (
@@ -40,7 +40,7 @@ HOUSE = square(10, 24, 30, 6)
 """No-fly area between the far side and home."""
 
 Scene = Callable[[Flight], Awaitable[asyncio.Future[None] | None]]
-"""Returns what goes on until the end of the flight."""
+"""Return the events until the end of the flight."""
 
 
 async def far_side(flight: Flight) -> None:
@@ -121,11 +121,11 @@ class Turned:
     scene: str
     mode: str
     crossed: bool = False
-    """A command of ours was on its way when he turned the switch."""
+    """A command of the service was on its way when the pilot turned the switch."""
 
 
 def turn(flight: Flight, mode: Mode | Px4Mode) -> None:
-    """The pilot turns the switch; where the simulator has nobody at the sticks it is put there."""
+    """Turn the switch for the pilot; without sticks in the simulator set the mode directly."""
     if isinstance(mode, Px4Mode):
         flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
     else:
@@ -136,7 +136,7 @@ def turn(flight: Flight, mode: Mode | Px4Mode) -> None:
 
 
 async def flown(flight: Flight, dice: random.Random, names: tuple[str, ...]) -> Turned | None:
-    """One pilot; None where he turned to the mode that it was in."""
+    """Fly with one pilot; return None where the pilot chose the mode that it was in."""
     px4 = names is PX4
     modes = {member.name: member for member in (Px4Mode if px4 else Mode)}
     wanted = modes[dice.choice([name for name in names if name in modes])]
@@ -168,16 +168,16 @@ async def turned_in(
         if getattr(message, "command", None) in MODE_COMMANDS
     ]  # fmt: skip
     found.crossed = bool(changing)
-    assert all(sent_s - turned_s <= HEARD_S for sent_s in changing), (found, changing, turned_s)
+    assert all(sent_s - turned_s <= NOTICED_S for sent_s in changing), (found, changing, turned_s)
     if found.crossed:
         return found
     assert flight.seen(Overridden), found
-    heard_s = flight.seen(Overridden)[0].t_s
-    # the mode before a request is his only once the request must have been carried out
+    received_s = flight.seen(Overridden)[0].t_s
+    # a mode before a request counts as the pilot's once the request must have been carried out
     back = asked is not None and asked.before == wanted
-    assert heard_s - turned_s <= HEARD_S + back * (EARLIER_MODE_AFTER_S + HEARD_S), found
+    assert received_s - turned_s <= NOTICED_S + back * (EARLIER_MODE_AFTER_S + NOTICED_S), found
     late = [sent_s for sent_s, message in flight.sent[index:]
-            if sent_s > heard_s + 1e-6 and message in flight.commands_after(index)]  # fmt: skip
+            if sent_s > received_s + 1e-6 and message in flight.commands_after(index)]  # fmt: skip
     assert not late, found
     assert flight.vehicle.truth.mode == wanted or not flight.vehicle.truth.armed, found
     return found

@@ -1,4 +1,4 @@
-"""Tables of classes: what they may hold."""
+"""Tables of classes: valid and invalid entries."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from missions.mission.sections import DetectorSection
         ({"oil": {"number": 1, "color": 3}}, "not permitted"),
     ],
 )
-def test_table_of_classes_that_means_nothing_is_refused(table: dict[str, Any], why: str) -> None:
+def test_invalid_table_of_classes_is_refused(table: dict[str, Any], why: str) -> None:
     with pytest.raises(ValidationError, match=why):
         Classes.model_validate(table)
 

@@ -1,4 +1,4 @@
-"""What the journal holds: every event and its text, and texts that are none."""
+"""Entries of the journal: every event and its text, and invalid texts."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ tracks = st.builds(
 
 
 def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
-    """Something for every field of an event."""
+    """Return a strategy of values for every field of an event."""
     of_type: dict[object, st.SearchStrategy[object]] = {
         int: st.integers(1, 50),
         float: finite,
@@ -106,7 +106,7 @@ def test_an_event_is_the_same_after_its_text_a_line_that_names_its_kind(event):
     assert values["t_s"] == event.t_s
 
 
-def test_what_comes_from_a_vehicle_says_which_and_when():
+def test_event_of_a_vehicle_has_its_number_and_time():
     for kind in typing.get_args(events.VehicleEvent):
         assert [field.name for field in dataclasses.fields(kind)][:2] == ["vehicle", "t_s"]
 
@@ -128,15 +128,15 @@ def test_the_text_of_a_frame_is_as_journals_have_it():
     assert to_json(event) == text
 
 
-def test_a_frame_from_anywhere_says_that_it_has_no_vantage():
+def test_frame_from_anywhere_is_marked_as_without_a_vantage():
     text = '{"vehicle":2,"t_s":31.25,"vantage":null,"votes":[],"kind":"frame_seen"}'
     assert from_json(text) == FrameSeen(2, 31.25, None, ())
     assert to_json(FrameSeen(2, 31.25, None, ())) == text
-    with pytest.raises(ValueError, match="vantage"):  # to leave it out says nothing
+    with pytest.raises(ValueError, match="vantage"):  # a missing vantage is an error
         from_json(text.replace('"vantage":null,', ""))
 
 
-def test_cells_and_points_come_back_as_what_they_were():
+def test_cells_and_points_come_back_with_their_types():
     seen = from_json(to_json(FrameSeen(1, 0.0, Cell(1, 2), (Vote(Cell(1, 2), True, 1.0),))))
     assert isinstance(seen, FrameSeen)
     assert isinstance(seen.vantage, Cell)
@@ -192,7 +192,7 @@ def test_a_text_that_is_no_unicode_is_refused():
         '{"vehicle":1,"t_s":2.5,"vantage":[1],"votes":[],"kind":"frame_seen"}',
     ],
 )
-def test_what_is_no_event_is_an_error_and_not_a_guess(text):
+def test_text_that_is_no_event_is_an_error_and_not_a_guess(text):
     with pytest.raises(ValueError):  # noqa: PT011 - pydantic's, whose words are its own
         from_json(text)
 

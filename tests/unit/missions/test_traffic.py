@@ -1,4 +1,4 @@
-"""When a team holds for aircraft of others, comes home, and goes on."""
+"""A team holds for aircraft of others, comes home, and continues."""
 
 import math
 
@@ -81,7 +81,7 @@ def test_distance_of_zero_shows_traffic_and_does_nothing():
     assert (len(shown.tracks), shown.answer) == (1, Answer.GO_ON)
 
 
-def test_ignored_traffic_holds_nobody_another_does():
+def test_ignored_traffic_holds_no_vehicle_and_another_does():
     held = Traffic().with_tracks([track(0.0, 900.0, (0.0, 50.0))]).with_answer(RULE, TEAM, 0.0)
     free = held.ignoring().with_answer(RULE, TEAM, 1.0)
     assert free.answer is Answer.GO_ON

@@ -23,7 +23,7 @@ def test_neighbours_go_round_with_the_clock_from_north():
 
 # --- rotations -------------------------------------------------------------------------------
 def turned(axis: int, angle: float) -> np.ndarray:
-    """A turn about one axis of forward, right, down, written out."""
+    """Return the matrix of a turn about one axis of forward, right, down, written out."""
     cos, sin = math.cos(angle), math.sin(angle)
     matrix = np.eye(3)
     first, second = [(1, 2), (2, 0), (0, 1)][axis]
@@ -52,6 +52,6 @@ def test_every_error_of_a_user_is_of_one_tree():
     assert all(issubclass(kind, errors.UavmapError) for kind in ALL)
 
 
-def test_leaves_keep_what_is_no_exception_of_ours():
+def test_leaves_keep_exceptions_of_others():
     interrupt = KeyboardInterrupt()
     assert errors.leaves(BaseExceptionGroup("", [interrupt])) == [interrupt]

@@ -21,7 +21,7 @@ PATIENCE = 16  # requests without an answer
 
 
 def plain_vehicle(system_id=1, world=None, **spec):
-    """A vehicle with nothing to see below it, just switched on."""
+    """Return a vehicle with nothing to see below it, just switched on."""
     return SimVehicle(
         VehicleSpec(system_id, ORIGIN, **spec), world or World(WorldSpec(ORIGIN, 600.0, ()))
     )
@@ -34,7 +34,7 @@ def decoded(jpeg, flags=cv2.IMREAD_GRAYSCALE):
 
 
 class Client:
-    """Speaks to a vehicle in bytes, remembers every message with the time it came."""
+    """A client of a vehicle in bytes, which keeps every message with its time of arrival."""
 
     def __init__(self, vehicle):
         self.vehicle = vehicle
@@ -107,7 +107,7 @@ class Client:
         assert self.transfer(items, kind) == mav.MAV_MISSION_ACCEPTED
 
     def unread(self, kinds, seconds):
-        """The next message of some kinds that was not read yet, None if none comes in time."""
+        """Return the next unread message of some kinds; None if none comes in time."""
         for _ in range(round(seconds / 0.05) + 1):
             while self._read < len(self.log):
                 message = self.log[self._read][1]
@@ -118,7 +118,7 @@ class Client:
         return None
 
     def transfer(self, items, kind=0):
-        """The result of an upload, repeated as ground stations do; None without an answer."""
+        """Upload a mission as ground stations do; return the result, None without an answer."""
         self._read, silent = len(self.log), 0
         last = mav.MAVLink_mission_count_message(1, 1, len(items), kind)
         self.send(last)
@@ -129,14 +129,14 @@ class Client:
             elif m.get_type() != "MISSION_ACK":
                 silent, last = 0, items[m.seq]
             elif m.type == mav.MAV_MISSION_INVALID_SEQUENCE:
-                continue  # to a second copy; it goes on asking
+                continue  # to a second copy; it continues to ask
             else:
                 return int(m.type)
             self.send(last)
         return None
 
     def fetch(self, kind=0, exact=True):
-        """A list of items; None when the client knows that it has not got all."""
+        """Return a list of items; None if the client knows that some are missing."""
         self._read = len(self.log)
         count = self._ask(mav.MAVLink_mission_request_list_message(1, 1, kind), "MISSION_COUNT")
         item, build = "MISSION_ITEM_INT", mav.MAVLink_mission_request_int_message
@@ -171,7 +171,7 @@ class Client:
         return [m for _, m in self.log[begin:]]
 
     def watch(self, seconds):
-        """Where it is, and its truth, after each step."""
+        """Return its place and its truth after each step."""
         seen = []
         self.run(seconds, lambda: seen.append((self.where, self.vehicle.truth)))
         return seen
@@ -207,13 +207,13 @@ class Client:
 
 
 def speed_m_s(truth):
-    """Over ground."""
+    """Return the speed over ground."""
     return math.hypot(*truth.velocity_m_s[:2])
 
 
 @pytest.fixture
 def make_client():
-    """Client of a fresh vehicle: `make_client(world={...}, **vehicle)`."""
+    """Return a maker of clients of fresh vehicles: `make_client(world={...}, **vehicle)`."""
 
     def make(world=None, **vehicle):
         settings = {"patches": (), "seed": 7, **(world or {})}
@@ -226,7 +226,7 @@ def make_client():
 
 @pytest.fixture
 def ready(make_client):
-    """Client of a vehicle that has found its position."""
+    """Return the client of a vehicle that has found its position."""
     client = make_client()
     client.run(6.0)
     return client
@@ -234,7 +234,7 @@ def ready(make_client):
 
 @pytest.fixture
 def flying(make_client):
-    """Client of a vehicle that hovers at 12 m, in GUIDED."""
+    """Return the client of a vehicle that hovers at 12 m, in GUIDED."""
     client = make_client()
     client.take_off()
     return client
@@ -242,6 +242,6 @@ def flying(make_client):
 
 @pytest.fixture
 def square():
-    """A ROI of 20 m by 20 m, its south-west corner at the origin."""
+    """Return a ROI of 20 m by 20 m, its south-west corner at the origin."""
     plane = World(WorldSpec(ORIGIN, 600.0, ())).plane
     return Patch(tuple(plane.to_wgs84(e, n) for e, n in ((0, 0), (20, 0), (20, 20), (0, 20))))

@@ -1,4 +1,4 @@
-"""Simulated vehicles with what a client does to them, for the tests on virtual time."""
+"""Simulated vehicles with a client, for the tests on virtual time."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ MAIN = {
 class Piloted(Vehicle):
     @property
     def where(self):
-        """East and north of where the first vehicle stood, in truth."""
+        """True place east and north of the start of the first vehicle, m."""
         return self._vehicle.world.plane.to_plane(self.truth.position)
 
     @property
     def reported(self):
-        """The same by GLOBAL_POSITION_INT."""
+        """Place by GLOBAL_POSITION_INT, m."""
         m = self.ask("GLOBAL_POSITION_INT")
         return self._vehicle.world.plane.to_plane(LatLon(m.lat / 1e7, m.lon / 1e7))
 
@@ -55,11 +55,11 @@ class Piloted(Vehicle):
         return round(at.lat_deg * 1e7), round(at.lon_deg * 1e7)
 
     def received(self, *kinds):
-        """What was sent since the last call, of some kinds or of all."""
+        """Return the messages since the last call, of some kinds or of all."""
         return [m for m in self.receive() if not kinds or m.get_type() in kinds]
 
     def during(self, seconds, *kinds):
-        """What is sent in the next seconds."""
+        """Return the messages of the next seconds."""
         self.receive()
         self.run(seconds)
         return self.received(*kinds)
@@ -67,18 +67,18 @@ class Piloted(Vehicle):
     def texts(self):
         return [m.text for m in self.received("STATUSTEXT")]
 
-    def said(self, text):
+    def expect_text(self, text):
         while text not in self.expect("STATUSTEXT").text:
             pass
 
     def ask(self, kind):
-        """The message as it is now."""
+        """Request a message and return it."""
         self.receive()
         message_id = getattr(mav, f"MAVLINK_MSG_ID_{kind}")
-        self.give(mav.MAV_CMD_REQUEST_MESSAGE, message_id)
+        self.send_command(mav.MAV_CMD_REQUEST_MESSAGE, message_id)
         return self.received(kind)[0]
 
-    def give(self, command, *p, component=1):
+    def send_command(self, command, *p, component=1):
         """Send a command without waiting for its answer."""
         p = (*p, *([0.0] * (7 - len(p))))
         self.send(mav.MAVLink_command_long_message(self.system_id, component, command, 0, *p))
@@ -106,7 +106,7 @@ class Piloted(Vehicle):
     # --- a PX4 ----------------------------------------------------------------------------------
 
     def set_mode(self, name):
-        """The commander's answer; the receiver's, before it, is always yes."""
+        """Set a mode; return the commander's answer, the second: the receiver's is always yes."""
         assert self.command(SET_MODE, 1, *MAIN[name]) == ACCEPTED
         return self.expect("COMMAND_ACK", timeout_s=0.1, command=SET_MODE).result
 
@@ -142,14 +142,14 @@ class Piloted(Vehicle):
 
 
 def piloted(**setup):
-    """A fleet on the ground."""
+    """Return a fleet on the ground."""
     fleet = Fleet(Setup(**{"gps_sigma_m": 0.0, **setup}))
     fleet.vehicles = tuple(Piloted(fleet, vehicle) for vehicle in fleet._simulated)
     return fleet
 
 
 def px4(*, wind_m_s=0.0, station=False, **quirks):
-    """One that has found its position; `station`: its client is a ground station."""
+    """Return a vehicle that has found its position; `station`: its client is a ground station."""
     (vehicle,) = piloted(autopilot="px4", wind_speed_m_s=wind_m_s, quirks=Quirks(**quirks))
     vehicle.run(6.0)
     if station:
@@ -159,7 +159,7 @@ def px4(*, wind_m_s=0.0, station=False, **quirks):
 
 
 def fleet_in_the_air(autopilot, **setup):
-    """Ten metres up, in GUIDED or Hold."""
+    """Return a fleet ten metres up, in GUIDED or Hold."""
     setup = {"optical_flow": True, "quirks": Quirks(home_moves_m=0.0), **setup}
     fleet = piloted(autopilot=autopilot, **setup)
     fleet.run(6.0)
@@ -180,7 +180,7 @@ def in_the_air(autopilot, **setup):
 
 
 def local(x, y, z, mask=0xDF8, frame=1, velocity=(0.0, 0.0, 0.0)):
-    """A setpoint of the offboard stream."""
+    """Return a setpoint of the offboard stream."""
     return mav.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, frame, mask, x, y, z, *velocity, 0, 0, 0, 0, 0
     )

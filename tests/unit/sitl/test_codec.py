@@ -23,7 +23,7 @@ BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
 
 
 def values_of(kind, at):
-    """What may stand in a field: any bits of its type, and often nothing but zeros."""
+    """Draw a value of a field: any bits of its type, and often zeros."""
     name, length = kind.fieldtypes[at], kind.array_lengths[kind.orders[at]]
     if name == "float":
         one = st.one_of(st.just(0.0), st.just(-0.0), st.floats(width=32))
@@ -43,11 +43,11 @@ def test_a_frame_is_pymavlinks_frame(name, data):
     kind, count = getattr(mav, f"MAVLink_{name}_message"), KINDS[name]
     fields = [data.draw(values_of(kind, at)) for at in range(count)]
     system, component = data.draw(st.integers(1, 255)), data.draw(st.integers(1, 255))
-    theirs, ours = mav.MAVLink(None, system, component), Packer(system, component)
+    others, ours = mav.MAVLink(None, system, component), Packer(system, component)
     flat = [x for field in fields for x in (field if isinstance(field, list) else [field])]
     for sequence in range(2):
-        theirs.seq = sequence
-        assert ours.pack(getattr(codec, name)(*flat)) == kind(*fields).pack(theirs)
+        others.seq = sequence
+        assert ours.pack(getattr(codec, name)(*flat)) == kind(*fields).pack(others)
 
 
 def test_every_frame_of_a_flight_is_pymavlinks_frame(make_client):

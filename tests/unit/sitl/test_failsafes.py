@@ -27,7 +27,7 @@ def beat(client, seconds, kind=mav.MAV_TYPE_GCS):
         client.run(1.0)
 
 
-def test_nothing_is_enabled_that_is_not_on_the_real_one(flying):
+def test_failsafe_that_is_disabled_on_a_real_autopilot_does_not_act(flying):
     beat(flying, 2)
     flying.run(20.0)
     assert last_heartbeat(flying).custom_mode == GUIDED
@@ -87,7 +87,7 @@ def test_a_silent_ground_station_brings_it_home(make_client):
     client = make_client()
     client.put(FS_GCS_ENABLE=1)
     client.take_off()
-    client.run(10.0)  # never heard: no failsafe
+    client.run(10.0)  # never received: no failsafe
     assert last_heartbeat(client).custom_mode == GUIDED
     beat(client, 3)
     begin_s = client.vehicle.t_s - 1.0
@@ -112,7 +112,7 @@ def test_a_silent_ground_station_brings_it_home(make_client):
         ({"FS_GCS_ENABLE": 1}, 8, mav.MAV_TYPE_ONBOARD_CONTROLLER, RTL),
     ],
 )
-def test_its_ground_station_is_known_by_its_number(make_client, settings, beats, kind, then):
+def test_ground_station_is_known_by_its_number(make_client, settings, beats, kind, then):
     client = make_client()
     client.put(**settings)
     client.take_off()
@@ -121,7 +121,7 @@ def test_its_ground_station_is_known_by_its_number(make_client, settings, beats,
     assert last_heartbeat(client).custom_mode == then
 
 
-def test_without_satellites_it_lands_after_eight_seconds(make_client):
+def test_vehicle_without_satellites_lands_after_eight_seconds(make_client):
     client = make_client(world={"wind_speed_m_s": 3.0, "wind_from_deg": 270.0})
     client.every(mav.MAVLINK_MSG_ID_GPS_RAW_INT, 0.5)
     client.every(mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 0.5)
@@ -145,7 +145,7 @@ def test_without_satellites_it_lands_after_eight_seconds(make_client):
     assert client.result(ARM, 1) == 4
 
 
-def test_loss_of_radio_control(flying):
+def test_loss_of_radio_control_returns(flying):
     flying.vehicle.fail.rc()
     flying.run(1.0)
     assert last_heartbeat(flying).custom_mode == RTL
@@ -157,7 +157,7 @@ def test_loss_of_radio_control(flying):
 
 
 def fence(client, *zones):
-    """Zones: (command, first parameter, corners in metres)."""
+    """Set zones: (command, first parameter, corners in metres)."""
     rows = [(command, 0, (p,), corner, 0) for command, p, corners in zones for corner in corners]
     client.upload(rows, kind=1)
 
@@ -166,7 +166,7 @@ INSIDE, OUTSIDE_OF, OUTSIDE_CIRCLE = 5001, 5002, 5004
 SQUARE = ((-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0))
 
 
-def test_targets_outside_the_fence_are_dropped_without_a_word(flying):
+def test_targets_outside_the_fence_are_dropped_silently(flying):
     hole = ((5.0, 5.0), (15.0, 5.0), (15.0, 15.0), (5.0, 15.0))
     fence(flying, (INSIDE, 4.0, SQUARE), (OUTSIDE_OF, 4.0, hole),
           (OUTSIDE_CIRCLE, 3.0, ((-10.0, 0.0),)))  # fmt: skip
@@ -195,8 +195,8 @@ def test_a_breach_acts_once(make_client, action, mode):
     client.target(25.0, 0.0, 12.0)
     fence(client, (INSIDE, 4.0, SQUARE))
     assert client.result(207, 1) == 0
-    told = [m.param_id for m in client.run(0.1) if m.get_type() == "PARAM_VALUE"]
-    assert "FENCE_ENABLE" in told
+    reported = [m.param_id for m in client.run(0.1) if m.get_type() == "PARAM_VALUE"]
+    assert "FENCE_ENABLE" in reported
     client.run(1.0)
     assert client.seen("FENCE_STATUS")[-1].breach_status == 0
     while client.where[0] < 20.0:
@@ -213,7 +213,7 @@ def test_a_breach_acts_once(make_client, action, mode):
     assert last_heartbeat(client).custom_mode == GUIDED
 
 
-def test_height_and_radius(make_client):
+def test_fence_of_height_and_radius_refuses_targets_and_returns(make_client):
     client = make_client()
     client.put(FENCE_ENABLE=1, FENCE_RADIUS=30.0, FENCE_ALT_MAX=40.0)
     client.take_off()

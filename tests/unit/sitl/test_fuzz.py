@@ -16,7 +16,7 @@ def answers(client):
     return "AUTOPILOT_VERSION" in [m.get_type() for m in messages]
 
 
-# in the air garbage that is well addressed would fly it
+# in the air garbage with the right address would fly it
 @pytest.mark.parametrize(("at", "addressed"), [("flying", False), ("ready", True)])
 def test_garbage_does_no_harm(request, at, addressed):
     client = request.getfixturevalue(at)
@@ -29,7 +29,7 @@ def test_garbage_does_no_harm(request, at, addressed):
 
 
 @pytest.mark.parametrize("wrong_target", [True, False])
-def test_every_message_type(ready, wrong_target):
+def test_every_message_type_does_no_harm(ready, wrong_target):
     before = condition(ready.vehicle)
     for seed in range(8):
         for frame in Hostile(seed).every_type(wrong_target):
@@ -39,7 +39,7 @@ def test_every_message_type(ready, wrong_target):
     assert answers(ready)
 
 
-def test_one_byte_at_a_time(make_client):
+def test_bytes_one_at_a_time_give_the_same_answers(make_client):
     whole, bits = make_client(), make_client()
     packer = Packer(255, 190)
     data = b"".join(
@@ -49,7 +49,7 @@ def test_one_byte_at_a_time(make_client):
     assert b"".join(bits.vehicle.receive(data[i : i + 1]) for i in range(len(data))) == together
 
 
-def test_garbage_on_a_bad_and_signed_link(ready):
+def test_garbage_on_a_bad_and_signed_link_does_no_harm(ready):
     ready.send(mav.MAVLink_setup_signing_message(1, 1, [7] * 32, 10))
     ready.vehicle.fail.link(0.1, 0.1, 0.1, 0.05, 0.1, 0.1)
     outcome = bombard(ready.vehicle, SIZE // 4, seed=3, well_addressed=True)

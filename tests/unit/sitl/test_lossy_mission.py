@@ -37,7 +37,7 @@ def fly_through(make_client, seed, autopilot="ardupilot", **bad):
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize("seed", range(3))
-def test_a_fifth_lost_each_way_with_jitter(make_client, seed, autopilot):
+def test_mission_with_a_fifth_lost_each_way_arrives_whole(make_client, seed, autopilot):
     ended, fetched, kept = fly_through(make_client, seed, autopilot, loss=0.2, jitter_s=0.1)
     if ended == GOOD:
         assert places(kept) == places(survey())
@@ -56,7 +56,7 @@ def test_a_fifth_lost_each_way_with_jitter(make_client, seed, autopilot):
         {"reorder": 0.5},
     ],
 )
-def test_other_bad_radios(make_client, bad):
+def test_mission_over_other_bad_radios_arrives_whole(make_client, bad):
     ended, fetched, kept = fly_through(make_client, 1, **bad)
     assert ended == GOOD
     assert places(fetched) == places(kept) == places(survey())
@@ -86,12 +86,12 @@ def test_late_copies_of_the_count_cost_no_items(ready):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_radio_that_hardly_works_never_says_good_of_a_part(make_client, seed):
+def test_mission_that_arrived_in_part_is_never_acknowledged(make_client, seed):
     ended, _, kept = fly_through(make_client, seed, loss=0.75, jitter_s=0.1)
     assert ended != GOOD or places(kept) == places(survey())
 
 
-def test_a_link_that_breaks_is_refused_aloud(ready):
+def test_upload_over_a_broken_link_is_refused(ready):
     ready.vehicle.fail.link(delay_s=0.1)
     ready.vehicle.fail.link(silent=True, way="up", after_s=3.0)
     assert ready.transfer(survey()) == CANCELLED  # after 8 s

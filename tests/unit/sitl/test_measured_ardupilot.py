@@ -1,7 +1,7 @@
-"""What a real ArduCopter 4.6 was measured to do, and the simulated one does: a fact each.
+"""Measured behaviour of a real ArduCopter 4.6, which the simulated one shows: a fact each.
 
-The speed that is lost with a change of the guided submode is in `test_sitl_flight`, a camera that
-still captures in `test_sitl_camera`.
+`test_sitl_flight` has the speed that a change of the guided submode loses. `test_sitl_camera` has
+the camera that still captures.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ def copter(autopilot="ardupilot", ready_after_s=5.0, **quirks):
 
 
 def ask_camera(vehicle, command, *p):
-    """What a command to component 100 is answered by whom."""
+    """Return the answers to a command to component 100, and their senders."""
     vehicle.receive()
-    vehicle.give(command, *p, component=mav.MAV_COMP_ID_CAMERA)
+    vehicle.send_command(command, *p, component=mav.MAV_COMP_ID_CAMERA)
     return [(m.get_srcComponent(), m.result) for m in vehicle.received("COMMAND_ACK")]
 
 
 # --- arming --------------------------------------------------------------------------------------
-def test_who_would_not_arm_says_why_every_30_seconds():
+def test_vehicle_that_would_not_arm_reports_the_reason_every_30_seconds():
     vehicle = copter(ready_after_s=95.0)
     vehicle.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
-    said_s = []
+    sent_s = []
     for _ in range(140):
-        said_s += [
+        sent_s += [
             vehicle.t_s for m in vehicle.during(1.0, "STATUSTEXT") if m.text.startswith("PreArm")
         ]
-    assert said_s == pytest.approx([30.0, 60.0, 90.0], abs=1.1)
+    assert sent_s == pytest.approx([30.0, 60.0, 90.0], abs=1.1)
 
 
 # --- cameras -------------------------------------------------------------------------------------
@@ -47,11 +47,11 @@ def test_an_autopilots_own_camera_answers_as_the_autopilot_and_shows_no_picture(
     vehicle = copter(camera="autopilot")
     vehicle.run(6.0)
     assert ask_camera(vehicle, START, 0, 1.0, 0, 0) == [(1, ACCEPTED)]
-    heard = vehicle.during(5.0)
-    kinds = [m.get_type() for m in heard]
+    arrived = vehicle.during(5.0)
+    kinds = [m.get_type() for m in arrived]
     assert kinds.count("CAMERA_FEEDBACK") >= 4
     assert "CAMERA_IMAGE_CAPTURED" not in kinds
-    assert {m.get_srcComponent() for m in heard} == {1}
+    assert {m.get_srcComponent() for m in arrived} == {1}
     assert ask_camera(vehicle, STOP) == [(1, ACCEPTED)]
     assert not vehicle.during(5.0, "CAMERA_FEEDBACK")
     vehicle.send(mav.MAVLink_param_request_read_message(1, 1, b"CAM1_TYPE", -1))
@@ -63,7 +63,7 @@ def test_only_an_ardupilot_has_a_camera_of_its_own():
         copter("px4", camera="autopilot")
 
 
-def test_without_a_camera_an_ardupilot_refuses_for_it_and_a_px4_does_not_answer():
+def test_request_to_a_missing_camera_is_refused_by_ardupilot_and_unanswered_by_px4():
     vehicle, px4 = copter(camera="none"), copter("px4", camera="none")
     for one in (vehicle, px4):
         one.run(6.0)
@@ -73,7 +73,7 @@ def test_without_a_camera_an_ardupilot_refuses_for_it_and_a_px4_does_not_answer(
     assert px4.command(START, 0, 1.0, 0, 0) == UNSUPPORTED
 
 
-def test_a_camera_with_a_clock_of_its_own_that_tells_no_pose():
+def test_camera_with_a_clock_of_its_own_reports_no_pose():
     vehicle = copter(camera_clock_s=-3.5, camera_tells_pose=False)
     vehicle.run(6.0)
     ask_camera(vehicle, START, 0, 1.0, 1, 1)
@@ -91,14 +91,14 @@ def test_heartbeats_come_at_a_requested_interval_and_at_once_with_a_mode():
     assert vehicle.command(511, 0, 200_000) == ACCEPTED
     beats = [m for m in vehicle.during(4.0, "HEARTBEAT") if m.get_srcComponent() == 1]
     assert len(beats) == 20
-    vehicle.give(176, 1, Mode.GUIDED)
+    vehicle.send_command(176, 1, Mode.GUIDED)
     (beat,) = vehicle.received("HEARTBEAT")
     assert beat.custom_mode == Mode.GUIDED
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_one_without_a_landed_state_refuses_to_tell_it(autopilot):
-    """EXTENDED_SYS_STATE is in no stream of an ArduPilot, and some links never carry it."""
+def test_autopilot_without_a_landed_state_refuses_to_report_it(autopilot):
+    """No stream of an ArduPilot has EXTENDED_SYS_STATE, and some links never carry it."""
     vehicle = copter(autopilot, landed_state=False)
     assert vehicle.command(511, 245, 200_000) == DENIED
     assert vehicle.during(5.0, "EXTENDED_SYS_STATE") == []
@@ -107,7 +107,7 @@ def test_one_without_a_landed_state_refuses_to_tell_it(autopilot):
 # --- clocks --------------------------------------------------------------------------------------
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize("ppm", [0.0, 2000.0, -2000.0])
-def test_a_clock_that_drifts(autopilot, ppm):
+def test_clock_of_a_vehicle_drifts_as_configured(autopilot, ppm):
     vehicle = copter(autopilot, clock_ppm=ppm)
     vehicle.run(200.0)
     assert vehicle.command(511, 33, 100_000) == ACCEPTED
@@ -115,7 +115,7 @@ def test_a_clock_that_drifts(autopilot, ppm):
     assert boot_s == pytest.approx(vehicle.t_s * (1.0 + ppm * 1e-6), abs=0.005)
 
 
-def test_what_its_owner_has_set_holds_from_the_start():
+def test_parameters_of_the_owner_hold_from_the_start():
     vehicle = piloted(parameters={"RTL_ALT": 2500, "SIM_RC_FAIL": 1})[0]
     vehicle.send(mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
     assert vehicle.expect("PARAM_VALUE").param_value == 2500.0

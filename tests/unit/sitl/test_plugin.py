@@ -28,7 +28,7 @@ def outcome(done):
     return done.stdout.splitlines()[-1] + done.stderr
 
 
-def test_the_examples_of_the_documentation(tmp_path):
+def test_examples_of_the_documentation_pass(tmp_path):
     page = (ROOT / "docs" / "how-to" / "test-mavlink.md").read_text("utf-8")
     blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     text = "\n".join(block for block in blocks if "def test_" in block or "import" in block)
@@ -38,7 +38,7 @@ def test_the_examples_of_the_documentation(tmp_path):
     assert f"{tests} passed" in outcome(done), done.stdout
 
 
-def test_nothing_heavy_is_imported_until_a_vehicle_is_asked_for(tmp_path):
+def test_heavy_modules_are_imported_only_with_a_vehicle(tmp_path):
     done = run_pytest(
         tmp_path,
         """
@@ -56,7 +56,7 @@ def test_with(sitl):
     assert "2 passed" in outcome(done), done.stdout
 
 
-def test_options_and_markers(tmp_path):
+def test_options_and_markers_set_up_the_vehicle(tmp_path):
     done = run_pytest(
         tmp_path,
         """
@@ -108,6 +108,6 @@ def test_a_setup_that_is_none_is_an_error_with_a_reason(tmp_path):
     done = run_pytest(tmp_path, "import pytest\n" + "\n".join(tests), "--tb=short")
     assert f"{len(WRONG)} errors" in outcome(done), done.stdout
     sections = re.split(r"_+ ERROR at setup of test_\d+ _+\n", done.stdout)[1:]
-    for said, section in zip(WRONG.values(), sections, strict=True):
+    for message, section in zip(WRONG.values(), sections, strict=True):
         (last, *_) = reversed([line for line in section.splitlines() if line.startswith("E ")])
-        assert said in last
+        assert message in last

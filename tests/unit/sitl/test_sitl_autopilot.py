@@ -24,11 +24,11 @@ def types(messages):
     return {m.get_type() for m in messages}
 
 
-def test_silent_but_for_heartbeats_until_asked(make_client):
+def test_vehicle_is_silent_but_for_heartbeats_until_asked(make_client):
     client = make_client()
     messages = client.run(30.0)
     assert types(messages) == {"HEARTBEAT", "TIMESYNC", "GPS_GLOBAL_ORIGIN", "HOME_POSITION"}
-    # one with the first step, then one every full second
+    # one in the first step, then one every full second
     assert len(client.seen("HEARTBEAT", 1)) == 31
     assert len(client.seen("HEARTBEAT", 100)) == 31
     assert len(client.seen("HOME_POSITION")) == 1
@@ -38,7 +38,7 @@ def test_silent_but_for_heartbeats_until_asked(make_client):
     assert client.seen("HEARTBEAT", 1)[-1].system_status == mav.MAV_STATE_STANDBY
 
 
-def test_becomes_ready_in_order(make_client):
+def test_vehicle_becomes_ready_in_order(make_client):
     client = make_client(ready_after_s=5.0)
     for message_id in (mav.MAVLINK_MSG_ID_SYS_STATUS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT):
         assert client.every(message_id, 0.1) == ACCEPTED
@@ -57,7 +57,7 @@ def test_becomes_ready_in_order(make_client):
     assert client.result(ARM, 1) == ACCEPTED
 
 
-def test_a_whole_flight(ready):
+def test_whole_flight_arms_flies_and_lands(ready):
     ready.every(mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 0.2)
     ready.every(mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT, 0.5)
     changed = ready.command(MODE, 1, 4)
@@ -117,7 +117,7 @@ def test_a_target_during_take_off_takes_over(ready):
     assert ready.where == pytest.approx((5.0, 0.0, 8.0), abs=0.3)
 
 
-def test_reposition_wants_a_command_int(flying):
+def test_reposition_needs_a_command_int(flying):
     result = flying.result(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, math.nan, 37.2, -80.4, 612)
     assert result == mav.MAV_RESULT_COMMAND_INT_ONLY
 
@@ -136,7 +136,7 @@ def test_modes_by_hand_with_centred_sticks_keep_the_height(make_client, mode):
 
 
 @pytest.mark.parametrize("mode", ["LOITER", "POSHOLD"])
-def test_without_radio_control_its_throttle_reads_zero(make_client, mode):
+def test_throttle_without_radio_control_reads_zero(make_client, mode):
     client = make_client(quirks=Quirks(stick=False))
     client.take_off()
     assert client.result(MODE, 1, Mode.STABILIZE) == FAILED
@@ -187,7 +187,7 @@ def test_the_nose_is_turned_in_flight_and_a_stream_only_followed_where_it_may(fl
     assert abs(flying.where[0]) < 0.1
 
 
-def test_who_is_addressed(make_client):
+def test_vehicle_answers_messages_to_its_own_numbers_alone(make_client):
     client = make_client()
     assert client.command(ARM, 1, system=2) == []
     assert client.command(ARM, 1, component=154) == []
@@ -215,7 +215,7 @@ def test_data_streams_need_no_ack(ready):
     assert "EXTENDED_SYS_STATE" not in kinds  # in no stream
 
 
-def test_requested_messages(make_client):
+def test_requested_message_is_sent_once(make_client):
     client = make_client()
     assert client.result(mav.MAV_CMD_REQUEST_MESSAGE, 242) == FAILED  # home not known yet
     client.run(6.0)
@@ -235,7 +235,7 @@ def test_requested_messages(make_client):
     assert version.capabilities & mav.MAV_PROTOCOL_CAPABILITY_MISSION_INT
 
 
-def test_small_talk(make_client):
+def test_ping_timesync_and_file_transfer_are_answered(make_client):
     client = make_client()
     client.run(2.0)
     (pong,) = client.send(mav.MAVLink_ping_message(123, 5, 0, 0))
@@ -264,8 +264,8 @@ def test_battery_messages_agree(make_client):
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_same_seed_and_bytes_same_bytes(make_client, autopilot):
-    """Through a bad link and without satellites, too."""
+def test_same_seed_and_bytes_give_the_same_bytes(make_client, autopilot):
+    """The bytes also agree through a bad link and without satellites."""
 
     def flight(seed):
         client = make_client(
@@ -305,7 +305,7 @@ def test_a_corrupt_frame_does_not_hide_the_next():
     link = mav.MAVLink(None, 255, 1)
     good = mav.MAVLink_ping_message(1, 2, 0, 0).pack(link)
     bad = bytearray(good)
-    bad[1] = 40  # claims to be longer than it is, swallowing the good frame behind it
+    bad[1] = 40  # its length covers the good frame behind it
     assert len(Framer().feed(bytes(bad) + good + bytes(64))) == 1
 
 
@@ -319,7 +319,7 @@ _HANDLED = [16, 20, 21, 22, 112, 115, 176, 178, 192, 400, 410, 510, 511, 512, 52
 @settings(max_examples=40)
 @given(data=st.data())
 def test_hostile_values_do_no_harm(data):
-    """Any numbers in any handled message: an answer or silence, and a state that stays sane."""
+    """Any numbers in any handled message give an answer or silence, and a sane state."""
     vehicle = plain_vehicle()
     vehicle.step(6.0)
     link = mav.MAVLink(None, 255, 1)

@@ -35,7 +35,7 @@ def take_off(vehicle, height_m=8.0):
     assert vehicle.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == 0
 
 
-def test_time_passes_only_when_it_is_told_to(threads, make):
+def test_time_passes_only_when_it_is_advanced(threads, make):
     (vehicle,) = make()
     assert vehicle.t_s == 0.0
     vehicle.run(1.23)
@@ -61,7 +61,7 @@ def test_messages_are_handed_out_once_in_order(make):
     assert vehicle.receive_bytes() == b""
 
 
-def test_what_does_not_come_says_why(make):
+def test_expectation_that_fails_reports_the_reason(make):
     (vehicle,) = make()
     assert vehicle.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mav.MAV_RESULT_FAILED
     with pytest.raises(TimeoutError, match=r"within 3 s .* STABILIZE, disarmed.* said: .*settling"):

@@ -1,6 +1,6 @@
 """Pictures of painted cells and of a meadow, rendered without the code under test; views of them.
 
-Corners go over WGS84 into a plane of true north and east, which knows nothing of UTM, and from
+Corners go over WGS84 into a plane of true north and east, without UTM, and from
 there along the camera's axes to pixels. Views have wrong tags.
 """
 
@@ -30,7 +30,7 @@ _FRACTION_BITS = 6
 
 
 def camera_axes(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    """Forward, right and down of the camera in NED, from turns about one axis at a time."""
+    """Return forward, right and down of the camera in NED, from turns about one axis each."""
     cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
     about_down = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     about_right = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
@@ -45,7 +45,7 @@ def nadir_pose(
     yaw_deg: float,
     tilt_deg: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Pose, np.ndarray]:
-    """A pose over a point of the fixed frame, and its axes (forward, right, down) in NED."""
+    """Return a pose over a point of the fixed frame, and its axes (forward, right, down) in NED."""
     roll, pitch = math.radians(tilt_deg[0]), math.radians(-90.0 + tilt_deg[1])
     yaw = math.radians(yaw_deg)
     pose = Pose(grid.position(over), height_m, Quaternion.from_euler(roll, pitch, yaw))
@@ -60,7 +60,7 @@ def paint(
     axes: np.ndarray,
     t_s: float = 0.0,
 ) -> np.ndarray:
-    """A bright picture with dark areas; their corners are in the moving frame."""
+    """Return a bright picture with dark areas; their corners are in the moving frame."""
     plane = LocalPlane(pose.position)
     focal = camera.width_px / 2 / math.tan(camera.hfov_rad / 2)
     image = np.full((camera.height_px, camera.width_px, 3), BRIGHT, np.uint8)
@@ -84,7 +84,7 @@ def decoded(jpeg: bytes) -> np.ndarray:
 
 
 def square(grid: Grid, cell: Cell) -> list[GridPoint]:
-    """The outline of a cell, from its centre and size alone."""
+    """Return the outline of a cell, from its centre and size alone."""
     e, n, h = cell.east * grid.cell_m, cell.north * grid.cell_m, grid.cell_m / 2
     return [GridPoint(e + a * h, n + b * h) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 
@@ -92,7 +92,7 @@ def square(grid: Grid, cell: Cell) -> list[GridPoint]:
 def photograph(
     texture: np.ndarray, pitch_m: float, grid: Grid, camera: Camera, pose: Pose, axes: np.ndarray
 ) -> np.ndarray:
-    """A picture of a gray texture that lies on the ground, its middle at the grid's origin.
+    """Return a picture of a gray texture on the ground, its middle at the grid's origin.
 
     `texture` has rows towards true north and columns towards true east, `pitch_m` apart.
     """
@@ -115,7 +115,7 @@ def photograph(
 
 
 def upside_down(frames: Sequence[Frame], grid: Grid) -> tuple[bool, ...]:
-    """For each frame, whether the others find it stored upside down."""
+    """Return for each frame whether the others show that it is stored upside down."""
     search = UprightSearch(grid, UprightSearch.pitch_for([f.pose.height_m for f in frames]))
     for frame in frames:
         search.add(search.patch(frame))
@@ -129,13 +129,13 @@ HEIGHT_M = 11.0
 
 @lru_cache
 def meadow(seed: int) -> np.ndarray:
-    """A tile of the simulator's ground, 51 m wide, that nowhere repeats."""
+    """Return a tile of the simulator's ground, 51 m wide, that nowhere repeats."""
     return ground_tile(np.random.default_rng(seed), 120.0, 30.0)[:TILE_PX, :TILE_PX]
 
 
 @dataclass(frozen=True)
 class Shot:
-    """Where a picture was truly taken, metres true east and north of the grid's origin.
+    """True place of a picture, metres true east and north of the grid's origin.
 
     `tilt_deg`: as in `nadir_pose`; the second leans the camera towards its bearing, the first then
     turns it about its axis.
@@ -150,7 +150,7 @@ class Shot:
     upside_down: bool = False
 
     def axes(self) -> np.ndarray:
-        """Columns right, down, forward of the picture as stored, in (east, north, up)."""
+        """Return columns right, down, forward of the picture as stored, in (east, north, up)."""
         roll, pitch = math.radians(self.tilt_deg[0]), math.radians(-90.0 + self.tilt_deg[1])
         forward, right, down = camera_axes(roll, pitch, math.radians(self.yaw_deg))
         if self.upside_down:
@@ -171,7 +171,7 @@ class Shot:
 
 
 def passes(columns: int, rows: int, step_m: float, seed: int) -> list[Shot]:
-    """There and back, the camera never quite level, the height never quite kept."""
+    """Return shots there and back, with a camera not quite level and varying heights."""
     rng = np.random.default_rng(seed)
     shots = []
     for column in range(columns):
@@ -191,14 +191,14 @@ def passes(columns: int, rows: int, step_m: float, seed: int) -> list[Shot]:
 
 
 def view(name: str, shot: Shot, features: Features, rng: np.random.Generator) -> View:
-    """With a geotag 0.6 m off (standard deviation in one direction), and no other tag."""
+    """Return a view with a geotag 0.6 m off (standard deviation per axis), and no other tag."""
     focal_px = CAMERA.focal_px * features.width_px / CAMERA.width_px
     east_m, north_m = shot.east_m + rng.normal(0.0, 0.6), shot.north_m + rng.normal(0.0, 0.6)
     return View(name, features, Measured(focal_px, 0.03 * focal_px), "one", east_m, north_m, 3.0)
 
 
 def tagged(bare: View, shot: Shot, *, height: float = 1.0) -> View:
-    """The same with heading, height and tilt, as wrong as told."""
+    """Return such a view with heading, height and tilt, as wrong as given."""
     down = shot.axes().T @ np.array([0.0, 0.0, -1.0])
     upper = bearing(shot.axes()[None])[0]
     if shot.upside_down:  # the tags are those of the picture as it was taken
@@ -223,7 +223,7 @@ def made_up(
     again: tuple[tuple[float, float], tuple[float, float], float] | None = None,
     relief: Relief | None = None,
 ) -> list[View]:
-    """Views of points strewn on the ground, each with a word of its own: no picture is rendered.
+    """Return views of points strewn on the ground, each with a descriptor: without pictures.
 
     `again` = (from, to, half width): a square of ground whose points come a second time.
     """
@@ -254,7 +254,7 @@ def _strewn(
     rng: np.random.Generator,
     again: tuple[tuple[float, float], tuple[float, float], float] | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the ground, some 1.2 a square metre around the shots, and their words."""
+    """Return points of the ground around the shots, some 1.2 a square metre, and descriptors."""
     places = {(round(s.east_m / 10.0), round(s.north_m / 10.0)) for s in shots}
     tiles = sorted(
         {(e + i, n + j) for e, n in places for i in (-2, -1, 0, 1, 2) for j in (-2, -1, 0, 1, 2)}

@@ -19,7 +19,7 @@ from vision.camera import Camera, Lens, Model, distorted, project, straightening
 PLACES = [LatLon(48.0, 11.9), LatLon(-33.9, 147.3), LatLon(64.0, 8.9), LatLon(0.0, 9.0)]
 
 
-def test_footprint_and_angles_of_a_right_angled_camera() -> None:
+def test_footprint_and_angles_of_a_right_angled_camera_are_those_by_hand() -> None:
     camera = Camera(math.radians(90.0), 640, 480)
     assert camera.focal_px == pytest.approx(320.0)
     assert camera.footprint(40.0) == pytest.approx((80.0, 60.0))
@@ -28,7 +28,7 @@ def test_footprint_and_angles_of_a_right_angled_camera() -> None:
 @pytest.mark.parametrize(
     ("hfov_rad", "width_px", "height_px"), [(0.0, 640, 480), (math.pi, 640, 480), (1.0, 0, 480)]
 )
-def test_what_is_not_a_camera_is_refused(hfov_rad: float, width_px: int, height_px: int) -> None:
+def test_impossible_camera_is_refused(hfov_rad: float, width_px: int, height_px: int) -> None:
     with pytest.raises(ValueError, match=r"hfov_rad|no pixels"):
         Camera(hfov_rad, width_px, height_px)
 
@@ -65,7 +65,7 @@ def test_homography_agrees_with_a_projection_in_the_true_north_plane(
     point: tuple[float, float],
     t_s: float,
 ) -> None:
-    """The ground point goes over WGS84 into a plane that knows nothing of UTM."""
+    """The ground point goes over WGS84 into a plane without UTM."""
     grid = Grid.at(place, 4.0, drift_speed_m_s=0.4, drift_toward_deg=120.0)
     camera_at = grid.position(GridPoint(*off))
     ground = GridPoint(off[0] + point[0], off[1] + point[1])
@@ -95,12 +95,12 @@ LENSES = {
 
 
 def chequers(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A smooth pattern over the plane at distance 1."""
+    """Return a smooth pattern over the plane at distance 1."""
     return 128 + 60 * np.sin(9 * x) * np.cos(8 * y) + 40 * np.cos(5 * x + 4 * y)
 
 
 def taken(lens: Lens) -> np.ndarray:
-    """What the lens shows of the pattern: each pixel's ray is found by iteration."""
+    """Return the picture of the pattern by the lens; iteration finds each pixel's ray."""
     u, v = np.meshgrid(np.arange(WIDTH, dtype=float), np.arange(HEIGHT, dtype=float))
     pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
     matrix = np.array([[lens.fx_px, 0, lens.cx_px], [0, lens.fy_px, lens.cy_px], [0, 0, 1]])
@@ -126,7 +126,7 @@ def test_a_straightened_picture_is_that_of_its_pinhole(name: str) -> None:
     focal = plan.camera.focal_px
     expected = chequers((u - (WIDTH - 1) / 2) / focal, (v - (HEIGHT - 1) / 2) / focal)
     off = np.abs(image[:, :, 0].astype(float) - np.clip(expected, 0, 255))
-    assert off.max() < 8.0  # nothing past the rim, nothing moved
+    assert off.max() < 8.0  # nothing is past the rim, and nothing has moved
     assert off.mean() < 1.0
 
 
@@ -161,7 +161,7 @@ def test_a_pinhole_needs_no_straightening() -> None:
         ({"model": "fisheye"}, "coefficients"),
     ],
 )
-def test_what_is_no_lens_is_refused(change: dict[str, object], blamed: str) -> None:
+def test_impossible_lens_is_refused(change: dict[str, object], blamed: str) -> None:
     model: Model = "brown"
     values = {"fx_px": 100.0, "fy_px": 100.0, "cx_px": 80.0, "cy_px": 60.0, "model": model}
     with pytest.raises(ValueError, match=blamed):

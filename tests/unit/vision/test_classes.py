@@ -1,4 +1,4 @@
-"""Detectors that tell classes apart: which pixel is of which, and which are explored."""
+"""Detectors of several classes: the class of each pixel, and explored classes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def color(*region: str) -> Detector:
 
 
 def learned(*region: str) -> Detector:
-    """The region is reddish or greenish; the sign of red less green is of oil."""
+    """Return a learned model: the region is reddish or greenish, oil has red above green."""
     model = Model(
         features=("saturation", "red_green"),
         working_width_px=128,
@@ -51,7 +51,7 @@ def learned(*region: str) -> Detector:
 
 
 def onnx(*region: str) -> Detector:
-    """Channels: what is neither, then (2) red, (7) green."""
+    """Return an ONNX model with the channels: neither, then (2) red, (7) green."""
 
     def run(batch: np.ndarray) -> np.ndarray:
         red, green, blue = batch[0]
@@ -64,7 +64,7 @@ def onnx(*region: str) -> Detector:
 
 
 def picture() -> np.ndarray:
-    """Ground, then weed, then oil, each a third of the columns."""
+    """Return a picture of ground, weed and oil, each a third of the columns."""
     return np.hstack([np.full((96, 64, 3), colour, np.uint8) for colour in (GROUND, WEED, OIL)])
 
 

@@ -1,6 +1,6 @@
-"""The threshold does what the paper says; each detector does what its name says.
+"""The threshold follows the paper; each detector does as its name promises.
 
-What all of them promise: `tests.conformance.test_detectors`.
+`tests.conformance.test_detectors` has the promises of all detectors.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def test_bright_is_the_mirror_of_dark(seed: int, intensity: int, dilations: int)
 
 
 @pytest.mark.parametrize("exposure", [0.7, 1.0, 1.4])
-def test_paved_tells_asphalt_from_grass_at_any_exposure(exposure: float) -> None:
-    """Blue, green, red of asphalt, lawn, leaves; a shadow is too dark to be called anything."""
+def test_paved_distinguishes_asphalt_from_grass_at_any_exposure(exposure: float) -> None:
+    """Blue, green, red of asphalt, lawn, leaves; a shadow is too dark for any class."""
     colours = np.array([[(165, 155, 160), (85, 150, 130), (60, 130, 90), (40, 38, 39)]])
     image = (colours * exposure).astype(np.uint8)
     assert make_detector("paved", dilations=0).mask(image).tolist() == [[255, 0, 0, 0]]
@@ -99,7 +99,7 @@ def test_adaptive_follows_the_light() -> None:
     assert np.count_nonzero(mask) < 2.5 * 100
 
 
-def test_color_tells_the_nearest_sample() -> None:
+def test_color_chooses_the_nearest_sample() -> None:
     red, brick, green = (30, 40, 200), (50, 70, 160), (60, 150, 60)
     image = np.array([[red, brick, green]], np.uint8)
     wide = make_detector("color", samples=[[200, 40, 30]], distance=60.0)
@@ -151,7 +151,5 @@ def test_a_hot_spot_stands_out_of_its_picture() -> None:
         ("index", {"kind": "ndwi", "value": 0.3}, "index ndwi above 0.3"),
     ],
 )
-def test_detector_describes_what_it_takes_for_region(
-    name: str, parameters: dict[str, Any], words: str
-) -> None:
+def test_detector_describes_its_region(name: str, parameters: dict[str, Any], words: str) -> None:
     assert region_in_words(DetectorSection(name=name, **{name: parameters})).find(words) >= 0

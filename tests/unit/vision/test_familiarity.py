@@ -1,4 +1,4 @@
-"""How familiar a pixel is: densities, and the kind that it is taken for."""
+"""Familiarity of pixels: densities, and the kind of each pixel."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_place_is_compared_with_the_kind_that_it_is_taken_for() -> None:
 
 @dataclass(frozen=True)
 class HalfBlind:
-    """A detector that takes all for region, and knows the left half of a picture only."""
+    """A detector that takes all for region, and is familiar with the left half only."""
 
     name: ClassVar[str] = "half blind"
     calibrated: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Where a marker is, on rendered pictures and in flight, and whether errors are as said."""
+"""Places of markers, on rendered pictures and in flight, and their stated errors."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ SPEC = CameraSpec(hfov_deg=78.0, width_px=320, height_px=240)
 CAMERA = Camera(math.radians(78.0), 320, 240)
 WORLD = World(WorldSpec(LatLon(37.2, -80.4), 600.0, (), tag_m=TAG_M, seed=3))
 ERRORS = SightingErrors(corner_px=0.02)
-TOLD_TILT = math.radians(1.0)
+STATED_TILT = math.radians(1.0)
 
 
 def seen(place, attitude, body, number=2, world=WORLD, seed=0):
-    """The picture of a marker at (east, north, up) of the camera."""
+    """Return the picture of a marker at (east, north, up) of the camera."""
     east, north, up = place
     tag = TagPose(number, east, north, 30.1 + up, body)
     return decoded(render(world, SPEC, Shot(0.0, 0.0, 30.0, attitude, 0.0, seed, tags=(tag,))))
@@ -53,7 +53,7 @@ def test_corners_are_exact_to_hundredths_of_a_pixel():
     assert (sigmas < 0.1).all()
 
 
-def test_nothing_is_found_where_nothing_is():
+def test_picture_without_a_marker_gives_none():
     bare = render(WORLD, SPEC, Shot(0.0, 0.0, 30.0, LEVEL, 0.0, 0))
     assert find_tags(decoded(bare)) == ()
     other = seen((0.0, 0.0, -BELOW_M), LEVEL, FLAT)
@@ -61,7 +61,7 @@ def test_nothing_is_found_where_nothing_is():
     assert find_tags(np.full((60, 80), 128, np.uint8)) == ()
 
 
-def test_a_number_that_is_there_twice_is_nobodys():
+def test_number_that_is_there_twice_is_of_no_vehicle():
     one, other = (TagPose(2, east, 0.0, 24.1, FLAT) for east in (-1.0, 1.0))
     shot = Shot(0.0, 0.0, 30.0, LEVEL, 0.0, 0, tags=(one, other))
     assert find_tags(decoded(render(WORLD, SPEC, shot))) == ()
@@ -70,7 +70,7 @@ def test_a_number_that_is_there_twice_is_nobodys():
 
 
 def drawn(rng):
-    """A geometry, what is told of it, and its picture."""
+    """Return a geometry, its reported values, and its picture."""
     reach = 0.4 * BELOW_M
     place = np.array([*rng.uniform(-reach, reach, 2), -BELOW_M * rng.uniform(0.8, 1.2)])
     tilt, lean = rng.normal(0.0, math.radians(3.0), (2, 2))
@@ -78,22 +78,22 @@ def drawn(rng):
     body = Quaternion.from_euler(*lean, yaws[1])
     taken = seen(place, SPEC.attitude(*tilt, yaws[0]), body, seed=int(rng.integers(1000)))
     off = rng.normal(0.0, [ERRORS.tilt_rad, ERRORS.tilt_rad, ERRORS.heading_rad])
-    told = SPEC.attitude(*(tilt + off[:2]), yaws[0] + off[2])
-    return taken, place, told, Carrier(*(lean + rng.normal(0.0, TOLD_TILT, 2)), TOLD_TILT)
+    reported = SPEC.attitude(*(tilt + off[:2]), yaws[0] + off[2])
+    return taken, place, reported, Carrier(*(lean + rng.normal(0.0, STATED_TILT, 2)), STATED_TILT)
 
 
 def place_of(sighting):
     return np.array([sighting.east_m, sighting.north_m, sighting.up_m])
 
 
-def test_errors_are_as_large_as_said():
-    """NEES over random geometries: 3 where the covariance is honest (chi square, 3 degrees)."""
+def test_errors_are_as_large_as_stated():
+    """NEES over random geometries is 3 where the covariance is honest (chi square, 3 degrees)."""
     rng = np.random.default_rng(2)
     squares = []
     for _ in range(40):
-        taken, place, told, carrier = drawn(rng)
+        taken, place, reported, carrier = drawn(rng)
         (found,) = find_tags(taken)
-        sighting = sight(found, CAMERA, told, TAG_M, carrier, ERRORS)
+        sighting = sight(found, CAMERA, reported, TAG_M, carrier, ERRORS)
         assert sighting is not None
         off = place_of(sighting) - place
         squares.append(off @ np.linalg.solve(sighting.covariance_m2, off))
@@ -101,11 +101,11 @@ def test_errors_are_as_large_as_said():
     assert 1.9 < np.mean(squares) < 4.5
 
 
-def test_what_fits_nothing_is_no_sighting():
+def test_marker_that_contradicts_its_attitude_is_no_sighting():
     (found,) = find_tags(seen((0.0, 0.0, -BELOW_M), LEVEL, FLAT))
-    level = Carrier(tilt_rad=TOLD_TILT)
+    level = Carrier(tilt_rad=STATED_TILT)
     assert sight(found, CAMERA, LEVEL, TAG_M, level, ERRORS) is not None
-    # a camera that is told to lean
+    # a camera with a reported lean
     leaning = SPEC.attitude(math.radians(20.0), 0.0, 0.0)
     assert sight(found, CAMERA, leaning, TAG_M, level, ERRORS) is None
     # a camera that looks at the sky
@@ -123,7 +123,7 @@ def _give(vehicle, place, height_m):
 
 
 def test_one_vehicle_sees_another_that_flies_below():
-    """Over MAVLink: what the camera announces and its JPEG are all that is known."""
+    """Over MAVLink only the announcements of the camera and its JPEG are known."""
     camera = replace(SPEC, exposure_s=0.002)
     fleet = Fleet(Setup(vehicles=2, gps_sigma_m=0.0, tag_m=TAG_M, camera=camera, seed=2))
     high, low = fleet
@@ -142,12 +142,12 @@ def test_one_vehicle_sees_another_that_flies_below():
             1, 100, mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 0, 0, 1, 1, 0, 0, 0
         )
     )
-    told = high.expect("CAMERA_IMAGE_CAPTURED", timeout_s=2.0)
+    reported = high.expect("CAMERA_IMAGE_CAPTURED", timeout_s=2.0)
     east, north = LocalPlane(high.truth.position).to_plane(low.truth.position)
     up = low.truth.height_m + 0.3 - (high.truth.height_m + 0.1)  # marker over feet, lens over feet
-    (found,) = find_tags(decoded(high.image(told.file_url)))
+    (found,) = find_tags(decoded(high.image(reported.file_url)))
     sighting = sight(
-        found, CAMERA, Quaternion(*told.q), TAG_M,
+        found, CAMERA, Quaternion(*reported.q), TAG_M,
         Carrier(low.truth.roll_rad, low.truth.pitch_rad, math.radians(0.2)),
         SightingErrors(0.02, math.radians(0.05), math.radians(0.05)),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Pictures of a mosaic: one with a wrong pose continues the others."""
+"""A mosaic of pictures: one with a wrong pose continues the others."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ def overlay(east_m: float, north_m: float = 0.0) -> Overlay:
 
 
 def moved_m(error_m: float, second: np.ndarray) -> float:
-    """By how much a picture is moved that was taken at 2 m east and says otherwise by an error."""
+    """Return the shift of a picture taken 2 m east, whose pose has an error."""
     mosaic = GrowingMosaic(RASTER.whole)
     for part in project_picture(overlay(0.0), RASTER, RASTER.whole, lambda: taken(0.0, ground(1))):
         mosaic.add(part)
-    told = overlay(2.0 + error_m)
-    found = mosaic.aligned(told, RASTER, RASTER.whole, lambda: taken(2.0, second))
+    reported = overlay(2.0 + error_m)
+    found = mosaic.aligned(reported, RASTER, RASTER.whole, lambda: taken(2.0, second))
     place = np.array([[[2.0, 0.0]]])
     gsd_m = CAMERA.gsd_m(HEIGHT_M)
-    return float((found.pixels(place) - told.pixels(place))[0, 0, 0]) * gsd_m
+    return float((found.pixels(place) - reported.pixels(place))[0, 0, 0]) * gsd_m
 
 
 @pytest.mark.parametrize("error_m", [-1.0, 0.6, 0.9])
@@ -65,25 +65,25 @@ def test_picture_that_is_too_far_off_or_shows_other_ground_stays():
 
 
 def test_lane_with_another_error_moves_to_the_lane_beside_it():
-    """Lanes overlap by 5 m; poses of the second one are 0.9 m off."""
+    """Lanes overlap by 5 m; poses of the second lane err by 0.9 m."""
     mosaic, texture, raster = GrowingMosaic(RASTER.whole), ground(1), RASTER
     gsd_m, moved = CAMERA.gsd_m(HEIGHT_M), list[float]()
     for east_m, error_m in ((-7.5, 0.0), (7.5, 0.9)):
         for k in range(2 * PASS):
             north_m = 1.5 * (k - PASS)
-            told = overlay(east_m + error_m, north_m)
+            reported = overlay(east_m + error_m, north_m)
             picture = taken(east_m, texture, north_m)
-            window = raster.around(*told.bounds())
-            found = mosaic.aligned(told, raster, window, lambda: picture)  # noqa: B023
+            window = raster.around(*reported.bounds())
+            found = mosaic.aligned(reported, raster, window, lambda: picture)  # noqa: B023
             for part in project_picture(found, raster, window, lambda: picture):  # noqa: B023
                 mosaic.add(part)
             place = np.array([[[east_m, north_m]]])
-            moved.append(float((found.pixels(place) - told.pixels(place))[0, 0, 0]) * gsd_m)
+            moved.append(float((found.pixels(place) - reported.pixels(place))[0, 0, 0]) * gsd_m)
     assert max(abs(by_m) for by_m in moved[: 2 * PASS]) == 0.0
     assert 0.5 < moved[-1] < 0.9
 
 
-def test_mosaic_without_a_picture_is_none_and_a_part_weighs_as_it_says():
+def test_mosaic_without_a_picture_is_none_and_a_part_has_its_weight():
     mosaic = Mosaic(RASTER.whole)
     assert mosaic.image() is None
     for level, weight in ((100, 3.0), (200, 1.0)):

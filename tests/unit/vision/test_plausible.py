@@ -1,4 +1,4 @@
-"""Which pictures are no evidence, and that real ones are."""
+"""Pictures that are no evidence, and real ones that are."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHAPE = (120, 160, 3)
 
 
 def jpeg(image: Image, quality: int = 90) -> Image:
-    """As a camera gives it: compressed and read again."""
+    """Return a picture as a camera gives it: compressed and read again."""
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     assert done
     return decoded(data.tobytes())
@@ -61,7 +61,7 @@ def test_the_noise_of_a_sensor_makes_no_picture(level: float, sigma: float, reas
 
 
 def test_a_dead_sensor_may_have_defects() -> None:
-    """A few hot pixels do not make a picture of it, in the dark neither."""
+    """A few hot pixels do not make a picture of it, also not in the dark."""
     for level in (0, 128):
         image = uniform(level)
         rng = np.random.default_rng(3)
@@ -92,7 +92,7 @@ def test_a_picture_that_repeats_is_none_but_one_pixel_makes_another() -> None:
 def test_the_simulator_s_pictures_are_evidence(
     height_m: float, patches: tuple[Patch, ...], texture: float
 ) -> None:
-    """Also where a film without texture fills the picture: the sensor's noise is left."""
+    """A film without texture may fill the picture: the sensor's noise is left."""
     world = World(WorldSpec(ORIGIN, 0.0, patches, texture=texture))
     last = None
     for seed in range(3):  # nothing moves, and still no two pictures are the same
@@ -109,7 +109,7 @@ def test_a_dark_film_that_fills_the_picture_is_evidence() -> None:
 @pytest.mark.parametrize("quality", [95, 75])
 @pytest.mark.parametrize("left", [0.25, 0.05])
 def test_fog_is_for_the_detector(left: float, quality: int) -> None:
-    """What is left of the scene's contrast, under white."""
+    """Fog leaves a part of the scene's contrast, under white."""
     scene = decoded(render(World(WorldSpec(ORIGIN, 0.0, ())), CAMERA, shot()))
     rng = np.random.default_rng(2)
     fog = 215.0 * (1 - left) + left * scene + rng.normal(0.0, 1.2, scene.shape)
@@ -123,7 +123,7 @@ def test_half_a_picture_in_the_dark_is_a_picture() -> None:
 
 
 # --- worlds without noise --------------------------------------------------------------------
-def test_a_world_without_noise_is_flown_when_the_mission_says_so() -> None:
+def test_world_without_noise_is_flown_when_the_mission_allows_it() -> None:
     plain = WorldSpec(ORIGIN, 0.0, (FILM,), texture=0.0, sensor_noise=0.0)
     image = decoded(render(World(plain), CAMERA, shot()))
     assert "uniform" in (implausible(image) or "")

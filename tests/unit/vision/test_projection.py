@@ -1,4 +1,4 @@
-"""judge_frame() on pictures whose content is known, over flat ground and over a terrain."""
+"""`judge_frame` on pictures with known content, over flat ground and over a terrain."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_share_is_the_part_that_is_roi_and_the_limit_is_inclusive() -> None:
 
 
 def test_all_view_judges_every_whole_cell() -> None:
-    """80 m by 60 m with 4 m cells and one at the middle: 19 by 15 whole cells."""
+    """A picture of 80 m by 60 m with a 4 m cell at the middle shows 19 by 15 whole cells."""
     grid = Grid.at(BAVARIA, 4.0)
     camera = Camera(math.radians(90.0), 400, 300)
     aligned_deg = math.degrees(grid.convergence_rad)
@@ -153,21 +153,21 @@ def test_all_view_judges_every_whole_cell() -> None:
 
 @pytest.mark.parametrize("view", ["all", "cross"])
 @pytest.mark.parametrize("east_m", [100.0, 145.0, 200.0, 1000.0])
-def test_far_from_the_vantage_the_whole_picture_is_judged(
+def test_whole_picture_far_from_the_vantage_is_judged(
     view: Literal["all", "cross"], east_m: float
 ) -> None:
     grid = Grid.at(BAVARIA, 4.0)
     pose, axes = nadir_pose(grid, GridPoint(east_m, 0.0), 50.0, 0.0)
     frame = Frame(paint([], grid, WIDE, pose, axes), pose, 0.0, WIDE)
     found = judge_frame(frame, grid, PLAIN, share=0.5, view=view, vantage=Cell(0, 0))
-    if view == "cross":  # what it was told to judge is not in the picture
+    if view == "cross":  # the cells that it has to judge are not in the picture
         assert found == ()
     else:
         assert found == judge_frame(frame, grid, PLAIN, share=0.5, view=view)
         assert len(found) > 300
 
 
-def test_cross_and_all_agree() -> None:
+def test_cross_view_and_all_view_agree() -> None:
     grid = Grid.at(BAVARIA, 4.0)
     pose, axes = nadir_pose(grid, SHIFTED, 20.0, 70.0, (5.0, 3.0))
     triangle = [GridPoint(100.0 + e, -60.0 + n) for e, n in ((-9, -7), (8, -3), (1, 9))]
@@ -179,7 +179,7 @@ def test_cross_and_all_agree() -> None:
         assert everything[cell] == pytest.approx(share, abs=0.01)
 
 
-def test_a_camera_that_sees_the_horizon_judges_only_what_is_near_and_in_front() -> None:
+def test_camera_that_sees_the_horizon_judges_only_ground_near_and_in_front() -> None:
     grid = Grid.at(LatLon(0.0, 9.0), 4.0)
     pose, _ = nadir_pose(grid, GridPoint(0.0, 0.0), 20.0, 0.0, (0.0, 70.0))
     frame = Frame(np.full((480, 640, 3), 60, np.uint8), pose, 0.0, WIDE)
@@ -191,7 +191,7 @@ def test_a_camera_that_sees_the_horizon_judges_only_what_is_near_and_in_front() 
     assert [v.cell for v in behind] == []
 
 
-def test_a_picture_from_the_ground_says_nothing() -> None:
+def test_picture_from_the_ground_judges_nothing() -> None:
     grid = Grid.at(BAVARIA, 4.0)
     pose, _ = nadir_pose(grid, GridPoint(0.0, 0.0), 0.0, 0.0)
     frame = Frame(np.full((480, 640, 3), 60, np.uint8), pose, 0.0, WIDE)
@@ -208,7 +208,7 @@ def test_a_picture_of_another_size_is_refused() -> None:
 
 
 class Halfway:
-    """Sure of the painted, and half sure of the rest."""
+    """A detector that is sure of the painted part, and half sure of the rest."""
 
     name = "halfway"
     calibrated = True
@@ -248,13 +248,13 @@ def pose(roll_deg=0.0, pitch_deg=0.0, yaw_deg=20.0, height_m=14.0):
     return Pose(HILLS, height_m, Quaternion.from_euler(*body))
 
 
-def test_over_level_ground_it_is_the_homography():
+def test_projection_over_level_ground_is_the_homography():
     at = pose(4.0, 6.0)
     flat = Projection(NARROW, at, 0.0, HILLY, terrain(0.0))
     points = np.array([[0.0, 0.0], [3.0, -5.0], [-8.0, 2.0]])
     matrix = NARROW.homography(at, HILLY, 0.0)
-    for told, wanted in zip(flat.project(points), project(matrix, points), strict=True):
-        assert told == pytest.approx(wanted)
+    for reported, wanted in zip(flat.project(points), project(matrix, points), strict=True):
+        assert reported == pytest.approx(wanted)
     picture = np.full((240, 320, 3), 60, np.uint8)
     picture[:, 170:] = 200
     frame = Frame(picture, at, 0.0, NARROW)

@@ -1,4 +1,4 @@
-"""A picture laid on a raster part by part; lines of equal level on it, block by block."""
+"""A picture projected on a raster part by part; lines of equal level on it, block by block."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RASTER = Raster(-20.0, 20.0, 0.1, 400, 400)
 
 
 def aslant(points: np.ndarray) -> np.ndarray:
-    """Pixels of a camera that looks straight down on the origin and stands turned."""
+    """Return pixels of a camera that looks straight down on the origin and is turned."""
     east, north = points[..., 0], points[..., 1]
     c, s = math.cos(TURN_RAD), math.sin(TURN_RAD)
     right, down = (c * east + s * north) / GSD_M, (s * east - c * north) / GSD_M
@@ -28,7 +28,7 @@ def aslant(points: np.ndarray) -> np.ndarray:
 
 
 def laid(window: Window) -> tuple[np.ndarray, int]:
-    """The weights on a window, and over how many pixels they were reckoned."""
+    """Return the weights on a window, and the number of pixels of their computation."""
     picture = Overlay(aslant, GridPoint(0.0, 0.0), 15.0, WIDTH_PX, HEIGHT_PX)
     found, asked = np.zeros(window.shape, np.float32), 0
     image = framed(np.arange(WIDTH_PX * HEIGHT_PX, dtype=np.float32).reshape(HEIGHT_PX, WIDTH_PX))
@@ -39,7 +39,7 @@ def laid(window: Window) -> tuple[np.ndarray, int]:
 
 
 @pytest.mark.parametrize("window", [RASTER.whole, Window(53, 91, 307, 386)])
-def test_parts_make_the_whole_and_what_is_not_in_the_picture_is_left_out(
+def test_parts_make_the_whole_and_leave_out_places_beyond_the_picture(
     window: Window, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parts, asked = laid(window)
@@ -70,14 +70,14 @@ def rings(levels: NDArray[np.uint8], side: int | None = None) -> list[Ring]:
 
 
 def disc(radius_px: float, hole_px: float, side: int = 80) -> NDArray[np.uint8]:
-    """Levels of a smooth disc with a hole, both about the middle pixel."""
+    """Return levels of a smooth disc with a hole, both about the middle pixel."""
     row, column = np.mgrid[0:side, 0:side] - side // 2
     away = np.hypot(row, column)
     inside = np.minimum(radius_px - away, away - hole_px)
     return np.clip(LEVEL + 40.0 * inside, 0, 254).astype(np.uint8)
 
 
-def test_a_disc_with_a_hole() -> None:
+def test_lines_of_a_disc_with_a_hole_are_two_circles() -> None:
     found = sorted(rings(disc(30.0, 9.0)), key=lambda ring: -ring.area_px)
     assert [ring.area_px for ring in found] == pytest.approx(
         [math.pi * 30.0**2, -math.pi * 9.0**2], rel=0.01
@@ -89,7 +89,7 @@ def test_a_disc_with_a_hole() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_block_by_block_gives_the_same_lines(seed: int) -> None:
+def test_lines_made_block_by_block_are_the_same(seed: int) -> None:
     noise = np.random.default_rng(seed).normal(127.0, 90.0, (61, 47))
     levels = np.clip(cv2.GaussianBlur(noise, (0, 0), 1.0) * 3 - 254, 0, 254).astype(np.uint8)
     levels[20:30, 10:25] = UNSEEN
@@ -104,7 +104,7 @@ def test_block_by_block_gives_the_same_lines(seed: int) -> None:
     whole = rings(levels)
     assert len(whole) > 10
     assert canonical(rings(levels, 16)) == canonical(whole)
-    # what is inside and what is outside of all lines together
+    # the inside and the outside of all lines together
     inside = (levels > LEVEL) & (levels != UNSEEN)
     drawn = np.zeros(levels.shape, np.uint8)
     for ring in whole:
@@ -115,7 +115,7 @@ def test_block_by_block_gives_the_same_lines(seed: int) -> None:
     assert (drawn[inside] > 0).all()
 
 
-def test_where_pictures_end_a_line_is_open() -> None:
+def test_line_is_open_where_pictures_end() -> None:
     levels = disc(30.0, -1.0)
     levels[:, 40:] = UNSEEN
     (ring,) = rings(levels)

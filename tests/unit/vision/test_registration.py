@@ -1,4 +1,4 @@
-"""Poses found from overlaps: rendered pictures, and made-up features, of known truth."""
+"""Poses from overlaps: rendered pictures, and artificial features, with known truth."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ ELSEWHERE, WATER = "12", "13"
 
 
 def hard_flight() -> list[Shot]:
-    """Three passes of four, exposed from half to twice as long, one turned, one tilted."""
+    """Return three passes of four pictures with varying exposure, one turned, one tilted."""
     shots = passes(3, 4, 5.0, seed=1)
     shots[UPSIDE_DOWN] = replace(shots[UPSIDE_DOWN], upside_down=True)
     shots[TILTED] = replace(shots[TILTED], tilt_deg=(35.0, 10.0))
@@ -51,7 +51,7 @@ SHOTS = hard_flight()
 
 @pytest.fixture(scope="module")
 def features() -> list[Features]:
-    """Of the flight, of a picture of another place, and of water."""
+    """Return features of the flight, of a picture of another place, and of water."""
     elsewhere = extract(Shot(2.0, 1.0).picture(meadow(2), 50))
     rng = np.random.default_rng(7)
     ripples = cv2.GaussianBlur(rng.normal(0.0, 1.0, (240, 320)), (0, 0), 40.0)
@@ -61,7 +61,7 @@ def features() -> list[Features]:
 
 @pytest.fixture(scope="module")
 def bare(features: list[Features]) -> list[View]:
-    """Views that know where they were taken, 0.6 m off, and nothing else."""
+    """Return views with a position that errs by 0.6 m, and no other tag."""
     rng = np.random.default_rng(3)
     shots = [*SHOTS, Shot(2.0, 1.0), Shot(-2.0, 3.0)]
     return [
@@ -72,12 +72,12 @@ def bare(features: list[Features]) -> list[View]:
 
 @pytest.fixture(scope="module")
 def found(bare: list[View]) -> Registration:
-    """What the positions alone lead to."""
+    """Return the registration by positions alone."""
     return register(bare)
 
 
 def errors(result: Registration, shots: list[Shot]) -> np.ndarray:
-    """Of each refined view: east, north, up in metres, and its bearing in degrees."""
+    """Return the errors of each refined view: east, north, up, m, and its bearing, degrees."""
     rows = []
     for pose, shot in zip(result.refined, shots, strict=False):
         assert pose is not None
@@ -89,8 +89,8 @@ def errors(result: Registration, shots: list[Shot]) -> np.ndarray:
     return np.array(rows)
 
 
-def test_positions_alone_do(found: Registration) -> None:
-    """The set as a whole is as wrong as its geotags let it; within, it is right to some cm."""
+def test_positions_alone_suffice(found: Registration) -> None:
+    """The set as a whole errs as its geotags do; within the set the error is some cm."""
     off = errors(found, SHOTS)
     assert np.abs(off[:, :2].mean(axis=0)).max() < 0.6
     assert np.abs(off[:, 2]).max() < 0.1 * HEIGHT_M  # the scale: 0.6 m of 15 m of flight, 12 times
@@ -98,14 +98,14 @@ def test_positions_alone_do(found: Registration) -> None:
     # against each other: turned and scaled as a whole they are right
     assert np.ptp(off[:, 2]) < 0.15
     assert np.ptp(off[:, 3]) < 0.3
-    assert found.before is None  # nothing to compare with: tags tell no pose
+    assert found.before is None  # nothing to compare with: tags have no pose
     assert found.after is not None
     assert found.after.median_px < 0.6
     assert found.after.most_m < 0.1
 
 
-def test_the_angle_of_each_view_against_the_others(found: Registration) -> None:
-    """All attitudes are off by one rotation: by the bearing of the set."""
+def test_angle_of_each_view_against_the_others_is_found(found: Registration) -> None:
+    """All attitudes err by one rotation: by the bearing of the set."""
     turns = []
     for pose, shot in zip(found.refined, SHOTS, strict=False):
         assert pose is not None
@@ -124,7 +124,7 @@ def test_uncertainties_cover_the_errors(found: Registration) -> None:
         assert abs(row[3]) < 4.0 * math.degrees(pose.yaw_sigma_rad)
 
 
-def test_what_does_not_belong_is_left_alone_and_named(found: Registration) -> None:
+def test_pictures_of_other_ground_are_left_alone_and_named(found: Registration) -> None:
     assert found.left[:12] == (None,) * 12
     assert found.left[12] == NO_OVERLAP
     assert found.left[13] in (NO_TEXTURE, NO_OVERLAP)
@@ -134,7 +134,7 @@ def test_what_does_not_belong_is_left_alone_and_named(found: Registration) -> No
 
 
 def test_tags_that_are_wrong_are_found_out(bare: list[View]) -> None:
-    """One height tag a fifth too high, one picture upside down: the others outvote the tags."""
+    """One height tag is a fifth too high, one picture upside down: the others outvote the tags."""
     views = [
         tagged(v, shot, height=1.2 if k == TOO_HIGH else 1.0)
         for k, (v, shot) in enumerate(zip(bare, SHOTS, strict=False))
@@ -176,7 +176,7 @@ def test_the_order_of_the_views_and_the_threads_change_nothing(
 
 # --- made-up features ---------------------------------------------------------------------------
 def test_two_groups_keep_their_geotags() -> None:
-    """300 m apart, each with an error of its own: neither is drawn to the other."""
+    """Two groups 300 m apart, each with an error of its own: neither is drawn to the other."""
     near, far = passes(3, 3, 5.0, seed=2), passes(3, 3, 5.0, seed=3)
     shots = [*near, *(replace(s, east_m=s.east_m + 300.0) for s in far)]
     views = made_up(shots, seed=1)
@@ -195,19 +195,19 @@ def test_two_pictures_are_too_few_for_a_heading() -> None:
     shots = passes(1, 2, 4.0, seed=4)
     views = made_up(shots, seed=2)
     assert register(views).left == (NO_HEADING, NO_HEADING)
-    told = [tagged(v, s) for v, s in zip(views, shots, strict=True)]
-    assert register(told).left == (None, None)
+    reported = [tagged(v, s) for v, s in zip(views, shots, strict=True)]
+    assert register(reported).left == (None, None)
 
 
-def test_all_upside_down_is_told_by_the_geotags() -> None:
+def test_set_that_is_all_upside_down_is_found_by_its_geotags() -> None:
     shots = [replace(s, upside_down=True) for s in passes(3, 4, 5.0, seed=6)]
     views = [tagged(v, s) for v, s in zip(made_up(shots, seed=3), shots, strict=True)]
     result = register(views)
     assert all(p is not None and p.turned for p in result.refined)
 
 
-def test_sloping_ground_is_told_from_tilted_cameras() -> None:
-    """Seen from the ground all cameras lean one way; their gimbals say that they do not."""
+def test_sloping_ground_is_distinguished_from_tilted_cameras() -> None:
+    """By the ground all cameras lean one way; their gimbals show that they do not."""
     fall = 0.06  # towards the east
     level = [replace(s, tilt_deg=(0.0, 0.0), height_m=HEIGHT_M) for s in passes(3, 4, 5.0, seed=7)]
     leaning = [
@@ -225,14 +225,14 @@ def test_sloping_ground_is_told_from_tilted_cameras() -> None:
     ]
     result = register(views)
     assert result.nets[0].slope == pytest.approx((fall, 0.0), abs=0.015)
-    # what was on the ground below stays there: the camera stands beside it
+    # the point on the ground below stays there: the camera is beside it
     assert np.abs(np.array([
         p.centre_m[:2] - (s.east_m, s.north_m)
         for p, s in zip(result.refined, leaning, strict=True) if p
     ]).mean(axis=0)).max() < 0.5  # fmt: skip
 
 
-def test_a_pattern_that_comes_again_elsewhere_misleads_nobody() -> None:
+def test_pattern_that_comes_again_elsewhere_misleads_no_view() -> None:
     shots = passes(4, 5, 5.0, seed=8)
     result = register(made_up(shots, seed=5, again=((-6.0, -6.0), (7.0, 8.0), 4.0)))
     off = errors(result, shots)
@@ -241,7 +241,7 @@ def test_a_pattern_that_comes_again_elsewhere_misleads_nobody() -> None:
     assert CONTRADICTED not in result.left
 
 
-def test_what_stays_at_its_pixel_is_the_camera_s_own() -> None:
+def test_pattern_that_stays_at_its_pixel_is_the_cameras_own() -> None:
     """A stamp or the sensor's pattern would lay all pictures on one another."""
     rng = np.random.default_rng(9)
     points, words = (
@@ -260,7 +260,7 @@ def test_a_picture_that_looks_sideways_is_left_out() -> None:
     assert register(views).left[4] == SIDEWAYS
 
 
-def test_nothing_and_one() -> None:
+def test_registration_of_no_picture_or_one_leaves_all() -> None:
     assert register([]) == Registration((), (), (), None, None)
     assert register(made_up([Shot(0.0, 0.0)], seed=1)).left == (NO_OVERLAP,)
 

@@ -1,4 +1,4 @@
-"""Pictures stored upside down are found by what they show."""
+"""Pictures stored upside down are found by their content."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ PITCH_M = 0.25
 
 
 def ground(seed: int) -> np.ndarray:
-    """Blotches of a few metres over 240 m."""
+    """Return a ground of blotches of a few metres over 240 m."""
     rng = np.random.default_rng(seed)
     smooth = cv2.GaussianBlur(rng.normal(0.0, 1.0, (960, 960)), (0, 0), 12.0)
     return np.clip(128 + 60 * smooth / smooth.std(), 0, 255).astype(np.uint8)
 
 
 def survey(texture: np.ndarray, turned: set[int], position_error_m: float = 0.0) -> list[Frame]:
-    """Three legs of four pictures, there and back, 14 m apart, at 40 m."""
+    """Return the frames of three legs of four pictures, there and back, 14 m apart, at 40 m."""
     rng = np.random.default_rng(5)
     frames = []
     for leg in range(3):
@@ -40,9 +40,9 @@ def survey(texture: np.ndarray, turned: set[int], position_error_m: float = 0.0)
             if len(frames) in turned:
                 image = np.ascontiguousarray(image[::-1, ::-1])
             off = rng.normal(0.0, position_error_m, 2)
-            told = GridPoint(true_place.east_m + off[0], true_place.north_m + off[1])
-            told_pose, _ = nadir_pose(GRID, told, 40.0, yaw_deg, (1.0, -1.5))
-            frames.append(Frame(image, told_pose, float(len(frames)), CAMERA))
+            reported = GridPoint(true_place.east_m + off[0], true_place.north_m + off[1])
+            reported_pose, _ = nadir_pose(GRID, reported, 40.0, yaw_deg, (1.0, -1.5))
+            frames.append(Frame(image, reported_pose, float(len(frames)), CAMERA))
     return frames
 
 

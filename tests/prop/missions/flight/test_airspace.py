@@ -1,7 +1,7 @@
 """Orders that the airspace lets pass, against a brute-force referee that knows no volumes.
 
 The referee flies both vehicles in small steps and compares each place of the one with each place
-of the other: whoever is early or late, they never come nearer than `team.separation_m`.
+of the other. Early or late, they never come nearer than `team.separation_m`.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from tests.support.small_missions import mission, square
 
 STEP_M = 0.5
 NEXT_S = 8.0
-"""Of a path that is flown without stopping so much is reserved: docs/explanation/safety.md."""
+"""Part of a path without stops that is reserved, s: see docs/explanation/safety.md."""
 Place = tuple[float, float, float]
-"""East, north, up of the start."""
+"""Points: east, north and up of the start, m."""
 
 
 @lru_cache
@@ -37,12 +37,12 @@ def setting() -> Setting:
 
 
 PLACES = st.builds(GridPoint, st.floats(-6.0, 18.0, width=32), st.floats(-8.0, 14.0, width=32))
-"""Near the pads, where vehicles are in each other's way."""
+"""Places near the pads, where vehicles are in each other's way."""
 
 
 @st.composite
 def orders(draw: st.DrawFn, vehicle: VehicleState) -> Order:
-    """What a vehicle in the air, or on its pad, may be ordered."""
+    """Draw an order for a vehicle in the air or on its pad."""
     height_m = vehicle.cruise_height_m
     if vehicle.landed:
         return TakeOff(height_m)
@@ -59,7 +59,7 @@ def orders(draw: st.DrawFn, vehicle: VehicleState) -> Order:
 
 @st.composite
 def vehicles(draw: st.DrawFn, number: int) -> VehicleState:
-    """One of the two, anywhere in the air near its layer, over its pad, or on it."""
+    """Draw one of the two vehicles: in the air near its layer, over its pad, or on it."""
     pad = setting().pad_of(number)
     layer_m = setting().mission.altitude_m(number - 1)
     made = VehicleState(
@@ -82,7 +82,7 @@ def steps(start: Place, end: Place) -> list[Place]:
 
 
 def flown(vehicle: VehicleState, order: Order | None) -> list[Place]:
-    """Every place in which a vehicle may be while it carries out an order."""
+    """Return every place in which a vehicle may be while it carries out an order."""
     here = (*vehicle.position, vehicle.height_m)
     pad, layer_m = vehicle.pad, vehicle.cruise_altitude_m
     if isinstance(order, TakeOff):
@@ -109,31 +109,31 @@ def flown(vehicle: VehicleState, order: Order | None) -> list[Place]:
 
 @settings(max_examples=400, deadline=None)
 @given(st.data())
-def test_an_order_that_is_clear_leads_past_what_the_other_does(data: st.DataObject) -> None:
+def test_order_that_is_clear_keeps_away_from_the_other_vehicle(data: st.DataObject) -> None:
     first, second = data.draw(vehicles(1)), data.draw(vehicles(2))
     doing = None if second.landed else data.draw(st.one_of(st.just(Hold()), orders(second)))
     if second.landed and data.draw(st.booleans()):
         doing = TakeOff(second.cruise_height_m)
-    if isinstance(doing, Land):  # it is over its pad when it is ordered to land
+    if isinstance(doing, Land):  # it is over its pad when the order to land comes
         second = replace(second, position=second.pad, over_home=True)
     second = replace(second, order=doing)
     asked = data.draw(orders(first))
     if isinstance(asked, Land):
         first = replace(first, position=first.pad, over_home=True)
     separation_m = setting().mission.team.separation_m
-    theirs = flown(second, doing)
+    others = flown(second, doing)
     if second.landed and doing is None:
-        theirs = []
+        others = []
     begin = (*first.position, first.height_m)
-    # whoever is too near already may leave; who got there is judged elsewhere
-    assume(all(math.dist(begin, place) >= separation_m + 2.0 for place in theirs))
+    # a vehicle that is too near already may leave; other tests judge the way there
+    assume(all(math.dist(begin, place) >= separation_m + 2.0 for place in others))
     state = replace(setting().initial_state(), vehicles={1: first, 2: second})
     if not Airspace(state).is_clear(first, asked):
         event("refused")
         return
     event(f"given: {asked.kind}, {doing.kind if doing else 'on the ground'}")
     nearest_m = min(
-        (math.dist(a, b) for a, b in product(flown(first, asked), theirs)), default=math.inf
+        (math.dist(a, b) for a, b in product(flown(first, asked), others)), default=math.inf
     )
     assert nearest_m >= separation_m, (asked, doing)
 
@@ -145,7 +145,7 @@ def is_in_its_layer(vehicle: VehicleState) -> bool:
 
 @settings(max_examples=100, deadline=None)
 @given(st.data())
-def test_two_in_their_layers_never_wait_for_each_other(data: st.DataObject) -> None:
+def test_vehicles_in_their_layers_never_wait_for_each_other(data: st.DataObject) -> None:
     pair = []
     for number in (1, 2):
         vehicle = data.draw(vehicles(number).filter(is_in_its_layer))

@@ -1,4 +1,4 @@
-"""Paths that are flown without stopping: what holds of each that is given, and at each moment."""
+"""Paths that are flown without stops: rules for each path, and at each moment."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from tests.support.small_missions import Scenario, random_scenario, scattered, u
 
 STEP_S = 0.1
 BENT_M_S2 = 2.3
-"""Braking on an arc: 2.0 across and 1.0 along."""
+"""Maximum acceleration of braking on an arc, m/s2: 2.0 across and 1.0 along."""
 
 
 @dataclass(slots=True)
 class Watched(Fleet):
-    """A fleet in the kind world whose every path is looked at when it is given."""
+    """A fleet in the kind world that examines every path when it is ordered."""
 
     wrong: list[str] = field(default_factory=list)
     paths: int = 0
@@ -48,7 +48,7 @@ class Watched(Fleet):
         before = self.state
         Fleet.post(self, event)
         if isinstance(event, Arrived):
-            self.courses.pop(event.vehicle, None)  # it is at rest, and may be told of the next
+            self.courses.pop(event.vehicle, None)  # it is at rest; a next path may be on its way
         for number, vehicle in self.state.vehicles.items():
             order, old = vehicle.order, before.vehicles[number].order
             if not isinstance(order, FlyPath):
@@ -109,12 +109,12 @@ class Watched(Fleet):
             self._note(number, f"a path that is {out_m.max():.2f} m outside of the margin")
 
     def _moment(self, number: int, order: FlyPath) -> None:
-        """At each moment it can stop before others' air, and come home."""
+        """Check that each vehicle can stop before the air of others, and come home."""
         setting, state = self.setting, self.state
         vehicle, path, now_s = state.vehicles[number], order.trajectory, state.t_s
         stop = braked(path, max(path.begin_s, now_s + PLAN_LEAD_S), ACCELERATION_M_S2)
         if not Airspace(state).is_clear(vehicle, order) and path.end_s > stop.end_s + 0.6:
-            self._note(number, "it flies on into air that is claimed")
+            self._note(number, "it flies on into reserved air")
         if vehicle.return_reason is not None:
             return
         place = braked(path, max(path.begin_s, now_s + ORDER_DELAY_S), ACCELERATION_M_S2)
@@ -136,7 +136,7 @@ def flown(scenario: Scenario, limit_s: float = 5000.0) -> Watched:
 def is_honest(flight: Watched, scenario: Scenario) -> None:
     state = flight.state
     if any(driver.misplaced for driver in flight.drivers.values()):
-        return  # nobody can know where its pictures were taken
+        return  # no program can know where its pictures were taken
     assert state.belief.roi <= scenario.roi
     if state.completed and state.tree is not None:
         assert component(scenario.roi, state.tree.root) <= state.belief.roi
@@ -167,7 +167,7 @@ def test_every_path_over_a_region_that_drifts(seed: int) -> None:
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_of_small_missions(seed: int) -> None:
-    """Holes beside the homes and in the box, given winds, batteries for half a sortie."""
+    """The missions have holes beside the homes and in the box, winds, and small batteries."""
     holds(unkind_scenario(seed, "swath"))
 
 
@@ -200,8 +200,8 @@ def test_every_path_of_a_mission_that_finds_every_patch(seed: int, high: bool) -
 
 
 @pytest.mark.parametrize("seed", [3])
-def test_a_journal_that_ends_anywhere_tells_the_same_state(seed: int) -> None:
-    """Killed in the middle of a path: all that there is is the journal, plans included."""
+def test_journal_that_ends_anywhere_gives_the_same_state(seed: int) -> None:
+    """After a kill in the middle of a path the journal is all that is left, plans included."""
     flight = Watched(setting_of((scenario := random_scenario(seed, strategy="swath")).mission),
                      scenario.roi)  # fmt: skip
     flight.start()

@@ -1,4 +1,4 @@
-"""What the fake fleet records can fail a flight; `tests/unit/test_referee.py` has the rules."""
+"""The records of the fake fleet can fail a flight; `tests/unit/test_referee.py` has the rules."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROI = frozenset({Cell(2, 6), Cell(2, 7), Cell(3, 7)})
 
 
 def started(vehicles: int = 1, roi: frozenset[Cell] = ROI) -> Fleet:
-    """A flight that is in the air and on its way."""
+    """Return a flight that is in the air and on its way."""
     made = mission(
         square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0, vehicles=vehicles
     )
@@ -74,14 +74,14 @@ def test_a_map_that_is_not_the_truth_is_seen(spoil: Callable[[Fleet], None], kin
     assert kind in kinds(flight)
 
 
-def test_a_lane_that_nobody_saw_is_seen() -> None:
+def test_lane_without_frames_is_seen() -> None:
     flight = completed(roi=frozenset())
     flight.drivers[1].seen_from = flight.drivers[1].seen_from[:5]
     flight.conclude()
     assert kinds(flight) == {"lie"}
 
 
-def test_a_reducer_that_raises_is_told_and_everybody_returns(
+def test_reducer_that_raises_is_reported_and_all_vehicles_return(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     flight = started(2)

@@ -26,7 +26,7 @@ FROM_M = 1500.0
 
 @dataclass(frozen=True)
 class Intruder:
-    """Flies straight past the start, so far aside."""
+    """An aircraft that flies straight past the start at a lateral distance, m."""
 
     name: str
     begin_s: float
@@ -34,7 +34,7 @@ class Intruder:
     speed_m_s: float
     aside_m: float
     height_m: float | None
-    tells_velocity: bool
+    reports_velocity: bool
 
     @classmethod
     def drawn(cls, rng: random.Random, name: str) -> Intruder:
@@ -48,18 +48,18 @@ class Intruder:
         along_m = self.speed_m_s * (t_s - self.begin_s) - FROM_M
         place = GridPoint(along_m * sin + self.aside_m * cos, along_m * cos - self.aside_m * sin)
         velocity = GridPoint(self.speed_m_s * sin, self.speed_m_s * cos)
-        told = velocity if self.tells_velocity else None
-        return Track(self.name, self.name, t_s, place, self.height_m, 100.0, told)
+        reported = velocity if self.reports_velocity else None
+        return Track(self.name, self.name, t_s, place, self.height_m, 100.0, reported)
 
 
 def drawn(seed: int) -> Scenario:
-    """Missions with stops, and without."""
+    """Draw missions with stops, and without."""
     return random_scenario(seed, strategy="swath" if seed % 2 else None)
 
 
 @functools.cache
 def flown(seed: int) -> tuple[Fleet, set[Answer]]:
-    """A flight, and what its team has done about traffic."""
+    """Return a flight, and how its team has reacted to traffic."""
     scenario, rng = drawn(seed), random.Random(seed)
     intruders = [Intruder.drawn(rng, name) for name in "ABCDE"]
     flight, answers = fleet(scenario.mission, scenario.roi), set()
@@ -84,7 +84,7 @@ def flown(seed: int) -> tuple[Fleet, set[Answer]]:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_mission_with_any_traffic_ends_with_a_whole_map_and_everybody_safe(seed):
+def test_mission_with_any_traffic_ends_with_a_whole_map_and_all_vehicles_safe(seed):
     flight, _ = flown(seed)
     assert flight.faults == []
     assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FINISHED}
@@ -94,7 +94,7 @@ def test_mission_with_any_traffic_ends_with_a_whole_map_and_everybody_safe(seed)
 
 
 def test_traffic_of_these_missions_has_teams_hold_and_come_home():
-    """The missions would say nothing about traffic if it were always far away."""
+    """The missions would prove nothing about traffic if it were always far away."""
     answers = [flown(seed)[1] for seed in range(3)]
     assert sum(Answer.HOLD in each for each in answers) >= 2
     assert sum(Answer.COME_HOME in each for each in answers) >= 2
@@ -118,7 +118,7 @@ def test_operator_lets_the_team_go_on_in_spite_of_traffic():
 
 
 def works_away(flight: Fleet) -> bool:
-    """Return whether a vehicle works so far from its pad that its way home takes a while."""
+    """Return whether a vehicle works so far from its pad that its return takes a while."""
     return any(v.works and v.position.distance_to(v.pad) > 20.0 for v in flight.state.own_vehicles)
 
 

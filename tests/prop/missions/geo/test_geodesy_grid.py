@@ -31,7 +31,7 @@ PLACES = [
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_projection_against_epsg(place):
+def test_projection_agrees_with_proj(place):
     zone = UtmZone.containing(place)
     to_utm = pyproj.Transformer.from_crs(4326, zone.epsg, always_xy=True)
     east_m, north_m = to_utm.transform(place.lon_deg, place.lat_deg)
@@ -72,7 +72,7 @@ def test_projection_against_epsg(place):
         (-80, 0, 32731),
     ],
 )
-def test_zones_at_their_edges(lat_deg, lon_deg, epsg):
+def test_zone_at_its_edge_is_that_of_the_standard(lat_deg, lon_deg, epsg):
     assert UtmZone.containing(LatLon(lat_deg, lon_deg)).epsg == epsg
 
 
@@ -88,7 +88,7 @@ def test_the_zone_is_one_that_proj_names(place):
 @pytest.mark.parametrize(
     ("lat_deg", "lon_deg"), [(84.0001, 0), (-80.0001, 0), (90, 0), (0, 180.5), (0, -181)]
 )
-def test_no_utm_beyond_its_limits(lat_deg, lon_deg):
+def test_place_beyond_the_limits_of_utm_is_refused(lat_deg, lon_deg):
     with pytest.raises(GeodesyError, match=f"{lat_deg:g}|{lon_deg:g}"):
         UtmZone.containing(LatLon(lat_deg, lon_deg))
     with pytest.raises(GeodesyError):
@@ -165,7 +165,7 @@ points = st.builds(GridPoint, st.floats(-2000, 2000), st.floats(-2000, 2000))
 @FAST
 @given(st.sampled_from(PLACES), points, points)
 def test_a_metre_of_the_grid_is_a_metre_on_the_ground(start, a, b):
-    """Measured on the ellipsoid; the projection alone would be 0.04 % short."""
+    """The distance is measured on the ellipsoid; the projection alone would be 0.04 % short."""
     grid = Grid.at(start, 4.0)
     one, other = grid.position(a), grid.position(b)
     metres = GEOD.inv(one.lon_deg, one.lat_deg, other.lon_deg, other.lat_deg)[2]
@@ -200,7 +200,7 @@ def test_every_point_is_in_one_cell(east_m, north_m, cell):
     st.floats(-1400, 1400),
     st.floats(-1400, 1400),
 )
-def test_the_local_plane_against_an_azimuthal_projection(origin, east_m, north_m):
+def test_local_plane_agrees_with_an_azimuthal_projection(origin, east_m, north_m):
     plane = LocalPlane(origin)
     aeqd = pyproj.Proj(proj="aeqd", lat_0=origin.lat_deg, lon_0=origin.lon_deg, ellps="WGS84")
     place = plane.to_wgs84(east_m, north_m)
@@ -211,7 +211,7 @@ def test_the_local_plane_against_an_azimuthal_projection(origin, east_m, north_m
 @FAST
 @given(st.builds(LatLon, st.floats(-79, 83), st.floats(-179, 179)), st.floats(0, 360))
 def test_plane_and_grid_differ_by_the_convergence(start, bearing_deg):
-    """The two roads from the ground to degrees, held against each other."""
+    """Both ways from the ground to degrees agree."""
     grid, plane = Grid.at(start, 4.0), LocalPlane(start)
     bearing_rad = math.radians(bearing_deg)
     place = plane.to_wgs84(100 * math.sin(bearing_rad), 100 * math.cos(bearing_rad))

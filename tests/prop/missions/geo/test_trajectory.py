@@ -37,7 +37,7 @@ def test_a_path_is_continuous_and_keeps_its_limits(corners, speed_m_s, cut_m, dr
     for a_s, b_s in itertools.pairwise(times(plan)):
         a, b = plan.at(a_s), plan.at(b_s)
         assert plan.place_at(a_s) == a.place
-        # the mean velocity between lies between what is told at both ends, but for the curvature
+        # the mean velocity lies between those at both ends, but for the curvature
         for moved, first, last in (
             (b.east_m - a.east_m, a.v_east_m_s, b.v_east_m_s),
             (b.north_m - a.north_m, a.v_north_m_s, b.v_north_m_s),
@@ -66,7 +66,7 @@ def test_every_corner_is_passed_at_no_more_than_the_cut(corners, cut_m):
         assert min(corner.distance_to(place) for place in way) <= cut_m + 6.0 * STEP_S
 
 
-def test_from_rest_to_rest_takes_what_was_measured_but_for_the_jerk():
+def test_leg_from_rest_to_rest_takes_the_measured_time_but_for_the_jerk():
     """A real ArduCopter at 6 m/s: 12 m 5.4 s, 30 m 9.6 s, 60 m 14.8 s, with 1.3 s for the end."""
     for way_m, measured_s in ((12.0, 5.4), (30.0, 9.6), (60.0, 14.8)):
         plan = rounded_path([GridPoint(0, 0), GridPoint(0, way_m)], 0.0, speed_m_s=6.0)
@@ -95,7 +95,7 @@ def test_a_plan_that_begins_on_the_way_goes_on_without_a_jump(corners, share, no
     assert course.at(begin_s - 0.3) == first.at(begin_s - 0.3)
 
 
-def test_a_course_forgets_what_is_over_and_what_will_not_be():
+def test_course_drops_parts_that_are_over_or_replaced():
     def plan(begin_s: float) -> Trajectory:
         return rounded_path([GridPoint(0, 0), GridPoint(90, 0)], begin_s, speed_m_s=6.0)
 
@@ -117,6 +117,6 @@ def test_a_course_forgets_what_is_over_and_what_will_not_be():
         ([GridPoint(0, 0), GridPoint(50, 0)], {"begin_speed_m_s": 7.0}),
     ],
 )
-def test_what_cannot_be_flown_is_refused(corners, how):
+def test_path_that_cannot_be_flown_is_refused(corners, how):
     with pytest.raises(ValueError, match=r"path|positive"):
         rounded_path(corners, 0.0, **{"speed_m_s": 6.0, **how})  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Volumes of air: what two of them hold is apart, wherever it is in them."""
+"""Volumes of air: any places in two volumes that do not meet are apart."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ FAST = settings(max_examples=120, deadline=None)
 small_cells = st.builds(Cell, st.integers(-1, 1), st.integers(-1, 1))
 frame_ids = st.builds(FrameId, st.integers(1, 2), st.integers(0, 3).map(float))
 verdicts = st.dictionaries(small_cells, st.booleans(), max_size=5)
-# None: taken anywhere
+# None: a frame from anywhere
 reports = st.tuples(st.none() | small_cells, frame_ids, verdicts)
 
 Report = tuple[Cell | None, FrameId, dict[Cell, bool]]
@@ -68,7 +68,7 @@ def test_the_join_of_beliefs_is_a_least_upper_bound(first, second, third):
 
 @FAST
 @given(st.lists(reports, max_size=20))
-def test_whatever_the_order_nothing_is_taken_back_when_late_votes_are_left_out(frames):
+def test_verdicts_in_any_order_stay_when_late_votes_are_left_out(frames):
     belief = belief_of([])
     for vantage, frame, seen in frames:
         after = belief.with_frame(vantage, frame, belief.in_time(vantage, frame, seen))
@@ -78,7 +78,7 @@ def test_whatever_the_order_nothing_is_taken_back_when_late_votes_are_left_out(f
 
 @FAST
 @given(st.lists(reports, max_size=20))
-def test_in_the_order_of_exposure_no_vote_is_late(frames):
+def test_votes_in_the_order_of_exposure_are_not_late(frames):
     belief = belief_of([])
     for vantage, frame, seen in sorted(frames, key=lambda report: report[1].exposed):
         assert belief.in_time(vantage, frame, seen) == seen
@@ -87,14 +87,14 @@ def test_in_the_order_of_exposure_no_vote_is_late(frames):
 
 @FAST
 @given(st.lists(reports, max_size=14))
-def test_roi_is_what_the_first_votes_of_some_vantage_say(frames):
-    """The rule from the votes alone, reckoned another way."""
+def test_roi_is_elected_by_the_first_votes_of_some_vantage(frames):
+    """The rule is computed from the votes alone, in another way."""
     votes: dict[tuple[Cell | None, Cell], dict[tuple[float, int], bool]] = {}
     for vantage, frame, seen in frames:
-        for cell, says_roi in seen.items():
+        for cell, elects_roi in seen.items():
             ballot = votes.setdefault((vantage, cell), {})
             exposed = (frame.t_s, frame.vehicle)
-            ballot[exposed] = ballot.get(exposed, False) or says_roi
+            ballot[exposed] = ballot.get(exposed, False) or elects_roi
     belief = belief_of(frames)
     expected = set()
     for (vantage, cell), ballot in votes.items():
@@ -111,8 +111,8 @@ anywhere = st.tuples(st.none(), frame_ids, verdicts)
 
 @FAST
 @given(st.lists(anywhere, max_size=20))
-def test_what_is_decided_is_never_taken_back_when_late_votes_are_left_out(frames):
-    """Neither a yes nor a no, whatever the order of arrival; a frame is reported once."""
+def test_decided_cell_stays_decided_when_late_votes_are_left_out(frames):
+    """Neither a yes nor a no is taken back, in any order of arrival; a frame is reported once."""
     belief, taken = belief_of([]), set()
     for vantage, frame, seen in frames:
         if frame in taken:
@@ -129,7 +129,7 @@ def test_what_is_decided_is_never_taken_back_when_late_votes_are_left_out(frames
 @FAST
 @given(st.lists(anywhere, max_size=14), st.integers(1, 5), st.data())
 def test_a_cell_is_decided_when_no_votes_to_come_could_change_it(frames, size, data):
-    """Held against every way in which the votes that a ballot lacks could be cast."""
+    """The test tries every way in which the missing votes of a ballot could be cast."""
     empty = Belief(size, data.draw(st.integers(1, size)))
     belief = belief_of(frames, start=empty)
     for cell in AROUND:
@@ -145,7 +145,7 @@ def test_a_cell_is_decided_when_no_votes_to_come_could_change_it(frames, size, d
 @pytest.mark.parametrize("rate", [27 / 483, 0.2, 0.4])
 @pytest.mark.parametrize("stop", ["decided", "after 2", "after 4", "after 9", "at a no"])
 def test_no_rule_of_when_to_stop_makes_a_false_roi_cell_more_likely(rate, stop):
-    """Every outcome of nine frames from anywhere, each wrong with a rate, weighed and summed up."""
+    """The test sums up every outcome of nine frames from anywhere, each wrong with a rate."""
     here = Cell(0, 0)
     chance = 0.0
     for votes in itertools.product((False, True), repeat=9):
@@ -162,7 +162,7 @@ def test_no_rule_of_when_to_stop_makes_a_false_roi_cell_more_likely(rate, stop):
             chance += math.prod(rate if vote else 1 - rate for vote in votes)
     exact = sum(math.comb(5, k) * rate**k * (1 - rate) ** (5 - k) for k in (3, 4, 5))
     assert chance <= exact + 1e-12
-    if stop in ("decided", "after 9"):  # nothing is lost by stopping when it is decided
+    if stop in ("decided", "after 9"):  # stopping at the decision loses no vote that counts
         assert chance == pytest.approx(exact)
 
 
@@ -184,7 +184,7 @@ def test_open_votes_and_those_of_a_vantage_do_not_add_up():
 
 @pytest.mark.parametrize("order", ["as exposed", "any"])
 def test_no_cell_was_ever_false_more_often_than_three_of_five_allow(order):
-    """Noise alone, thirty frames: how many cells were in the ROI at any time of a flight."""
+    """Thirty frames of noise alone: a share of cells was in the ROI at some time of the flight."""
     rng = np.random.default_rng(5)
     rate, cells, here = 0.2, [Cell(e, 0) for e in range(3000)], Cell(0, 0)
     belief = Belief(frames=5, positive=3)

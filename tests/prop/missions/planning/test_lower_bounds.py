@@ -32,9 +32,9 @@ SETS = sorted((Path(SHARED) / "data/roi").glob("*.json"))
 def tours(
     cells: list[Cell], metric: Metric, ways: Callable[[Cell], Iterable[Cell]], *, closed: bool
 ) -> list[float]:
-    """For every set of cells (as bits) the least time of a way from cells[0] that visits it.
+    """Return for every set of cells (as bits) the least time of a path from cells[0] over it.
 
-    Dijkstra over (where, what was visited); a look is paid at the first visit.
+    It is Dijkstra's algorithm over (place, visited cells); a look is paid at the first visit.
     """
     names = {cell: i for i, cell in enumerate(cells)}
     best = [math.inf] * (1 << len(cells))
@@ -53,7 +53,7 @@ def tours(
                 look = 0.0 if seen >> to & 1 else metric.look
                 leg = metric.leg(cells[at], near) + look
                 heapq.heappush(heap, (t + leg, to, seen | 1 << to))
-    for i in range(len(cells)):  # who visits more has visited that, too
+    for i in range(len(cells)):  # a path that visits more cells has also visited these
         for seen in range(len(best)):
             if not seen >> i & 1:
                 best[seen] = min(best[seen], best[seen | 1 << i])
@@ -153,7 +153,7 @@ def test_bounds_of_the_shared_sets(path):
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_compiled_or_not_the_bounds_are_the_same(kind, monkeypatch):
+def test_bounds_are_the_same_compiled_or_not(kind, monkeypatch):
     for seed, cells in enumerate((2, 9, 60, 400)):
         roi = grown(kind, cells, seed)
         found = []
@@ -189,7 +189,7 @@ TERMS = {
 
 
 @pytest.mark.parametrize(
-    ("name", "robots", "claimed"),
+    ("name", "robots", "stated"),
     [
         ("bfdn", 1, {"resting", "drifting", "with looks", "straight"}),
         ("bfdn", 3, {"resting", "straight"}),  # it never leaves the tree, so its moves are equal
@@ -200,16 +200,16 @@ TERMS = {
         ("hungarian", 1, set()),
     ],
 )
-def test_a_bound_is_claimed_where_its_theorem_holds(name, robots, claimed):
+def test_bound_is_stated_where_its_theorem_holds(name, robots, stated):
     roi = grown("ragged", 40, 5)
     bounds = LowerBounds.from_roi(roi.cells, roi.start)
     for terms, metric in TERMS.items():
         done = run(EXPLORERS[name], roi.cells, roi.start, robots, metric=metric)
         certificate = certify(done, EXPLORERS[name], robots, metric, bounds)
-        assert certificate.bound_held is (True if terms in claimed else None), terms
+        assert certificate.bound_held is (True if terms in stated else None), terms
 
 
-def test_nothing_to_do_takes_no_time():
+def test_region_of_the_start_alone_takes_no_time():
     start = Cell(0, 0)
     done = run(EXPLORERS["rdfs"], {start}, start, 2)
     certificate = certify(

@@ -21,7 +21,7 @@ MOST = 200
 
 
 class Calls:
-    """Counts calls of product functions from product functions of other files."""
+    """A counter of calls of product functions from product functions of other files."""
 
     def __init__(self) -> None:
         self.count = 0

@@ -40,7 +40,7 @@ passes = st.lists(
 
 
 def seen_by(frames: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
-    """Three frames a second, of whoever took them."""
+    """Return three frames a second of the given vehicles."""
     return [
         FrameSeen(vehicle, k / 3, None, tuple(Vote(c, v, float(v)) for c, v in votes.items()))
         for k, (vehicle, votes) in enumerate(frames)
@@ -50,7 +50,7 @@ def seen_by(frames: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
 def seen_in_passes(
     flown: list[tuple[int, bool, list[dict[Cell, str]]]],
 ) -> list[FrameSeen]:
-    """Frames of vehicles that pass over cells, three a second; at `stays` the next follows soon."""
+    """Return frames of vehicles over cells, three a second; at `stays` the next follows soon."""
     seen, t_s = list[FrameSeen](), 0.0
     for vehicle, stays, frames in flown:
         for cells in frames:
@@ -63,45 +63,45 @@ def seen_in_passes(
 
 
 def facts_of(vehicle: int, seen: list[FrameSeen]) -> list[Fact]:
-    own, told = OwnCells(Belief(5, 3), Belief(5, 3)), list[Fact]()
+    own, reported = OwnCells(Belief(5, 3), Belief(5, 3)), list[Fact]()
     for event in seen:
         if event.vehicle == vehicle:
-            told.extend(own.add(event))
-    return told + own.passed(1e6)
+            reported.extend(own.add(event))
+    return reported + own.passed(1e6)
 
 
 @CHECKED
 @given(frame_lists)
-def test_facts_are_what_the_frames_of_one_vehicle_decide(
+def test_facts_are_the_verdicts_of_the_frames_of_one_vehicle(
     frames: list[tuple[int, dict[Cell, bool]]],
 ) -> None:
     seen = seen_by(frames)
     for vehicle in (1, 2, 3):
         belief = Belief(5, 3)
         for event in (event for event in seen if event.vehicle == vehicle):
-            said = {vote.cell: vote.positive for vote in event.votes}
-            belief = belief.with_frame(None, FrameId(vehicle, event.t_s), said)
+            shown = {vote.cell: vote.positive for vote in event.votes}
+            belief = belief.with_frame(None, FrameId(vehicle, event.t_s), shown)
         facts = facts_of(vehicle, seen)
-        told = [vote for fact in facts if not fact.seen for vote in fact.votes]
+        reported = [vote for fact in facts if not fact.seen for vote in fact.votes]
         in_passing = [cell for fact in facts if fact.seen for cell, _ in fact.votes]
         assert len(in_passing) == len(set(in_passing))
-        assert len(told) == len(dict(told))  # each cell once
+        assert len(reported) == len(dict(reported))  # each cell once
         for cell in belief.open_ballots:
-            assert dict(told).get(cell) == belief.verdict(cell)
+            assert dict(reported).get(cell) == belief.verdict(cell)
 
 
 def test_facts_have_mean_shares_of_explored_classes_in_tenths_and_older_journals_none() -> None:
     here, beside = Cell(0, 0), Cell(1, 0)
     shares = [(0.84, 0.0), (0.62, 0.1), (0.7, 0.0)]
-    own, told = OwnCells(Belief(5, 3), Belief(5, 3), (2, 4)), list[Fact]()
+    own, reported = OwnCells(Belief(5, 3), Belief(5, 3), (2, 4)), list[Fact]()
     for k, (two, three) in enumerate(shares):
         found = (ClassShare(here, 2, two), ClassShare(here, 3, 0.2), ClassShare(beside, 4, three))
         votes = (Vote(here, True, two), Vote(beside, False, three))
-        told += own.add(FrameSeen(1, k / 4, None, votes, classes=found))
-    told += own.passed(2.0)
+        reported += own.add(FrameSeen(1, k / 4, None, votes, classes=found))
+    reported += own.passed(2.0)
     decided = ((here, True), (beside, False))
-    assert told == [Fact(0.0, decided, classes=(ClassShare(here, 2, 0.7),))]
-    event = FactsShared(1, 3.0, 0, (told[0], told[0]._replace(classes=())))
+    assert reported == [Fact(0.0, decided, classes=(ClassShare(here, 2, 0.7),))]
+    event = FactsShared(1, 3.0, 0, (reported[0], reported[0]._replace(classes=())))
     assert from_json(to_json(event)) == event
     before = to_json(event).replace(",[],false]", "]").replace("]],false]", "]]]")  # without both
     assert before != to_json(event)
@@ -118,17 +118,17 @@ def test_members_that_know_the_same_facts_have_the_same_region(
     for member in (0, 1, 2, 3):
         setting = small_setting(member)
         own: list[Event] = [event for event in seen if event.vehicle == member]
-        heard: list[Event] = [
+        received: list[Event] = [
             FactsShared(vehicle, 0.0, k, (fact,))
             for vehicle in (1, 2, 3)
             if vehicle != member
             for k, fact in enumerate(facts_of(vehicle, seen))
         ]
-        places = data.draw(st.lists(st.integers(0, len(own)), min_size=len(heard), max_size=60))
+        places = data.draw(st.lists(st.integers(0, len(own)), min_size=len(received), max_size=60))
         events = list(own)
-        for event, place in zip(data.draw(st.permutations(heard)), places, strict=False):
+        for event, place in zip(data.draw(st.permutations(received)), places, strict=False):
             events.insert(place, event)
-        events += heard  # and all of it once more
+        events += received  # and all of it once more
         state = joined(setting.initial_state(), events)
         decided = {
             (cell, state.belief.verdict(cell))
@@ -153,14 +153,18 @@ def test_members_that_know_the_same_facts_have_the_same_unsure_cells(
                 of_one.note(event)
         doubted |= {Cell(*cell) for cell in of_one.cells().tolist()}
     for member in (0, 1, 2, 3):
-        heard = [
+        received = [
             FactsShared(vehicle, 0.0, k, (fact,))
             for vehicle in (1, 2, 3)
             if vehicle != member
             for k, fact in enumerate(facts_of(vehicle, seen))
         ]
         own = [event for event in seen if event.vehicle == member]
-        events: list[FrameSeen | FactsShared] = [*data.draw(st.permutations(heard)), *own, *heard]
+        events: list[FrameSeen | FactsShared] = [
+            *data.draw(st.permutations(received)),
+            *own,
+            *received,
+        ]
         facts, live = facts_in_journal(small_setting(member)), FrameSums()
         for event in events:
             facts.add(event)
@@ -184,7 +188,7 @@ def small_setting(member: int | None) -> Setting:
 
 
 facts = st.lists(st.booleans(), max_size=30).map(
-    lambda says: [Fact(float(k), ((Cell(k, 0), v),)) for k, v in enumerate(says)]
+    lambda verdicts: [Fact(float(k), ((Cell(k, 0), v),)) for k, v in enumerate(verdicts)]
 )
 
 
@@ -195,7 +199,7 @@ def test_facts_in_any_order_twice_and_in_any_batches_are_the_same(
 ) -> None:
     batches = []
     for origin, log in enumerate(logs, start=1):
-        for _ in range(3):  # each is told several times, cut otherwise
+        for _ in range(3):  # each is sent several times, cut differently
             cuts = sorted({0, len(log), *(chance.randint(0, len(log)) for _ in range(3))})
             batches.extend((origin, a, log[a:b]) for a, b in itertools.pairwise(cuts))
     chance.shuffle(batches)
@@ -207,15 +211,15 @@ def test_facts_in_any_order_twice_and_in_any_batches_are_the_same(
     assert known.facts == {
         origin: dict(enumerate(log)) for origin, log in enumerate(logs, start=1) if log
     }
-    assert new == sum(map(len, logs))  # nothing is new twice
+    assert new == sum(map(len, logs))  # no fact is new twice
 
 
 @CHECKED
 @given(st.lists(facts, min_size=3, max_size=3), st.data())
-def test_whoever_compares_what_they_have_ends_with_the_same(
+def test_members_that_compare_their_facts_end_with_the_same(
     logs: list[list[Fact]], data: st.DataObject
 ) -> None:
-    """Any history of meetings, of any pairs, with messages lost; then one round in contact."""
+    """Any pairs meet and lose messages; then follows one round in contact."""
     members = {number: Knowledge() for number in (1, 2, 3)}
     for number, member in members.items():
         member.add(number, 0, logs[number - 1])
@@ -224,8 +228,8 @@ def test_whoever_compares_what_they_have_ends_with_the_same(
     last = [(a, b, False) for _ in range(2) for a in members for b in members]
     for one, other, lost in [*history, *last]:
         for origin, numbers in members[one].missing(members[other].have).items():
-            told = numbers if not lost else data.draw(st.lists(st.sampled_from(numbers)))
-            for number in told:
+            reported = numbers if not lost else data.draw(st.lists(st.sampled_from(numbers)))
+            for number in reported:
                 members[other].add(origin, number, [members[one].facts[origin][number]])
     assert members[1].have == members[2].have == members[3].have
     for origin in members[1].have:
@@ -237,7 +241,7 @@ def test_whoever_compares_what_they_have_ends_with_the_same(
 
 # --- the end -----------------------------------------------------------------------------------
 @pytest.mark.parametrize("missing", [0, 1])
-def test_who_came_home_early_tells_that_the_others_did_the_rest(missing: int) -> None:
+def test_member_home_early_is_complete_once_the_others_did_the_rest(missing: int) -> None:
     setting = setting_of(parse_mission(field_text(high=True), "test"), 1)
     state = replace(setting.initial_state(), t_s=300.0)
     for number, phase in ((1, Phase.FAILED), (2, Phase.FINISHED), (3, Phase.FINISHED)):
@@ -246,9 +250,9 @@ def test_who_came_home_early_tells_that_the_others_did_the_rest(missing: int) ->
     region = {Cell(4, 6), Cell(5, 6)}
     wide = {Cell(c.east + i, c.north + j) for c in region for i in (-1, 0, 1) for j in (-1, 0, 1)}
     cells = sorted({*setting.box_cells, *wide})
-    told = Fact(250.0, tuple((c, c in region) for c in cells[missing:]))
-    state = joined(state, [FactsShared(2, 251.0, 0, (told,))])
-    assert not state.completed  # its own service gave nothing up, and ended nothing
+    reported = Fact(250.0, tuple((c, c in region) for c in cells[missing:]))
+    state = joined(state, [FactsShared(2, 251.0, 0, (reported,))])
+    assert not state.completed  # its own service abandoned and ended nothing
     ended = concluded(state)
     assert ended.completed is (missing == 0)
     assert not ended.undecided

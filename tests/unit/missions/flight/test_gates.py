@@ -1,4 +1,4 @@
-"""Among pads of others: paths end before their own pad, whence no way leads past columns."""
+"""Paths among pads of others end before their own pad, where columns close the way."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def made(vehicles: int, member: int) -> Setting:
 
 
 def over(setting: Setting, place: GridPoint) -> State:
-    """Ours maps, at a place; the others stand."""
+    """Return a state in which our vehicle maps, at a place, and the others stand."""
     number = setting.member or 0
     state = replace(setting.initial_state(), t_s=100.0)
     low_m = setting.mission.altitude_m(number - 1)
@@ -74,13 +74,13 @@ def test_one_service_has_no_gates() -> None:
     assert gate_of(setting, replace(vehicle, home=setting.pad_of(1))) == setting.pad_of(1)
 
 
-def test_who_stands_between_two_columns_is_planned_for() -> None:
-    """The way to its work leads past the pads of others: it leaves straight, and goes on there."""
+def test_vehicle_between_two_columns_has_a_plan() -> None:
+    """The path to its work leads past pads of others: it leaves straight and continues there."""
     setting = made(10, 3)
     region = {Cell(20 + i, 2 + j) for i in range(4) for j in range(3)}  # far to the east, and near
     state = over(setting, setting.pad_of(3))
-    told = Fact(90.0, tuple((cell, True) for cell in sorted(region)))
-    state = apply(state, FactsShared(1, 99.0, 0, (told,)))
+    reported = Fact(90.0, tuple((cell, True) for cell in sorted(region)))
+    state = apply(state, FactsShared(1, 99.0, 0, (reported,)))
     lanes = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=lanes, t_s=110.0)
     order = setting.strategy.plan(state).vehicles[3].order

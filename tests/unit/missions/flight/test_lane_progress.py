@@ -1,4 +1,4 @@
-"""Which frames count for which lane, on a path that crosses one lane on its way to another."""
+"""Frames that count for a lane, on a path that crosses one lane on its way to another."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SETTING = replace(setting_of(MISSION), lane_rows=3)
 
 
 def on_path() -> tuple[VehicleState, Trajectory]:
-    """From home in the south-east over the middle of the second lane to the first."""
+    """Return a vehicle on a path from the south-east over the second lane to the first."""
     points = [GridPoint(40.0, 0.0), *FAR, *NEAR]
     path = rounded_path(points, 10.0, speed_m_s=6.0, cut_m=LANE_CUTS_M[0])
     order = FlyPath(path, 12.0, 90.0, 0.2)
@@ -29,7 +29,7 @@ def on_path() -> tuple[VehicleState, Trajectory]:
 
 
 def flown(until: GridPoint, lost: bool = False) -> VehicleState:
-    """After a frame every half second, up to where the path passes a place for the last time."""
+    """Return the vehicle after frames every half second, until the path last passes a place."""
     vehicle, path = on_path()
     times = [path.begin_s + 0.5 * k for k in range(int((path.end_s - path.begin_s) * 2) + 1)]
     passed = [t for t in times if path.at(t).place.distance_to(until) < 2.5]
@@ -54,7 +54,7 @@ def test_a_lane_that_is_crossed_on_the_way_is_not_flown() -> None:
 
 def test_the_second_lane_begins_when_the_first_is_behind() -> None:
     vehicle = flown(GridPoint(30.0, 28.0))
-    assert vehicle.lanes == (NEAR,)  # and nothing of the first is left
+    assert vehicle.lanes == (NEAR,)  # the first is complete
     assert max(vehicle.lane_seen_m) > 25.0
 
 
@@ -88,10 +88,10 @@ def test_a_lane_is_searched_where_a_frame_shows_all_of_its_rows() -> None:
         assert passed == replace(vehicle, lane_seen_m=seen_m)
 
 
-def test_what_is_unseen_of_a_lane_that_lies_behind_is_flown_after_the_others() -> None:
+def test_unseen_part_of_a_lane_that_lies_behind_is_flown_after_the_others() -> None:
     lanes = ((GridPoint(0, 20), GridPoint(40, 20)), (GridPoint(40, 32), GridPoint(0, 32)))
     vehicle = VehicleState(1, 12.0, lanes=lanes, on_lane=True)
     second = [Cell(e, n) for e in (8, 9, 10) for n in (7, 8, 9)]
     passed = lane_passed(SETTING, vehicle, 0.0, second, second.__contains__)
     assert passed.lanes == (lanes[1], lanes[0])
-    assert passed.lane_seen_m == (4.0, 0.0)  # its end, too: there is no column behind it
+    assert passed.lane_seen_m == (4.0, 0.0)  # its end also: there is no column behind it

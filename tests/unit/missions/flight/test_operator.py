@@ -1,4 +1,4 @@
-"""The operator's hand: pauses, one vehicle called home, cells left out, words of a vehicle."""
+"""Commands of the operator: pause, return of one vehicle, skipped cells; texts of a vehicle."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = ["pair", "service"]
 NORTH, EAST = Cell(2, 7), Cell(3, 6)
 
 
-def test_a_pause_holds_everybody_and_takes_nobody_off(pair: Service) -> None:
+def test_pause_holds_all_vehicles_and_lets_none_take_off(pair: Service) -> None:
     pair.connect(1)
     pair.exploring(1)
     assert isinstance(pair.order(1), Look)
@@ -44,7 +44,7 @@ def test_a_pause_holds_everybody_and_takes_nobody_off(pair: Service) -> None:
     assert pair.order(2) is not None
 
 
-def test_a_lane_is_gone_on_with_where_it_was_left(service: Service) -> None:
+def test_lane_is_resumed_where_it_was_left(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0))
     lane = service.setting.lanes[0]
@@ -58,7 +58,7 @@ def test_a_lane_is_gone_on_with_where_it_was_left(service: Service) -> None:
     assert service.order() == Sweep(lane[1], 4.0, 12.0)
 
 
-def test_a_pause_does_not_keep_anybody_in_the_air_too_long(service: Service) -> None:
+def test_pause_does_not_keep_a_vehicle_in_the_air_too_long(service: Service) -> None:
     service.connect()
     service.exploring()
     service.post(Paused(service.now_s))
@@ -74,7 +74,7 @@ def test_a_pause_does_not_keep_anybody_in_the_air_too_long(service: Service) -> 
     assert service.order() is not None
 
 
-def test_who_comes_home_goes_on_in_a_pause(service: Service) -> None:
+def test_returning_vehicle_continues_in_a_pause(service: Service) -> None:
     service.connect()
     service.exploring()
     service.post(VehicleRecalled(1, service.now_s))
@@ -115,7 +115,7 @@ def test_a_take_off_is_called_off_and_a_vehicle_on_the_ground_stays(pair: Servic
     assert pair.state.vehicles[2].phase is Phase.FINISHED
 
 
-def test_who_is_called_home_while_a_pilot_has_it_comes_once_it_is_ours(service: Service) -> None:
+def test_vehicle_called_home_under_a_pilot_returns_once_it_is_given_back(service: Service) -> None:
     service.connect()
     service.exploring()
     here = service.setting.grid.centre_of(ROOT)
@@ -126,7 +126,7 @@ def test_who_is_called_home_while_a_pilot_has_it_comes_once_it_is_ours(service: 
 
 
 # --- cells -------------------------------------------------------------------------------------
-def test_a_skipped_vertex_is_told_and_nobody_looks_from_it(service: Service) -> None:
+def test_skipped_vertex_is_reported_and_not_observed(service: Service) -> None:
     service.connect()
     service.exploring()
     for k in range(5):
@@ -144,7 +144,7 @@ def test_a_skipped_vertex_is_told_and_nobody_looks_from_it(service: Service) -> 
     assert not service.state.completed
 
 
-def test_a_cell_that_nobody_is_at_is_not_skipped(service: Service) -> None:
+def test_cell_without_a_vehicle_is_not_skipped(service: Service) -> None:
     service.connect()
     service.exploring()
     before = service.state
@@ -170,7 +170,7 @@ def test_a_skipped_suspicion_stays_skipped(service: Service) -> None:
 
 
 # --- words -------------------------------------------------------------------------------------
-def test_words_move_nobody(service: Service) -> None:
+def test_text_of_a_vehicle_changes_no_state(service: Service) -> None:
     service.connect()
     before = service.state
     assert step(before, AutopilotText(1, 99.0, 4, "EKF variance")) == (before, ())

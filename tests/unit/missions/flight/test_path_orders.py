@@ -1,4 +1,4 @@
-"""Paths that may be flown and those that may not, and what vehicles on them claim and need."""
+"""Allowed and refused paths; the air and the energy of vehicles on them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def line(*points: tuple[float, float], begin_s: float = 10.0) -> Trajectory:
 
 
 def flying(vehicles: int = 1, **how: object) -> Service:
-    """A vehicle in the air, on a path of 90 m along its layer."""
+    """Return a service with a vehicle in the air, on a path of 90 m along its layer."""
     made = over(vehicles=vehicles, strategy="swath", mounting="gimbal", **how)
     made.connect_all()
     order = FlyPath(line((-40, 30), (50, 30)), 12.0, 90.0, 0.25)
@@ -59,7 +59,7 @@ def test_a_path_lies_inside_the_margin_all_along() -> None:
     assert not allowed(fence, line((10, 10), (70, 10), (10, 40)))
 
 
-def test_a_path_does_not_cross_a_hole_between_two_looks_at_it() -> None:
+def test_path_does_not_cross_a_hole_between_two_samples() -> None:
     thin = [GridPoint(*corner) for corner in square(30, 20, 0.5, 20)]
     fence = Fence.from_rings(EDGES, [thin], 0.0)
     assert not allowed(fence, line((10, 30), (50, 30)))
@@ -81,7 +81,7 @@ def test_a_path_over_a_region_that_drifts_is_held_to_where_it_will_be() -> None:
     assert allowed(fence, replace(path, drift_m_s=(0.0, 0.5)))
 
 
-def test_who_waits_outside_of_the_margin_comes_inside_first() -> None:
+def test_vehicle_that_waits_outside_of_the_margin_comes_inside_first() -> None:
     made = flying()
     fence = made.setting.fence
     out, rim = GridPoint(99.5, 30.0), GridPoint(98.5, 30.0)
@@ -98,7 +98,7 @@ def test_who_waits_outside_of_the_margin_comes_inside_first() -> None:
 
 
 # --- others ------------------------------------------------------------------------------------
-def test_it_brakes_along_its_path_before_air_that_somebody_claims() -> None:
+def test_vehicle_brakes_along_its_path_before_reserved_air() -> None:
     made = flying(2)
     made.now_s = made.state.vehicles[1].tracked_s + 14.0
     at, low = GridPoint(25.0, 30.0), ReturnReason.BATTERY
@@ -111,10 +111,10 @@ def test_it_brakes_along_its_path_before_air_that_somebody_claims() -> None:
     assert stop.begin_s == pytest.approx(15.0 + PLAN_LEAD_S)
     assert stop.at(stop.begin_s).place == before.trajectory.at(stop.begin_s).place
     assert stop.at(stop.end_s).east_m < 25.0 - 6.0
-    assert made.order(2) != Hold()  # who lands has to wait for nobody that makes way
+    assert made.order(2) != Hold()  # a landing vehicle waits for no vehicle that makes way
 
 
-def test_the_air_that_a_silent_one_may_have_come_to_along_its_path_stays_claimed() -> None:
+def test_air_that_a_silent_vehicle_may_have_reached_along_its_path_stays_reserved() -> None:
     made = flying(2)
     at = GridPoint(-20.0, 30.0)
     made.post(Tracked(1, 15.0, at, 12.0, 50.0), LinkLost(1, 20.0))
@@ -125,8 +125,8 @@ def test_the_air_that_a_silent_one_may_have_come_to_along_its_path_stays_claimed
 
 
 # --- energy ------------------------------------------------------------------------------------
-def test_it_turns_back_while_it_can_still_brake_and_come_home() -> None:
-    """What it needs is reckoned from where it comes to rest, not from where it is."""
+def test_vehicle_turns_back_while_it_can_still_brake_and_come_home() -> None:
+    """Its energy is estimated from where it comes to rest, not from where it is."""
     needs = {}
     for outward in (True, False):
         ends = ((-40.0, 30.0), (50.0, 30.0)) if outward else ((50.0, 30.0), (-40.0, 30.0))
@@ -157,17 +157,17 @@ def test_it_turns_back_while_it_can_still_brake_and_come_home() -> None:
 
 
 # --- the camera --------------------------------------------------------------------------------
-def test_many_pictures_may_be_lost_in_a_second_and_few_in_ten() -> None:
+def test_camera_may_lose_many_pictures_in_a_second_and_few_in_ten() -> None:
     made = flying()
     for k in range(30):
         made.post(FrameLost(1, 11.0 + 0.1 * k, "black"))
     assert made.state.vehicles[1].return_reason is None
-    for k in range(5):  # a silent camera's are told of every few seconds
+    for k in range(5):  # a silent camera's pictures are reported every few seconds
         made.post(FrameLost(1, 14.0 + 3.4 * k, "no picture was announced"))
     assert made.state.vehicles[1].return_reason is ReturnReason.FAULT
 
 
-def test_a_camera_of_which_nothing_is_heard_at_all_is_noticed() -> None:
+def test_camera_that_is_silent_is_noticed() -> None:
     made = flying()
     path = made.state.vehicles[1].order
     assert isinstance(path, FlyPath)
@@ -184,7 +184,7 @@ def test_a_camera_of_which_nothing_is_heard_at_all_is_noticed() -> None:
     assert isinstance(vehicle.order, Hold)  # it comes to rest first
 
 
-def test_who_is_behind_stops_and_goes_on_no_faster_than_the_wind_allows() -> None:
+def test_vehicle_behind_schedule_stops_and_continues_as_fast_as_the_wind_allows() -> None:
     made = flying()
     made.put(1, on_lane=True, lanes=((GridPoint(-40, 30), GridPoint(50, 30)),))
     at = GridPoint(-10.0, 30.0)
@@ -202,7 +202,7 @@ def test_who_is_behind_stops_and_goes_on_no_faster_than_the_wind_allows() -> Non
 
 
 @pytest.mark.parametrize(("every_s", "comes_home"), [(5.0, True), (BEHIND_S + 1.0, False)])
-def test_who_is_behind_again_and_again_comes_home(every_s: float, comes_home: bool) -> None:
+def test_vehicle_behind_schedule_again_and_again_returns(every_s: float, comes_home: bool) -> None:
     made = flying()
     order = made.state.vehicles[1].order
     for k in range(MOST_BEHIND + 1):
@@ -217,7 +217,9 @@ def test_who_is_behind_again_and_again_comes_home(every_s: float, comes_home: bo
     ("east_m", "north_m", "behind"),
     [(-14.0, 0.0, True), (-14.0, 2.5, True), (14.0, 0.0, False), (-14.0, 9.0, False)],
 )
-def test_behind_is_on_the_path_and_late(east_m: float, north_m: float, behind: bool) -> None:
+def test_vehicle_on_its_path_and_late_is_behind_schedule(
+    east_m: float, north_m: float, behind: bool
+) -> None:
     made = flying()
     order = made.state.vehicles[1].order
     assert isinstance(order, FlyPath)
@@ -231,12 +233,12 @@ def test_behind_is_on_the_path_and_late(east_m: float, north_m: float, behind: b
         seen = Snapshot(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
         guard, verdict = watch(limits, guard, seen)
         verdicts.append(verdict)
-    told = [verdict for verdict in verdicts if verdict is not None]
-    assert [(verdict.rung, verdict.behind) for verdict in told] == [("report", behind)]
+    reported = [verdict for verdict in verdicts if verdict is not None]
+    assert [(verdict.rung, verdict.behind) for verdict in reported] == [("report", behind)]
 
 
 @pytest.mark.parametrize(("late_s", "aside_m", "behind"), [(4.0, 4.5, True), (4.0, 9.0, False)])
-def test_who_swung_out_of_a_corner_late_is_behind(
+def test_vehicle_that_swung_out_of_a_corner_late_is_behind_schedule(
     late_s: float, aside_m: float, behind: bool
 ) -> None:
     corner = [GridPoint(0, 0), GridPoint(60, 0), GridPoint(60, 60)]
@@ -263,7 +265,7 @@ def test_plans_that_follow_one_another_do_not_stop_the_guardians_clock() -> None
 
 
 # --- corners -----------------------------------------------------------------------------------
-def test_each_corner_is_cut_by_what_is_said_of_it() -> None:
+def test_corner_is_cut_by_its_own_distance() -> None:
     points = [GridPoint(0, 0), GridPoint(30, 0), GridPoint(30, 30), GridPoint(0, 30)]
     path = rounded_path(points, 0.0, speed_m_s=6.0, cut_m=[1.0, 0.005, 2.0, 1.0])
     places = [path.at(0.01 * k).place for k in range(round(path.end_s * 100))]
@@ -274,7 +276,7 @@ def test_each_corner_is_cut_by_what_is_said_of_it() -> None:
 
 
 def test_a_path_that_arrives_leaves_nothing_to_wait_for() -> None:
-    """Who waits is planned for again, though no picture has come since."""
+    """A waiting vehicle gets a new plan, although no picture has come since."""
     made = flying()
     made.exploring(at=Cell(0, 6))
     first = made.path()

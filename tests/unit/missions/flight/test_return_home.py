@@ -1,4 +1,4 @@
-"""Coming home in a layer that others share."""
+"""The return in a layer that others share."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from uavmap.load.mission_source import load
 
 
 def out(state: State, setting: Setting, number: int, place: GridPoint) -> VehicleState:
-    """A vehicle at a place that has to come home with what is left of its battery."""
+    """Return a vehicle at a place that has to return with the rest of its battery."""
     return replace(
         state.vehicles[number], phase=Phase.AIRBORNE, landed=False, position=place,
         home=setting.pad_of(number), height_m=40.0, cruise_altitude_m=40.0, remaining_wh=30.0,
@@ -28,7 +28,7 @@ def out(state: State, setting: Setting, number: int, place: GridPoint) -> Vehicl
     )  # fmt: skip
 
 
-def test_who_has_to_wait_for_another_that_comes_home_comes_nearer_meanwhile() -> None:
+def test_vehicle_that_waits_for_another_that_comes_home_comes_nearer_meanwhile() -> None:
     setting = setting_of(load("bay"))
     state = setting.initial_state()
     first = out(state, setting, 4, GridPoint(600.0, 60.0))
@@ -40,7 +40,7 @@ def test_who_has_to_wait_for_another_that_comes_home_comes_nearer_meanwhile() ->
     assert isinstance(order, FlyTo)
     nearer_m = order.route[-1].distance_to(behind.pad)
     assert 200.0 < nearer_m < 500.0
-    # there it is not over its pad: it flies on as soon as it may, and does not land
+    # there it is not over its pad: it continues as soon as it may, and does not land
     state = fly_home(state, behind)
     arrived = apply(state, Arrived(5, 60.0, order.route[-1])).vehicles[5]
     assert not arrived.over_home
@@ -71,7 +71,7 @@ def test_vehicle_on_a_path_home_flies_on_when_all_is_explored() -> None:
         assert after.return_reason is None
     ended = replace(vehicle, order=None)
     assert turn_back(state, ended).vehicles[4].return_reason is ReturnReason.DONE
-    # it does not once the operator calls it home, nor without the energy for its rest
+    # it does not after a recall by the operator, nor without the energy for its rest
     path = rounded_path([far, vehicle.pad], 0.0, speed_m_s=10.0)
     flying = replace(vehicle, order=FlyPath(path, 40.0, None, 0.6))
     called = turn_back(state, replace(flying, called_home=True)).vehicles[4]
@@ -117,7 +117,7 @@ def test_a_vehicle_descends_on_its_path_home_to_the_lowest_layer_that_is_clear()
     assert turn_back(busy, third).vehicles[3] == third
 
 
-def test_a_path_home_by_way_of_what_is_explored_by_now_is_made_straight() -> None:
+def test_path_home_around_cells_explored_by_now_is_made_straight() -> None:
     setting = setting_of(with_vehicles(load("burn"), 1))
     start = replace(setting.initial_state(), exhausted=True, t_s=10.0)
     here, beyond, layer_m = GridPoint(60.0, 90.0), GridPoint(160.0, 150.0), 12.0
@@ -144,7 +144,7 @@ def test_a_path_home_by_way_of_what_is_explored_by_now_is_made_straight() -> Non
 
 
 def test_a_vehicle_leaves_the_air_above_one_that_has_fallen_and_is_not_known_to_lie_there() -> None:
-    """The fallen one holds, and still counts as one that climbs to its layer."""
+    """The fallen vehicle holds, and still counts as climbing to its layer."""
     setting = setting_of(with_vehicles(load("burn"), 3))
     state, here = setting.initial_state(), GridPoint(40.0, 60.0)
     fallen = replace(
@@ -157,7 +157,7 @@ def test_a_vehicle_leaves_the_air_above_one_that_has_fallen_and_is_not_known_to_
     order = fly_home(state, above).vehicles[1].order
     assert isinstance(order, FlyTo)
     assert order.route[-1] == above.pad
-    # one whose way leads through the other's column does not begin it
+    # a vehicle whose path leads through the other's column does not begin it
     beyond = replace(above, position=GridPoint(80.0, 120.0))
     order = fly_home(state.with_vehicle(beyond), beyond).vehicles[1].order
     assert not isinstance(order, FlyTo) or order.route[-1] != above.pad or len(order.route) > 1

@@ -1,4 +1,4 @@
-"""What a mission comes to before anybody flies: grid, fence, lanes, energy, metric, and shares."""
+"""The setting of a mission before take-off: grid, fence, lanes, energy, metric and shares."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_the_metric_drifts_with_the_region() -> None:
 def test_a_look_takes_its_frames_and_a_moment(frames: int, interval_s: float) -> None:
     made = setting(frames=frames, interval_s=interval_s, capacity_wh=60.0)
     assert made.look_s == 2.0 + frames * interval_s
-    assert look_s(made.mission) == made.look_s  # what checks reckon with, and flights
+    assert look_s(made.mission) == made.look_s  # the lanes of checks, and of flights
 
 
 # --- before take-off -------------------------------------------------------------------------

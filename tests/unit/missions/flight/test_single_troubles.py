@@ -1,4 +1,4 @@
-"""One trouble each, as aircraft have met them: what the mission orders then, step by step."""
+"""Single troubles that aircraft have met: the orders of the mission, step by step."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_a_take_off_that_fails_in_the_air_is_a_vehicle_in_the_air() -> None:
     assert made.order() == Land()  # it is over its home
 
 
-def test_the_leg_of_a_silent_vehicle_stays_claimed() -> None:
+def test_leg_of_a_silent_vehicle_stays_reserved() -> None:
     made = over(vehicles=2)
     made.connect_all()
     leg = FlyTo((GridPoint(40.0, 0.0),), None, stop=True, height_m=12.0)
@@ -57,7 +57,7 @@ def test_the_leg_of_a_silent_vehicle_stays_claimed() -> None:
     assert made.order(2) == Hold()  # it may fly its leg to the end, through this column
 
 
-def test_who_flies_towards_air_that_a_failsafe_takes_is_stopped() -> None:
+def test_vehicle_that_flies_towards_air_of_a_failsafe_is_stopped() -> None:
     made = over(vehicles=2)
     made.connect_all()
     leg = FlyTo((GridPoint(40.0, 0.0),), None, stop=True, height_m=18.0)
@@ -94,14 +94,14 @@ def test_no_look_is_given_over_a_cell_that_has_left_the_fence() -> None:
 
 
 DRIFTING = Cell(0, 17)
-"""68 m north, at 0.4 m/s; the margin of the fence begins at 98 m."""
+"""The cell is 68 m north and drifts at 0.4 m/s; the fence margin begins at 98 m."""
 
 
 def followed(made: Service) -> float:
-    """Track a vehicle over its drifting cell until it follows that no more; when this was, in s.
+    """Track a vehicle over its drifting cell until it stops following; return that time, s.
 
-    As the driver does: it flies over the cell wherever that goes. Nobody looks out for it here but
-    the reducer.
+    As the driver does, it flies over the cell along its drift. Only the reducer watches the fence
+    here.
     """
     while isinstance(order := made.order(), Look | FlyTo) and order.cell is not None:
         here = made.setting.grid.to_fixed(made.setting.grid.centre_of(order.cell), made.now_s)
@@ -111,7 +111,7 @@ def followed(made: Service) -> float:
 
 
 def looking(made: Service) -> Look:
-    """A vehicle that looks from a cell which drifts towards the fence."""
+    """Return the order to observe a cell which drifts towards the fence."""
     made.exploring(at=DRIFTING)
     order = made.order()
     assert isinstance(order, Look)
@@ -123,7 +123,7 @@ def test_a_look_that_lasts_ends_before_its_cell_drifts_out_of_the_fence() -> Non
     looking(made)
     north = Cell(0, 18)
     made.post(*(frame(1, t_s, DRIFTING, DRIFTING, north) for t_s in (2.0, 3.0, 4.0)))
-    # 30 m at 0.4 m/s are 75 s, and the fence begins 3 s earlier for who follows
+    # 30 m at 0.4 m/s are 75 s, and the fence begins 3 s earlier for the vehicle
     assert followed(made) == pytest.approx(73.0, abs=1.5)
     assert made.state.undecided == {DRIFTING}
     assert made.state.tree is not None
@@ -140,7 +140,7 @@ def test_a_look_without_a_picture_is_given_up_at_the_fence_and_named() -> None:
     assert made.state.vehicles[1].return_reason is not ReturnReason.FAULT, "the camera is well"
 
 
-def test_a_suspicion_that_drifts_out_while_it_is_looked_at_is_dropped() -> None:
+def test_suspicion_that_drifts_out_while_it_is_observed_is_dropped() -> None:
     made = over(drift_m_s=0.4, toward_deg=0.0)
     made.connect()
     look = Look(DRIFTING, 30, 12.0)
@@ -163,7 +163,7 @@ def test_a_leg_against_the_wind_does_not_follow_its_cell_out_of_the_fence() -> N
     assert made.state.abandoned == {DRIFTING}
 
 
-def test_a_region_at_rest_is_looked_at_for_as_long_as_it_takes() -> None:
+def test_region_at_rest_is_observed_for_as_long_as_it_takes() -> None:
     made = over()
     order = looking(made)
     here = made.setting.grid.centre_of(DRIFTING)
@@ -196,8 +196,10 @@ def test_the_worse_of_measured_and_given_wind_counts() -> None:
         assert made.setting.energy.in_wind(made.state.vehicles[1].wind_m_s).wind_m_s == counted_m_s
 
 
-def test_consumption_of_wavering_estimate_is_what_is_drawn() -> None:
-    """A real PX4's two estimates of its charge differed by a percent: 113 falls and 77 rises were
+def test_consumption_of_a_wavering_estimate_is_the_power_drawn() -> None:
+    """Two estimates of the charge of a real PX4 differed by a percent.
+
+    113 falls and 77 rises were
     1,744 W where 300 were drawn, and the vehicle came home with 79 %.
     """
     made = over()
@@ -226,7 +228,7 @@ def test_a_landing_away_from_home_is_no_battery_swap() -> None:
     assert not isinstance(made.order(), TakeOff)
 
 
-def test_above_a_blocked_pad_it_lands_beside_while_the_reserve_is_whole() -> None:
+def test_vehicle_above_a_blocked_pad_lands_beside_it_while_the_reserve_is_whole() -> None:
     made = over(vehicles=2)
     made.connect_all()
     made.put(1, phase=Phase.OFFLINE, landed=False, position=PAD, height_m=12.0)
@@ -260,7 +262,7 @@ def test_a_vehicle_that_was_moved_at_its_swap_comes_home_to_its_new_place() -> N
     assert made.leg().route[-1].distance_to(moved) < 0.1
 
 
-def test_who_is_higher_than_its_layer_turns_back_for_the_longer_descent() -> None:
+def test_vehicle_higher_than_its_layer_turns_back_for_the_longer_descent() -> None:
     made = over()
     made.exploring()
     here = made.state.vehicles[1]

@@ -1,4 +1,4 @@
-"""Single situations of `step`: what one event changes, and what is ordered after it."""
+"""Single situations of `step`: the changes by one event, and the orders after it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ ROOT = Cell(2, 6)
 
 
 class Service:
-    """Events in, orders out, and the state between."""
+    """The service in a test: events in, orders out, and the state between."""
 
     def __init__(self, made: Mission) -> None:
         self.setting = setting_of(made)
@@ -80,7 +80,7 @@ class Service:
         return self.post(Connected(vehicle, t_s, at, at, height_m, height_m > 0.0, True, wh))
 
     def connect_all(self) -> None:
-        """Everybody answers from its pad, 8 m apart."""
+        """Connect all vehicles on their pads, 8 m apart."""
         for vehicle in self.state.vehicles:
             self.connect(vehicle, at=GridPoint(8.0 * (vehicle - 1), 0.0))
 
@@ -94,7 +94,7 @@ class Service:
         return self.post(Airborne(vehicle, 8.0))
 
     def put(self, vehicle: int, **how: Any) -> None:
-        """Change what is known of a vehicle."""
+        """Change the state of a vehicle."""
         there = replace(self.state.vehicles[vehicle], **how)
         self.state = self.state.with_vehicle(there)
 
@@ -108,26 +108,26 @@ class Service:
         return self.state.vehicles[vehicle].order
 
     def leg(self, vehicle: int = 1) -> FlyTo:
-        """The leg that a vehicle flies, and nothing else."""
+        """Return the leg that a vehicle flies; fail on any other order."""
         order = self.order(vehicle)
         assert isinstance(order, FlyTo)
         return order
 
     def recall(self, vehicle: int, at: GridPoint) -> None:
-        """Everybody comes home, one of them from a place where it comes to rest first."""
+        """Recall all vehicles; one comes to rest at a place first."""
         self.state = replace(self.state, recalled=True)
         for _ in range(12):
             self.now_s += 1.0
             self.track(vehicle, at)
 
     def path(self, vehicle: int = 1) -> Trajectory:
-        """The path that a vehicle flies without stopping."""
+        """Return the path that a vehicle flies without stops."""
         path = self.state.vehicles[vehicle].path
         assert path is not None
         return path
 
     def exploring(self, vehicle: int = 1, *, at: Cell = ROOT) -> None:
-        """As if the ROI had just been found and the vehicle hovered over its root."""
+        """Begin the exploration: the ROI was just found and the vehicle hovers over its root."""
         here, full_wh = self.setting.grid.centre_of(at), self.setting.mission.battery.capacity_wh
         self.state = replace(self.state, tree=Tree.rooted(at), found_s=self.now_s)
         self.fly(
@@ -148,7 +148,7 @@ BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
 
 
 def over(box: Points = BOX, fence: Points = FENCE, **how: Any) -> Service:
-    """The service of a small mission."""
+    """Return the service of a small mission."""
     return Service(mission(box, fence, **{"capacity_wh": 60.0, **how}))
 
 
@@ -171,7 +171,7 @@ def test_a_sortie_begins_with_take_off_flight_and_sweep(service: Service) -> Non
     assert sweep == Sweep(service.setting.lanes[0][1], 4.0, 12.0)
 
 
-def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service) -> None:
+def test_suspicion_is_observed_and_the_find_becomes_the_root(service: Service) -> None:
     service.take_off()
     start = service.setting.lanes[0][0]
     service.post(Arrived(1, 12.0, start))
@@ -210,7 +210,7 @@ def test_a_frame_from_anywhere_is_evidence_and_nothing_more(service: Service) ->
     assert service.state.belief.verdict(Cell(1, 6)) is False
 
 
-def test_a_frame_that_comes_late_on_the_way_home_is_a_suspicion_for_the_next_sortie(
+def test_late_frame_on_the_return_is_a_suspicion_for_the_next_sortie(
     service: Service,
 ) -> None:
     service.take_off()
@@ -223,7 +223,7 @@ def test_a_frame_that_comes_late_on_the_way_home_is_a_suspicion_for_the_next_sor
     assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
 
 
-def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Service) -> None:
+def test_suspicion_of_a_vehicle_that_dropped_out_is_observed_by_another(pair: Service) -> None:
     pair.connect_all()
     suspect = Cell(0, 6)
     pair.put(1, candidate=suspect, lanes=())
@@ -236,7 +236,7 @@ def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Serv
 
 
 def test_a_lane_behind_a_wall_is_given_up_not_flown_through_it() -> None:
-    """The fence is two halves with a gap: the box lies in both, home in the one."""
+    """The fence has two halves with a gap: the box lies in both, home in one."""
     wall = square(-60, 10, 160, 4)
     made = mission(square(0, -4, 30, 44), square(-59, -60, 158, 160), [wall], capacity_wh=60.0)
     flight = fleet(made, roi={Cell(2, 7)})
@@ -260,8 +260,8 @@ def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
     assert sum(isinstance(order, TakeOff) for _, _, order in flight.orders) > 1
 
 
-def test_who_has_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None:
-    """Below somebody else's column it would keep a vehicle with a low battery from landing."""
+def test_vehicle_with_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None:
+    """Below the column of another it would keep a vehicle with a low battery from landing."""
     pad = GridPoint(8.0, 0.0)
     pair.connect_all()
     pair.fly(1, pad, lanes=())
@@ -289,7 +289,7 @@ def test_a_late_positive_still_grows_the_tree(service: Service) -> None:
     assert not service.state.exploration_finished
 
 
-def test_what_was_confirmed_is_not_taken_back_by_a_frame_that_comes_late(service: Service) -> None:
+def test_confirmed_cell_is_not_taken_back_by_a_frame_that_comes_late(service: Service) -> None:
     service.exploring()
     north = Cell(ROOT.east, ROOT.north + 1)
     for t in range(5):
@@ -323,7 +323,7 @@ def test_a_silent_camera_brings_the_vehicle_home_for_good(service: Service) -> N
 
 
 def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() -> None:
-    """It was looked from; its child is still inside. (This once recursed for ever.)"""
+    """It was observed, and its child is still inside. (This once recursed for ever.)"""
     service = over(square(-10, 16, 40, 20), drift_m_s=0.4, toward_deg=0.0)
     root, far, near = Cell(0, 20), Cell(0, 21), Cell(0, 19)
     service.exploring(at=root)
@@ -341,7 +341,7 @@ def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() 
     assert service.state.exploration_finished or service.state.vehicles[1].vertex == near
 
 
-def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before() -> None:
+def test_cell_that_drifts_out_of_the_fence_before_is_not_flown_to() -> None:
     service = over(square(-10, 16, 40, 20), drift_m_s=0.4, toward_deg=0.0)
     root, far = Cell(0, 3), Cell(0, 24)
     service.exploring(at=root)
@@ -356,7 +356,7 @@ def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before() -> None:
     assert not (isinstance(order, FlyTo) and order.cell == far)
 
 
-def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
+def test_cell_that_cannot_be_flown_to_is_abandoned_and_reported() -> None:
     made = mission(square(-10, 16, 40, 20), square(-60, -60, 160, 100), capacity_wh=60.0)
     flight = fleet(made, roi={Cell(0, n) for n in range(5, 14)})
     flight.start()
@@ -368,7 +368,7 @@ def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
 
 
 # --- other hands -----------------------------------------------------------------------------
-def test_nothing_is_ordered_while_a_pilot_flies(service: Service) -> None:
+def test_vehicle_that_a_pilot_flies_gets_no_order(service: Service) -> None:
     service.take_off()
     assert service.post(Overridden(1, 9.0, "LOITER")) == ((1, StandDown()),)
     stale = (
@@ -384,7 +384,7 @@ def test_nothing_is_ordered_while_a_pilot_flies(service: Service) -> None:
 
 
 def test_a_pilots_vehicle_on_its_pad_is_down_whatever_height_it_reports(service: Service) -> None:
-    """A PX4 moves its home for two minutes after take-off: 1.2 m, and the mission never ended."""
+    """A PX4 moved its home by 1.2 m for two minutes after take-off; the mission never ended."""
     service.take_off()
     service.post(Overridden(1, 20.0, "LAND"), Landed(1, 30.0, 50.0, HOME))
     service.track(1, HOME, height_m=1.2)
@@ -392,14 +392,16 @@ def test_a_pilots_vehicle_on_its_pad_is_down_whatever_height_it_reports(service:
     assert service.state.is_over
 
 
-def test_a_fresh_battery_does_not_start_one_who_failed(service: Service) -> None:
+def test_fresh_battery_does_not_start_a_failed_vehicle(service: Service) -> None:
     service.connect()
     service.post(OrderFailed(1, 2.0, "take off", "no arming"))
     assert service.post(BatterySwapped(1, 60.0, 60.0)) == ()
     assert service.state.vehicles[1].phase is Phase.FAILED
 
 
-def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: Service) -> None:
+def test_vehicle_that_lands_while_the_mission_is_resumed_continues_after_it(
+    service: Service,
+) -> None:
     service.exploring()
     service.post(Resumed(20.0))
     service.post(Connected(1, 21.0, HOME, HOME, 6.0, True, True, 30.0, mode="land"))
@@ -410,7 +412,7 @@ def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: S
 
 
 def found(t_s: float, at: GridPoint = HOME, wh: float = 30.0, home: GridPoint = HOME) -> Connected:
-    """It is connected to on the ground."""
+    """Connect to a vehicle on the ground."""
     return Connected(1, t_s, home, at, 0.0, False, True, wh)
 
 
@@ -419,14 +421,14 @@ ON_PAD = [Tracked(1, 19.0, HOME, 6.0, 30.0), Crashed(1, 20.0, HOME, "it fell, 0 
 LIES, NO_BATTERY = "is still there", "has not been replaced"
 CLEARED: dict[str, list[Event]] = {
     "given back": [Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0), Released(1, 60.0, HOME, 0.2)],
-    "heard again": [LinkLost(1, 20.0), found(60.0, wh=58.0)],
-    # a real PX4 takes the place where it landed for its home
+    "in contact again": [LinkLost(1, 20.0), found(60.0, wh=58.0)],
+    # a real PX4 sets its home to the place of its landing
     "landed afield unheard": [Resumed(59.0), found(60.0, FIELD, 60.0, home=FIELD)],
 }
 
 
 @pytest.mark.parametrize("how", CLEARED)
-def test_who_is_found_on_the_ground_takes_off_once_its_crew_is_clear(
+def test_vehicle_found_on_the_ground_takes_off_once_its_crew_is_clear(
     service: Service, how: str
 ) -> None:
     service.take_off()
@@ -435,11 +437,11 @@ def test_who_is_found_on_the_ground_takes_off_once_its_crew_is_clear(
 
 
 LYING: dict[str, tuple[list[Event], str]] = {
-    # what happened, the last where it is found, and what is said of it
+    # the events, the last where it is found, and the report about it
     "down unheard": ([LinkLost(1, 20.0), found(90.0, FIELD)], LIES),
     "fell": ([Crashed(1, 20.0, FIELD, "it fell"), Resumed(60.0), found(61.0, FIELD)], LIES),
     "fell near": ([Crashed(1, 20.0, NEAR, "it fell"), Resumed(60.0), found(61.0, NEAR)], LIES),
-    # it is found where people would have put it back: a fresh battery tells that they have
+    # it is found where the crew would put it back: a fresh battery shows that they did
     "fell on its pad": ([*ON_PAD, Resumed(60.0), found(61.0, wh=33.0)], NO_BATTERY),
     "fell on its pad unheard": ([*ON_PAD, LinkLost(1, 60.0), found(61.0, wh=33.0)], NO_BATTERY),
     "set down by a failsafe": (
@@ -451,16 +453,16 @@ LYING: dict[str, tuple[list[Event], str]] = {
 
 
 @pytest.mark.parametrize("how", LYING)
-def test_one_that_lies_there_is_fetched_and_not_flown(service: Service, how: str) -> None:
-    events, said = LYING[how]
+def test_vehicle_that_is_down_is_fetched_and_not_flown(service: Service, how: str) -> None:
+    events, message = LYING[how]
     service.exploring()
     assert service.post(*events) == ((1, StandDown()),)
     assert service.state.vehicles[1].phase is Phase.DOWN
-    assert said in service.state.vehicles[1].note
+    assert message in service.state.vehicles[1].note
     assert service.state.is_over
     service.post(Resumed(200.0))
     left_wh = 30.0 if "set down" in how else 60.0  # nothing broke
-    assert service.post(found(201.0, wh=left_wh)) == ((1, AwaitBattery()),), "its crew says when"
+    assert service.post(found(201.0, wh=left_wh)) == ((1, AwaitBattery()),), "its crew allows it"
 
 
 def test_crashed_vehicle_whose_mode_changes_stays_down_until_it_is_mended(
@@ -497,21 +499,21 @@ def test_vehicle_that_its_pilot_landed_elsewhere_changes_mode_and_is_given_back(
     assert service.state.vehicles[1].phase is Phase.GROUNDED
 
 
-def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
+def test_vehicle_that_is_down_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
     assert service.post(Released(1, 21.0, HOME, 0.0)) == ()
     assert service.state.vehicles[1].phase is Phase.DOWN
 
 
-def test_one_that_never_speaks_again_is_still_told_to_lie_there(service: Service) -> None:
+def test_crashed_vehicle_that_stays_silent_is_still_reported_as_down(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, GridPoint(20.0, 20.0), "it fell"), Resumed(60.0), Resumed(90.0))
     (line,) = aircraft_down(service.state)
     assert line.endswith("it is down: it fell")
 
 
-def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
+def test_box_without_a_lane_ends_with_a_reason(service: Service) -> None:
     """`uavmap check` refuses it; an old journal may still hold one."""
     service.setting = replace(service.setting, lanes=())
     service.state = service.setting.initial_state()
@@ -522,7 +524,7 @@ def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
     assert not service.state.completed
 
 
-def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
+def test_vehicle_given_back_in_the_air_comes_to_rest_and_continues(service: Service) -> None:
     service.take_off()
     service.post(Overridden(1, 9.0, "LOITER"))
     at = GridPoint(3.0, 9.0)
@@ -531,7 +533,7 @@ def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) ->
     assert isinstance(service.order(), FlyTo)
 
 
-def test_given_back_just_above_the_ground_it_is_in_the_air(service: Service) -> None:
+def test_vehicle_given_back_just_above_the_ground_is_in_the_air(service: Service) -> None:
     service.take_off()
     service.post(Overridden(1, 9.0, "LOITER"))
     service.post(Recalled(12.0), Released(1, 20.0, HOME, 0.6))
@@ -539,7 +541,7 @@ def test_given_back_just_above_the_ground_it_is_in_the_air(service: Service) -> 
     assert not service.state.is_over
 
 
-def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> None:
+def test_vehicle_interrupted_while_climbing_counts_as_airborne(service: Service) -> None:
     service.connect()
     service.track(1, HOME, 4.0)
     service.post(Overridden(1, service.now_s + 0.5, "LOITER"))
@@ -559,7 +561,7 @@ def test_an_order_that_fails_in_the_air_brings_the_vehicle_home(service: Service
 def test_link_is_lost_after_the_order_to_take_off_the_vehicle_counts_as_in_the_air(
     pair: Service,
 ) -> None:
-    """It climbed to its layer, hovered there, and others were let into its column at once."""
+    """It climbed to its layer and hovered there; others entered its column at once."""
     pair.connect(1)
     assert pair.order(1) == TakeOff(12.0)
     pair.post(LinkLost(1, 5.0))
@@ -570,7 +572,7 @@ def test_link_is_lost_after_the_order_to_take_off_the_vehicle_counts_as_in_the_a
     assert pair.state.vehicles[1].landed
 
 
-def test_a_lost_link_is_taken_up_where_the_vehicle_is(service: Service) -> None:
+def test_lost_link_is_reconnected_where_the_vehicle_is(service: Service) -> None:
     service.exploring()
     assert service.post(LinkLost(1, 20.0)) == ((1, StandDown()),)
     here = GridPoint(8.0, 24.0)
@@ -580,7 +582,7 @@ def test_a_lost_link_is_taken_up_where_the_vehicle_is(service: Service) -> None:
     assert service.leg().cell == ROOT
 
 
-def test_half_way_down_over_home_it_lands_without_climbing_first(service: Service) -> None:
+def test_vehicle_half_way_down_over_home_lands_without_climbing_first(service: Service) -> None:
     service.exploring()
     low_wh = service.setting.energy.reserve_wh + 1.0
     service.post(Resumed(20.0))
@@ -605,7 +607,7 @@ def test_the_battery_turns_a_vehicle_back_to_a_swap_and_out_again(service: Servi
     assert service.leg().cell == ROOT
 
 
-def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair: Service) -> None:
+def test_cell_of_a_vehicle_whose_battery_ends_is_observed_by_another(pair: Service) -> None:
     pair.setting = replace(pair.setting, strategy=Stepwise(EXPLORERS["horizon"]))
     pair.state = replace(pair.state, setting=pair.setting)
     last, centre = Cell(2, 7), pair.setting.grid.centre_of
@@ -626,8 +628,10 @@ def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair:
     assert orders[2].cell == last
 
 
-def test_who_flies_past_a_point_comes_to_rest_before_it_turns_home(service: Service) -> None:
-    """It swings out as far as the margin is wide; what it holds to is planned from rest."""
+def test_vehicle_that_flies_past_a_point_comes_to_rest_before_it_turns_home(
+    service: Service,
+) -> None:
+    """It swings out by the width of the margin; its return is planned from rest."""
     service.take_off()
     leg = service.leg()
     assert not leg.stop
@@ -655,7 +659,7 @@ def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> No
 
 
 # --- keeping apart ---------------------------------------------------------------------------
-def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
+def test_vehicle_does_not_climb_through_a_leg_below_its_layer(pair: Service) -> None:
     pair.connect(1)
     leg = FlyTo((GridPoint(30.0, 0.0),), None, stop=True, height_m=12.0)
     pair.fly(1, GridPoint(-30.0, 0.0), order=leg)
@@ -664,14 +668,14 @@ def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
     assert pair.order(2) == TakeOff(18.0)
 
 
-def test_nobody_climbs_beside_one_whose_stop_is_not_known_yet(pair: Service) -> None:
+def test_vehicle_does_not_climb_beside_one_whose_stop_is_not_known_yet(pair: Service) -> None:
     pair.connect(1)
     pair.fly(1, HOME, order=Hold(), braking_until_s=9.0)
     assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
 
 
 def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
-    """Two that want to change places would otherwise wait for each other for ever."""
+    """Two vehicles that change places would otherwise wait for each other for ever."""
     pair = over(vehicles=2, layer_m=4.5)
     north = Cell(ROOT.east, ROOT.north + 1)
     there, look = pair.setting.grid.centre_of(north), Look(north, 15, 16.5)
@@ -682,7 +686,7 @@ def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
     assert pair.leg(1).cell == north
 
 
-def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -> None:
+def test_vehicle_that_comes_home_for_a_battery_flies_round_one_that_lands(pair: Service) -> None:
     pad = GridPoint(8.0, 0.0)
     pair.connect_all()
     low = ReturnReason.BATTERY
@@ -696,7 +700,7 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
     assert way.length < 75.0
 
 
-def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: Service) -> None:
+def test_vehicle_in_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: Service) -> None:
     centre = pair.setting.grid.centre_of
     east = Cell(ROOT.east + 1, ROOT.north)
     pair.connect_all()
@@ -726,18 +730,18 @@ def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
 
 
 @pytest.mark.parametrize(
-    ("east_m", "said"),
+    ("east_m", "message"),
     [(5000.0, "outside the geofence"), (-59.6, "m from the edge of the geofence")],
 )
 def test_a_vehicle_that_stands_outside_of_the_fence_or_at_its_edge_stays_there(
-    service: Service, east_m: float, said: str
+    service: Service, east_m: float, message: str
 ) -> None:
     there = GridPoint(east_m, -30.0)
     assert service.post(found(1.0, there, 60.0, home=there)) == ((1, StandDown()),)
-    assert said in service.state.vehicles[1].note
+    assert message in service.state.vehicles[1].note
 
 
-def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(service: Service) -> None:
+def test_autopilot_takes_over_when_not_even_the_return_path_can_be_flown(service: Service) -> None:
     service.take_off()
     service.post(Recalled(9.0))
     far = GridPoint(9.0, 0.0)
@@ -756,7 +760,7 @@ def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(servic
     assert service.state.is_over
 
 
-def test_over_what_the_fence_forbids_the_autopilot_returns_only_after_more_patience() -> None:
+def test_autopilot_returns_over_forbidden_ground_only_after_a_longer_wait() -> None:
     hole = square(20.0, -6.0, 8.0, 12.0)
     service = over(square(-10, 16, 60, 30), holes=[hole])
     service.take_off()
@@ -771,15 +775,15 @@ def test_over_what_the_fence_forbids_the_autopilot_returns_only_after_more_patie
     assert service.post(OrderFailed(1, t_s + 5.0, "FlyTo", "no")) == ((1, ReturnToLaunch()),)
 
 
-def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
+def test_vehicle_blown_out_of_the_fence_returns(service: Service) -> None:
     service.take_off()
     service.track(1, GridPoint(0.0, -500.0))
     assert service.state.vehicles[1].return_reason is ReturnReason.FAULT
 
 
 @pytest.mark.parametrize(("east_m", "away"), [(1.0, False), (40.0, True)])
-def test_who_is_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: bool) -> None:
-    """Nobody of ours lands it, so nobody of ours calls it down: but it has to be fetched."""
+def test_vehicle_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: bool) -> None:
+    """No order landed it, so it does not count as down, but the crew has to fetch it."""
     service = over(capacity_wh=25.0)
     service.exploring()
     service.post(Overridden(1, 30.0, "LAND"))
@@ -794,8 +798,8 @@ def test_who_is_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: b
     assert not service.state.vehicles[1].landed_away_m
 
 
-def test_set_down_on_higher_ground_by_its_pilot_it_stands(service: Service) -> None:
-    """Heights are above home: who stands on a hill is not in the air for that, and it is over."""
+def test_vehicle_set_down_on_higher_ground_by_its_pilot_stands(service: Service) -> None:
+    """Heights are above home: a vehicle on a hill is not in the air, and the mission is over."""
     service.connect()
     hill = GridPoint(30.0, 20.0)
     service.post(Airborne(1, 8.0), Overridden(1, 10.0, "LOITER"))
@@ -808,8 +812,8 @@ def test_set_down_on_higher_ground_by_its_pilot_it_stands(service: Service) -> N
     assert not service.state.is_over
 
 
-def test_who_waits_in_vain_for_its_way_home_returns_by_its_autopilot(pair: Service) -> None:
-    """A silent vehicle claims the air of its return for as long as its battery may last."""
+def test_vehicle_whose_return_path_stays_blocked_returns_by_its_autopilot(pair: Service) -> None:
+    """The air of a silent vehicle's return stays reserved for as long as its battery may last."""
     pair.connect_all()
     above = GridPoint(40.0, 0.0)
     for number, at in ((1, GridPoint(25.0, 0.0)), (2, above)):

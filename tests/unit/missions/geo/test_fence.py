@@ -38,7 +38,7 @@ SQUARE = ring(0, 0, 100, 100)
         (98.1, 98, True, False),
     ],
 )
-def test_inside_the_fence_and_inside_its_margin(east_m, north_m, inside, allowed):
+def test_fence_contains_places_and_allows_those_inside_its_margin(east_m, north_m, inside, allowed):
     fence = Fence.from_rings(SQUARE, [], 2.0)
     assert fence.contains(GridPoint(east_m, north_m)) is inside
     assert fence.allows(GridPoint(east_m, north_m)) is allowed
@@ -90,13 +90,13 @@ def test_a_leg_between_two_allowed_places_may_leave_a_hollow_fence():
 # --- routes by hand --------------------------------------------------------------------------
 HOLE, WALL = ring(40, 20, 60, 90), ring(40, -1, 60, 101)
 ROUTES = {
-    # the hole, the margin, from, and the places of the way, the last where it leads to
+    # the hole, the margin, the start, and the places of the route
     "a straight way is one leg": (None, 2.0, (10, 10), [(90, 40)]),
     "where it is already is a leg of no length": (None, 2.0, (10, 10), [(10, 10)]),
     "round a hole the shorter side is taken": (HOLE, 2.0, (20, 50), [(38, 18), (62, 18), (80, 50)]),
     "or the other": (HOLE, 2.0, (20, 88), [(38, 92), (62, 92), (80, 88)]),
     "on one side of a wall": (WALL, 2.0, (20, 50), [(20, 90)]),
-    # a vehicle that was blown there comes in by the nearest way
+    # a vehicle that was blown there comes in by the shortest route
     "from the margin": (None, 5.0, (1, 50), [(5, 50), (50, 50)]),
     "from beyond the fence": (None, 5.0, (-30, 120), [(5, 95), (50, 50)]),
 }
@@ -110,12 +110,12 @@ def test_a_route_leads_the_shortest_way_inside_of_the_margin(name):
     assert fence.route(GridPoint(*start), places[-1]) == places
 
 
-def test_nobody_is_sent_into_the_margin_or_through_a_wall():
+def test_route_into_the_margin_or_through_a_wall_is_refused():
     assert Fence.from_rings(SQUARE, [], 5.0).route(GridPoint(50, 50), GridPoint(1, 50)) is None
     assert Fence.from_rings(SQUARE, [WALL], 2.0).route(GridPoint(20, 50), GridPoint(80, 50)) is None
 
 
-def test_between_two_holes_there_may_be_a_way_or_none():
+def test_route_between_two_holes_needs_two_margins():
     def through(gap_m: float) -> float | None:
         south, north = ring(40, 1, 60, 50), ring(40, 50 + gap_m, 60, 99)
         fence = Fence.from_rings(SQUARE, [south, north], 2.0)
@@ -145,7 +145,7 @@ def star(
 
 
 def random_fence(seed: int) -> tuple[Fence, Polygon]:
-    """A star-shaped fence with one to three holes in it, and the exact polygon."""
+    """Return a star-shaped fence with one to three holes, and the exact polygon."""
     rng = np.random.default_rng(seed)
     outer = star(rng, GridPoint(0, 0), 40, 120, int(rng.integers(5, 11)))
     holes: list[list[GridPoint]] = []
@@ -205,7 +205,7 @@ def test_a_point_on_the_rim_of_the_margin_is_allowed_in_spite_of_rounding():
 
 # --- routes beside a plain search ------------------------------------------------------------
 def shortest_m(fence: Fence, start: GridPoint, end: GridPoint) -> float:
-    """All legs between start, end and corners that the fence allows; then Floyd and Warshall."""
+    """Return the least length by Floyd and Warshall, over all allowed legs between corners."""
     places = [start, end, *fence.corners]
     count = len(places)
     far = np.full((count, count), np.inf)
@@ -219,7 +219,7 @@ def shortest_m(fence: Fence, start: GridPoint, end: GridPoint) -> float:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_no_way_over_the_corners_is_shorter(seed):
+def test_route_is_the_shortest_over_the_corners(seed):
     fence, _ = random_fence(500 + seed)
     rng = np.random.default_rng([seed, 9])
     for _ in range(3):
@@ -235,7 +235,7 @@ def test_no_way_over_the_corners_is_shorter(seed):
 @FAST
 @given(st.floats(-20, 120), st.floats(-20, 120), st.floats(0, 20))
 @example(50.0, 50.0, 1e-54)
-def test_what_is_allowed_keeps_the_margin(east_m, north_m, margin_m):
+def test_allowed_place_keeps_the_margin(east_m, north_m, margin_m):
     hole = ring(45, 30, 55, 70)
     fence = Fence.from_rings(SQUARE, [hole], margin_m)
     exact = Polygon(SQUARE, [hole])
@@ -261,8 +261,8 @@ def test_an_allowed_leg_stays_in_the_margin_all_the_way(e1, n1, e2, n2):
             assert fence.allows(GridPoint(float(at.x), float(at.y)))
 
 
-def test_a_leg_along_an_edge_is_allowed_whatever_the_last_bits_of_its_corners_say():
-    """From where a lane ends at a hole the way leads around the hole, not around the fence."""
+def test_leg_along_an_edge_is_allowed_with_any_last_bits_of_its_corners():
+    """From the end of a lane at a hole the route leads around the hole, not around the fence."""
     square = [GridPoint(-20, -20), GridPoint(100, -20), GridPoint(100, 70), GridPoint(-20, 70)]
     hole = [
         GridPoint(30.000001, 9.999998),

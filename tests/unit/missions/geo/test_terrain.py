@@ -49,16 +49,17 @@ def test_damaged_heights_are_refused(text, rows):
         decoded(text, rows, 2)
 
 
-def test_what_is_packed_to_burst_is_not_unpacked():
+def test_heights_that_would_unpack_to_too_much_are_refused():
     bomb = encoded(np.zeros((2000, 2000)))
     with pytest.raises(ValueError, match=r"not 2 x 2"):
         decoded(bomb, 2, 2)
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_in_whatever_order_a_vehicle_climbs_and_flies_it_clears_the_ground(seed):
-    """Between the place where it is told a target and the target every height is flown at every
-    point that lies between its own and the target's; nothing more than `FOLLOW_M` too high."""
+def test_vehicle_that_climbs_and_flies_in_any_order_clears_the_ground(seed):
+    """On the way to its target a vehicle may be at any height between its own and the target's.
+
+    All of these heights clear the ground, and none is more than `FOLLOW_M` too high."""
     rng = np.random.default_rng(seed)
     terrain = terrain_of(hills(seed, float(rng.uniform(5.0, 60.0)), float(rng.uniform(50, 150))))
     here, end = (GridPoint(*rng.uniform(-150.0, 150.0, 2)) for _ in range(2))
@@ -99,8 +100,8 @@ def test_a_leg_over_a_ridge_is_flown_over_it_and_not_through():
 @pytest.mark.parametrize(
     ("percent", "flown_m_s"), [(10.0, 5.0), (20.0, 3.15), (30.0, 1.5), (45.0, 1.04)]
 )
-def test_ways_over_steep_ground_are_reckoned_as_long_as_they_take(percent, flown_m_s):
-    """What was measured in the simulators, the slower of both autopilots."""
+def test_estimate_over_steep_ground_is_at_least_the_measured_time(percent, flown_m_s):
+    """Speeds were measured in the simulators, with the slower of both autopilots."""
     terrain = terrain_in(lattice(slope(percent, 0.0)))
     way = [GridPoint(0.0, 0.0), GridPoint(0.0, 120.0)]
     climbs_m = terrain.ups_and_downs_m(way, 5.0, CLIMB_SPEED_M_S)

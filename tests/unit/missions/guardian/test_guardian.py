@@ -1,4 +1,4 @@
-"""The guardian's rules, one situation at a time: what it sees, and the rung that follows."""
+"""The guardian's rules, one situation at a time: observations, and the rung that follows."""
 
 from dataclasses import replace
 
@@ -73,8 +73,8 @@ RETURNING = replace(IN_AIR, position=FAR, mode="rtl")
 ON_GROUND = replace(IN_AIR, height_m=0.0, airborne=False)
 Moves = dict[str, float]
 SITUATIONS = {
-    # how long, what changes in each second, and the rungs that follow; what the first verdict says
-    "no progress is told once and then climbs the ladder": (
+    # duration, changes in each second, the rungs that follow; text of the first verdict
+    "no progress is reported once and then climbs the ladder": (
         leg(), IN_AIR, [(15, {}, []), (2, {}, ["report"]), (4, {}, []), (2, {}, ["rtl"])], "",
     ),
     "off its way": (
@@ -139,7 +139,7 @@ SITUATIONS = {
     "a landing that drifts a little is not hastened": (
         LAND, LANDING, [(10, {"east_m": 3.0, "height_m": -0.5}, [])], "",
     ),
-    # what is not flown by the autopilot by itself ends in a landing
+    # an order that the autopilot does not fly by itself ends in a landing
     "a return that is flown": (
         leg(homeward=True), RETURNING,
         [(12, {"height_m": 1.5}, []), (12, {"east_m": -5.0}, []), (58, {"height_m": -0.5}, [])], "",
@@ -169,10 +169,10 @@ SITUATIONS = {
     "a climb that does not begin": (
         CLIMB, replace(IN_AIR, height_m=0.2), [(19, {}, []), (3, {}, ["crashed"])], "",
     ),
-    "who stands on the ground": (Task("ground", 0.0), ON_GROUND, [(300, {}, [])], ""),
+    "a vehicle on the ground": (Task("ground", 0.0), ON_GROUND, [(300, {}, [])], ""),
     "motors that spin up": (CLIMB, ON_GROUND, [(30, {}, [])], ""),
     # others
-    "nothing is done to what a pilot flies": (
+    "a vehicle of a pilot is left alone": (
         leg(), replace(IN_AIR, mode="other", position=GridPoint(300.0, 0.0), remaining_wh=0.5),
         [(60, {"east_m": 3.0}, [])], "",
     ),
@@ -183,13 +183,13 @@ SITUATIONS = {
 
 
 @pytest.mark.parametrize("situation", SITUATIONS)
-def test_what_is_seen_leads_to_a_rung_of_the_ladder(situation):
-    task, seen, passes, says = SITUATIONS[situation]
+def test_observation_leads_to_a_rung_of_the_ladder(situation):
+    task, seen, passes, expected = SITUATIONS[situation]
     watched = returning(seen) if situation.startswith("a return") else Watched(task, seen)
     for seconds, moves, rungs in passes:
         assert watched.pass_time(seconds, **moves) == rungs
     for _, verdict in watched.verdicts[:1]:
-        assert says in verdict.reason
+        assert expected in verdict.reason
         is_carried = any(part in verdict.reason for part in ("carrie", ", outside the"))
         assert verdict.hurry is (verdict.rung == "land" and is_carried)
 
@@ -207,7 +207,7 @@ def test_a_new_order_after_the_report_begins_anew():
     home = Task("leg", 17.0, (HOME, GridPoint(-40.0, 0.0)), True, 12.0, estimate_s=16.0)
     watched.guard = watched.guard.with_task(home)
     assert watched.pass_time(14) == []
-    assert watched.pass_time(3) == ["rtl"], "on the way home there is nobody to tell"
+    assert watched.pass_time(3) == ["rtl"], "on the return no report is due"
 
 
 def test_a_hopeless_wind_lands_it_before_it_is_carried_away():
@@ -229,15 +229,15 @@ def returning(seen):
     return watched
 
 
-def test_what_it_has_taken_over_no_order_takes_back():
+def test_vehicle_of_the_guardian_is_not_taken_back_by_an_order():
     watched = returning(replace(IN_AIR, mode="rtl"))
     assert watched.guard.with_task(leg()).action == "rtl"
     assert watched.guard.released().action is None
 
 
 @pytest.mark.parametrize("task", [leg(), hold(), LAND])
-def test_with_the_last_energy_for_it_it_lands(task):
-    """Also one that was told to land, and hovers; but not by a single message that is wrong."""
+def test_vehicle_with_the_last_energy_for_a_landing_lands(task):
+    """A vehicle that hovers after an order to land also counts; a single wrong message does not."""
     need_wh = 1.25 * landing_wh(ENERGY, 12.0)
     enough = Watched(task, replace(IN_AIR, remaining_wh=need_wh + 0.1))
     assert enough.pass_time(5) == []
@@ -254,18 +254,18 @@ def test_motors_off_away_from_home_is_a_crash():
     watched = Watched(leg(), replace(IN_AIR, position=FAR))
     verdict = watched.look(t_s=1.0, armed=False, airborne=False, height_m=0.1)
     assert verdict.rung == "crashed"
-    assert watched.look(t_s=2.0) is None, "it is told once"
+    assert watched.look(t_s=2.0) is None, "it is reported once"
 
 
 @pytest.mark.parametrize("mode", ["follow", "other", "rtl", "land"])
-def test_a_fall_is_a_crash_whoever_flies(mode):
+def test_fall_is_a_crash_under_any_control(mode):
     watched = Watched(LAND, replace(IN_AIR, mode=mode))
     assert watched.pass_time(2, height_m=-9.0) == ["crashed"]
 
 
 @pytest.mark.parametrize("mode", ["follow", "other", "rtl", "land"])
 @pytest.mark.parametrize("armed", [True, False])
-def test_who_struck_its_pad_has_crashed_whoever_flew(mode, armed):
+def test_vehicle_that_struck_its_pad_has_crashed_under_any_control(mode, armed):
     watched = Watched(LAND, replace(IN_AIR, mode=mode, height_m=3.0))
     stands = {"height_m": 0.1, "armed": armed, "airborne": False}
     assert watched.look(t_s=1.0, struck_m_s=2.4, **stands) is None
@@ -287,7 +287,7 @@ def test_landing_of_pilot_or_by_order_is_no_crash(task, seen, seconds, sinks_m_s
 
 # --- carried off -----------------------------------------------------------------------------
 def test_a_home_that_is_moved_after_the_landing_is_no_fall():
-    """A real PX4 1.17: told 0.17, 1.02 and -0.35 m within a second, on its pad, motors off."""
+    """A real PX4 1.17 reported 0.17, 1.02 and -0.35 m within a second, on its pad, motors off."""
     watched = Watched(LAND, replace(LANDING, home_amsl_m=535.0))
     watched.pass_time(24, height_m=-0.5)
     stands = {"airborne": False, "armed": False, "mode": "follow"}
@@ -298,8 +298,8 @@ def test_a_home_that_is_moved_after_the_landing_is_no_fall():
     assert not watched.guard.down
 
 
-def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour():
-    """No wind is known: only the air can do that."""
+def test_vehicle_carried_off_faster_than_it_flies_lands_without_a_detour():
+    """No wind is known: only the air can move it like that."""
     watched = Watched(hold())
     assert watched.pass_time(3, east_m=8.0) == []
     watched.guard = watched.guard.with_task(leg())
@@ -307,8 +307,8 @@ def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour():
     assert "carried off" in watched.verdicts[0][1].reason
 
 
-def test_orders_that_follow_one_another_faster_than_looks_hide_nothing():
-    """A vehicle that looks from cell to cell is told a new place each second."""
+def test_orders_faster_than_the_guardians_checks_hide_nothing():
+    """A vehicle that observes cell after cell gets a new target each second."""
     watched = Watched(hold())
     verdicts = []
     for _ in range(4):
@@ -352,7 +352,7 @@ def test_a_path_that_is_followed_is_left_alone(late_s):
 
 
 def test_a_path_that_replaces_another_is_left_alone():
-    """Until it begins the older one is flown; it is some way off by then."""
+    """The vehicle flies the older path until the new one begins, and is some way off by then."""
     watched = Watched(along())
     fly_path(watched, 6.0)
     course = watched.guard.task.course
@@ -365,7 +365,7 @@ def test_a_path_that_replaces_another_is_left_alone():
     assert not watched.verdicts
 
 
-def test_who_does_not_follow_a_path_is_reported_within_seconds_and_not_taken_for_swept():
+def test_vehicle_off_its_path_is_reported_within_seconds_and_not_taken_for_swept():
     watched = Watched(along())
     watched.pass_time(20)  # it hovers
     t_s, verdict = watched.verdicts[0]
@@ -374,7 +374,7 @@ def test_who_does_not_follow_a_path_is_reported_within_seconds_and_not_taken_for
     assert [v.rung for _, v in watched.verdicts] == ["report", "rtl"]
 
 
-def test_beside_a_path_is_off_it_and_a_strong_wind_explains_some_of_it():
+def test_vehicle_beside_a_path_is_off_it_and_a_strong_wind_explains_some_of_it():
     watched = Watched(along())
     fly_path(watched, 15.0, off_m=OFF_PLAN_M + 1.0)
     assert watched.verdicts[0][1].rung == "report"
@@ -383,7 +383,7 @@ def test_beside_a_path_is_off_it_and_a_strong_wind_explains_some_of_it():
     assert not windy.verdicts
 
 
-def test_who_is_carried_away_from_a_path_is_known():
+def test_vehicle_carried_away_from_a_path_is_noticed():
     watched = Watched(along())
     fly_path(watched, 5.0)
     rungs = watched.pass_time(8, north_m=-8.0)
@@ -399,7 +399,7 @@ def test_a_path_that_never_comes_to_rest_is_reported():
     assert "has not come to rest" in watched.verdicts[0][1].reason
 
 
-def test_height_that_is_lost_on_a_path_is_known():
+def test_height_lost_on_a_path_is_noticed():
     watched = Watched(along())
     fly_path(watched, 6.0)
     watched.seen = replace(watched.seen, height_m=6.0)
@@ -407,8 +407,8 @@ def test_height_that_is_lost_on_a_path_is_known():
     assert "lost height" in watched.verdicts[0][1].reason
 
 
-def test_a_movement_that_nobody_saw_for_long_has_not_lasted():
-    """Telemetry is late while it moves away, an order calls it home, and 20 s later it is seen."""
+def test_movement_without_observations_for_long_has_not_lasted():
+    """Telemetry is late while it moves away, a return is ordered, and a check comes 20 s later."""
     watched = Watched(leg())
     assert watched.pass_time(2, east_m=-4.0) == []
     watched.guard = watched.guard.with_task(leg(homeward=True, since_s=3.0))

@@ -1,4 +1,4 @@
-"""Votes by hand: ballots, late frames, what a look still lacks, and what the map shows."""
+"""Votes by hand: ballots, late frames, missing votes of a look, and the map."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EMPTY = Belief(frames=5, positive=3)
 
 
 def voted(pattern: str, *, at: Cell = HERE, on: Cell = HERE, first_s: float = 0.0) -> Belief:
-    """A belief of frames a second apart: `+` a yes, `-` a no, `.` a frame without the cell."""
+    """Return a belief of frames a second apart: `+` a yes, `-` a no, `.` without the cell."""
     return more(EMPTY, pattern, at=at, on=on, first_s=first_s)
 
 
@@ -28,7 +28,7 @@ def more(
 
 
 def test_all_votes_are_in_the_map() -> None:
-    """What a cell shows to a reader is everything that was seen of it."""
+    """A cell shows all of its votes to a reader."""
     belief = more(voted("---++"), "++++", first_s=10.0)
     assert belief.cells() == {HERE: Tally(6, 9)}
     assert belief.roi == frozenset()
@@ -75,7 +75,7 @@ def test_a_vantage_decides_for_a_cell_and_not_against_it() -> None:
     assert voted("-----").provisional(HERE) is None
 
 
-def test_open_ballots_are_found_by_cell_and_told_among_the_detections() -> None:
+def test_open_ballots_are_found_by_cell_and_listed_among_the_detections() -> None:
     belief = more(openly("+++"), "-----", at=NORTH, on=NORTH, first_s=10.0)
     belief = belief.with_frame(None, FrameId(1, 30.0), {NORTH: True})
     assert {cell: len(ballot) for cell, ballot in belief.open_ballots.items()} == {
@@ -84,18 +84,18 @@ def test_open_ballots_are_found_by_cell_and_told_among_the_detections() -> None:
     }
     assert belief.detections() == [(NORTH, NORTH, False), (None, HERE, True)]
     assert belief.frames_taken(HERE) == 0
-    assert belief.cells_searched == 3  # one frames were taken over, two that others showed
+    assert belief.cells_searched == 3  # one with frames taken over it, two shown by others
 
 
 # --- one frame twice -------------------------------------------------------------------------
-def test_what_is_left_of_a_late_frame_takes_nothing_back() -> None:
+def test_rest_of_a_late_frame_takes_nothing_back() -> None:
     early = voted("--+++", first_s=10.0)
     frame = FrameId(2, 0.0)
     assert early.in_time(HERE, frame, {HERE: False, NORTH: True}) == {NORTH: True}
     assert early.in_time(NORTH, frame, {HERE: False}) == {HERE: False}  # another vantage
     after = early.with_frame(HERE, frame, early.in_time(HERE, frame, {HERE: False}))
     assert after.roi == early.roi
-    assert after.frames_taken(HERE) == 6  # that it was taken is remembered
+    assert after.frames_taken(HERE) == 6  # the belief keeps that the frame was taken
 
 
 def test_a_frame_of_the_same_instant_as_the_last_is_in_time() -> None:

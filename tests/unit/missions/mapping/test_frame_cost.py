@@ -1,6 +1,6 @@
-"""What a frame costs does not depend on what the map holds, counted and not timed.
+"""The cost of a frame does not depend on the size of the map, counted and not timed.
 
-Memory that is taken for a copy, and calls of Python functions, of which a walk over all cells makes
+It counts memory for copies, and calls of Python functions, of which a walk over all cells makes
 many. Medians: now and then a table grows.
 """
 
@@ -35,7 +35,7 @@ SMALL, LARGE = 200, 2_000
 
 
 class Costs:
-    """Bytes and calls of what is done under it."""
+    """A counter of the bytes and calls of an action."""
 
     def __init__(self) -> None:
         self.bytes: list[int] = []
@@ -91,7 +91,7 @@ def looking_at(flight: Flight) -> Cell | None:
 
 
 def of_looks(cells: int) -> tuple[float, float]:
-    """Looks at the end of a corridor: the root is as far away as there are cells."""
+    """Measure looks at the end of a corridor: the root is as far away as there are cells."""
     tree, costs = Tree.rooted(Cell(0, 0)), Costs()
     for east in range(cells):
         tree = tree.with_observation(Cell(east, 0), [Cell(east + 1, 0)])
@@ -106,24 +106,24 @@ def of_looks(cells: int) -> tuple[float, float]:
 
 
 def from_anywhere(cells: int) -> tuple[float, float]:
-    """Frames without a stop, each with the cells that it shows; the planner asks for verdicts."""
+    """Measure frames without stops, each with its cells; the planner requests verdicts."""
     flight, costs = searching(cells), Costs()
     flight.state = replace(flight.state, belief=seen_openly(block(cells)))
     for east in range(20):
         seen = frame_from_anywhere(flight.next_s(), Cell(east, 10))
 
-        def take(seen: FrameSeen = seen) -> None:
+        def judge_frame(seen: FrameSeen = seen) -> None:
             flight.post(seen)
             for vote in seen.votes:
                 flight.state.belief.verdict(vote.cell)
                 flight.state.belief.provisional(vote.cell)
 
-        costs.measure(take)
+        costs.measure(judge_frame)
     return costs.medians()
 
 
 def from_one_vantage(cells: int) -> tuple[float, float]:
-    """Photographs count as taken from one vantage: there the votes of all cells come together."""
+    """Measure photographs that count as taken from one vantage, with the votes of all cells."""
     vantage, costs = Cell(0, 0), Costs()
     held = [Belief(5, 3)]
     for number, cell in enumerate(block(cells)):
@@ -139,7 +139,7 @@ def from_one_vantage(cells: int) -> tuple[float, float]:
 
 
 def of_a_no(cells: int) -> tuple[float, float]:
-    """A negative vote from a new vantage on a ROI cell that others elected, the last of all."""
+    """Measure negative votes from new vantages on the last ROI cell, which others elected."""
     held, costs = [mapped(Belief(1, 1), block(cells), roi=True)], Costs()
     last = block(cells)[-1]
     for number in range(20):

@@ -1,4 +1,4 @@
-"""What many frames saw of a cell: whether they know it, and of which class it is."""
+"""Sums of many frames over a cell: sure or unsure, and of which class."""
 
 from __future__ import annotations
 
@@ -92,8 +92,10 @@ def test_shares_are_means_over_frames_and_the_class_is_the_largest_of_those_aske
 
 def test_classes_survive_the_journal_and_a_frame_without_writes_none() -> None:
     cell = Cell(2, -1)
-    told = FrameSeen(1, 2.0, None, (Vote(cell, True, 0.5),), classes=(ClassShare(cell, 4, 0.5),))
-    assert from_json(to_json(told)) == told
+    reported = FrameSeen(
+        1, 2.0, None, (Vote(cell, True, 0.5),), classes=(ClassShare(cell, 4, 0.5),)
+    )
+    assert from_json(to_json(reported)) == reported
     assert "classes" not in to_json(frame({cell: False}))
 
 

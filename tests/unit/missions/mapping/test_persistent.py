@@ -1,4 +1,4 @@
-"""Every version of a map, and every belief and tree that was handed out, stays what it was."""
+"""Every version of a map, and every belief and tree that was handed out, stays unchanged."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_key_that_is_missing_is_an_error() -> None:
         one["c"]
 
 
-def test_who_iterates_sees_one_version_while_newer_ones_are_made() -> None:
+def test_iteration_sees_one_version_while_newer_ones_are_made() -> None:
     now = PersistentMap({0: 0})
     seen = []
     for view in (now, now.keys(), now.values(), now.items()):
@@ -38,7 +38,7 @@ def test_who_iterates_sees_one_version_while_newer_ones_are_made() -> None:
     assert len(now) == 5
 
 
-def test_maps_are_equal_by_what_they_hold() -> None:
+def test_maps_are_equal_by_their_content() -> None:
     one = PersistentMap(ONE)
     assert one == PersistentMap({"a": 2, "b": 1})
     assert one == ONE
@@ -62,7 +62,7 @@ def test_copies_hold_the_same(again: object) -> None:
     assert again(PersistentSet(one)) == PersistentSet(one)
 
 
-def test_a_long_history_is_freed_and_read() -> None:
+def test_long_history_is_released_and_read_without_recursion() -> None:
     """Neither may recurse: a mission has more frames than Python has stack."""
     first = now = PersistentMap({0: 0})
     for number in range(50_000):
@@ -75,7 +75,7 @@ def test_a_long_history_is_freed_and_read() -> None:
     assert now[9] == -49_999
 
 
-def test_a_set_stays_what_it_is() -> None:
+def test_set_stays_unchanged() -> None:
     one = PersistentSet([2, 1])
     two = one.added([1, 3])
     assert two.added({3, 1}) is two
@@ -94,7 +94,7 @@ steps = st.lists(st.tuples(st.integers(0, 99), changes, st.booleans()), max_size
 @FAST
 @given(steps)
 def test_versions_are_as_good_as_copies(plan: list[tuple[int, dict[int, int], bool]]) -> None:
-    """Changes to any version, and reading any in between, against plain copies."""
+    """Changes to any version, and reads in between, agree with plain copies."""
     maps, copies = [PersistentMap[int, int]()], [dict[int, int]()]
     for number, change, reads in plan:
         at = number % len(maps)
@@ -130,7 +130,7 @@ def belief_of(votes: list[Report]) -> Belief:
 def test_a_belief_that_was_handed_out_never_changes(
     plan: list[tuple[int, Report | None]], data: st.DataObject
 ) -> None:
-    """Frames added to any belief and beliefs joined, against beliefs made of the same votes."""
+    """Frames added to any belief, and joined beliefs, agree with beliefs of the same votes."""
     beliefs, votes = [belief_of([])], [list[Report]()]
     for number, report in plan:
         at = -1 if number < 70 else number % len(beliefs)

@@ -1,4 +1,4 @@
-"""Cells at the rim: what all frames show, once the first votes have decided."""
+"""Cells at the rim: the mean of all frames, once the first votes have decided."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHARE, LEAST = 0.3, 0.15
 
 
 def frames(rim: Sequence[float], *, unseen: Cell | None = None, overview: bool = False):
-    """Frames of five by three cells; the west is region, and `rim` what each shows of one cell."""
+    """Return frames of five by three cells; the west is region, `rim` the share of one cell."""
     made = []
     for number, share in enumerate(rim):
         shares = {

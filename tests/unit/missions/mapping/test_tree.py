@@ -16,7 +16,7 @@ NORTH, EAST, SOUTH, WEST = ROOT.neighbours()
 
 
 # --- by hand ---------------------------------------------------------------------------------
-def test_children_come_north_east_south_west_whatever_the_order_they_were_told_in() -> None:
+def test_children_come_north_east_south_west_in_any_order_of_arrival() -> None:
     for order in itertools.permutations(ROOT.neighbours()):
         assert Tree.rooted(ROOT).with_observation(ROOT, order).children(ROOT) == (
             NORTH,
@@ -29,7 +29,7 @@ def test_children_come_north_east_south_west_whatever_the_order_they_were_told_i
 
 
 # --- joining ---------------------------------------------------------------------------------
-def test_of_two_parents_the_one_nearer_to_the_root_is_kept() -> None:
+def test_parent_nearer_to_the_root_is_kept() -> None:
     around = Tree.rooted(ROOT).with_observation(ROOT, [EAST]).with_observation(EAST, [Cell(1, 1)])
     around = around.with_observation(Cell(1, 1), [NORTH])  # found from the far side, at depth 3
     straight = Tree.rooted(ROOT).with_observation(ROOT, [NORTH])
@@ -39,7 +39,7 @@ def test_of_two_parents_the_one_nearer_to_the_root_is_kept() -> None:
         assert joined.children(Cell(1, 1)) == ()
 
 
-def test_of_two_parents_of_one_depth_the_lesser_cell_is_kept() -> None:
+def test_parent_of_one_depth_and_lesser_cell_is_kept() -> None:
     over_north = (
         Tree.rooted(ROOT)
         .with_observation(ROOT, [NORTH, EAST])
@@ -56,7 +56,7 @@ def test_of_two_parents_of_one_depth_the_lesser_cell_is_kept() -> None:
 
 # --- beside a plain one ----------------------------------------------------------------------
 class Plain:
-    """Parents and looks alone; every question is answered from the beginning."""
+    """A tree of parents and looks alone, which computes every answer anew."""
 
     def __init__(self) -> None:
         self.parent: dict[Cell, Cell | None] = {ROOT: None}
@@ -84,8 +84,8 @@ rois = st.sets(st.builds(Cell, st.integers(-2, 2), st.integers(-2, 2)), max_size
 
 @FAST
 @given(rois, st.data())
-def test_the_tree_says_what_a_plain_one_says(roi: set[Cell], data: st.DataObject) -> None:
-    """Late positives too: a cell may be looked from again when more of the ROI is known."""
+def test_tree_agrees_with_a_plain_one(roi: set[Cell], data: st.DataObject) -> None:
+    """Late positives count also: a cell may be observed again when more of the ROI is known."""
     roi = roi | {ROOT}
     tree, plain = Tree.rooted(ROOT), Plain()
     for _ in range(data.draw(st.integers(0, 14))):

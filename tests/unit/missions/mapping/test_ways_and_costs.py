@@ -28,7 +28,7 @@ START = Cell(0, 0)
 
 
 def floyd(cells: set[Cell]) -> dict[tuple[Cell, Cell], float]:
-    """All distances at once, by trying every cell in between."""
+    """Return all distances at once, by trying every cell in between."""
     order = sorted(cells)
     far = {
         (a, b): 0.0 if a == b else 1.0 if b in a.neighbours() else math.inf
@@ -48,7 +48,7 @@ def known(seed: int, most: int = 24) -> set[Cell]:
 
 
 def tree_of(cells: set[Cell], looks: int | None = None) -> Tree:
-    """A tree of the cells, breadth first, with the first so many looked from."""
+    """Return a tree of the cells, breadth first; the first ones were observed."""
     tree = Tree.rooted(START)
     for cell in list(distances(cells, START))[: looks if looks is not None else len(cells)]:
         tree = tree.with_observation(cell, [n for n in cell.neighbours() if n in cells])
@@ -67,7 +67,7 @@ def test_distances_are_those_of_trying_everything(seed: int) -> None:
 
 
 def test_a_search_ends_at_the_ring_of_the_nearest_goal() -> None:
-    """All cells of that ring are found, and none beyond."""
+    """The search finds all cells of that ring, and none beyond."""
     row = {Cell(e, 0) for e in range(-9, 10)}
     steps = reached(neighbours_in(row), START, until=[Cell(3, 0), Cell(-8, 0)])
     assert set(steps) == {Cell(e, 0) for e in range(-3, 4)}
@@ -75,7 +75,7 @@ def test_a_search_ends_at_the_ring_of_the_nearest_goal() -> None:
 
 # --- single steps ----------------------------------------------------------------------------
 @pytest.mark.parametrize("seed", range(8))
-def test_step_by_step_the_goal_is_reached_in_the_least_number_of_steps(seed: int) -> None:
+def test_goal_is_reached_in_the_least_number_of_steps(seed: int) -> None:
     cells = known(seed)
     far = floyd(cells)
     for start, goal in itertools.product(sorted(cells)[:4], sorted(cells)[-4:]):
@@ -87,7 +87,7 @@ def test_step_by_step_the_goal_is_reached_in_the_least_number_of_steps(seed: int
         assert count == far[start, goal]
 
 
-def test_of_equal_steps_the_first_of_north_east_south_west() -> None:
+def test_first_of_north_east_south_west_is_chosen_of_equal_steps() -> None:
     block = {Cell(e, n) for e in range(3) for n in range(3)}
     assert step_towards(block, Cell(1, 1), Cell(0, 0)) == Cell(1, 0)  # south before west
     assert step_towards(block, Cell(0, 0), Cell(2, 2)) == Cell(0, 1)  # north before east
@@ -96,7 +96,7 @@ def test_of_equal_steps_the_first_of_north_east_south_west() -> None:
 
 # --- lengths of legs -------------------------------------------------------------------------
 @pytest.mark.parametrize("seed", range(6))
-def test_in_flight_a_length_is_a_straight_line_in_cells(seed: int) -> None:
+def test_length_in_flight_is_a_straight_line_in_cells(seed: int) -> None:
     tree = tree_of(known(seed))
     ways = Ways(tree, Metric(speed=3.0, straight=True))
     lengths = ways.lengths(START, sorted(tree.vertices))
@@ -105,7 +105,7 @@ def test_in_flight_a_length_is_a_straight_line_in_cells(seed: int) -> None:
     assert list(lengths.values()) == sorted(lengths.values())
 
 
-def test_in_a_drift_a_length_is_what_it_adds_to_a_closed_tour() -> None:
+def test_length_in_a_drift_is_its_share_of_a_closed_tour() -> None:
     tree = tree_of({Cell(e, 0) for e in range(4)} | {Cell(0, n) for n in range(4)})
     metric = Metric(speed=2.0, drift_east=1.2, straight=True)
     lengths = Ways(tree, metric).lengths(START, [Cell(3, 0), Cell(0, 3)])
@@ -127,7 +127,7 @@ def test_a_leg_that_is_not_allowed_is_as_long_as_the_way_over_known_cells() -> N
     assert fenced.next_stop(START, goal) == Cell(0, 1)
 
 
-def test_what_nobody_looked_from_is_in_the_order_in_which_it_was_found() -> None:
+def test_open_cells_are_in_the_order_in_which_they_were_found() -> None:
     tree = tree_of({Cell(e, n) for e in range(3) for n in range(2)}, looks=1)
     assert Ways(tree, Metric()).unvisited == [Cell(0, 1), Cell(1, 0)]
     tree = tree.with_observation(Cell(1, 0), [Cell(2, 0), Cell(1, 1)])
@@ -175,6 +175,6 @@ def test_no_assignment_is_cheaper(costs: list[list[float]]) -> None:
     [[[1.0], [2.0]], [[1.0, 2.0], [3.0]], [[math.inf, math.inf]], [[math.nan]]],
     ids=["more rows than columns", "ragged", "infinite", "not a number"],
 )
-def test_what_cannot_be_assigned_is_refused(costs: list[list[float]]) -> None:
+def test_assignment_that_is_impossible_is_refused(costs: list[list[float]]) -> None:
     with pytest.raises(ValueError, match=r"rows|finite"):
         assign(costs)

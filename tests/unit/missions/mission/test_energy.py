@@ -1,5 +1,4 @@
-"""The energy that keeps a vehicle from falling out of the sky: never less for more, never below
-what flying takes."""
+"""The energy estimate never falls with more load, and is never below the true consumption."""
 
 from __future__ import annotations
 
@@ -59,14 +58,14 @@ GROWING: dict[str, tuple[st.SearchStrategy[float], Costs]] = {
 
 
 def home(model: EnergyModel) -> tuple[float, ...]:
-    """What a long way and a short one take, which in wind never gets up to speed."""
+    """Return the times of a short leg and a long one, and the energy of the return."""
     return (*(model.leg_s(away_m) for away_m in (1.0, AWAY_M)), model.home_wh(AWAY_M, 12.0))
 
 
 @pytest.mark.parametrize("what", GROWING)
 @FAST
 @given(models, st.data())
-def test_more_never_takes_less(what, model, data):
+def test_energy_of_more_is_never_less(what, model, data):
     values, costs = GROWING[what]
     low, high = sorted((data.draw(values), data.draw(values)))
     assert all(a <= b for a, b in zip(costs(model, low), costs(model, high), strict=True))
@@ -91,14 +90,14 @@ def test_the_model_is_made_of_the_mission_s_battery_wind_and_speeds():
 # --- power -----------------------------------------------------------------------------------
 @FAST
 @given(models, powers)
-def test_power_is_above_what_was_drawn_and_what_hovering_takes(model, drawn_w):
+def test_power_is_above_the_power_drawn_and_that_of_hovering(model, drawn_w):
     assert model.power_w(drawn_w) >= drawn_w
     assert model.power_w(drawn_w) > model.hover_power_w
 
 
 # --- legs ------------------------------------------------------------------------------------
 def flown_s(distance_m: float, speed_m_s: float, accel_m_s2: float, step_s: float = 0.002) -> float:
-    """A leg from rest to rest, integrated: full acceleration, as fast as allowed, full braking."""
+    """Integrate a leg from rest to rest: full acceleration, as fast as allowed, full braking."""
     t_s = at_m = v_m_s = 0.0
     while at_m < distance_m:
         braking_m = v_m_s**2 / (2 * accel_m_s2)
@@ -130,13 +129,13 @@ def test_a_leg_of_no_length_is_not_free():
 @pytest.mark.parametrize(
     ("wind_m_s", "made_good_m_s"),
     [
-        (7.0, 5.0),  # below the limit it leans more, and the margin on the power pays for it
+        (7.0, 5.0),  # below the limit it leans more, and the margin on the power covers it
         (7.1, 4.9), (8.0, 4.0), (11.0, 1.0), (11.5, 0.5),
-        # measured wind may be anything: the way home is then dear, not endless or negative
+        # measured wind may be anything: the return is then costly, not endless or negative
         *((beyond_m_s, LEAST_HEADWAY_M_S) for beyond_m_s in (11.6, 12.0, 40.0)),
     ],
 )  # fmt: skip
-def test_against_wind_a_leg_takes_what_is_left_of_the_airspeed(wind_m_s, made_good_m_s):
+def test_leg_against_wind_has_the_rest_of_the_airspeed(wind_m_s, made_good_m_s):
     windy = replace(MODEL, wind_m_s=wind_m_s)
     assert windy.leg_s(0.0) == MODEL.leg_s(0.0)
     assert windy.leg_s(1000.0) - windy.leg_s(0.0) == pytest.approx(1000.0 / made_good_m_s)
@@ -156,14 +155,16 @@ def test_the_reserve_is_left_at_touch_down(model, distance_m, height_m, drawn_w)
 
 # --- whole sorties ---------------------------------------------------------------------------
 def test_a_sortie_of_the_runway_by_hand():
-    """12 m up, 100 m out and home at 5 m/s, five seconds over a cell: 13 s, 22.5 s twice, 5 s and
-    36 s at 345 W, and 9 Wh of reserve."""
+    """It flies 12 m up, 100 m out and home at 5 m/s, and five seconds over a cell.
+
+    The flight takes 13 s, 22.5 s twice, 5 s and 36 s at 345 W, and 9 Wh of reserve.
+    """
     seconds = 13.0 + 22.5 + 5.0 + 22.5 + 36.0
     expected = 345.0 * seconds / 3600.0 + 9.0
     assert MODEL.sortie_wh(100.0, 100.0, 12.0, 5.0) == pytest.approx(expected)
 
 
-def test_what_the_rule_keeps_brings_a_vehicle_home_in_a_simple_flight():
+def test_energy_that_the_rule_keeps_brings_a_vehicle_home_in_a_simple_flight():
     model = replace(MODEL, wind_m_s=9.0)
     left_wh, away_m = model.capacity_wh - model.climb_wh(12.0), 0.0
     per_metre_wh = model.power_w(0.0) / model.speed_m_s / 3600.0

@@ -80,8 +80,8 @@ REFUSED = {
     "the lowest layer counts": (
         {"flight__altitude_m": "8.0", "vehicles": "[{}, {}]"}, ["from 8 m"], None,
     ),
-    # 12.1 m along, three cells of 4 m and nothing besides
-    "no room for what a hover strays": (
+    # 12.1 m along: exactly three cells of 4 m
+    "no room for the stray of a hover": (
         {"flight__altitude_m": "9.6"}, ["from 9.6 m a frame shows 16.1 m x 12.1 m"], None,
     ),
     "a bolted camera leans": (
@@ -104,24 +104,24 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("changes", "said", "mended"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_flown_is_refused(changes, said, mended):
+@pytest.mark.parametrize(("changes", "message", "mended"), REFUSED.values(), ids=REFUSED)
+def test_mission_that_cannot_be_flown_is_refused(changes, message, mended):
     line = fault(**changes)
-    assert all(part in line for part in said)
+    assert all(part in line for part in message)
     if mended is not None:
         parsed(**(changes | mended))
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said", "remedy"),
+    ("key", "value", "message", "remedy"),
     [
         ("battery__capacity_wh", "4.0", "without battery.reserve = 0.15 there are 3.4", "raise"),
         ("battery__reserve", "0.99", "battery.reserve = 0.99 there are 0.6 Wh", "lower"),
     ],
 )
-def test_the_remedy_of_a_battery_suffices(key, value, said, remedy):
+def test_the_remedy_of_a_battery_suffices(key, value, message, remedy):
     line = fault(**{key: value})
-    assert said in line
+    assert message in line
     found = re.search(remedy + " " + re.escape(key.replace("__", ".")) + r" to ([\d.]+)", line)
     assert found
     parsed(**{key: found[1]})
@@ -162,7 +162,7 @@ def test_the_remedies_of_a_narrow_camera_suffice(key, wind):
 
 
 def test_the_lean_is_that_of_the_simulator_s_airframe():
-    """Flown: 4 degrees at 3.6 m/s."""
+    """The simulator flew 4 degrees at 3.6 m/s."""
     lean_deg = math.degrees(flyable.lean_rad(parsed(wind__speed_m_s="3.6")))
     assert lean_deg == pytest.approx(4.0, abs=0.05)
     assert flyable.lean_rad(parsed()) == 0.0
@@ -189,7 +189,7 @@ def test_a_footprint_that_reaches_far_enough_shows_nine_tenths_at_any_yaw(yaw_de
     capacity_wh=st.floats(1, 60), reserve=st.floats(0, 0.9), away_m=st.floats(0, 400),
     wind_m_s=st.floats(0, 11),
 )  # fmt: skip
-def test_what_is_accepted_can_take_off_by_the_reducer(capacity_wh, reserve, away_m, wind_m_s):
+def test_accepted_mission_takes_off_in_the_reducer(capacity_wh, reserve, away_m, wind_m_s):
     mission = parsed(
         search__box=rectangle(away_m, 0, away_m + 40, 40),
         fence__polygon=rectangle(-30, -30, 500, 110),
@@ -260,7 +260,7 @@ def test_a_box_well_inside_is_searched_whole():
 
 
 @pytest.mark.parametrize("depth_m", [20.0, 40.0])
-def test_what_holes_cut_off_is_a_warning_with_its_size(depth_m):
+def test_part_that_holes_cut_off_is_a_warning_with_its_size(depth_m):
     holed = parsed(fence__holes=f"[{rectangle(30, 20, 70, 20 + depth_m)}]", fence__margin_m="10.0")
     cut_m2 = area_of(holed).cut_off_m2
     in_margin_m2 = (40 + 20) * (depth_m + 20)
@@ -277,7 +277,7 @@ def test_a_wide_margin_cuts_off_a_rim():
     assert wide.cut_off_m2 == pytest.approx(rim_m2, rel=0.35)
 
 
-def test_a_simulation_without_noise_is_told_what_becomes_of_its_pictures():
+def test_simulation_without_noise_is_warned_about_its_pictures():
     (line,) = warned(parsed(sim__sensor_noise="0.0"))
     assert line.startswith("sim.sensor_noise = 0: ")
     assert warned(parsed(sim__sensor_noise="0.0", camera__noiseless="true")) == []

@@ -1,4 +1,4 @@
-"""How high layers are, as given or by pixels and ceiling; and how fast: blur, and frames enough."""
+"""Heights of layers, as given or by pixels and ceiling; speeds by blur and number of frames."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def flown_by(vehicles: int, made: Mission) -> Mission:
 
 
 def test_frames_count_for_the_map_from_where_a_cell_has_its_pixels():
-    """Searched from 76 m, mapped from 12: at 38 m a cell of 4 m has 40 of its 80 pixels."""
+    """Vehicles search from 76 m and map from 12: at 38 m a cell of 4 m has 40 of 80 pixels."""
     given = {"flight__altitude_m": "12.0", "strategy": "'swath'"}
     assert parsed(**given).overview_above_m is None
     high = parsed(**given, search__find="'all'", search__altitude_m="'auto'")
@@ -44,10 +44,10 @@ def test_frames_count_for_the_map_from_where_a_cell_has_its_pixels():
     coarse = high.model_copy(
         update={"camera": high.camera.model_copy(update={"pixels_per_cell": 200.0})}
     )
-    assert coarse.overview_above_m == 13.5  # never within what a vehicle strays from its layer
+    assert coarse.overview_above_m == 13.5  # never within the stray of a vehicle from its layer
 
 
-def test_by_hand():
+def test_height_by_pixels_is_that_by_hand():
     """80 degrees over 640 px are 381.4 px of focal length: 4 m have 80 px from 19.07 m."""
     mission = parsed()
     assert mission.camera.pixels_per_cell == 80.0
@@ -132,8 +132,8 @@ def test_a_team_too_large_for_the_room_below_is_refused():
     )
 
 
-def test_where_the_lowest_layer_shows_too_little_the_remedy_helps():
-    """Pixels that allow 9 m: a frame shows less than three cells."""
+def test_remedy_of_a_lowest_layer_that_shows_too_little_helps():
+    """Pixels allow 9 m: a frame shows less than three cells."""
     line = fault(flight__altitude_m="'auto'", camera__pixels_per_cell="160")
     assert line.startswith("camera.hfov_deg = 80: from 9.5 m")
     _, _, remedy = line.partition("lower camera.pixels_per_cell to ")
@@ -175,8 +175,8 @@ def changed(made: Mission, **sections: dict[str, Any]) -> Mission:
     return made.model_copy(update=update)
 
 
-def test_by_hand_from_12_m():
-    """80 degrees over 640 px: 381.4 px of focal length, 3.147 cm a pixel, 20.14 m x 15.10 m."""
+def test_speed_from_12_m_is_that_by_hand():
+    """80 degrees over 640 px are 381.4 px of focal length: 3.147 cm a pixel, 20.14 m x 15.10 m."""
     limits = speed_limits(PLAIN, 12.0)
     gsd_m = 12.0 * math.tan(math.radians(40.0)) / 320.0
     assert gsd_m == pytest.approx(0.031466, abs=1e-6)
@@ -190,7 +190,7 @@ def test_by_hand_from_12_m():
     assert limits.reason == "votes.frames"
 
 
-def test_twice_as_high_a_picture_may_be_taken_at_twice_the_speed():
+def test_speed_limit_twice_as_high_is_twice_as_fast():
     low, high = speed_limits(PLAIN, 12.0), speed_limits(PLAIN, 24.0)
     assert high.blur_m_s == pytest.approx(2.0 * low.blur_m_s)
     assert high.frames_m_s == pytest.approx(2.0 * low.frames_m_s + 5.0)  # the cell stays 4 m
@@ -214,7 +214,7 @@ def test_the_reason_is_the_key_that_limits(sections, reason):
     )
 
 
-def test_at_the_limit_of_blur_a_picture_is_blurred_by_what_is_allowed():
+def test_picture_at_the_limit_of_blur_is_blurred_by_the_limit():
     made = changed(PLAIN, camera={"exposure_s": 0.01, "max_blur_px": 2.0})
     blur_m = speed_limits(made, 12.0).blur_m_s * made.camera.exposure_s
     assert blur_m / made.camera.optics.gsd_m(12.0) == pytest.approx(2.0)
@@ -228,7 +228,7 @@ def test_a_region_that_drifts_takes_its_speed_from_the_limits():
     assert drifting.blur_m_s == pytest.approx(still.blur_m_s - 0.4)
 
 
-def test_where_no_cell_is_ever_whole_no_speed_is_slow_enough():
+def test_speed_limit_of_a_camera_that_shows_no_whole_cell_is_zero():
     assert speed_limits(changed(PLAIN, camera={"pose_error_m": 6.0}), 12.0).least_m_s == 0.0
     assert speed_limits(PLAIN, 3.0).least_m_s == 0.0
 
@@ -238,7 +238,7 @@ def test_where_no_cell_is_ever_whole_no_speed_is_slow_enough():
     st.integers(1, 9), st.floats(0.05, 1.0), st.floats(10.0, 40.0), st.floats(0.0, 1.5),
     st.floats(-1.9, 1.9), st.floats(0.0, 1.0), st.sampled_from([0.0, 90.0, 180.0]),
 )  # fmt: skip
-def test_at_the_limit_every_cell_that_is_flown_over_has_its_frames(
+def test_every_cell_that_is_flown_over_at_the_limit_has_its_frames(
     frames, interval_s, height_m, pose_m, off_m, phase, heading_deg
 ):
     made = changed(
@@ -259,7 +259,7 @@ def test_at_the_limit_every_cell_that_is_flown_over_has_its_frames(
             if cell.east == 0:
                 seen[cell.north] = seen.get(cell.north, 0) + 1
     assert min(seen[north] for north in range(-20, 21)) >= frames
-    if heading_deg != 90.0:  # and it is no slower than it has to be
+    if heading_deg != 90.0:  # and it is no slower than necessary
         assert min(seen[north] for north in range(-20, 21)) <= frames + 1
 
 

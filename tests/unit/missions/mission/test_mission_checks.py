@@ -19,7 +19,7 @@ PLANE = LocalPlane(START)
 
 
 def ring(*corners: tuple[float, float]) -> str:
-    """A ring of true east and north metres from the start, as TOML."""
+    """Return a ring of true east and north metres from the start, as TOML."""
     places = [PLANE.to_wgs84(east, north) for east, north in corners]
     return "[" + ", ".join(f"[{p.lat_deg:.8f}, {p.lon_deg:.8f}]" for p in places) + "]"
 
@@ -29,7 +29,7 @@ def rectangle(west: float, south: float, east: float, north: float) -> str:
 
 
 def text(**changes: str) -> str:
-    """A good mission, with some of its lines changed; dots are written as two underscores."""
+    """Return a good mission with some of its lines changed; two underscores stand for a dot."""
     lines = {
         "start.position": f"[{START.lat_deg}, {START.lon_deg}]",
         "search.box": rectangle(0, 0, 100, 80),
@@ -52,7 +52,7 @@ def fault(**changes: str) -> str:
 
 
 def place(east: float, north: float) -> str:
-    """A position of true east and north metres from the start, as TOML."""
+    """Return a position of true east and north metres from the start, as TOML."""
     at = PLANE.to_wgs84(east, north)
     return f"[{at.lat_deg}, {at.lon_deg}]"
 

@@ -35,7 +35,7 @@ def test_defaults_are_those_of_the_field_test():
     assert mission.home == LatLon(48.0, 11.0)
 
 
-def test_endurance_is_what_hovering_leaves():
+def test_endurance_is_that_of_hovering():
     mission = parse_fields(HEAD + "battery = {capacity_wh = 50, hover_power_w = 250}", "m.toml")
     assert mission.battery.endurance_s == 720.0
 
@@ -70,7 +70,7 @@ def test_missing_sections_are_named_one_a_line():
         ("camera.mounting = 'x'", "camera.mounting = 'x': input should be 'fixed' or 'gimbal'"),
     ],
 )
-def test_faults_name_key_value_and_what_is_expected(line, expected):
+def test_faults_name_key_value_and_expectation(line, expected):
     assert faults(HEAD + line) == [expected]
 
 
@@ -198,6 +198,6 @@ def test_a_fault_with_wrong_values_is_refused(kind, more, begin, part):
 
 
 @pytest.mark.parametrize("text", ["a = ", "[a", "a = 1\na = 2", "\x00", 'a = "\\q"'])
-def test_what_is_not_toml_is_named_with_its_file(text):
+def test_text_that_is_not_toml_is_named_with_its_file(text):
     with pytest.raises(MissionFileError, match=r"^field\.toml: not a TOML file: "):
         parse_toml(text, "field.toml")

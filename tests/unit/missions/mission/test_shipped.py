@@ -1,4 +1,4 @@
-"""The missions that come with the package can be flown, and are what their comments say."""
+"""The missions that come with the package can be flown, and agree with their comments."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def regions(mission: Mission) -> list[Polygon]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_passes_its_checks_and_stops_where_it_repeats_a_paper(name):
+def test_shipped_mission_passes_its_checks_and_stops_where_it_repeats_a_paper(name):
     assert load(name).name == name
     assert load(name).strategy == ("swath" if name in NONSTOP else "rdfs")
 
 
-def test_nothing_else_is_shipped():
+def test_shipped_missions_are_these_alone():
     files = (resources.files("missions") / "shipped").iterdir()
     assert sorted(f.name for f in files if f.name.endswith(".toml")) == sorted(
         f"{name}.toml" for name in NAMES
@@ -134,7 +134,7 @@ def test_the_film_in_the_bay_is_wide_and_in_three_pieces():
     assert heights == [(39.0, 100.0)] * 2 + [(42.0, 100.0)] * 3
 
 
-def test_in_a_fleet_vehicles_share_no_layer():
+def test_vehicles_of_a_fleet_share_no_layer():
     mission = with_own_air(load("bay"))
     check_fleet(mission, "bay.toml")
     check(mission, "bay.toml")

@@ -1,4 +1,4 @@
-"""What is refused, told and reckoned of ground that is not flat."""
+"""Missions over ground that is not flat: faults, warnings and estimates."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def faults(content):
     return str(error.value)
 
 
-def test_a_mission_that_says_nothing_of_the_ground_is_as_before():
+def test_mission_without_a_ground_section_is_as_before():
     made = checked(text())
     assert (made.ground, made.surveyed, made.relief, made.highest_ground_m) == (None,) * 3 + (0.0,)
     assert setting_of(made).relief_m == 0.0
@@ -43,7 +43,7 @@ def over_slope(percent, **how):
 
 
 REFUSED = {
-    "nothing says how high the ground is": (
+    "the height of the ground is missing": (
         text().replace("[flight]", '[flight]\nheight_above = "ground"'),
         'flight.height_above = "ground": nothing says how high',
     ),
@@ -66,9 +66,9 @@ REFUSED = {
 
 @pytest.mark.parametrize("what", REFUSED)
 def test_ground_that_cannot_be_followed_is_refused(what):
-    content, *said = REFUSED[what]
+    content, *messages = REFUSED[what]
     line = faults(content)
-    assert all(part in line for part in said)
+    assert all(part in line for part in messages)
 
 
 def test_a_geotiff_is_not_read_without_its_mission_file():
@@ -76,18 +76,20 @@ def test_a_geotiff_is_not_read_without_its_mission_file():
         parse_fields(text() + '\n[terrain]\ndem = "dem.tif"', "x.toml")
 
 
-def test_level_flight_over_lower_ground_is_warned_of_with_what_it_costs():
+def test_level_flight_over_lower_ground_is_warned_of_with_its_cost():
     made = checked(text_over(text(), slope(14.0, 180.0), above="home"))
-    told = warnings(made, setting_of(made).grid)
-    assert any("-10.1 to +5.6 m" in line and "off by up to 6.1 m" in line for line in told), told
+    reported = warnings(made, setting_of(made).grid)
+    assert any("-10.1 to +5.6 m" in line and "off by up to 6.1 m" in line for line in reported), (
+        reported
+    )
     assert made.ground is None
 
 
 def test_layers_over_a_slope_lie_farther_apart():
     sloped = text_over(text(vehicles=2, layer_m=5.2), slope(30.0, 0.0))
-    said = faults(sloped)
-    assert "above a slope of 30% layers must lie 5.2 m apart" in said
-    assert "raise it to 5.3" in said
+    messages = faults(sloped)
+    assert "above a slope of 30% layers must lie 5.2 m apart" in messages
+    assert "raise it to 5.3" in messages
     checked(text_over(text(vehicles=2, layer_m=5.3), slope(30.0, 0.0)))
 
 
@@ -133,7 +135,7 @@ def test_layers_by_themselves_keep_below_the_ceiling_over_the_highest_ground():
     assert "1.6 m above ground that rises 14.4 m above the start" in faults(low)
 
 
-def test_who_returns_above_the_highest_ground_is_expected_so_high_above_the_lowest():
+def test_height_of_a_return_over_the_highest_ground_counts_from_the_lowest():
     made = over(checked(text(vehicles=2)), slope(40.0, 0.0))
     high = made.model_copy(update={"flight": made.flight.model_copy(update={"altitude_m": 50.0})})
     setting = setting_of(high)
@@ -145,11 +147,11 @@ def test_who_returns_above_the_highest_ground_is_expected_so_high_above_the_lowe
     assert min(way.high_m, column.high_m) >= 50.0 + setting.relief_m
 
 
-def test_a_camera_that_is_too_narrow_uphill_is_told_which_one_does():
+def test_camera_that_is_too_narrow_uphill_is_refused_with_one_that_is_not():
     sloped = text_over(text().replace("altitude_m = 14.0", "altitude_m = 11.5"), slope(45.0, 0.0))
-    said = faults(sloped)
-    assert "uphill on 45%" in said
-    wider = said.partition("use a camera of hfov_deg ")[2].split(",")[0]
-    now = said.partition("camera.hfov_deg = ")[2].split(":")[0]
+    messages = faults(sloped)
+    assert "uphill on 45%" in messages
+    wider = messages.partition("use a camera of hfov_deg ")[2].split(",")[0]
+    now = messages.partition("camera.hfov_deg = ")[2].split(":")[0]
     assert float(wider) > float(now)
     checked(sloped.replace("[camera]", f"[camera]\nhfov_deg = {wider}"))

@@ -1,4 +1,4 @@
-"""What lanes show in the wind, held against the camera that judges the pictures."""
+"""Rows that lanes show in the wind, compared with the camera that judges the pictures."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def windy(
 
 
 def times(one: Quaternion, other: Quaternion) -> Quaternion:
-    """First the other rotation, then the one."""
+    """Return the product of two rotations: first the other, then the one."""
     (a, b, c, d), (e, f, g, h) = one, other
     return Quaternion(
         a * e - b * f - c * g - d * h,
@@ -55,12 +55,12 @@ def times(one: Quaternion, other: Quaternion) -> Quaternion:
 
 
 def leaning(setting: Setting, over: GridPoint, wind_m_s: tuple[float, float]) -> Pose:
-    """Of a camera that is fixed to a vehicle on a lane: it leans against the wind."""
+    """Return the pose of a fixed camera on a lane: the vehicle leans against the wind."""
     grid, yaw_rad = setting.grid, math.radians(setting.yaw_deg)
     turn = grid.convergence_rad
     east = wind_m_s[0] * math.cos(turn) + wind_m_s[1] * math.sin(turn)
     north = wind_m_s[1] * math.cos(turn) - wind_m_s[0] * math.sin(turn)
-    if setting.east_ahead:  # what it leans along its lane costs no row
+    if setting.east_ahead:  # to lean along its lane costs no row
         east = 0.0
     else:
         north = 0.0
@@ -75,7 +75,7 @@ def leaning(setting: Setting, over: GridPoint, wind_m_s: tuple[float, float]) ->
 
 
 def rows_shown(setting: Setting, pose: Pose) -> set[int]:
-    """The rows, counted across the lanes, of which a frame judges the cells below it."""
+    """Return the rows, counted across the lanes, of which a frame judges the cells below it."""
     made: Mission = setting.mission
     optics = made.camera.optics
     camera = Camera(optics.hfov_rad, optics.width_px, optics.height_px)

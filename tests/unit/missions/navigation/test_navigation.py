@@ -1,4 +1,4 @@
-"""The error of told positions by links: honest, and not carried off by what is wrong."""
+"""The error of external positions by links: honest, and robust against wrong links."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SIGMA_M = 0.05
 
 
 class Flight:
-    """Back and forth along a line, a keyframe a second; errors as the track believes they are."""
+    """A flight back and forth along a line, with a keyframe a second and honest errors."""
 
     def __init__(self, seed: int, seconds: int = 80, errors: ReportedErrors = ERRORS) -> None:
         self.rng = np.random.default_rng(seed)
@@ -31,14 +31,14 @@ class Flight:
         return complex(*self.rng.normal(0.0, sigma, 2))
 
     def moved(self, i: int, j: int) -> tuple[float, float]:
-        """As the ground shows it: with the scale and the rotation of all, and noise."""
-        # to the first order a link's own way is longer by `common` of what it shows
+        """Return a vector as the ground shows it, with common scale and rotation, and noise."""
+        # to the first order a link's own path is longer by `common` of its vector
         seen = (self.true[j] - self.true[i]) / (1.0 - self.common) + self._normal(SIGMA_M)
         return seen.real, seen.imag
 
     def add(self, k: int, trusted: bool = True, off: complex | None = None) -> int:
-        told = self.true[k] + (self.off[k] if off is None else off)
-        return self.track.add(float(k), (told.real, told.imag), trusted)
+        reported = self.true[k] + (self.off[k] if off is None else off)
+        return self.track.add(float(k), (reported.real, reported.imag), trusted)
 
     def run(self, until: int) -> None:
         for k in range(until):
@@ -47,22 +47,22 @@ class Flight:
                 self.track.link(i, k, self.moved(i, k), SIGMA_M)
 
 
-def test_it_knows_how_well_it_knows():
+def test_estimated_error_is_honest():
     squares, common = [], []
     for seed in range(60):
         flight = Flight(seed, 50)
         flight.run(50)
-        said = flight.track.estimate()
-        off = complex(*said.error_m) - flight.off[-1]
-        squares.append(abs(off) ** 2 / said.sigma_m**2)
-        common.append(abs(complex(said.scale, said.rotation_rad) - flight.common))
+        estimated = flight.track.estimate()
+        off = complex(*estimated.error_m) - flight.off[-1]
+        squares.append(abs(off) ** 2 / estimated.sigma_m**2)
+        common.append(abs(complex(estimated.scale, estimated.rotation_rad) - flight.common))
     # 120 degrees of freedom: 95 % of such sums lie between these
     assert 91.6 < sum(squares) < 152.2
     assert np.mean(common) < 0.75 * math.sqrt(math.pi / 2) * ERRORS.common
 
 
 def test_heights_that_wander_are_followed_by_zooms():
-    """Scale and rotation are a process; between two pictures the ground shows how they changed."""
+    """Scale and rotation are a process; two pictures of the ground show their change."""
     squares, turned = [], []
     errors = ReportedErrors(satellites_m=0.5, pointing_m=1e-3, common_s=60.0)
     for seed in range(15):
@@ -77,16 +77,18 @@ def test_heights_that_wander_are_followed_by_zooms():
                 flight.common = (turns[i] + turns[k]) / 2.0
                 zoom = turns[k] - turns[i] + flight._normal(0.003)
                 flight.track.link(i, k, flight.moved(i, k), SIGMA_M, (zoom, 0.003))
-        said = flight.track.estimate()
-        squares.append(abs(complex(*said.error_m) - flight.off[-1]) ** 2 / said.sigma_m**2)
-        turned.append(abs(complex(said.scale, said.rotation_rad) - turns[-1]))
+        estimated = flight.track.estimate()
+        squares.append(
+            abs(complex(*estimated.error_m) - flight.off[-1]) ** 2 / estimated.sigma_m**2
+        )
+        turned.append(abs(complex(estimated.scale, estimated.rotation_rad) - turns[-1]))
     # 30 degrees of freedom: 95 % of such sums lie between these
     assert 16.8 < sum(squares) < 47.0
     assert np.mean(turned) < 0.5 * math.sqrt(math.pi / 2) * errors.common
 
 
 @pytest.mark.parametrize("sigma_m", [0.3, 0.9])
-def test_it_learns_how_good_satellites_are(sigma_m):
+def test_error_of_satellites_is_learned(sigma_m):
     learned = []
     for seed in range(4):
         flight = Flight(seed, 150, ReportedErrors(satellites_m=sigma_m, satellites_s=60.0))
@@ -97,7 +99,7 @@ def test_it_learns_how_good_satellites_are(sigma_m):
     assert 0.7 * sigma_m < np.mean(learned) < 1.5 * sigma_m
 
 
-def test_satellites_lost_it_holds_on_to_the_map_made_before():
+def test_navigation_without_satellites_holds_on_to_the_map_made_before():
     flight = Flight(3)
     flight.run(40)
     before = flight.track.estimate()
@@ -107,29 +109,29 @@ def test_satellites_lost_it_holds_on_to_the_map_made_before():
         flight.add(k, trusted=False, off=reckoned)
         for i in (k - 1, k - 40):
             flight.track.link(i, k, flight.moved(i, k), SIGMA_M)
-    said = flight.track.estimate()
+    estimated = flight.track.estimate()
     assert abs(reckoned) > 5.0
-    assert abs(complex(*said.error_m) - reckoned) < 3.0 * said.sigma_m
-    assert said.sigma_m < before.sigma_m + 0.3
+    assert abs(complex(*estimated.error_m) - reckoned) < 3.0 * estimated.sigma_m
+    assert estimated.sigma_m < before.sigma_m + 0.3
 
 
 def test_satellites_that_drift_disagree():
     errors = ReportedErrors(satellites_m=0.3, pointing_m=1e-3)
     flight = Flight(4, errors=errors)
-    told = []
+    reported = []
     for k in range(80):
         flight.add(k, off=flight.off[k] + 0.1 * max(0, k - 40))
         for i in {k - 1, k - 20, k - 40} & set(range(k)):
             flight.track.link(i, k, flight.moved(i, k), SIGMA_M)
-        told.append(flight.track.disagreement())
-    assert all(d.least_m < 0.6 for d in told[:42])
-    alarm = next(k for k, d in enumerate(told) if d.least_m > 0.6)
+        reported.append(flight.track.disagreement())
+    assert all(d.least_m < 0.6 for d in reported[:42])
+    alarm = next(k for k, d in enumerate(reported) if d.least_m > 0.6)
     assert alarm - 40 < 25
-    assert 25.0 < told[alarm].since_s < 48.0
-    flight.track.distrust(told[alarm].since_s)
-    said = flight.track.estimate()
-    assert abs(complex(*said.error_m) - flight.off[79] - 3.9) < 3.0 * said.sigma_m
-    assert said.sigma_m < 0.6
+    assert 25.0 < reported[alarm].since_s < 48.0
+    flight.track.distrust(reported[alarm].since_s)
+    estimated = flight.track.estimate()
+    assert abs(complex(*estimated.error_m) - flight.off[79] - 3.9) < 3.0 * estimated.sigma_m
+    assert estimated.sigma_m < 0.6
 
 
 def test_a_leap_is_believed_when_two_links_show_it():
@@ -139,13 +141,13 @@ def test_a_leap_is_believed_when_two_links_show_it():
     flight.track.link(40, 41, flight.moved(40, 41), SIGMA_M)
     assert flight.track.disagreement().least_m < 1.0  # one may be wrong
     flight.track.link(21, 41, flight.moved(21, 41), SIGMA_M)
-    said = flight.track.disagreement()
-    assert said.least_m > 3.0
-    assert math.dist(said.error_m, (6.0, 0.0)) < 1.5
+    estimated = flight.track.disagreement()
+    assert estimated.least_m > 3.0
+    assert math.dist(estimated.error_m, (6.0, 0.0)) < 1.5
 
 
 @pytest.mark.parametrize("late", [False, True])
-def test_a_wrong_link_does_not_carry_it_off(late):
+def test_wrong_link_does_not_carry_the_position_off(late):
     flight = Flight(6)
     flight.run(60)
     flight.add(60)
@@ -161,7 +163,7 @@ def test_a_wrong_link_does_not_carry_it_off(late):
     assert flight.track.links == links
 
 
-def test_what_is_removed_stays_tied():
+def test_neighbours_of_a_removed_keyframe_stay_tied():
     flight = Flight(7)
     flight.run(60)
     before = flight.track.estimate()
@@ -173,7 +175,7 @@ def test_what_is_removed_stays_tied():
     assert after.sigma_m == pytest.approx(before.sigma_m, rel=0.3)
 
 
-def test_what_is_no_keyframe_or_link_is_refused():
+def test_unknown_keyframe_or_link_is_refused():
     track = Track()
     with pytest.raises(ValueError, match="without keyframes"):
         track.estimate()

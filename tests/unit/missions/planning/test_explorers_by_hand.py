@@ -1,4 +1,4 @@
-"""What the strategies decide in situations that can be checked by eye."""
+"""Decisions of the strategies in situations that can be checked by eye."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NORTH, EAST, SOUTH, WEST = START.neighbours()
 
 
 def fork(*children: Cell) -> Tree:
-    """A root that was looked from, with children that were not."""
+    """Return a root that was observed, with children that were not."""
     return Tree.rooted(START).with_observation(START, children)
 
 
@@ -32,7 +32,7 @@ def decide(name: str, tree: Tree, at: dict[int, Cell], *robots: int, **more: obj
 
 # --- one decision ----------------------------------------------------------------------------
 def grown(*looks: tuple[Cell, list[Cell]]) -> Tree:
-    """A tree that was looked from some cells, one after the other, and what each look showed."""
+    """Return a tree that was observed from some cells, one after the other."""
     tree = Tree.rooted(START)
     for cell, seen in looks:
         tree = tree.with_observation(cell, seen)
@@ -77,7 +77,7 @@ DECISIONS: dict[str, tuple[str, Tree, dict[int, Cell], tuple[int, ...], Moves]] 
     "greedy sends two not to the same": (  # the second is on its way to the east
         "greedy", NORTH_OPEN, {1: NORTH, 2: NORTH}, (1, 2), {1: Cell(0, 2), 2: START},
     ),
-    # the nearer robot leaves the near cell to the other, whom it would cost more
+    # the nearer robot leaves the near cell to the other, for which the far one costs more
     "hungarian assigns a team at once": (
         "hungarian", grown(*ARMS, (Cell(0, 2), [Cell(0, 3)])), {1: START, 2: Cell(0, 2)}, (1, 2),
         {1: SOUTH, 2: Cell(0, 3)},
@@ -94,7 +94,7 @@ def test_a_decision_that_can_be_checked_by_eye(what):
     assert decide(name, tree, at, *robots).moves == moves
 
 
-def test_in_flight_the_nearest_is_as_the_crow_flies():
+def test_nearest_vertex_in_flight_is_by_straight_distance():
     """Three steps round the corner are 1.4 cells in flight."""
     straight = decide("greedy", grown(*HOOK), {1: START}, metric=Metric(straight=True)).moves
     assert straight == {1: Cell(1, 1)}
@@ -115,7 +115,7 @@ def test_robots_at_a_fork_part_evenly(children, robots, shares):
     assert sorted(Counter(moves.values()).values()) == shares
 
 
-def test_below_its_anchor_a_robot_goes_on_in_depth():
+def test_robot_below_its_anchor_continues_in_depth():
     tree = fork(NORTH).with_observation(NORTH, [Cell(0, 2)])
     there = decide("bfdn", tree, {1: START})
     assert there.moves == {1: NORTH}
@@ -123,7 +123,7 @@ def test_below_its_anchor_a_robot_goes_on_in_depth():
     assert below.moves == {1: Cell(0, 2)}
 
 
-def test_when_nothing_is_open_everybody_goes_home():
+def test_all_robots_go_home_when_nothing_is_open():
     tree = fork(NORTH).with_observation(NORTH, [])
     for name in EXPLORERS:
         assert decide(name, tree, {1: NORTH, 2: START}).moves == {1: START, 2: None}, name
@@ -151,7 +151,7 @@ def test_bounds_by_hand(name, cells, depth, robots, bound):
 
 # --- marks in the world ----------------------------------------------------------------------
 def test_lrv_takes_directions_in_turn():
-    """North, then (counted on arrival) east, south, west, and north again."""
+    """It moves north, then (counted on arrival) east, south, west, and north again."""
     star = fork(NORTH, EAST, SOUTH, WEST)
     memory: object = None
     taken = []
@@ -175,7 +175,7 @@ def test_lrta_leaves_the_weight_of_where_it_goes_and_one_more():
 
 # --- smartdfs --------------------------------------------------------------------------------
 def test_smartdfs_keeps_its_left_hand_at_the_wall():
-    """From the corner of a block it goes round along the rim before it turns in."""
+    """It moves from the corner of a block along the rim before it turns in."""
     block = {Cell(e, n) for e in range(4) for n in range(4)}
     done = run(EXPLORERS["smartdfs"], block, START, 1)
     inner = {Cell(1, 1), Cell(2, 1), Cell(1, 2), Cell(2, 2)}
@@ -184,7 +184,7 @@ def test_smartdfs_keeps_its_left_hand_at_the_wall():
 
 
 # --- retreat: home, and over again -----------------------------------------------------------
-def test_a_retreat_brings_everybody_home_before_anybody_sets_out():
+def test_retreat_brings_all_robots_home_before_any_sets_out():
     tree = fork(NORTH, EAST).with_observation(NORTH, [Cell(0, 2)])
     retreat = Retreat.from_tree(tree)
     assert retreat.dropped == frozenset()
@@ -196,7 +196,7 @@ def test_a_retreat_brings_everybody_home_before_anybody_sets_out():
     assert after.home == {1, 2}
 
 
-def test_a_retreat_leaves_out_what_is_explored():
+def test_retreat_leaves_out_explored_branches():
     tree = fork(NORTH, EAST).with_observation(NORTH, [])
     retreat = Retreat.from_tree(tree)
     assert retreat.dropped == {NORTH}
@@ -206,8 +206,8 @@ def test_a_retreat_leaves_out_what_is_explored():
 
 # --- what all say of themselves --------------------------------------------------------------
 @pytest.mark.parametrize("name", sorted(EXPLORERS))
-def test_a_strategy_names_itself_and_a_promise_of_a_bound_is_one(name):
-    """Who states T <= or 'at most' for a number of robots gives a number there."""
+def test_strategy_has_its_name_and_a_number_where_it_states_a_bound(name):
+    """A strategy that states T <= or 'at most' for a number of robots gives a number there."""
     explorer = EXPLORERS[name]
     assert explorer.name == name
     for line in (explorer.guarantee, explorer.source, explorer.when):

@@ -1,4 +1,4 @@
-"""One maps while the other hovers and tracks it: the plan, and what they know of their places."""
+"""One vehicle maps while the other hovers and tracks it: the plan, and the position errors."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def test_a_straight_path_takes_hops_as_long_as_the_circle_is_wide():
 
 @settings(max_examples=12, deadline=None)
 @given(paths)
-def test_nobody_ever_leaves_the_picture_and_the_path_is_flown(path):
+def test_mapper_never_leaves_the_picture_and_the_path_is_flown(path):
     plan = plan_leapfrog(path, VIEW)
     places = {Role.MAPPER: path[0], Role.TRACKER: path[0]}
     for step in plan.steps:
         other = next(role for role in Role if role is not step.mover)
         assert step.start == pytest.approx(places[step.mover], abs=1e-6)
         assert step.hovering == pytest.approx(places[other], abs=1e-6)
-        # the way is straight between its places, so its ends are the farthest
+        # the path is straight between its places, so its ends are the farthest
         assert max(math.dist(p, step.hovering) for p in step.way) <= VIEW.reach_m + 1e-6
         places[step.mover] = step.end
     flown = [p for step in plan.steps if step.mover is Role.MAPPER for p in step.way]
@@ -51,7 +51,7 @@ def test_nobody_ever_leaves_the_picture_and_the_path_is_flown(path):
     assert all(a.mover is not b.mover for a, b in pairwise(plan.steps) if a.mover is Role.TRACKER)
 
 
-def test_what_cannot_be_flown_or_seen_is_refused():
+def test_path_that_cannot_be_flown_or_seen_is_refused():
     with pytest.raises(ValueError, match=r"at least separation_m = 5 m higher"):
         TrackerView(above_m=4.0, separation_m=5.0)
     with pytest.raises(ValueError, match="fly higher, or take a wider angle"):
@@ -63,8 +63,8 @@ def test_what_cannot_be_flown_or_seen_is_refused():
 
 
 @pytest.mark.parametrize("above_m", [10.0, 12.0])
-def test_the_map_errs_by_a_fifth_of_what_dead_reckoning_does(above_m):
-    """Odometry of 2 % of the math.dist, and a gyro of 0.3 deg after a metre, without a compass."""
+def test_map_errs_by_a_fifth_of_dead_reckoning(above_m):
+    """Odometry errs by 2 % of the distance, a gyro by 0.3 deg after a metre, without a compass."""
     plan = plan_leapfrog(STRAIGHT, TrackerView(above_m=above_m))
     found = compare(plan, LeapfrogNoise.of_tracker(above_m), seeds=range(40))
     assert found.times_better > 5.0
@@ -74,15 +74,15 @@ def test_the_map_errs_by_a_fifth_of_what_dead_reckoning_does(above_m):
     assert found.alone_m == pytest.approx(0.55 * end_m, rel=0.25)
 
 
-def test_what_is_believed_of_the_errors_is_honest():
-    """NEES of a place: 2; of the mean of 150 runs 99.9 % lie in here."""
+def test_estimated_errors_are_honest():
+    """NEES of a place is 2; 99.9 % of means of 150 runs lie between these limits."""
     bent = plan_leapfrog([(0.0, 0.0), (40.0, 0.0), (40.0, 15.0), (0.0, 15.0)], VIEW)
     found = compare(bent, LeapfrogNoise.of_tracker(12.0), seeds=range(150))
     assert 1.5 < found.tracked_nees < 2.6
     assert 1.5 < found.alone_nees < 2.6
 
 
-def test_who_watches_makes_the_error_grow_by_the_hop():
+def test_error_grows_with_the_root_of_the_hops():
     plan = plan_leapfrog(STRAIGHT, VIEW)
     still = LeapfrogNoise(place_m=0.1, yaw_rad=1e-6, hover_m=0.0, hover_rad=0.0)
     tracked, _ = fly_leapfrog(plan, still, seed=1)

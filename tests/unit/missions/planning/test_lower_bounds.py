@@ -45,7 +45,7 @@ def block(width: int, depth: int) -> set[Cell]:
         ({Cell(e, 0) for e in range(-5, 6)}, 1, 20),
         ({Cell(e, 0) for e in range(-5, 6)}, 2, 10),
         (row(2), 1, 2),
-        (row(2), 9, 2),  # nobody can be quicker than there and back
+        (row(2), 9, 2),  # no robot can be quicker than there and back
         (row(10), 1, 18),
         (row(10), 4, 18),  # in a corridor others do not help
         (block(2, 2), 1, 4),
@@ -67,15 +67,15 @@ def test_a_star_is_shared_by_its_arms():
     assert bounds.moves(40) == 6
 
 
-def test_shells_count_what_lies_at_a_distance_or_farther():
+def test_shells_count_the_cells_at_a_distance_or_farther():
     bounds = LowerBounds.from_roi(row(4), START)
     assert bounds.shells == (Shell(1, 2, 6), Shell(2, 1, 4), Shell(3, 1, 2))
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(2, 60), st.integers(0, 999))
-def test_on_a_tree_one_robot_walks_every_edge_twice(size, seed):
-    """There the bound is the optimum, whatever the shape."""
+def test_one_robot_on_a_tree_walks_every_edge_twice(size, seed):
+    """There the bound is the optimum, for any shape."""
     roi = grown("thin", size, seed)
     assert LowerBounds.from_roi(roi.cells, roi.start).moves(1) == 2 * (len(roi.cells) - 1)
 
@@ -87,7 +87,7 @@ def test_a_drift_stretches_every_step_at_least_as_across():
     assert drift_lower_bound(30, Metric(2.0)) == 15.0
 
 
-def test_in_flight_the_way_there_and_back_and_the_cells_on_it():
+def test_bound_in_flight_counts_the_farthest_cell_there_and_back():
     metric = Metric(straight=True)
     assert flight_lower_bound(row(6), START, 1, metric) == 10.0
     assert flight_lower_bound([START, Cell(3, 4)], START, 1, metric) == 10.0
@@ -95,15 +95,16 @@ def test_in_flight_the_way_there_and_back_and_the_cells_on_it():
 
 
 def test_looks_are_paid_for_each_cell_but_the_start():
-    """Five looks, and from a neighbour over four legs back to one: that all six cells lie in a row
-    this bound does not know."""
+    """Five looks, and a path from a neighbour over four legs back to one.
+
+    This bound does not know that all six cells lie in a row."""
     looking = Metric(straight=True, look=7.0)
     assert flight_lower_bound(row(6), START, 1, looking) == 5 * 7.0 + 1 + 4 + 1
     assert flight_lower_bound([START], START, 1, looking) == 0.0
 
 
 def test_one_way_may_lead_with_the_drift():
-    """Against a moving ROI: 1 / (Sr + Sp) a cell, which a closed tour could not have."""
+    """Against a moving ROI a cell takes 1 / (Sr + Sp), which no closed tour can reach."""
     drifting = Metric(1.0, drift_east=0.5, straight=True)
     assert one_way_lower_bound(row(6), START, 1, drifting) == pytest.approx(5.0 / 1.5)
     assert flight_lower_bound(row(6), START, 1, drifting) == pytest.approx(10 / math.sqrt(0.75))
@@ -133,7 +134,7 @@ def test_promises_are_for_the_tree_that_came_out():
     assert promised_moves(EXPLORERS["rdfs-paper"], tree, 1, Metric()) is None
 
 
-def test_in_straight_flight_the_bound_in_steps_does_not_count():
+def test_bound_in_steps_does_not_count_in_straight_flight():
     """A diagonal is two steps on foot and 1.4 cells in flight."""
     stairs = {START, Cell(1, 0), Cell(1, 1), Cell(2, 1), Cell(2, 2)}
     static = LowerBounds.from_roi(stairs, START)
@@ -148,7 +149,7 @@ def test_in_straight_flight_the_bound_in_steps_does_not_count():
 KINEMATICS = Kinematics(6.0, 2.0, 0.2, half_east_m=5.5, half_north_m=5.5)
 
 
-def test_nothing_to_see_takes_no_time():
+def test_region_with_nothing_to_see_takes_no_time():
     assert lower_bound_s([], Cell(0, 0), 1, 4.0, KINEMATICS) == 0.0
     assert lower_bound_s([Cell(0, 0), Cell(1, 1)], Cell(0, 0), 1, 4.0, KINEMATICS) == 0.0
 

@@ -1,4 +1,4 @@
-"""Strategies register themselves by name, and the page of docs shows and names them all."""
+"""Strategies register themselves by name, and the page of the docs shows them all."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from tests.unit.sitl.piloted import (
 
 
 def straight(seed, drift, legs, dt_s=0.05, speed_m_s=5.0):
-    """The error after legs (bearing, metres) flown by flow alone."""
+    """Return the error after legs (bearing, metres) flown by optical flow alone."""
     error = Estimator(np.random.default_rng(1), 0.0, 60.0, seed=[seed], flow=True, drift=drift)
     error.disturb(lost=True, glitch_m=(0.0, 0.0), drift_m_s=(0.0, 0.0))
     for bearing, metres in legs:
@@ -43,7 +43,7 @@ def test_a_straight_leg_errs_by_the_stated_share():
     assert max(lengths) < 4.0 * 0.02 * 200.0
 
 
-def test_out_and_back_cancels_out_but_for_a_little():
+def test_error_of_a_flight_out_and_back_cancels_out_but_for_a_little():
     back = [straight(s, 0.02, [(0.0, 100.0), (math.pi, 100.0)]) for s in range(20)]
     assert np.mean([math.hypot(e.east, e.north) for e in back]) < 0.3 * 0.02 * 200.0
 
@@ -62,24 +62,24 @@ def test_each_outage_has_a_scale_and_a_rotation_of_its_own():
     seed=st.integers(0, 1000),
     drift=st.floats(0.0, 0.5),
     legs=st.lists(st.tuples(st.floats(0.0, 6.0), st.floats(0.0, 30.0)), max_size=4),
-    told=st.lists(
+    received=st.lists(
         st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.0, 1e9)), max_size=3
     ),
 )
-def test_the_error_is_finite_and_within_the_stated_share(seed, drift, legs, told):
+def test_the_error_is_finite_and_within_the_stated_share(seed, drift, legs, received):
     error = straight(seed, drift, legs, dt_s=0.05)
     flown_m = sum(metres for _, metres in legs)
     bound_m = DeadReckoning.MOST * drift * flown_m + 0.1 * (flown_m / 5.0) + 0.01
     assert math.hypot(error.east, error.north) <= bound_m
     assert math.isfinite(error.accuracy_m)
-    for east, north, sigma in told:
+    for east, north, sigma in received:
         error.fuse(east, north, sigma)
         error.move(0.05, 1.0, 0.0)
         bound_m = max(bound_m, math.hypot(east, north)) + 1.0
         assert math.hypot(error.east, error.north) <= bound_m
 
 
-def test_with_satellites_the_estimate_is_the_same_number_for_number():
+def test_estimate_with_satellites_is_the_same_number_for_number():
     plain = PositionError(np.random.default_rng(4), 0.5, 30.0)
     flow = Estimator(np.random.default_rng(4), 0.5, 30.0, flow=True)
     for _ in range(200):
@@ -92,7 +92,7 @@ def test_with_satellites_the_estimate_is_the_same_number_for_number():
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_it_flies_on_and_drifts_as_stated(autopilot):
+def test_vehicle_without_satellites_flies_on_and_drifts_as_stated(autopilot):
     fleet = fleet_in_the_air(autopilot, vehicles=4, seed=3)
     for vehicle in fleet:
         vehicle.fail.gps()
@@ -109,7 +109,7 @@ def test_it_flies_on_and_drifts_as_stated(autopilot):
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_what_it_says_in_an_outage_and_afterwards(autopilot):
+def test_telemetry_shows_an_outage_and_its_end(autopilot):
     vehicle = in_the_air(autopilot)
     assert vehicle.flags & (ABSOLUTE | RELATIVE) == ABSOLUTE | RELATIVE
     fix = vehicle.ask("GPS_RAW_INT")
@@ -131,7 +131,7 @@ def test_what_it_says_in_an_outage_and_afterwards(autopilot):
     assert vehicle.truth.mode.name in ("GUIDED", "HOLD")
 
 
-def test_the_texts_of_an_outage():
+def test_outage_sends_its_texts():
     for autopilot, wanted in (
         ("ardupilot", ["GPS Glitch or Compass error", "Glitch cleared"]),
         ("px4", ["GNSS data fusion stopped", "GNSS data fusion started"]),
@@ -139,16 +139,16 @@ def test_the_texts_of_an_outage():
         vehicle = in_the_air(autopilot)
         vehicle.texts()
         vehicle.fail.gps(for_s=9.0)
-        said = []
+        lines = []
         for _ in range(12):
             vehicle.ground_station()
             vehicle.run(1.0)
-            said += vehicle.texts()
-        assert [text for text in said if "G" in text] == wanted
+            lines += vehicle.texts()
+        assert [text for text in lines if "G" in text] == wanted
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_it_returns_and_lands_without_satellites(autopilot):
+def test_vehicle_without_satellites_returns_and_lands(autopilot):
     vehicle = in_the_air(autopilot, odometry_drift=0.01)
     vehicle.fly_to(0.0, 30.0)
     vehicle.run(15.0)
@@ -169,7 +169,7 @@ def test_a_px4_lands_once_its_own_accuracy_is_gone():
     vehicle.run(8.5)
     assert vehicle.truth.mode.name == "HOLD"
     vehicle.until(lambda: vehicle.truth.mode.name == "LAND", timeout_s=30.0)
-    assert vehicle.where[1] == pytest.approx(2.0 / 0.04, abs=6.0)  # as it reckons
+    assert vehicle.where[1] == pytest.approx(2.0 / 0.04, abs=6.0)  # by its own estimate
     assert not vehicle.flags & (ABSOLUTE | RELATIVE)
     assert vehicle.ask("ESTIMATOR_STATUS").pos_horiz_accuracy == pytest.approx(2.0, abs=0.1)
     patient = in_the_air("px4", odometry_drift=0.04)
@@ -180,14 +180,14 @@ def test_a_px4_lands_once_its_own_accuracy_is_gone():
     assert patient.truth.mode.name == "HOLD"
 
 
-def test_at_rest_it_wanders_by_some_centimetres_a_second():
+def test_estimate_at_rest_wanders_by_some_centimetres_a_second():
     vehicle = in_the_air("ardupilot")
     vehicle.fail.gps()
     vehicle.run(60.0)
     assert 0.02 < vehicle.off_m < 2.0
 
 
-def test_it_does_not_arm_without_satellites():
+def test_vehicle_without_satellites_does_not_arm():
     vehicle = piloted(optical_flow=True)[0]
     vehicle.fail.gps()
     vehicle.run(7.0)

@@ -41,7 +41,7 @@ def test_a_battery_swap_is_another_start():
     assert altimeter.datum_m == altimeter.receiver_m
 
 
-def test_armed_it_keeps_the_height_of_arming():
+def test_armed_vehicle_keeps_the_height_of_arming():
     altimeter = Altimeter(0.0, [3], 3.0)
     kept_m = altimeter.datum_m
     for _ in range(600):
@@ -65,18 +65,18 @@ def home_m(vehicle):
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_vehicles_side_by_side_on_level_ground_tell_other_heights_of_home(autopilot):
+def test_vehicles_side_by_side_on_level_ground_report_other_heights_of_home(autopilot):
     fleet = fleet_of(autopilot, vehicles=3, seed=2)
-    told = [home_m(vehicle) for vehicle in fleet]
-    assert max(told) - min(told) > 2.0
-    assert all(abs(height_m - AMSL_M) <= WORST_M for height_m in told)
+    reported = [home_m(vehicle) for vehicle in fleet]
+    assert max(reported) - min(reported) > 2.0
+    assert all(abs(height_m - AMSL_M) <= WORST_M for height_m in reported)
     fleet.run(100.0)
-    assert max(abs(home_m(v) - before_m) for v, before_m in zip(fleet, told, strict=True)) > 0.3
+    assert max(abs(home_m(v) - before_m) for v, before_m in zip(fleet, reported, strict=True)) > 0.3
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_what_flies_by_heights_above_the_sea_flies_by_its_own(autopilot):
-    """The truth is 12 m above the pad, whatever it calls that; GPS_RAW_INT goes on wandering."""
+def test_vehicle_that_flies_by_heights_above_the_sea_flies_by_its_own(autopilot):
+    """The truth is 12 m above the pad at any reported height; GPS_RAW_INT continues to wander."""
     (vehicle,) = fleet_of(autopilot, seed=2)
     if autopilot == "ardupilot":
         assert vehicle.command(176, 1, 4) == 0
@@ -87,28 +87,40 @@ def test_what_flies_by_heights_above_the_sea_flies_by_its_own(autopilot):
     up = (0, 0, 0, 0, 0, 0, 10.0) if autopilot == "ardupilot" else (0, 0, 0, *place)
     assert vehicle.command(22, *up) == 0
     vehicle.run(14.0)
-    told = vehicle.ask("GLOBAL_POSITION_INT")
+    reported = vehicle.ask("GLOBAL_POSITION_INT")
     frame, flags = mav.MAV_FRAME_GLOBAL_INT, 0
     vehicle.send(
         mav.MAVLink_command_int_message(
-            1, 1, frame, 192, 0, 0, -1.0, flags, 0.0, math.nan, told.lat, told.lon, datum_m + 12.0
+            1,
+            1,
+            frame,
+            192,
+            0,
+            0,
+            -1.0,
+            flags,
+            0.0,
+            math.nan,
+            reported.lat,
+            reported.lon,
+            datum_m + 12.0,
         )
     )
     vehicle.run(10.0)
     assert vehicle.truth.height_m == pytest.approx(12.0, abs=0.3)
     raw = []
     for _ in range(4):
-        told = vehicle.ask("GLOBAL_POSITION_INT")
-        assert (told.alt - told.relative_alt) / 1000.0 == pytest.approx(datum_m, abs=0.01)
+        reported = vehicle.ask("GLOBAL_POSITION_INT")
+        assert (reported.alt - reported.relative_alt) / 1000.0 == pytest.approx(datum_m, abs=0.01)
         raw.append(vehicle.ask("GPS_RAW_INT").alt / 1000.0)
         vehicle.run(60.0)
     assert max(raw) - min(raw) > 0.5
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-def test_on_a_slope_each_tells_the_height_of_its_own_home_before_arming(autopilot):
+def test_vehicle_on_a_slope_reports_the_height_of_its_own_home_before_arming(autopilot):
     relief = Relief(0.1, 90.0, 0.0, 150.0, 0)  # 10 % up to the east, where they stand in a row
     fleet = piloted(autopilot=autopilot, vehicles=3, relief=relief)
     fleet.run(8.0)
-    told = [home_m(vehicle) for vehicle in fleet]
-    assert told == pytest.approx([AMSL_M, AMSL_M + 0.3, AMSL_M + 0.6], abs=0.02)
+    reported = [home_m(vehicle) for vehicle in fleet]
+    assert reported == pytest.approx([AMSL_M, AMSL_M + 0.3, AMSL_M + 0.6], abs=0.02)

@@ -22,7 +22,7 @@ def windy(make_client):
 
 @pytest.mark.parametrize(("jerk", "passes_m"), [(0.0, 0.5), (5.0, 1.0)])
 @pytest.mark.parametrize("distance_m", [0.5, 20.0, 120.0])
-def test_it_reaches_a_target_and_stays(windy, jerk, passes_m, distance_m):
+def test_vehicle_reaches_a_target_and_stays(windy, jerk, passes_m, distance_m):
     """Shaped with a limited jerk (PSC_JERK_XY) a real one passes its target by as much."""
     windy.put(PSC_JERK_XY=jerk)
     assert windy.reposition(0.0, distance_m, 12.0) == 0
@@ -69,7 +69,7 @@ def test_a_change_of_speed_is_kept_until_the_mode_or_the_kind_of_target_changes(
     ("wind_from_deg", "roll_sign", "pitch_sign"),
     [(0.0, 0, -1), (90.0, 1, 0), (180.0, 0, 1), (270.0, -1, 0)],
 )
-def test_leans_into_the_wind_and_holds(make_client, wind_from_deg, roll_sign, pitch_sign):
+def test_vehicle_leans_into_the_wind_and_holds(make_client, wind_from_deg, roll_sign, pitch_sign):
     client = make_client(world={"wind_speed_m_s": 3.6, "wind_from_deg": wind_from_deg})
     client.take_off()
     client.run(5.0)
@@ -82,7 +82,7 @@ def test_leans_into_the_wind_and_holds(make_client, wind_from_deg, roll_sign, pi
     assert math.hypot(*client.where[:2]) < 0.1
 
 
-def test_turns_the_nose_towards_far_targets_only(flying):
+def test_vehicle_turns_its_nose_towards_far_targets_only(flying):
     flying.target(1.0, 0.0, 12.0)
     flying.run(4.0)
     assert abs(math.remainder(flying.vehicle.truth.yaw_rad, math.tau)) < 0.01
@@ -177,7 +177,7 @@ def test_the_body_stays_finite_under_any_command(commands, wind):
         assert math.hypot(*body.roll_pitch) <= math.radians(45.0)
 
 
-def test_starts_more_gently(windy, make_client):
+def test_vehicle_with_limited_jerk_starts_more_gently(windy, make_client):
     direct = make_client()
     direct.put(PSC_JERK_XY=0.0)
     direct.take_off()
@@ -191,7 +191,7 @@ def test_starts_more_gently(windy, make_client):
 
 
 @pytest.mark.parametrize("cruise_m_s", [2.0, 8.0])
-def test_stops_without_coming_back(windy, cruise_m_s):
+def test_vehicle_with_limited_jerk_stops_without_coming_back(windy, cruise_m_s):
     windy.put(WPNAV_SPEED=100.0 * cruise_m_s)
     windy.target(200.0, 0.0, 12.0)
     windy.run(12.0)
@@ -202,7 +202,7 @@ def test_stops_without_coming_back(windy, cruise_m_s):
     assert max(along) - along[-1] < 1.0
 
 
-def test_a_new_target_on_the_way_and_another_mode(windy):
+def test_vehicle_on_its_way_obeys_a_new_target_and_another_mode(windy):
     windy.target(60.0, 0.0, 12.0)
     windy.run(5.0)
     windy.target(10.0, 30.0, 12.0)

@@ -29,7 +29,7 @@ def shot(yaw_deg=0.0, moved_m=(0.0, 0.0, 0.0), turned_deg=None, camera=CAMERA, p
         (0.0, (0.5, 0.0, 0.0), (-10.0, 0.0)),
         (90.0, (0.0, 0.5, 0.0), (10.0, 0.0)),  # north is left
         (180.0, (0.25, 0.5, 0.0), (5.0, -10.0)),
-        (0.0, (0.0, 0.0, 0.5), (0.0, 0.0)),  # to climb moves what is off the middle alone
+        (0.0, (0.0, 0.0, 0.5), (0.0, 0.0)),  # a climb moves the ground off the middle alone
     ],
 )
 def test_the_ground_moves_against_the_camera(yaw_deg, moved_m, expected):
@@ -45,7 +45,7 @@ def test_turning_moves_the_picture_unless_a_gimbal_holds_it():
 
 
 def test_turning_can_make_up_for_flying():
-    """As far as the axis turns, so far it flies: it looks at the same place."""
+    """The flight makes up for the turn of the axis: the camera sees the same place."""
     metres = 10.0 * math.tan(math.radians(2.0))
     both = shot(moved_m=(0.0, metres, 0.0), turned_deg=(0.0, -2.0, 0.0))
     assert image_motion_px(CAMERA, both) == pytest.approx((0.0, 0.0), abs=1e-6)
@@ -66,18 +66,18 @@ def gray(jpeg):
 
 
 def ramp_px(levels):
-    """How many levels are between a tenth and nine tenths of their step."""
+    """Return the number of levels between a tenth and nine tenths of their step."""
     share = (levels - levels.min()) / np.ptp(levels)
     return np.count_nonzero((share > 0.1) & (share < 0.9))
 
 
 def across(picture):
-    """The border of the dark quarter that runs north: a row above the middle."""
+    """Return the ramp across the border that runs north: in a row above the middle."""
     return ramp_px(picture[60, 160:240])
 
 
 def along(picture):
-    """The border that runs east: a column right of the middle."""
+    """Return the ramp across the border that runs east: in a column right of the middle."""
     return ramp_px(picture[110:190, 320])
 
 
@@ -105,23 +105,23 @@ def test_the_border_stays_where_it_is_at_the_middle_of_the_exposure(world):
     assert moved.mean() == pytest.approx(still.mean(), abs=0.5)
 
 
-def test_less_than_half_a_pixel_costs_nothing(world):
+def test_motion_of_less_than_half_a_pixel_blurs_nothing(world):
     still = render(world, CAMERA, shot())
     assert render(world, CAMERA, shot(moved_m=(0.024, 0.0, 0.0))) == still
     assert render(world, CAMERA, shot(moved_m=(0.026, 0.0, 0.0))) != still
 
 
-def test_a_body_tells_how_it_will_be_turned():
+def test_body_predicts_how_it_will_be_turned():
     body = Body(0.0, 0.0, 1.0, math.radians(30.0))
     body.motors_on = True
     for _ in range(60):
         body.step(Command(3.0, 1.0, 1.0, 0.4), (0.0, 0.0), 0.005)
     body.step(Command(-3.0, 2.0, 0.0, 0.4), (0.0, 0.0), 0.001)
-    told = body.turned(0.001)
+    reported = body.turned(0.001)
     before = (*body.roll_pitch, body.yaw)
     body.step(Command(-3.0, 2.0, 0.0, 0.4), (0.0, 0.0), 0.001)
     after = (*body.roll_pitch, body.yaw)
-    assert told == pytest.approx(after, abs=3e-5)
+    assert reported == pytest.approx(after, abs=3e-5)
     assert abs(after[1] - before[1]) > 1e-3
 
 
@@ -131,7 +131,7 @@ def test_an_exposure_that_no_shutter_has_is_refused():
 
 
 def test_a_vehicle_in_flight_blurs_by_its_speed(make_client, square):
-    """Over the border of a dark square at some 8 m/s, with the shutter open for 1/10 s."""
+    """It flies over the border of a dark square at some 8 m/s, with an exposure of 1/10 s."""
     calm = {"texture": 0.0, "sensor_noise": 0.0, "illumination": 0.0, "patches": (square,)}
     slow = replace(GIMBAL, exposure_s=0.1)
     client = make_client(world=calm, camera=slow)

@@ -106,7 +106,7 @@ def test_places_and_times_survive(tmp_path_factory, lat_deg, lon_deg, taken_s):
     assert photo.position.lon_deg == pytest.approx(lon_deg, abs=2e-9)
 
 
-def test_no_jpeg_is_no_place_for_tags():
+def test_tags_in_bytes_that_are_no_jpeg_are_refused():
     with pytest.raises(ValueError, match="only a JPEG"):
         tagged(b"\x89PNG\r\n", a_tag())
 
@@ -156,10 +156,10 @@ def test_a_folder_of_saved_pictures_is_a_set_of_photographs(make_client, tmp_pat
         assert photo.picture.lens.hfov_deg == pytest.approx(70.0, abs=0.01)
         _, pitch, _ = camera_angles(photo.pose.attitude)
         tilts.append(90.0 + math.degrees(pitch))
-    assert (max(tilts) > 3.0) is fixed  # in the wind a bolted camera looks aside
+    assert (max(tilts) > 3.0) is fixed  # in the wind a fixed camera looks aside
 
 
-def test_each_picture_is_told_of_in_camera_feedback_too(make_client):
+def test_camera_feedback_reports_each_picture(make_client):
     client = make_client(home_yaw_deg=90.0)
     client.take_off(8.0)
     client.command(CAPTURE, 0, 0.5, 3, 0)
@@ -178,7 +178,7 @@ def test_each_picture_is_told_of_in_camera_feedback_too(make_client):
 
 
 def test_pictures_of_a_lawnmower_become_the_map_of_the_region(tmp_path, capsys):
-    """From the simulator's camera over files to `uavmap replay`, by eyes that share no code."""
+    """Pictures pass from the simulator over files to `uavmap replay`, without common code."""
     mission = load(str(MISSION))
     (vehicle,) = make_vehicles(mission, 3)
     client = Client(vehicle)
@@ -202,7 +202,7 @@ def test_pictures_of_a_lawnmower_become_the_map_of_the_region(tmp_path, capsys):
         data = vehicle.image(message.file_url)
         (photos / f"{message.image_index:04d}.jpg").write_bytes(data)
     out = tmp_path / "map"
-    # as tagged: it is the tags that are held against the truth here
+    # as tagged: the test compares the tags with the truth
     command = ["replay", str(photos), "--mission", str(MISSION), "--refine", "off"]
     code = main([*command, "--json", "--out", str(out)])
     summary = json.loads(capsys.readouterr().out)
@@ -215,6 +215,6 @@ def test_pictures_of_a_lawnmower_become_the_map_of_the_region(tmp_path, capsys):
     found_deg = shape(found["geometry"])
     covered = found_deg.intersection(truth_deg).area / truth_deg.area
     too_much = found_deg.difference(truth_deg.buffer(6.0 / 76_000.0)).area / truth_deg.area
-    # cells of 4 m are region or not, of a region that is 16 m wide
+    # cells of 4 m, over a region that is 16 m wide
     assert covered > 0.85
     assert too_much < 0.05

@@ -15,7 +15,7 @@ from tests.unit.sitl.conftest import CAMERA, LENS_M, ORIGIN, decoded
 
 
 def pixel(camera, shot, east_m, north_m):
-    """Of a ground point relative to the foot point."""
+    """Return the pixel of a ground point relative to the foot point."""
     u, v, depth = ground_to_pixel(camera, shot) @ (east_m, north_m, 1.0)
     return u / depth, v / depth
 
@@ -35,7 +35,7 @@ TEN_M = 10.0 * math.tan(math.radians(10.0))  # from 10 m, 10 degrees off the ver
         ((0.0, 0.0, 0.0), {}, (2.0, 3.0), (239.5, 89.5)),  # east is right, north is up
         ((0.0, 0.0, 90.0), {}, (2.0, 3.0), (139.5, 109.5)),  # up is east, so north is left
         ((0.0, 0.0, 180.0), {}, (2.0, 3.0), (159.5, 209.5)),
-        # pitched down by 10 degrees a bolted nadir camera looks 10 degrees behind the foot point,
+        # pitched down by 10 degrees a fixed nadir camera looks 10 degrees behind the foot point,
         # which lies ahead of the axis: towards the upper edge
         ((0.0, -10.0, 0.0), {}, (0.0, -TEN_M), (199.5, 149.5)),
         ((0.0, -10.0, 0.0), {}, (0.0, 0.0), (199.5, 149.5 - 20.0 * TEN_M)),
@@ -68,7 +68,7 @@ def test_the_corner_of_the_roi_is_where_it_should_be(square):
     assert low == pytest.approx(229.5, abs=1.0)
 
 
-def test_the_corner_in_a_tilted_picture(square):
+def test_corner_in_a_tilted_picture_is_where_it_should_be(square):
     world = World(WorldSpec(ORIGIN, 600.0, (square,), texture=0.0, sensor_noise=0.0, seed=1))
     shot = shot_at(CAMERA, 10.0, pitch_deg=-10.0)  # over the corner itself
     dark = decoded(render(world, CAMERA, shot)) < 137
@@ -151,7 +151,7 @@ def capture(client, interval_s, count, sequence=0, component=100):
     )
 
 
-def test_pictures_on_command(make_client, square):
+def test_picture_on_command_is_taken(make_client, square):
     client = make_client(world={"patches": (square,)}, image_url_prefix="http://127.0.0.1:8123/")
     client.take_off()
     client.target(5.0, 4.0, 12.0)
@@ -162,7 +162,7 @@ def test_pictures_on_command(make_client, square):
     client.run(1.0)
     (captured,) = client.seen("CAMERA_IMAGE_CAPTURED", 100)
     assert (captured.image_index, captured.capture_result, captured.time_utc) == (0, 1, 0)
-    assert captured.time_boot_ms == begin_ms + 50  # within the step that follows
+    assert captured.time_boot_ms == begin_ms + 50  # within the next step
     assert captured.file_url == "http://127.0.0.1:8123/1/0.jpg"
     assert captured.relative_alt == pytest.approx(12_000, abs=300)
     assert captured.alt - captured.relative_alt == 600_000
@@ -180,7 +180,7 @@ def test_pictures_on_command(make_client, square):
     assert lost == mav.MAV_RESULT_FAILED
 
 
-def test_series_of_pictures(ready):
+def test_series_of_pictures_is_taken_at_its_interval(ready):
     assert capture(ready, 0.5, 5) == mav.MAV_RESULT_ACCEPTED
     assert capture(ready, 0.5, 5) == mav.MAV_RESULT_TEMPORARILY_REJECTED
     ready.run(5.0)

@@ -20,7 +20,7 @@ def put(client, name, value):
     return client.send(mav.MAVLink_param_set_message(1, 1, name, value, 9))
 
 
-def test_the_whole_list_in_order(make_client):
+def test_whole_list_comes_in_order(make_client):
     client = make_client()
     listed = client.send(mav.MAVLink_param_request_list_message(1, 1))
     assert [m.param_index for m in listed] == list(range(len(TABLE)))
@@ -40,7 +40,7 @@ def test_a_new_value_is_the_answer(make_client):
     assert put(client, b"WPNAV_SPEED", 1e30)[0].param_value == pytest.approx(1e30)  # no range
 
 
-def test_silence(make_client):
+def test_impossible_values_and_unknown_names_have_no_answer(make_client):
     client = make_client()
     for value in (math.nan, math.inf, -math.inf):
         assert put(client, b"WPNAV_SPEED", value) == []
@@ -49,7 +49,7 @@ def test_silence(make_client):
     assert client.send(mav.MAVLink_param_request_read_message(1, 1, b"", len(TABLE))) == []
 
 
-def test_what_is_the_autopilots_own_stays(make_client):
+def test_parameters_that_the_autopilot_owns_stay(make_client):
     client = make_client()
     assert put(client, b"MIS_TOTAL", 5.0)[0].param_value == 0.0
     assert put(client, b"SYSID_THISMAV", 9.0)[0].param_value == 1.0
@@ -70,7 +70,7 @@ def test_the_capacity_is_the_packs(make_client):
 
 
 @given(name=st.sampled_from([p.name for p in TABLE]), value=st.floats())
-def test_values_stay_what_their_type_holds(name, value):
+def test_values_stay_within_their_type(name, value):
     parameters = Parameters()
     before = parameters[name]
     accepted = parameters.set(name, value)
@@ -88,7 +88,7 @@ def test_values_stay_what_their_type_holds(name, value):
         assert -(2 ** bits[BY_NAME[name].type]) <= now < 2 ** bits[BY_NAME[name].type]
 
 
-def test_changes_by_itself_are_told_once():
+def test_changes_by_the_autopilot_are_reported_once():
     parameters = Parameters()
     parameters.change("MIS_TOTAL", 4)
     parameters.change("MIS_TOTAL", 5)

@@ -54,7 +54,7 @@ def row(command, *p, at=(None, None, 0.0)):
 UP = row(TAKEOFF, at=(None, None, 10.0))
 
 
-def test_a_mission_from_take_off_to_the_ground(client, planner):
+def test_mission_is_flown_from_take_off_to_the_ground(client, planner):
     planner.upload(
         UP,
         row(WP, at=(20.0, 0.0, 10.0)),
@@ -91,7 +91,7 @@ def test_auto_is_refused_with_a_reason(client, planner):
     assert client.command(ARM, 1)[1].text == "Arm: AUTO mode not armable"
     client.command(MODE, 1, GUIDED)
     assert client.result(ARM, 1) == 0
-    # on the ground, motors on, and the first thing is not a take-off
+    # on the ground, armed, and the first item is no take-off
     assert (
         client.command(MODE, 1, AUTO)[1].text == "Mode change to AUTO failed: Missing Takeoff Cmd"
     )
@@ -121,7 +121,7 @@ def test_auto_waits_on_the_ground_for_the_start(client, planner):
     assert planner.current.mission_state == COMPLETE  # the end of a mission in the air: stay
 
 
-def test_a_mission_in_flight_is_left_and_taken_up_again(client, planner):
+def test_mission_in_flight_is_left_and_resumed(client, planner):
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)), row(WP, at=(40.0, 40.0, 10.0)))
     planner.begin()
     client.run(12.0)
@@ -137,11 +137,11 @@ def test_a_mission_in_flight_is_left_and_taken_up_again(client, planner):
     client.command(MODE, 1, BRAKE)
     client.command(MODE, 1, AUTO)
     client.run(1.0)
-    assert planner.reached == [1, 2, 3, 1]  # again: it is as high as the take-off asks for
+    assert planner.reached == [1, 2, 3, 1]  # again: it is as high as the take-off commands
     assert planner.current.seq == 2
 
 
-def test_set_current(client, planner):
+def test_set_current_changes_the_next_item(client, planner):
     planner.upload()
     assert client.send(mav.MAVLink_mission_set_current_message(1, 1, 0)) == []
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)), row(WP, at=(30.0, 0.0, 10.0)))
@@ -156,7 +156,7 @@ def test_set_current(client, planner):
     assert client.result(224, 2) == 0
 
 
-def test_on_the_way(client, planner):
+def test_items_on_the_way_set_speed_yaw_and_camera(client, planner):
     planner.upload(
         UP,
         row(178, 1.0, 2.0),
@@ -184,7 +184,7 @@ def test_on_the_way(client, planner):
     assert times[10] - times[8] > 5.0
 
 
-def test_pictures_by_distance(client, planner):
+def test_pictures_by_distance_are_taken(client, planner):
     planner.upload(UP, row(206, 5.0), row(WP, at=(0.0, 31.0, 10.0)), row(206, 0.0), row(HOME))
     planner.begin()
     client.run(40.0)
@@ -211,7 +211,7 @@ def test_endless_jumps_end(planner):
     assert planner.current.mission_state == COMPLETE
 
 
-def test_conditions_hold_back_what_follows(client, planner):
+def test_conditions_hold_back_the_items_that_follow(client, planner):
     planner.upload(
         UP, row(112, 4.0), row(203), row(114, 10.0), row(203), row(WP, at=(0.0, 60.0, 10.0))
     )
@@ -226,10 +226,10 @@ def test_conditions_hold_back_what_follows(client, planner):
     first = next(t for t, _, n in at if n == 1)
     second = next(north for _, north, n in at if n == 2)
     assert first - begun == pytest.approx(4.0, abs=0.2)
-    assert second == pytest.approx(50.0, abs=0.8)  # where the next look at it falls, at speed
+    assert second == pytest.approx(50.0, abs=0.8)  # the place of the next step, at speed
 
 
-def test_pausing_in_auto(client, planner):
+def test_pause_in_auto_holds_until_continued(client, planner):
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)))
     assert client.result(193, 0) == 4
     planner.begin()
@@ -248,7 +248,7 @@ def test_pausing_in_auto(client, planner):
     assert planner.reached == [1, 2]
 
 
-def test_a_delivery(client, planner):
+def test_delivery_lands_waits_and_returns(client, planner):
     planner.upload(UP, row(LAND, at=(0.0, 20.0, 0.0)), row(93, 3.0), UP, row(HOME))
     planner.begin()
     seen = client.watch(130.0)

@@ -19,7 +19,7 @@ def lanes(begin_s, speed_m_s, cut_m=CUT_M, **how):
 
 
 def fly(client, plan, *, lead_s=0.5, until_s=math.inf, smooth_s=SMOOTH_S):
-    """Stream a plan at 10 Hz; the distance to it at each moment from beginning to end."""
+    """Stream a plan at 10 Hz; return the distance to it at each moment from beginning to end."""
     errors = []
 
     def send():
@@ -71,7 +71,7 @@ def test_a_velocity_that_is_not_led_is_late_by_half_a_second(client):
     assert 0.9 < within(errors) < 2.0  # measured 1.7
 
 
-def test_on_raw_corners_the_target_runs_away(client):
+def test_target_on_raw_corners_runs_away(client):
     plan = lanes(client.vehicle.t_s + 1.0, 6.0, cut_m=0.02, accel_m_s2=1e6)
     errors = fly(client, plan, smooth_s=0.02)
     assert within(errors) > 8.0  # measured 18.6
@@ -80,7 +80,7 @@ def test_on_raw_corners_the_target_runs_away(client):
 
 @pytest.mark.parametrize("timeout_s", [0.5, 1.0, 3.0])
 def test_a_stream_that_ends_stops_the_vehicle(client, timeout_s):
-    """Measured from 6 m/s: 12 and 15 m after 0.5 and 1 s, 27 m by default; and then back."""
+    """From 6 m/s 12 and 15 m after 0.5 and 1 s were measured, 27 m by default, then back."""
     client.put(GUID_TIMEOUT=timeout_s)
     plan = rounded_path(
         [GridPoint(0, 0), GridPoint(300, 0)], client.vehicle.t_s + 1.0, speed_m_s=6.0
@@ -113,7 +113,7 @@ def test_velocity_zero_is_the_way_to_stop(client, speed, time_s, way_m):
     assert max(along) - along[-1] < 0.5
 
 
-def test_a_stream_obeys_no_speed_and_tells_its_target(client):
+def test_stream_obeys_no_speed_and_reports_its_target(client):
     client.every(mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT, 0.1)
     client.target(0.0, 0.0, 12.0)
     client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 2.0)
@@ -125,6 +125,6 @@ def test_a_stream_obeys_no_speed_and_tells_its_target(client):
     _, north, _ = client.where
     client.along((0.0, north), (0.0, 1.0))
     client.run(0.2)
-    told = client.seen("POSITION_TARGET_GLOBAL_INT")[-1]
-    assert (told.vx, told.alt) == pytest.approx((1.0, 612.0), abs=0.5)
-    assert told.type_mask & 0x3F == 0
+    reported = client.seen("POSITION_TARGET_GLOBAL_INT")[-1]
+    assert (reported.vx, reported.alt) == pytest.approx((1.0, 612.0), abs=0.5)
+    assert reported.type_mask & 0x3F == 0

@@ -34,11 +34,13 @@ def test_a_mission_goes_up_and_comes_down(client):
     assert client.transfer(items) == ACCEPTED
     assert client.seen("STATUSTEXT")[-1].text == "Flight plan received"
     assert {m.get_type() for m in client.seen("MISSION_REQUEST")} == {"MISSION_REQUEST"}
-    told = [m for m in client.run(0.1) if m.get_type() == "PARAM_VALUE"]
-    assert [(m.param_id, m.param_value, m.param_index) for m in told] == [("MIS_TOTAL", 60, 65535)]
+    reported = [m for m in client.run(0.1) if m.get_type() == "PARAM_VALUE"]
+    assert [(m.param_id, m.param_value, m.param_index) for m in reported] == [
+        ("MIS_TOTAL", 60, 65535)
+    ]
     back = client.fetch()
     assert len(back) == 60
-    # item 0 is home, whatever was sent
+    # item 0 is always home
     assert (back[0].command, back[0].frame, back[0].z) == (WP, 0, 600.0)
     for sent, got in zip(items[1:], back[1:], strict=True):
         assert (got.seq, got.x, got.y, got.z) == (sent.seq, sent.x, sent.y, sent.z)
@@ -87,7 +89,7 @@ def test_a_duplicate_last_item_is_acknowledged_again(client):
 
 
 def test_second_copies_are_refused_and_the_upload_goes_on(client):
-    """`MissionItemProtocol.cpp`: INVALID_SEQUENCE, and it still waits for the item it asked for."""
+    """`MissionItemProtocol.cpp`: INVALID_SEQUENCE, and it still waits for the requested item."""
     client.send(count(3))
     client.send(item(0))
     (ack,) = client.send(item(0))
@@ -139,7 +141,7 @@ def test_invalid_items_are_refused_with_a_reason(client, bad, result):
     assert len(client.fetch()) == 1
 
 
-def test_refusals(client):
+def test_invalid_requests_are_refused_with_a_reason(client):
     assert client.send(count(65535))[0].type == mav.MAV_MISSION_NO_SPACE
     assert client.send(count(1, 7))[0].type == mav.MAV_MISSION_UNSUPPORTED
     partial = mav.MAVLink_mission_write_partial_list_message(1, 1, 0, 1)
@@ -152,7 +154,7 @@ def test_refusals(client):
     assert client.send(listing)[0].type == mav.MAV_MISSION_DENIED
 
 
-def test_clearing(client):
+def test_clearing_removes_missions_and_rally_points(client):
     client.run(0.1)
     assert client.transfer([item(i) for i in range(3)]) == ACCEPTED
     assert client.transfer([item(0, 5100, kind=RALLY)], RALLY) == ACCEPTED

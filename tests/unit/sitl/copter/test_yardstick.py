@@ -1,7 +1,7 @@
 """The recorded flight of a real ArduCopter, flown again here: the same plan, side by side.
 
 Parameters, requested rates and targets are read from the recording; the client flies them closed
-loop, going on to the next target when it has arrived and stands, as the recorded one did.
+loop: it continues to the next target after arrival at rest, as the recorded one did.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(not LOG.exists(), reason="the recorded flight is
 
 
 def recorded():
-    """(seconds since the first message, message) of both directions."""
+    """Return (seconds since the first message, message) of both directions."""
     link = mavutil.mavlink_connection(str(LOG), dialect="ardupilotmega")
     flight, begin_s = [], None
     while (message := link.recv_match()) is not None:
@@ -38,7 +38,7 @@ def recorded():
     return flight
 
 
-def of(flight, kind, system=1, component=1):
+def messages_of(flight, kind, system=1, component=1):
     return [
         (t, m) for t, m in flight
         if m.get_type() == kind and (m.get_srcSystem(), m.get_srcComponent()) == (system, component)
@@ -51,32 +51,32 @@ def changes(values):
 
 
 def story(flight):
-    """What a watcher sees: modes, armed or not, states, texts, rates and times."""
-    hearts = [m for _, m in of(flight, "HEARTBEAT")]
-    landed = of(flight, "EXTENDED_SYS_STATE")
-    armed_s = next(t for t, m in of(flight, "HEARTBEAT") if m.base_mode & 128)
+    """Return the observations: modes, armed or not, states, texts, rates and times."""
+    hearts = [m for _, m in messages_of(flight, "HEARTBEAT")]
+    landed = messages_of(flight, "EXTENDED_SYS_STATE")
+    armed_s = next(t for t, m in messages_of(flight, "HEARTBEAT") if m.base_mode & 128)
     steady = [m for t, m in flight if armed_s + 15 <= t < armed_s + 55 and m.get_srcSystem() == 1]
     counts = Counter(m.get_type() for m in steady if m.get_srcComponent() == 1)
     grounded_s = [t for (_, a), (t, b) in pairwise(landed) if a.landed_state == 4 > b.landed_state]
-    home_s = next(t for t, m in of(flight, "HEARTBEAT") if m.custom_mode == 6)
+    home_s = next(t for t, m in messages_of(flight, "HEARTBEAT") if m.custom_mode == 6)
     return {
         "modes": changes(m.custom_mode for m in hearts),
         "armed": changes(bool(m.base_mode & 128) for m in hearts),
         "landed_state": changes(m.landed_state for _, m in landed),
-        "texts": [m.text for t, m in of(flight, "STATUSTEXT") if t > armed_s - 2],
+        "texts": [m.text for t, m in messages_of(flight, "STATUSTEXT") if t > armed_s - 2],
         "rates": {kind: n / 40.0 for kind, n in counts.items()},
         "return_s": grounded_s[0] - home_s,
     }
 
 
 def fly(client, flight):
-    """The recorded plan; the times of its targets and of the return."""
-    for _, m in of(flight, "PARAM_VALUE"):
+    """Fly the recorded plan; return the times of its targets and of the return."""
+    for _, m in messages_of(flight, "PARAM_VALUE"):
         if m.param_id in Parameters() and m.param_id.startswith(SETTINGS):
             client.send(mav.MAVLink_param_set_message(1, 1, m.param_id.encode(), m.param_value, 9))
-    for _, m in of(flight, "REQUEST_DATA_STREAM", 255, 190):
+    for _, m in messages_of(flight, "REQUEST_DATA_STREAM", 255, 190):
         client.send(m)
-    commands = [m for _, m in of(flight, "COMMAND_LONG", 255, 190)]
+    commands = [m for _, m in messages_of(flight, "COMMAND_LONG", 255, 190)]
     for m in commands:
         if m.command == 511:
             client.send(m)
@@ -90,7 +90,7 @@ def fly(client, flight):
     times = {"climb": client.vehicle.t_s - begin_s}
     client.send(by_number[178])
     sent = []
-    for _, m in of(flight, "SET_POSITION_TARGET_GLOBAL_INT", 255, 190):
+    for _, m in messages_of(flight, "SET_POSITION_TARGET_GLOBAL_INT", 255, 190):
         sent.append(client.vehicle.t_s)
         client.send(m)
         while not stands_at(client.seen("GLOBAL_POSITION_INT")[-1], m):
@@ -116,10 +116,10 @@ def test_the_recorded_flight_flown_again(make_client):
     client = make_client(ready_after_s=41.0)
     times, legs = fly(client, flight)
     real, here = story(flight), story(client.log)
-    targets = [t for t, _ in of(flight, "SET_POSITION_TARGET_GLOBAL_INT", 255, 190)]
-    home_s = next(t for t, m in of(flight, "COMMAND_LONG", 255, 190) if m.command == 20)
+    targets = [t for t, _ in messages_of(flight, "SET_POSITION_TARGET_GLOBAL_INT", 255, 190)]
+    home_s = next(t for t, m in messages_of(flight, "COMMAND_LONG", 255, 190) if m.command == 20)
     climb_s = targets[0] - next(
-        t for t, m in of(flight, "COMMAND_LONG", 255, 190) if m.command == 22
+        t for t, m in messages_of(flight, "COMMAND_LONG", 255, 190) if m.command == 22
     )
     real_legs = [b - a for a, b in pairwise([*targets, home_s])]
     assert len(real_legs) == 10
@@ -135,7 +135,7 @@ def test_the_recorded_flight_flown_again(make_client):
     assert real["modes"] == here["modes"] == [0, 4, 6]
     assert real["armed"] == here["armed"]
     assert real["landed_state"] == here["landed_state"]
-    # its boot and its filter say more than is simulated; what is said here is said there
+    # boot and filter of the real one send more texts; each text here is also in the recording
     spoken = [text for text in real["texts"] if text in here["texts"]]
     assert spoken == here["texts"] == ["Arming motors", "Disarming motors"]
     for name, a, b in rows:

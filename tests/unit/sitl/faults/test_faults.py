@@ -68,7 +68,7 @@ def test_faults_of_a_kind_add_up_or_the_worst_counts():
 
 
 @pytest.mark.parametrize(
-    ("call", "says"),
+    ("call", "expected"),
     [
         (lambda f: f.gps(after_s=-1.0), "after_s"),
         (lambda f: f.gps(for_s=float("nan")), "for_s"),
@@ -79,12 +79,12 @@ def test_faults_of_a_kind_add_up_or_the_worst_counts():
         (lambda f: f.clear("engine"), "no such kind"),
     ],
 )
-def test_impossible_faults_are_refused(call, says):
-    with pytest.raises(ValueError, match=says):
+def test_impossible_faults_are_refused(call, expected):
+    with pytest.raises(ValueError, match=expected):
         call(Faults())
 
 
-def test_without_satellites_the_estimate_wanders_off_and_comes_back(ready):
+def test_estimate_without_satellites_wanders_off_and_comes_back(ready):
     ready.vehicle.fail.gps(for_s=30.0)
     ready.run(29.0)
     assert 5.0 < math.hypot(*believed(ready)) < 40.0
@@ -95,7 +95,7 @@ def test_without_satellites_the_estimate_wanders_off_and_comes_back(ready):
 def test_a_glitch_leads_the_vehicle_astray(flying):
     flying.vehicle.fail.gps_glitch(20.0, toward_deg=90.0)
     flying.run(30.0)
-    # it believes to hold its place, and is 20 m west of it
+    # by its estimate it holds its place, and is 20 m west of it
     assert believed(flying) == (pytest.approx(0.0, abs=0.5), pytest.approx(0.0, abs=0.5))
     assert flying.where[:2] == (pytest.approx(-20.0, abs=0.5), pytest.approx(0.0, abs=0.5))
     flying.vehicle.fail.clear("gps_glitch")
@@ -103,7 +103,7 @@ def test_a_glitch_leads_the_vehicle_astray(flying):
     assert math.hypot(*flying.where[:2]) < 0.5
 
 
-def test_drift_carries_it_away(flying):
+def test_drift_carries_the_vehicle_away(flying):
     flying.vehicle.fail.gps_drift(1.0, toward_deg=0.0, for_s=20.0)
     flying.run(20.0)
     assert flying.where[1] == pytest.approx(-17.0, abs=3.0)
@@ -118,20 +118,20 @@ def test_a_gust_pushes_and_goes(flying):
     assert abs(flying.where[1]) < 0.3
 
 
-def test_a_wrong_compass_is_told_and_flown_by(flying):
+def test_wrong_compass_is_reported_and_flown_by(flying):
     flying.vehicle.fail.compass(40.0)
     flying.run(0.5)
     flying.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
-    told = flying.seen("GLOBAL_POSITION_INT")[-1].hdg / 100.0
+    reported = flying.seen("GLOBAL_POSITION_INT")[-1].hdg / 100.0
     yaw = math.degrees(flying.vehicle.truth.yaw_rad)
-    assert (told - yaw) % 360.0 == pytest.approx(40.0, abs=0.1)
+    assert (reported - yaw) % 360.0 == pytest.approx(40.0, abs=0.1)
     flying.target(60.0, 0.0, 12.0)
     aside = []
     flying.run(15.0, lambda: aside.append(flying.where[1]))
-    assert max(map(abs, aside)) > 1.0  # a curve where a line was meant
+    assert max(map(abs, aside)) > 1.0  # a curve instead of a line
 
 
-def test_battery_sag_and_a_dead_cell(ready):
+def test_battery_sag_and_dead_cell_lower_the_voltage(ready):
     full = voltage(ready)
     ready.vehicle.fail.battery_sag(3.0, for_s=5.0)
     ready.run(1.0)
@@ -142,12 +142,12 @@ def test_battery_sag_and_a_dead_cell(ready):
     ready.run(1.0)
     assert voltage(ready) == pytest.approx(full * 5 / 6, abs=0.01)
     assert ready.vehicle.truth.energy_wh == pytest.approx(50.0, abs=0.1)
-    # the autopilot counts what flows, and does not know
+    # the autopilot counts the charge that flows, and does not know
     assert ready.seen("BATTERY_STATUS")[-1].battery_remaining == 100
 
 
-def test_without_a_motor_the_vehicle_is_lost_and_its_motors_turn_on(flying):
-    """SIM_ENGINE_FAIL at 12 m: armed, in LAND, bouncing at 2 to 3 m/s for 138 s, to the end."""
+def test_vehicle_without_a_motor_is_lost_and_its_motors_turn_on(flying):
+    """SIM_ENGINE_FAIL at 12 m: it stays armed, in LAND, and bounces at 2 to 3 m/s for 138 s."""
     flying.vehicle.fail.motor(after_s=2.0)
     flying.run(1.9)
     assert flying.where[2] == pytest.approx(12.0, abs=0.5)
@@ -179,7 +179,7 @@ def test_a_sag_is_the_packs_and_ends_with_a_swap(make_client):
     assert [f.numbers for f in client.vehicle.fail.scheduled] == [(1.0,)]
 
 
-def test_with_a_weak_motor_it_still_flies(flying):
+def test_vehicle_with_a_weak_motor_still_flies(flying):
     flying.vehicle.fail.motor(share=0.6)
     flying.run(10.0)
     assert flying.where[2] == pytest.approx(12.0, abs=0.5)
@@ -200,7 +200,7 @@ def test_a_stalled_camera_accepts_and_takes_none(flying):
     assert 2 <= len(flying.seen("CAMERA_IMAGE_CAPTURED")) <= 4
 
 
-def test_black_and_broken_pictures(flying):
+def test_camera_faults_make_black_and_broken_pictures(flying):
     flying.vehicle.fail.camera_black(for_s=0.9)
     capture(flying)
     flying.vehicle.fail.camera_corrupt(for_s=0.9)
@@ -222,7 +222,7 @@ def test_a_command_is_rejected_for_a_while(ready):
     assert ready.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == mav.MAV_RESULT_ACCEPTED
 
 
-def test_a_silent_link_says_and_hears_nothing(ready):
+def test_silent_link_sends_and_receives_nothing(ready):
     ready.vehicle.fail.link(silent=True, for_s=5.0)
     assert ready.run(4.9) == []
     assert ready.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == []
@@ -230,7 +230,7 @@ def test_a_silent_link_says_and_hears_nothing(ready):
     assert ready.run(3.0) != []
 
 
-def test_a_companion_comes_back_to_what_it_set_up(ready):
+def test_companion_comes_back_to_its_setup(ready):
     ready.every(mav.MAVLINK_MSG_ID_ATTITUDE, 0.1)
     ready.vehicle.fail.companion_reboot(after_s=1.0, for_s=10.0)
     ready.run(1.2)
@@ -269,14 +269,14 @@ def test_injection_needs_the_parameter(make_client):
         (CAMERA_UNIT, mav.FAILURE_TYPE_GARBAGE, "camera_corrupt"),
     ],
 )
-def test_what_can_be_injected(make_client, unit, failure, kind):
+def test_injected_failure_has_its_kind(make_client, unit, failure, kind):
     client = make_client()
     client.put(SYS_FAILURE_EN=1.0)
     assert client.result(INJECT, unit, failure) == mav.MAV_RESULT_ACCEPTED
     assert [f.kind for f in client.vehicle.fail.active(kind)] == [kind]
 
 
-def test_simulator_parameters(ready):
+def test_simulator_parameters_cause_faults(ready):
     vehicle = ready.vehicle
     ready.put(SIM_GPS_DISABLE=1.0)
     ready.run(0.1)
@@ -305,7 +305,7 @@ def test_simulator_parameters(ready):
     assert (answer.param_id, answer.param_value) == ("SIM_SPEEDUP", 1.0)
 
 
-def test_an_engine_by_parameters(flying):
+def test_simulator_parameters_stop_a_motor(flying):
     flying.put(SIM_ENGINE_MUL=0.0)
     flying.run(3.0)
     assert flying.where[2] == pytest.approx(12.0, abs=0.5)

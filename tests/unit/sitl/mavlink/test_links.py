@@ -33,12 +33,12 @@ class Signer:
         message = mav.MAVLink_command_long_message(1, 1, command, 0, p1, *([0.0] * 6))
         return message.pack(self.out, force_mavlink1=version_1)
 
-    def give(self, data):
+    def receive(self, data):
         self.link.receive(data)
         return [m.get_type() for m in self.into.parse_buffer(self.link.read()) or []]
 
-    def heard(self, data=None):
-        return "COMMAND_ACK" in self.give(self.frame() if data is None else data)
+    def is_accepted(self, data=None):
+        return "COMMAND_ACK" in self.receive(self.frame() if data is None else data)
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def signed(vehicle):
 
 def test_both_ends_agree(vehicle, signed):
     client = Signer(signed)
-    assert client.heard()
+    assert client.is_accepted()
     vehicle.step(2.0)
     messages = client.into.parse_buffer(signed.read())
     assert {m.get_type() for m in messages} >= {"HEARTBEAT"}
@@ -84,118 +84,118 @@ def test_each_link_signs_with_its_own_id(vehicle, signed):
 
 
 def test_unsigned_wrong_key_and_version_1_are_dropped(signed):
-    assert not Signer(signed, key=None).heard()
-    assert not Signer(signed, key=b"x" * 32).heard()
+    assert not Signer(signed, key=None).is_accepted()
+    assert not Signer(signed, key=b"x" * 32).is_accepted()
     client = Signer(signed)
-    assert client.heard()
+    assert client.is_accepted()
     client.out.signing.sign_outgoing = False
-    assert not client.heard(client.frame(version_1=True))
+    assert not client.is_accepted(client.frame(version_1=True))
     tampered = bytearray(Signer(signed, link_id=9).frame())
     tampered[-1] ^= 1
-    assert not client.heard(bytes(tampered))
+    assert not client.is_accepted(bytes(tampered))
 
 
 def test_a_replayed_frame_is_dropped(signed):
     client = Signer(signed)
     first, second = client.frame(), client.frame()
-    assert client.heard(first)
-    assert not client.heard(first)
-    assert client.heard(second)
-    assert not client.heard(first)
+    assert client.is_accepted(first)
+    assert not client.is_accepted(first)
+    assert client.is_accepted(second)
+    assert not client.is_accepted(first)
 
 
 def test_a_wrong_signature_does_not_move_the_stream(signed):
     client = Signer(signed)
-    assert client.heard()
+    assert client.is_accepted()
     forged = bytearray(Signer(signed, key=b"x" * 32, timestamp=START + 9 * MINUTE).frame())
-    assert not client.heard(bytes(forged))
-    assert client.heard()
+    assert not client.is_accepted(bytes(forged))
+    assert client.is_accepted()
 
 
 def test_a_new_stream_may_be_a_minute_behind(signed):
-    assert Signer(signed, link_id=1, timestamp=START + MINUTE).heard()
-    assert Signer(signed, link_id=2, timestamp=START + 1000).heard()
-    assert not Signer(signed, link_id=3, timestamp=START - 1000).heard()
+    assert Signer(signed, link_id=1, timestamp=START + MINUTE).is_accepted()
+    assert Signer(signed, link_id=2, timestamp=START + 1000).is_accepted()
+    assert not Signer(signed, link_id=3, timestamp=START - 1000).is_accepted()
     # one frame dated an hour ahead locks out all later links
-    assert Signer(signed, link_id=4, timestamp=START + 60 * MINUTE).heard()
-    assert not Signer(signed, link_id=5, timestamp=START + 2 * MINUTE).heard()
+    assert Signer(signed, link_id=4, timestamp=START + 60 * MINUTE).is_accepted()
+    assert not Signer(signed, link_id=5, timestamp=START + 2 * MINUTE).is_accepted()
     # but not the streams that were there before
-    assert Signer(signed, link_id=1, timestamp=START + 2 * MINUTE).heard()
+    assert Signer(signed, link_id=1, timestamp=START + 2 * MINUTE).is_accepted()
 
 
-def test_streams_are_told_apart_by_system_and_link(signed):
+def test_streams_are_distinguished_by_system_and_link(signed):
     for system, link_id in ((255, 1), (255, 2), (254, 1)):
-        assert Signer(signed, link_id=link_id, system=system).heard()
-        assert not Signer(signed, link_id=link_id, system=system).heard()
+        assert Signer(signed, link_id=link_id, system=system).is_accepted()
+        assert not Signer(signed, link_id=link_id, system=system).is_accepted()
 
 
 def test_a_flood_of_streams_is_bounded(signed):
-    heard = [Signer(signed, link_id=n).heard() for n in range(40)]
-    assert heard == [True] * 16 + [False] * 24
+    accepted = [Signer(signed, link_id=n).is_accepted() for n in range(40)]
+    assert accepted == [True] * 16 + [False] * 24
 
 
-def test_on_a_cable_unsigned_is_heard_and_answered_signed(vehicle, signed):
+def test_unsigned_frame_on_a_cable_is_received_and_answered_signed(vehicle, signed):
     cable = vehicle.connect(trusted=True)
     client = Signer(cable, key=None)
-    assert client.heard()
-    assert client.heard(client.frame(version_1=True))
-    assert client.heard(Signer(cable, key=b"x" * 32).frame())
+    assert client.is_accepted()
+    assert client.is_accepted(client.frame(version_1=True))
+    assert client.is_accepted(Signer(cable, key=b"x" * 32).frame())
     vehicle.step(1.0)
     assert all(
         m.get_header().incompat_flags & 1 for m in mav.MAVLink(None).parse_buffer(cable.read())
     )
 
 
-def test_set_up_only_while_disarmed_and_from_now_on_signed(vehicle):
+def test_key_is_set_up_only_while_disarmed_and_signs_from_then_on(vehicle):
     link = vehicle.connect()
     client = Signer(link, key=None)
-    client.give(client.frame(mav.MAV_CMD_DO_SET_MODE, 1))
+    client.receive(client.frame(mav.MAV_CMD_DO_SET_MODE, 1))
     message = mav.MAVLink_command_long_message(1, 1, mav.MAV_CMD_DO_SET_MODE, 0, 1, 4, *([0] * 5))
-    client.give(message.pack(client.out))
-    assert "COMMAND_ACK" in client.give(client.frame(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1))
+    client.receive(message.pack(client.out))
+    assert "COMMAND_ACK" in client.receive(client.frame(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1))
     assert vehicle.truth.armed
-    set_up_text = client.give(
+    set_up_text = client.receive(
         mav.MAVLink_setup_signing_message(1, 1, list(KEY), START).pack(client.out)
     )
     assert set_up_text == ["STATUSTEXT"]
-    assert client.heard()
+    assert client.is_accepted()
     vehicle.step(15.0)  # disarms by itself
     link.read()
     assert not vehicle.truth.armed
     set_up(link)
-    assert not client.heard()
-    # for another vehicle, and for nobody without the key: nothing changes
+    assert not client.is_accepted()
+    # for another vehicle, or without the key: nothing changes
     set_up(link, key=b"x" * 32)
-    assert Signer(link).heard()
+    assert Signer(link).is_accepted()
 
 
 def test_the_key_stays_when_clients_come_and_go(vehicle, signed):
     vehicle.disconnect(signed)
     link = vehicle.connect()
-    assert not Signer(link, key=None).heard()
-    assert Signer(link, timestamp=START + 1000).heard()
+    assert not Signer(link, key=None).is_accepted()
+    assert Signer(link, timestamp=START + 1000).is_accepted()
 
 
 def test_a_key_of_zeros_ends_it_with_the_time_zero_only(signed):
     client = Signer(signed)
     set_up(signed, key=bytes(32), signer=client)
-    assert not Signer(signed, key=None).heard()
+    assert not Signer(signed, key=None).is_accepted()
     zeros = Signer(signed, key=bytes(32), timestamp=START + 1000)
-    assert zeros.heard()
+    assert zeros.is_accepted()
     set_up(signed, key=bytes(32), timestamp=0, signer=zeros)
     plain = Signer(signed, key=None)
-    assert plain.heard()
+    assert plain.is_accepted()
     set_up(signed, key=b"y" * 32)
     # a new key does not make old timestamps good
-    assert not Signer(signed, key=b"y" * 32, timestamp=START - 2 * MINUTE).heard()
-    assert Signer(signed, key=b"y" * 32, timestamp=START + MINUTE).heard()
+    assert not Signer(signed, key=b"y" * 32, timestamp=START - 2 * MINUTE).is_accepted()
+    assert Signer(signed, key=b"y" * 32, timestamp=START + MINUTE).is_accepted()
 
 
-def test_signing_meant_for_another_vehicle(vehicle):
+def test_key_meant_for_another_vehicle_changes_nothing(vehicle):
     link = vehicle.connect()
     message = mav.MAVLink_setup_signing_message(2, 1, list(KEY), START)
     link.receive(message.pack(mav.MAVLink(None, 255, 190)))
-    assert Signer(link, key=None).heard()
+    assert Signer(link, key=None).is_accepted()
 
 
 # --- a bad radio -------------------------------------------------------------------------------
@@ -204,7 +204,7 @@ FRAMES = [bytes([n // 256, n % 256]) * 10 for n in range(2000)]
 
 
 def through(quality, seed=1, frames=FRAMES):
-    """Everything that arrives, with its time, of a frame each 10 ms."""
+    """Return all arrivals of a frame each 10 ms, with their times."""
     radio = Lossy([seed])
     arrived = []
     for tick in range(len(frames) + 2000):
@@ -241,7 +241,7 @@ def test_late_frames_keep_their_order_and_overtaken_ones_do_not():
     assert 100 < passed < 300
 
 
-def test_doubled_and_garbled_frames():
+def test_frames_are_doubled_and_garbled_as_asked_for():
     doubled = [frame for _, frame in through(LinkQuality(duplicate=0.1))]
     assert 2150 < len(doubled) < 2250
     assert sorted(set(doubled)) == FRAMES
@@ -251,7 +251,7 @@ def test_doubled_and_garbled_frames():
     assert all(sum(x != y for x, y in zip(a, b, strict=True)) == 1 for a, b in wrong)
 
 
-def test_silence_and_what_was_under_way():
+def test_silent_radio_loses_frames_that_were_under_way():
     radio = Lossy([1])
     radio.put([b"a"], LinkQuality(delay_s=1.0), 0.0)
     radio.put([b"b"], LinkQuality(silent=True), 0.0)

@@ -26,7 +26,7 @@ def streaming(**quirks):
 
 @pytest.mark.parametrize("name", ["POSITION", "ALTITUDE", "MANUAL"])
 def test_modes_by_hand_with_the_stick_centred_keep_the_height(name):
-    """Race of the measurements: POSITION and ALTITUDE in mid-path were kept 16 of 16 times."""
+    """In the measurements POSITION and ALTITUDE in mid-path were kept 16 of 16 times."""
     sitl = px4(wind_m_s=3.0, station=True)
     sitl.take_off()
     assert sitl.set_mode(name) == ACCEPTED
@@ -56,7 +56,7 @@ def test_the_pilots_automatic_modes_are_not_failsafes(name):
         (False, 0, "RTL"), (True, 3, "RTL"), (True, 4, "LAND"), (True, 5, "HOLD"),
     ],
 )  # fmt: skip
-def test_where_a_lost_stream_leads_depends_on_the_stick(stick, action, then):
+def test_mode_after_a_lost_stream_depends_on_the_stick(stick, action, then):
     """kill -9 at 6.2 m/s in OFFBOARD, stick centred, COM_OBL_RC_ACT 0: POSITION 0.9 s later."""
     sitl = streaming(stick=stick)
     sitl.put(COM_OBL_RC_ACT=action)
@@ -64,13 +64,13 @@ def test_where_a_lost_stream_leads_depends_on_the_stick(stick, action, then):
     sitl.until(lambda: sitl.truth.mode != Px4Mode.OFFBOARD, timeout_s=2.0)
     assert sitl.truth.mode.name == then
     assert 0.8 <= sitl.t_s - began_s <= 1.3
-    sitl.said("Failsafe activated")
+    sitl.expect_text("Failsafe activated")
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
 
 
 @pytest.mark.parametrize("stick", [True, False])
 def test_offboard_is_regained_unasked_when_the_stream_returns(stick):
-    """Seen in `runway`: RTL, status 5, for 1.0 s, then OFFBOARD by itself."""
+    """`runway` had RTL, status 5, for 1.0 s, then OFFBOARD by itself."""
     sitl = streaming(stick=stick)
     sitl.run(2.0)
     assert sitl.truth.mode == (Px4Mode.POSITION if stick else Px4Mode.RTL)
@@ -80,33 +80,33 @@ def test_offboard_is_regained_unasked_when_the_stream_returns(stick):
     assert sitl.truth.mode == Px4Mode.OFFBOARD
     assert not sitl.truth.failsafe
     sitl.run(2.0)
-    # a mode that the pilot chooses meanwhile is kept; by hand there is none without a stick
+    # a mode that the pilot chooses meanwhile is kept; no mode by hand works without a stick
     assert sitl.set_mode("POSITION") == (ACCEPTED if stick else REJECTED)
     assert sitl.set_mode("HOLD") == ACCEPTED
     sitl.stream(NORTHWARD, 2.0)
     assert sitl.truth.mode == Px4Mode.HOLD
 
 
-def test_after_a_failsafe_landing_it_stands_in_offboard_and_cannot_arm():
+def test_vehicle_after_a_failsafe_landing_stands_in_offboard_and_cannot_arm():
     """ "Disarmed in OFFBOARD prearm bit 0, in Hold 1, twice each"."""
     sitl = streaming(stick=False)
     sitl.until(lambda: not sitl.truth.armed, timeout_s=120.0)
     assert sitl.truth.mode == Px4Mode.OFFBOARD
 
-    def told():
-        heard = {m.get_type(): m for m in sitl.during(1.1) if m.get_srcComponent() == 1}
-        ready = heard["SYS_STATUS"].onboard_control_sensors_health & 0x1000_0000
-        return bool(ready), heard["HEARTBEAT"].system_status
+    def standing():
+        received = {m.get_type(): m for m in sitl.during(1.1) if m.get_srcComponent() == 1}
+        ready = received["SYS_STATUS"].onboard_control_sensors_health & 0x1000_0000
+        return bool(ready), received["HEARTBEAT"].system_status
 
-    assert told() == (False, mav.MAV_STATE_UNINIT)
+    assert standing() == (False, mav.MAV_STATE_UNINIT)
     assert sitl.command(ARM, 1) == REJECTED
     assert sitl.command(SET_MODE, 1, *MAIN["HOLD"]) == ACCEPTED
-    assert told() == (True, mav.MAV_STATE_STANDBY)
+    assert standing() == (True, mav.MAV_STATE_STANDBY)
     assert sitl.command(ARM, 1) == ACCEPTED
 
 
 def failsafes(data):
-    """Name's end and arguments of each failsafe event."""
+    """Return the end of the name and the arguments of each failsafe event."""
     names = {number_of(f"commander_failsafe_enter{end}") & 0xFFFFFF: end
              for end in ("", "_hold", "_generic", "_generic_hold")}  # fmt: skip
     found = []
@@ -130,7 +130,7 @@ HOLDS, RETURNS, LANDS = 5, 6, 7  # failsafe_action_t
         ("position", "", "_generic", ("<IB", Px4Mode.HOLD, LANDS)),
     ],
 )
-def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, text, name, arguments):
+def test_cause_of_a_failsafe_is_in_the_arguments_of_its_event_alone(what, text, name, arguments):
     """`failsafe/framework.cpp`, `notifyUser`: the text is the same for all."""
     sitl = px4(station=True)
     sitl.put(COM_LOW_BAT_ACT=3)
@@ -160,8 +160,8 @@ def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, text, 
         assert sitl.command(ARM, 1) == REJECTED
 
 
-def test_who_comes_down_blind_out_of_offboard_calls_it_altitude():
-    """DESCEND, told as ALTITUDE with status 5, when satellites were switched off in OFFBOARD."""
+def test_vehicle_that_descends_blind_out_of_offboard_reports_altitude():
+    """DESCEND was reported as ALTITUDE, status 5, after a loss of satellites in OFFBOARD."""
     sitl = streaming()
     sitl.fail.gps()
     sitl.stream(NORTHWARD, 6.0)

@@ -22,44 +22,46 @@ def sitl():
 def test_the_first_answer_to_a_mode_is_always_yes_and_the_commanders_follows(sitl, name, commander):
     sitl.take_off()
     sitl.receive()
-    sitl.give(SET_MODE, 1, *MAIN[name])
+    sitl.send_command(SET_MODE, 1, *MAIN[name])
     sitl.run(0.05)
     assert [m.result for m in sitl.received("COMMAND_ACK")] == [ACCEPTED, commander]
     assert (sitl.truth.mode.name == name) == (commander == ACCEPTED)
 
 
-def test_texts_go_only_where_a_ground_station_was_heard_and_events_everywhere(sitl):
+def test_texts_go_only_to_links_with_a_ground_station_and_events_to_all(sitl):
     quiet = sitl._vehicle.connect()
     assert sitl.set_mode("LAND") == ACCEPTED
     sitl.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_ONBOARD_CONTROLLER, 8, 0, 0, 4, 3))
     sitl.receive()
-    sitl.give(ARM, 1)
+    sitl.send_command(ARM, 1)
     data = sitl.receive_bytes()
     assert len(frames_of(data, EVENT)) == 1
-    heard = mav.MAVLink(None)
-    heard.robust_parsing = True
-    answers = [m for m in heard.parse_buffer(data) if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")]
+    arrived = mav.MAVLink(None)
+    arrived.robust_parsing = True
+    answers = [
+        m for m in arrived.parse_buffer(data) if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")
+    ]
     assert [m.result for m in answers] == [REJECTED]  # one answer, and no text
     sitl.ground_station()
     quiet.read()
     assert sitl.command(ARM, 1) == REJECTED
     assert "Arming denied" in sitl.expect("STATUSTEXT").text
-    told = quiet.read()  # the other link is told nothing of it
-    assert told
-    assert not frames_of(told, mav.MAVLINK_MSG_ID_STATUSTEXT)
+    reported = quiet.read()  # the other link gets none of it
+    assert reported
+    assert not frames_of(reported, mav.MAVLINK_MSG_ID_STATUSTEXT)
 
 
 def test_home_moves_for_two_minutes_after_take_off(sitl):
     sitl.take_off()
-    told = []
+    reported = []
     for _ in range(75):
         m = sitl.during(2.0, "GLOBAL_POSITION_INT")[-1]
-        told.append((sitl.t_s, (m.alt - m.relative_alt) / 1000.0, sitl.truth.height_m))
-    heights_m = [home_m for _, home_m, _ in told]
+        reported.append((sitl.t_s, (m.alt - m.relative_alt) / 1000.0, sitl.truth.height_m))
+    heights_m = [home_m for _, home_m, _ in reported]
     assert max(map(abs, (b - a for a, b in itertools.pairwise(heights_m)))) > 0.7
     assert all(abs(home_m - 488.0) <= 1.51 for home_m in heights_m)
-    assert max(true_m for *_, true_m in told) - min(true_m for *_, true_m in told) < 0.3
-    assert len({round(home_m, 3) for t_s, home_m, _ in told if t_s > 140.0}) == 1
+    assert max(true_m for *_, true_m in reported) - min(true_m for *_, true_m in reported) < 0.3
+    assert len({round(home_m, 3) for t_s, home_m, _ in reported if t_s > 140.0}) == 1
 
 
 def test_home_that_moves_is_seeded_and_can_be_had_still():
@@ -77,9 +79,9 @@ def test_home_that_is_set_in_flight_moves_no_more(sitl):
     sitl.take_off()
     sitl.run(5.0)
     assert sitl.command(mav.MAV_CMD_DO_SET_HOME, 1) == ACCEPTED
-    told = {m.altitude for m in sitl.during(20.0, "HOME_POSITION")}
-    assert len(told) == 1
-    assert told.pop() / 1000.0 == pytest.approx(498.0, abs=1.0)
+    reported = {m.altitude for m in sitl.during(20.0, "HOME_POSITION")}
+    assert len(reported) == 1
+    assert reported.pop() / 1000.0 == pytest.approx(498.0, abs=1.0)
 
 
 def test_a_battery_failsafe_breaks_a_landing_off_holds_and_lands(sitl):
@@ -97,7 +99,7 @@ def test_a_battery_failsafe_breaks_a_landing_off_holds_and_lands(sitl):
     sitl.until(lambda: not sitl.truth.armed)
 
 
-def test_disarmed_it_stands_by_only_where_it_could_arm(sitl):
+def test_disarmed_vehicle_stands_by_only_where_it_could_arm(sitl):
     def status():
         sitl.receive()
         return sitl.expect("HEARTBEAT", autopilot=12).system_status
@@ -117,12 +119,12 @@ def test_disarmed_it_stands_by_only_where_it_could_arm(sitl):
     assert status() == mav.MAV_STATE_UNINIT
 
 
-def test_no_current_no_energy_and_whole_percents(sitl):
+def test_battery_reports_no_current_no_energy_and_whole_percents(sitl):
     sitl.take_off()
-    told = sitl.during(5.0, "BATTERY_STATUS", "SYS_STATUS")
-    batteries = [m for m in told if m.get_type() == "BATTERY_STATUS"]
+    reported = sitl.during(5.0, "BATTERY_STATUS", "SYS_STATUS")
+    batteries = [m for m in reported if m.get_type() == "BATTERY_STATUS"]
     assert 2 <= len(batteries) <= 3  # 0.5 Hz
-    for m in told:
+    for m in reported:
         assert m.battery_remaining == int(m.battery_remaining) > 90
         if m.get_type() == "BATTERY_STATUS":
             assert (m.current_battery, m.current_consumed, m.energy_consumed) == (-1, -1, -1)
@@ -131,7 +133,7 @@ def test_no_current_no_energy_and_whole_percents(sitl):
 
 
 def leg_s(sitl, north_m):
-    """Seconds to within 0.7 m of a place ahead, slower than 1.5 m/s."""
+    """Return the seconds to within 0.7 m of a place ahead, slower than 1.5 m/s."""
     plane = sitl._vehicle.world.plane
     east, north = plane.to_plane(sitl.truth.position)
     goal = plane.to_wgs84(east, north + north_m)
@@ -148,7 +150,7 @@ def leg_s(sitl, north_m):
 
 
 def test_short_legs_take_long_by_its_jerk_limit(sitl):
-    """A real one took 4.0 s for 4 m with all that a mission does around it; 2.35 s is too few."""
+    """A real one took 4.0 s for 4 m within a mission; 2.35 s are too few."""
     sitl.take_off()
     sitl.run(2.0)
     assert 2.9 <= leg_s(sitl, 4.0) <= 4.0
@@ -160,8 +162,8 @@ def test_short_legs_take_long_by_its_jerk_limit(sitl):
 # --- 1.17 of 2026-03, as `real-px4` flew it ------------------------------------------------------
 
 
-def modes_told(data):
-    """(mode, intended mode) of each CURRENT_MODE."""
+def reported_modes(data):
+    """Return (mode, intended mode) of each CURRENT_MODE."""
     payloads = [f[10 : 10 + f[1]].ljust(9, b"\0") for f in frames_of(data, CURRENT_MODE)]
     return [struct.unpack_from("<II", payload) for payload in payloads]
 
@@ -173,16 +175,16 @@ def test_heartbeats_keep_their_second_and_current_mode_takes_an_interval(sitl):
     sitl.take_off()
     sitl.until(lambda: sitl.t_s % 1.0 < 0.04)
     sitl.receive_bytes()
-    sitl.give(SET_MODE, 1, 4, 5)
+    sitl.send_command(SET_MODE, 1, 4, 5)
     sitl.run(0.3)
     data = sitl.receive_bytes()
     assert not frames_of(data, mav.MAVLINK_MSG_ID_HEARTBEAT)
-    assert modes_told(data)[-1] == (Px4Mode.RTL, Px4Mode.RTL)
-    assert len(modes_told(data)) == 3
+    assert reported_modes(data)[-1] == (Px4Mode.RTL, Px4Mode.RTL)
+    assert len(reported_modes(data)) == 3
 
 
-def test_a_parameter_that_was_set_is_told_once_more_up_to_50_ms_later(sitl):
-    """Set to 3, answered, told again, set to 1: who takes any PARAM_VALUE reads the 3."""
+def test_parameter_that_was_set_is_reported_once_more_up_to_50_ms_later(sitl):
+    """Set to 3, answered, sent again, set to 1: a client that takes any PARAM_VALUE reads the 3."""
     sitl.put(GF_ACTION=3)
     sitl.put(GF_ACTION=1)
     sitl.run(0.05)
@@ -195,15 +197,17 @@ def test_a_parameter_that_was_set_is_told_once_more_up_to_50_ms_later(sitl):
 NEAR = (5100, 473977420 + 500, 85455940, 2.0)  # 5.6 m to the north
 
 
-@pytest.mark.parametrize(("frame", "told", "hangs"), [(0, 5, False), (3, 6, False), (6, 6, True)])
-def test_rally_points_are_told_in_int_frames_in_which_no_return_knows_them(
-    sitl, frame, told, hangs
+@pytest.mark.parametrize(
+    ("frame", "reported", "hangs"), [(0, 5, False), (3, 6, False), (6, 6, True)]
+)
+def test_rally_points_are_reported_in_int_frames_that_no_return_accepts(
+    sitl, frame, reported, hangs
 ):
-    """A dry run put the owner's rally point back as it was told; the RTL to it hung for 55 s."""
+    """A dry run restored the owner's rally point as received; the RTL to it hung for 55 s."""
     height_m = 490.0 if frame == 0 else 2.0
     assert sitl.upload([(*NEAR[:3], height_m)], kind=2, frame=frame) == 0
     sitl.send(mav.MAVLink_mission_request_int_message(1, 1, 0, 2))
-    assert sitl.expect("MISSION_ITEM_INT").frame == told
+    assert sitl.expect("MISSION_ITEM_INT").frame == reported
     sitl.take_off()
     assert sitl.reposition(NEAR[1], NEAR[2], 498.0) == ACCEPTED
     sitl.run(8.0)
@@ -217,7 +221,7 @@ def test_rally_points_are_told_in_int_frames_in_which_no_return_knows_them(
     assert sitl.truth.mode == (Px4Mode.RTL if hangs else sitl.truth.mode)
 
 
-def test_a_second_copy_of_an_item_is_passed_over(sitl):
+def test_second_copy_of_an_item_is_ignored(sitl):
     sitl.send(mav.MAVLink_mission_count_message(1, 1, 2, 2))
     for _ in range(2):
         sitl.send(
@@ -226,28 +230,28 @@ def test_a_second_copy_of_an_item_is_passed_over(sitl):
     assert not sitl.received("MISSION_ACK")
 
 
-def test_its_two_battery_messages_round_differently(sitl):
-    """BATTERY_STATUS said 78 while SYS_STATUS said 79, for seconds at each percent."""
+def test_two_battery_messages_round_differently(sitl):
+    """BATTERY_STATUS had 78 while SYS_STATUS had 79, for seconds at each percent."""
     sitl.take_off()
     sitl.receive()
-    said = {}
+    charges = {}
     differ = agree = 0
     for _ in range(60):
         sitl.run(1.0)
         share = 100.0 * sitl.truth.energy_wh / 60.0
         for m in sitl.receive():
             if m.get_type() in ("BATTERY_STATUS", "SYS_STATUS"):
-                said[m.get_type()] = m.battery_remaining
-        assert said["SYS_STATUS"] in (math.ceil(share), math.ceil(share + 0.2))
-        apart = said["SYS_STATUS"] - said["BATTERY_STATUS"]
+                charges[m.get_type()] = m.battery_remaining
+        assert charges["SYS_STATUS"] in (math.ceil(share), math.ceil(share + 0.2))
+        apart = charges["SYS_STATUS"] - charges["BATTERY_STATUS"]
         assert apart in (0, 1, -1)
         differ, agree = differ + (apart == 1), agree + (apart == 0)
     assert min(differ, agree) > 10
 
 
-def test_a_charge_that_is_low_is_told_in_both_flavours(sitl):
+def test_low_charge_is_reported_in_both_flavours(sitl):
     """ArduPilot's failsafe: charge_state 2; critical 3. A PX4's comes from its thresholds."""
     sitl.fail.battery_sag(8.0)
     sitl.run(4.0)
-    told = sitl.received("BATTERY_STATUS")
-    assert told[-1].charge_state == mav.MAV_BATTERY_CHARGE_STATE_EMERGENCY
+    reported = sitl.received("BATTERY_STATUS")
+    assert reported[-1].charge_state == mav.MAV_BATTERY_CHARGE_STATE_EMERGENCY

@@ -35,7 +35,7 @@ def sitl():
 # --- on the wire --------------------------------------------------------------------------------
 
 
-def test_what_is_streamed_unasked(sitl):
+def test_telemetry_is_streamed_unasked(sitl):
     sitl.run(4.0)
     seen = [m.get_type() for m in sitl.receive()]
     assert seen.count("GLOBAL_POSITION_INT") == 20
@@ -51,7 +51,7 @@ def test_an_interval_of_zero_is_the_default_and_less_stops(sitl):
         assert seen.count("GLOBAL_POSITION_INT") == in_four_seconds
 
 
-def test_heartbeat_and_version(sitl):
+def test_heartbeat_and_version_are_those_of_a_px4(sitl):
     beat = sitl.expect("HEARTBEAT", autopilot=mav.MAV_AUTOPILOT_PX4)
     assert (beat.base_mode, beat.custom_mode) == (29, 0x03040000)
     assert sitl.command(512, 148) == ACCEPTED
@@ -60,7 +60,7 @@ def test_heartbeat_and_version(sitl):
     assert not version.capabilities & mav.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
 
 
-def test_parameters_of_both_types(sitl):
+def test_parameters_of_both_types_are_read_and_set(sitl):
     sitl.put(COM_OBL_RC_ACT=5)
     sitl.put(RTL_RETURN_ALT=22.5)
     sitl.send(mav.MAVLink_param_request_list_message(1, 1))
@@ -74,7 +74,7 @@ def test_a_parameter_of_another_type_stays(sitl):
     sitl.send(mav.MAVLink_param_set_message(1, 1, b"GF_ACTION", 3.0, 9))
     assert not sitl.received("PARAM_VALUE")
     sitl.send(mav.MAVLink_param_set_message(1, 1, b"NO_SUCH", 3.0, 9))
-    sitl.said("unknown param: NO_SUCH")
+    sitl.expect_text("unknown param: NO_SUCH")
 
 
 def test_modes_are_packed():
@@ -91,10 +91,10 @@ def test_arming_without_a_position_is_rejected_with_a_reason():
     sitl.ground_station()
     sitl.run(1.0)
     assert sitl.command(ARM, 1) == REJECTED
-    sitl.said("Arming denied! Preflight Fail: no global position")
+    sitl.expect_text("Arming denied! Preflight Fail: no global position")
 
 
-def test_disarmed_every_mode_can_be_chosen_but_not_armed_in(sitl):
+def test_every_mode_can_be_chosen_disarmed_but_not_armed_in(sitl):
     for name, reason in (
         ("RTL", "prevents arming"),
         ("OFFBOARD", "no offboard signal"),
@@ -102,10 +102,10 @@ def test_disarmed_every_mode_can_be_chosen_but_not_armed_in(sitl):
     ):
         assert sitl.set_mode(name) == ACCEPTED
         assert sitl.command(ARM, 1) == REJECTED
-        sitl.said(reason)
+        sitl.expect_text(reason)
 
 
-def test_take_off_by_the_parameter_then_hold(sitl):
+def test_take_off_climbs_to_the_height_of_the_parameter_and_holds(sitl):
     sitl.put(MIS_TAKEOFF_ALT=6.0)
     assert sitl.command(ARM, 1) == ACCEPTED
     assert sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, NAN) == ACCEPTED
@@ -125,7 +125,7 @@ def test_take_off_may_be_asked_for_before_arming(sitl):
 def test_a_height_that_is_not_above_the_sea_does_not_lift_it_and_it_disarms(sitl):
     assert sitl.command(ARM, 1) == ACCEPTED
     assert sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, 10.0) == ACCEPTED
-    sitl.said("Already higher than takeoff altitude")
+    sitl.expect_text("Already higher than takeoff altitude")
     sitl.run(8.5)
     assert sitl.truth.armed
     sitl.run(3.5)
@@ -152,7 +152,7 @@ def test_reposition_is_amsl_whatever_the_frame(sitl):
     sitl.until(lambda: sitl.truth.landed, timeout_s=60.0)
 
 
-def test_reposition_leaves_what_it_is_not_told(sitl):
+def test_reposition_leaves_values_that_are_not_given(sitl):
     sitl.take_off()
     far = 2**31 - 1
     assert sitl.reposition(far, far, AMSL_M + 14.0) == ACCEPTED
@@ -176,21 +176,21 @@ def test_reposition_without_its_flag_is_flown_in_hold_alone_and_answered_by_unsu
     assert sitl.reposition(NORTH, LON, AMSL_M + 15.0, flags=1) == ACCEPTED
     assert sitl.truth.mode == Px4Mode.HOLD
     assert sitl.set_mode("MISSION") == REJECTED
-    sitl.said("no valid mission")
+    sitl.expect_text("no valid mission")
     assert sitl.truth.mode == Px4Mode.HOLD
 
 
-def test_at_rest_its_estimator_says_that_the_position_is_constant(sitl):
+def test_estimator_at_rest_reports_a_constant_position(sitl):
     assert sitl.expect("ESTIMATOR_STATUS").flags == 1023
     sitl.take_off()
     sitl.receive()
     assert not sitl.expect("ESTIMATOR_STATUS").flags & 0x80
 
 
-def test_in_the_air_it_does_not_disarm_but_by_force(sitl):
+def test_vehicle_in_the_air_disarms_only_by_force(sitl):
     sitl.take_off()
     assert sitl.command(ARM, 0) == REJECTED
-    sitl.said("Not landed")
+    sitl.expect_text("Not landed")
     assert sitl.command(ARM, 0, 21196) == ACCEPTED
     sitl.until(lambda: sitl.truth.crashed, timeout_s=10.0)
 
@@ -220,7 +220,7 @@ def test_return_lands_disarms_and_can_be_armed_again(sitl):
 def test_offboard_needs_a_stream(sitl):
     sitl.take_off()
     assert sitl.set_mode("OFFBOARD") == REJECTED
-    sitl.said("no offboard signal")
+    sitl.expect_text("no offboard signal")
     sitl.send(local(0, 10, -12))
     sitl.run(0.6)
     assert sitl.set_mode("OFFBOARD") == REJECTED  # one in more than half a second is no stream
@@ -247,9 +247,9 @@ def test_setpoints_outside_offboard_are_ignored(sitl):
 def test_a_stream_of_places_and_velocities_is_followed_late_and_latest_at_its_beginning(
     sitl, frame
 ):
-    """Measured at 6 m/s: a median of 0.33 s, 0.12 to 0.73 s in 90 % of the time; 4 m behind first.
+    """At 6 m/s a median of 0.33 s was measured, 0.12 to 0.73 s in 90 % of the time; 4 m at first.
 
-    In the middle of long lanes 0.17 to 0.19 s, in both kinds of message.
+    In the middle of long lanes it was 0.17 to 0.19 s, in both kinds of message.
     """
     sitl.take_off()
     far = mav.MAV_FRAME_GLOBAL_INT
@@ -286,7 +286,7 @@ def test_a_stream_of_places_and_velocities_is_followed_late_and_latest_at_its_be
     assert sitl.truth.height_m == pytest.approx(12.0, abs=0.3)
 
 
-def test_velocities_to_the_nose(sitl):
+def test_velocity_in_the_body_frame_follows_the_nose(sitl):
     sitl.take_off()
     mask = 0xDC7
     forward = local(0, 0, 0, mask, mav.MAV_FRAME_BODY_NED, (3.0, 0.0, 0.0))
@@ -313,7 +313,7 @@ MISSION = [
 ]
 
 
-def test_a_mission_by_its_mode_alone(sitl):
+def test_mission_starts_by_its_mode_alone(sitl):
     assert sitl.upload(MISSION) == 0
     assert sitl.command(ARM, 1) == ACCEPTED
     assert sitl.set_mode("MISSION") == ACCEPTED
@@ -326,7 +326,7 @@ def test_a_mission_by_its_mode_alone(sitl):
 
 def test_mission_start_arms_too_and_takes_off_before_a_waypoint(sitl):
     assert sitl.command(300) == mav.MAV_RESULT_DENIED
-    sitl.said("No valid mission")
+    sitl.expect_text("No valid mission")
     assert sitl.upload(MISSION[1:]) == 0
     assert sitl.command(300) == ACCEPTED
     assert sitl.truth.armed
@@ -372,18 +372,18 @@ def square(d=3000):
     return [(5001, LAT + a, LON + b, 0.0, 4.0) for a, b in ((-d, -d), (-d, d), (d, d), (d, -d))]
 
 
-def test_the_fence_refuses_targets_and_stops_what_leaves(sitl):
+def test_fence_refuses_targets_and_stops_a_vehicle_that_leaves(sitl):
     sitl.put(GF_ACTION=3)
     assert sitl.upload(square(), kind=1) == 0
     sitl.take_off()
     assert sitl.reposition(LAT + 9000, LON, AMSL_M + 10.0) == ACCEPTED
-    sitl.said("Reposition is outside geofence")
+    sitl.expect_text("Reposition is outside geofence")
     forward = local(0, 0, 0, 0xDC7, 1, (4.0, 0.0, 0.0))
     sitl.stream(forward, 0.5)
     assert sitl.set_mode("OFFBOARD") == ACCEPTED
     sitl.stream(forward, 13.0)
     assert sitl.truth.mode in (Px4Mode.HOLD, Px4Mode.RTL)
-    sitl.said("Geofence violated")
+    sitl.expect_text("Geofence violated")
     sitl.run(6.0)
     assert sitl.truth.mode == Px4Mode.RTL
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
@@ -401,7 +401,7 @@ def test_the_pilot_calls_off_a_failsafe_while_it_waits_in_hold(sitl):
 
 
 @pytest.mark.parametrize(("action", "then"), [(0, "HOLD"), (2, "LAND"), (3, "RTL")])
-def test_the_battery_ends(action, then):
+def test_empty_battery_ends_the_flight(action, then):
     sitl = piloted(autopilot="px4", gps_sigma_m=0.3, battery_wh=6.0)[0]
     sitl.run(6.0)
     sitl.put(COM_LOW_BAT_ACT=action)
@@ -423,8 +423,8 @@ def test_failure_injection_wants_its_parameter(sitl):
 
 
 @pytest.mark.parametrize("flying", [False, True])
-def test_garbage(flying):
-    """On the ground any mode may be chosen by it, so only what matters is looked at."""
+def test_garbage_does_no_harm(flying):
+    """On the ground garbage may choose any mode, so the test checks the result in flight."""
     sitl = piloted(autopilot="px4")[0]
     sitl.run(6.0)
     if flying:
@@ -438,6 +438,6 @@ def test_garbage(flying):
     assert sitl.command(512, 148) == ACCEPTED
 
 
-def test_an_autopilot_that_is_not_there():
+def test_unknown_autopilot_is_refused():
     with pytest.raises(ValueError, match="there is ardupilot, px4"):
         plain_vehicle(autopilot="inav")

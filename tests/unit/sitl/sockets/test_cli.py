@@ -15,7 +15,7 @@ HOME = "47.4,8.5,488,90"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ("--autopilot inav", "there is ardupilot, px4"),
         (f"--home {HOME} --autopilot inav", "there is ardupilot, px4"),
@@ -35,17 +35,17 @@ HOME = "47.4,8.5,488,90"
         ("--mission nowhere", "nowhere"),
     ],
 )
-def test_errors_are_one_line(arguments, said, capsys):
+def test_errors_are_one_line(arguments, message, capsys):
     assert main(["sitl", *arguments.split()]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     (line,) = err.splitlines()
     assert line.startswith("uavmap: ")
-    assert said in line
+    assert message in line
 
 
 @pytest.mark.parametrize("tcp", [False, True])
-def test_vehicles_without_a_mission(tmp_path, tcp):
+def test_vehicles_without_a_mission_are_served(tmp_path, tcp):
     d = 2e-4
     ring = [[8.5, 47.4], [8.5 + d, 47.4], [8.5 + d, 47.4 + d], [8.5, 47.4]]
     world = tmp_path / "a.geojson"

@@ -42,7 +42,7 @@ async def served(transport, count=1, speedup=20.0):
     try:
         await asyncio.wait_for(asyncio.wait([ready, task], return_when="FIRST_COMPLETED"), 10.0)
         yield vehicles, port, ready.result()
-        assert not task.done()  # nothing that a client did has ended it
+        assert not task.done()  # no client has ended it
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
@@ -70,7 +70,7 @@ class Udp(asyncio.DatagramProtocol):
         for message in self.link.parse_buffer(data) or []:
             self.messages.put_nowait(message)
 
-    def say(self, message, to=None):
+    def send(self, message, to=None):
         self.transport.sendto(message.pack(self.link), to or self.peer)
 
     async def wait(self, kind):
@@ -92,7 +92,7 @@ class Tcp:
         self.left = []
         return self
 
-    def say(self, message):
+    def send(self, message):
         self.writer.write(message.pack(self.link))
 
     async def wait(self, kind):
@@ -119,20 +119,20 @@ def interval(message_id, hz, system=1):
 
 
 @in_a_loop
-async def test_several_udp_clients_hear_everything():
+async def test_several_udp_clients_receive_everything():
     async with served("udp") as (vehicles, port, urls):
         assert urls == [f"udpin://127.0.0.1:{port}"]
         listener = await Udp.open(port)
         await listener.wait("HEARTBEAT")
         other = await Udp.open()
-        other.say(interval(GLOBAL_POSITION_INT, 10), listener.peer)
+        other.send(interval(GLOBAL_POSITION_INT, 10), listener.peer)
         for client in (listener, other):  # the reply and the telemetry go to all
             assert (await client.wait("COMMAND_ACK")).result == mav.MAV_RESULT_ACCEPTED
             await client.wait("GLOBAL_POSITION_INT")
         # half a frame of one does not spoil the other's
         whole = command(mav.MAV_CMD_REQUEST_MESSAGE, 148).pack(listener.link)
         listener.transport.sendto(whole[:20], listener.peer)
-        other.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 242))
+        other.send(command(mav.MAV_CMD_REQUEST_MESSAGE, 242))
         await other.wait("COMMAND_ACK")
         listener.transport.sendto(whole[20:], listener.peer)
         await listener.wait("AUTOPILOT_VERSION")
@@ -145,13 +145,13 @@ async def test_several_udp_clients_hear_everything():
 
 
 @in_a_loop
-async def test_more_udp_clients_than_it_keeps():
+async def test_udp_clients_above_the_maximum_replace_the_oldest_but_the_first():
     async with served("udp") as (vehicles, port, _):
         listener = await Udp.open(port)
         await listener.wait("HEARTBEAT")
         others = [await Udp.open() for _ in range(12)]
         for client in others:
-            client.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 148), listener.peer)
+            client.send(command(mav.MAV_CMD_REQUEST_MESSAGE, 148), listener.peer)
             await client.wait("AUTOPILOT_VERSION")
         assert len(vehicles[0]._links) == 1 + 8
         await listener.wait("HEARTBEAT")  # the first is never forgotten
@@ -163,7 +163,7 @@ async def test_more_udp_clients_than_it_keeps():
 @pytest.mark.parametrize("forgets", [False, True])
 @in_a_loop
 async def test_tcp_is_flown_and_serves_one_at_a_time(forgets, monkeypatch):
-    """Python 3.11.2 adds the reader after a pause in `connection_made`, which is lost then."""
+    """Python 3.11.2 adds the reader after a pause in `connection_made`, and loses the pause."""
     if forgets:
         monkeypatch.setattr(
             asyncio.selector_events._SelectorTransport,
@@ -177,16 +177,16 @@ async def test_tcp_is_flown_and_serves_one_at_a_time(forgets, monkeypatch):
         await first.wait("HEARTBEAT")
         assert first.first.startswith(b"\r\n\r\nInit ArduCopter")
         second = await Tcp.open(port)
-        second.say(command(mav.MAV_CMD_DO_SET_MODE, 1, 4))
+        second.send(command(mav.MAV_CMD_DO_SET_MODE, 1, 4))
         with pytest.raises(TimeoutError):
             await asyncio.wait_for(second.reader.read(1), 0.3)
         neighbour = await Tcp.open(port + 10)
         assert (await neighbour.wait("HEARTBEAT")).get_srcSystem() == 2
-        first.say(interval(GLOBAL_POSITION_INT, 10))
+        first.send(interval(GLOBAL_POSITION_INT, 10))
         await first.wait("GLOBAL_POSITION_INT")
         assert vehicles[0].truth.mode == 0
         first.writer.transport.abort()
-        # its turn: what it said is heard now, and the rates persist
+        # its turn: its messages are received now, and the rates persist
         assert (await second.wait("COMMAND_ACK")).command == mav.MAV_CMD_DO_SET_MODE
         await second.wait("GLOBAL_POSITION_INT")
         for client in (second, neighbour):
@@ -194,20 +194,20 @@ async def test_tcp_is_flown_and_serves_one_at_a_time(forgets, monkeypatch):
 
 
 @in_a_loop
-async def test_a_tcp_client_that_stops_reading_harms_nobody():
+async def test_tcp_client_that_stops_reading_harms_no_other():
     async with served("tcp", count=2, speedup=100.0) as (vehicles, port, _):
         deaf, other = await Tcp.open(port), await Tcp.open(port + 10)
         deaf.writer.transport.pause_reading()
         raw = deaf.writer.get_extra_info("socket")
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         for message_id in (GLOBAL_POSITION_INT, 30, 24, 74, 1, 147):
-            deaf.say(interval(message_id, 20))
-        other.say(interval(GLOBAL_POSITION_INT, 10, system=2))
+            deaf.send(interval(message_id, 20))
+        other.send(interval(GLOBAL_POSITION_INT, 10, system=2))
         async with asyncio.timeout(30.0):
             while vehicles[0].t_s < 400.0:
                 await other.wait("GLOBAL_POSITION_INT")
         assert vehicles[1].t_s == vehicles[0].t_s
-        # it hears again when it reads again
+        # it receives again when it reads again
         deaf.writer.transport.resume_reading()
         await deaf.wait("HEARTBEAT")
         for client in (deaf, other):
@@ -228,7 +228,7 @@ class FullTransport:
         return False
 
 
-def test_what_waits_for_a_client_is_bounded():
+def test_queue_of_a_client_is_bounded():
     vehicle = plain_vehicle()
     port, connection = TcpPort(vehicle), Connection(None)
     connection.transport = FullTransport()
@@ -249,7 +249,7 @@ async def test_a_companion_that_reboots_loses_its_connection():
         await client.wait("HEARTBEAT")
         vehicles[0].fail.companion_reboot(for_s=5.0)
         with pytest.raises((EOFError, ConnectionError)):
-            await client.wait("what never comes")
+            await client.wait("messages that never come")
         client.writer.close()
         again = await Tcp.open(port)
         cut_at_s = vehicles[0].t_s
@@ -284,7 +284,7 @@ def test_frames_are_never_cut():
 
 
 @pytest.mark.parametrize(
-    ("how", "said"),
+    ("how", "report"),
     [
         ({"speedup": 0.0, "http_port": 1}, "speed-up"),
         ({"speedup": -1.0, "http_port": 1}, "speed-up"),
@@ -293,8 +293,8 @@ def test_frames_are_never_cut():
         ({"transport": "pigeon", "http_port": None}, "udp"),
     ],
 )
-def test_what_cannot_be_served_is_refused(how, said):
-    with pytest.raises(ValueError, match=said):
+def test_invalid_options_of_a_server_are_refused(how, report):
+    with pytest.raises(ValueError, match=report):
         asyncio.run(serve([plain_vehicle()], on_ready=print, **how))
 
 
@@ -308,7 +308,7 @@ async def get(port, path, extra=""):
 
 
 @in_a_loop
-async def test_http_that_is_none():
+async def test_requests_that_are_not_http_are_refused():
     server = PictureServer(lambda path: b"picture" if path == "/a" else None)
     port = await server.open(0)
     try:

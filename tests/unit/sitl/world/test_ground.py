@@ -21,12 +21,12 @@ from tests.unit.sitl.conftest import CAMERA, decoded
 HOME = LatLon(48.0, 11.0)
 PLANE = LocalPlane(HOME)
 ZONE = UtmZone.containing(HOME)
-SPOT = (40, 30)  # metres east and north of home: where the pictures have a red square
+SPOT = (40, 30)  # place of the red square in the pictures, metres east and north of home
 SIZE_M, PIXEL_M = 160.0, 0.25
 
 
 def ring(*points):
-    """A closed GeoJSON ring around points in metres from home."""
+    """Return a closed GeoJSON ring around points in metres from home."""
     places = [PLANE.to_wgs84(e, n) for e, n in (*points, points[0])]
     return [[p.lon_deg, p.lat_deg] for p in places]
 
@@ -47,7 +47,7 @@ def polygon(*rings):
 
 
 # --- GeoJSON ------------------------------------------------------------------------------------
-def test_every_shape_of_geojson(tmp_path):
+def test_every_shape_of_geojson_is_read(tmp_path):
     feature = {"type": "Feature", "properties": {}, "geometry": polygon(SQUARE, HOLE)}
     several = {"type": "MultiPolygon", "coordinates": [[SQUARE, HOLE], [FAR]]}
     everything = {
@@ -74,7 +74,7 @@ def test_every_shape_of_geojson(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "message"),
     [
         ({"type": "FeatureCollection", "features": []}, "no Polygon"),
         ({"type": "Point", "coordinates": [11.0, 48.0]}, "Point"),
@@ -89,15 +89,15 @@ def test_every_shape_of_geojson(tmp_path):
         (polygon(SQUARE, FAR), "hole lies outside"),
     ],
 )
-def test_geojson_that_is_no_world(tmp_path, value, said):
+def test_geojson_that_is_no_world_is_refused(tmp_path, value, message):
     path = saved(tmp_path, value)
-    with pytest.raises(WorldError, match=said) as caught:
+    with pytest.raises(WorldError, match=message) as caught:
         load_ground([path])
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_are_none(tmp_path):
+def test_invalid_or_missing_files_are_refused(tmp_path):
     text = tmp_path / "a.json"
     text.write_text("{")
     with pytest.raises(WorldError, match="not JSON"):
@@ -119,7 +119,7 @@ def test_a_world_elsewhere_is_an_error(tmp_path):
 
 # --- pictures -----------------------------------------------------------------------------------
 def picture(red=True):
-    """Green, with a red square of 2 m at SPOT; the middle of the picture is home."""
+    """Return a green picture with a red square of 2 m at SPOT; its middle is home."""
     side = round(SIZE_M / PIXEL_M)
     pixels = np.full((side, side, 3), (40, 150, 60), np.uint8)
     if red:
@@ -131,7 +131,7 @@ def picture(red=True):
 
 
 def degrees_affine():
-    """Pixels to degrees, true north up: the plane of home, near it."""
+    """Return the transform of pixels to degrees, true north up, in the plane of home."""
     east, north = PLANE.to_wgs84(1.0, 0.0), PLANE.to_wgs84(0.0, 1.0)
     dlon, dlat = east.lon_deg - HOME.lon_deg, north.lat_deg - HOME.lat_deg
     corner = (HOME.lon_deg - SIZE_M / 2 * dlon, HOME.lat_deg + SIZE_M / 2 * dlat)
@@ -139,7 +139,7 @@ def degrees_affine():
 
 
 def utm_affine(epsg=ZONE.epsg):
-    """Pixels to metres of the projection, grid north up."""
+    """Return the transform of pixels to metres of the projection, grid north up."""
     project = pyproj.Transformer.from_crs(4326, epsg, always_xy=True)
     x, y = project.transform(HOME.lon_deg, HOME.lat_deg)
     return PIXEL_M, -PIXEL_M, x - SIZE_M / 2, y + SIZE_M / 2
@@ -174,7 +174,7 @@ def geotiff(tmp_path, affine, keys, *, transformation=False, point=False, image=
 
 
 def where_is_red(photo, shot, **world):
-    """Centre of the red square in the rendered picture, as an offset from the middle."""
+    """Return the centre of the red square in a rendered picture, from its middle."""
     spec = {"texture": 0.0, "sensor_noise": 0.0, "illumination": 0.0, **world}
     data = render(World(WorldSpec(HOME, 0.0, (), orthophoto=photo, **spec)), CAMERA, shot)
     view = decoded(data, cv2.IMREAD_COLOR).astype(int)
@@ -199,7 +199,7 @@ def files(tmp_path):
     yield geotiff(tmp_path, utm_affine(), utm, point=True), None
 
 
-def test_the_spot_is_where_the_file_says(tmp_path):
+def test_spot_is_where_the_file_places_it(tmp_path):
     """In degrees it is at SPOT of true north; UTM's grid north is turned by the convergence."""
     for number, (path, epsg) in enumerate(files(tmp_path)):
         photo = load_orthophoto(path, epsg)
@@ -226,13 +226,13 @@ def test_a_tilted_and_turned_camera_sees_the_same_ground(tmp_path):
     assert (u, v) == pytest.approx((x / depth - 199.5, y / depth - 149.5), abs=2.0)
 
 
-def test_from_high_up_the_picture_is_reduced(tmp_path):
+def test_picture_from_high_up_is_reduced(tmp_path):
     photo = load_orthophoto(with_world_file(tmp_path, "a.png", ".pgw", degrees_affine()))
     u, v, _ = where_is_red(photo, over(SPOT[0] - 12.0, SPOT[1], height_m=60.0))
     assert (u, v) == pytest.approx((40.0, 0.0), abs=1.5)
 
 
-def test_beyond_its_edge_and_where_it_is_transparent_there_is_meadow(tmp_path):
+def test_picture_beyond_its_edge_and_where_it_is_transparent_is_meadow(tmp_path):
     image = picture(red=False).convert("RGBA")
     image.paste((0, 0, 0, 0), (0, 0, 320, 640))  # the western half
     keys = {1024: 1, 1025: 1, 3072: ZONE.epsg}
@@ -268,33 +268,33 @@ def test_a_region_lies_on_the_picture_drifts_and_the_light_changes(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("keys", "said"),
+    ("keys", "message"),
     [
         ({1024: 1, 3072: 32767}, "not in EPSG:4326; give its EPSG"),
         ({1024: 1, 3072: 999}, "EPSG:999"),
     ],
 )
-def test_geotiffs_without_a_known_system(tmp_path, keys, said):
+def test_geotiffs_without_a_known_system_are_refused(tmp_path, keys, message):
     path = geotiff(tmp_path, utm_affine(), keys)
-    with pytest.raises(WorldError, match=said):
+    with pytest.raises(WorldError, match=message):
         load_orthophoto(path)
-    if "give" in said:  # what the file does not say can be given
+    if "give" in message:  # an option gives a value that the file lacks
         assert load_orthophoto(path, ZONE.epsg).epsg == ZONE.epsg
 
 
-def test_pictures_that_are_no_ground(tmp_path):
+def test_pictures_that_are_no_ground_are_refused(tmp_path):
     path = tmp_path / "a.png"
     picture().save(path)
     with pytest.raises(WorldError, match=r"no a\.pgw or \.wld"):
         load_orthophoto(path)
-    for text, said in (
+    for text, message in (
         ("1 2 3", "six numbers"),
         ("a b c d e f", "six numbers"),
         ("nan 0 0 1 0 0", "finite"),
         ("0 0 0 0 11 48", "no extent"),
     ):
         path.with_suffix(".pgw").write_text(text)
-        with pytest.raises(WorldError, match=said):
+        with pytest.raises(WorldError, match=message):
             load_orthophoto(path)
     path.with_suffix(".pgw").write_text("0.25 0 0 -0.25 700000 5320000")
     with pytest.raises(WorldError, match="not in EPSG:4326; give its EPSG code"):

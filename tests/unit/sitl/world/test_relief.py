@@ -60,7 +60,7 @@ def test_measured_heights_are_bilinear_and_go_on_beyond():
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_vehicle_stands_on_the_ground_where_it_is_and_tells_heights_above_its_home(autopilot):
+def test_vehicle_stands_on_the_ground_where_it_is_and_reports_heights_above_its_home(autopilot):
     relief = Relief(0.1, 90.0)
     plane = World(WorldSpec(ORIGIN, 400.0, ())).plane
     setup = Setup(

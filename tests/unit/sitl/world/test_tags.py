@@ -43,7 +43,7 @@ def extent(dark):
     return columns.min(), columns.max(), rows.min(), rows.max()
 
 
-def test_where_nothing_carries_a_marker_pictures_have_the_same_bytes():
+def test_pictures_without_a_marker_have_the_same_bytes():
     none = replace(PLAIN, tag_m=0.0)
     taken = render(World(none), CAMERA, shot())
     assert render(World(PLAIN), CAMERA, shot()) == taken
@@ -61,7 +61,7 @@ def test_a_marker_is_where_it_should_be():
     assert picture[89, 220:222].max() < 205
 
 
-def test_its_upper_edge_is_towards_the_nose():
+def test_upper_edge_of_a_marker_is_towards_the_nose():
     large = replace(PLAIN, tag_m=6.0)  # modules of 20 px
     for quarters in range(4):
         seen = gray(large, shot(tag(yaw_deg=90.0 * quarters)))[70:230, 120:280]
@@ -69,20 +69,20 @@ def test_its_upper_edge_is_towards_the_nose():
         assert (np.rot90(read, quarters) == modules("DICT_4X4_50", 1)).all()
 
 
-def test_a_tilted_one_is_foreshortened():
+def test_tilted_marker_is_foreshortened():
     left, right, top, bottom = extent(gray(PLAIN, shot(tag(roll_deg=60.0))) < 70)
     assert right - left + 1 == pytest.approx(12, abs=2)
     assert bottom - top + 1 == pytest.approx(24, abs=2)
 
 
-def test_what_is_higher_hides_what_is_lower():
+def test_higher_marker_hides_a_lower_one():
     high, low = tag(below_m=10.0, number=1), tag(below_m=20.0, number=2)
     only = gray(PLAIN, shot(high))
     assert np.abs(gray(PLAIN, shot(low, high)).astype(int) - only)[130:170, 180:220].max() <= 3
     assert (gray(PLAIN, shot(high, low)) == gray(PLAIN, shot(low, high))).all()
 
 
-def test_it_is_blurred_by_its_own_motion():
+def test_marker_is_blurred_by_its_own_motion():
     camera_moves = 0.2  # m in an exposure: 4 px over a marker 10 m below
     along = (camera_moves / CAMERA.exposure_s, 0.0, 0.0)
     moving = {"moved_m": (camera_moves, 0.0, 0.0)}
@@ -98,7 +98,7 @@ def test_it_is_blurred_by_its_own_motion():
 
 
 @pytest.mark.parametrize("dictionary", DICTIONARIES)
-def test_opencv_reads_what_is_painted(dictionary):
+def test_painted_marker_is_read_by_opencv(dictionary):
     large = replace(PLAIN, tag_m=3.0, tag_dictionary=dictionary)
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     picture = gray(large, shot(tag(number=7, yaw_deg=33.0)))
@@ -114,8 +114,8 @@ def test_a_number_that_the_dictionary_lacks_is_refused():
     assert len(Setup(vehicles=50, tag_m=0.4, tag_dictionary="DICT_4X4_100").build()) == 50
 
 
-def test_a_vehicle_says_where_its_marker_is_at_another_ones_exposure():
-    """Vehicles are stepped one after the other; what the first exposes is at its own time."""
+def test_marker_of_a_vehicle_is_where_it_is_at_the_exposure_of_another():
+    """Vehicles are stepped one after the other; the first exposes at its own time."""
     first, second = Setup(vehicles=2, tag_m=0.4).build()
     first.step(0.05)
     (seen,) = first.world.carriers.others(1, first.t_s)

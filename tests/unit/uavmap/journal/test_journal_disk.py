@@ -32,7 +32,7 @@ def written(path: Path, confirmed: list[str]) -> None:
 
 
 @pytest.mark.parametrize("how", HOWS)
-def test_journal_each_call_fails_once_keeps_what_it_confirmed(how: How, tmp_path: Path) -> None:
+def test_journal_each_call_fails_once_keeps_confirmed_events(how: How, tmp_path: Path) -> None:
     fails_at, failed = 0, True
     while failed:
         fails_at += 1

@@ -37,14 +37,14 @@ def frame(
     north_m,
     height_m,
     attitude=(0.0, 0.0, 0.0),
-    told_yaw_rad=None,
+    reported_yaw_rad=None,
     seed=1,
     world=WORLD,
 ):
     data = render(world, SPEC, Shot(east_m, north_m, height_m, SPEC.attitude(*attitude), 0.0, seed))
     roll, pitch, yaw = attitude
-    told = SPEC.attitude(roll, pitch, yaw if told_yaw_rad is None else told_yaw_rad)
-    return Frame(decoded(data), Pose(ORIGIN, height_m + 0.1, told), 0.0, CAMERA)
+    reported = SPEC.attitude(roll, pitch, yaw if reported_yaw_rad is None else reported_yaw_rad)
+    return Frame(decoded(data), Pose(ORIGIN, height_m + 0.1, reported), 0.0, CAMERA)
 
 
 def shown(taken):
@@ -54,15 +54,15 @@ def shown(taken):
 
 
 def level(gray):
-    """A picture of level ground from 12 m: a pixel is 0.0315 m."""
+    """Return a frame of level ground from 12 m: a pixel is 0.0315 m."""
     image = np.repeat(np.clip(gray, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
     return Frame(image, Pose(ORIGIN, 12.0, DOWN), 0.0, CAMERA)
 
 
-# --- what can be said -----------------------------------------------------------------------
+# --- limits of a match -----------------------------------------------------------------------
 @pytest.mark.parametrize("height_m", [12.0, 24.0, 40.0])
 @pytest.mark.parametrize("gain", [1.0, 0.75])
-def test_it_moves_as_far_as_the_ground_says(height_m, gain):
+def test_match_moves_as_far_as_the_ground(height_m, gain):
     rng = np.random.default_rng(round(height_m))
     errors = []
     for k in range(4):
@@ -83,7 +83,7 @@ def test_it_moves_as_far_as_the_ground_says(height_m, gain):
 
 def test_a_heading_that_is_three_degrees_off_and_blur_still_match():
     a = frame(0.0, 0.0, 12.0, (0.0, 0.0, 0.5))
-    b = frame(3.0, 2.0, 12.0, (0.0, 0.0, 0.5), told_yaw_rad=0.5 + math.radians(3.0), seed=2)
+    b = frame(3.0, 2.0, 12.0, (0.0, 0.0, 0.5), reported_yaw_rad=0.5 + math.radians(3.0), seed=2)
     b = replace(b, image=np.asarray(cv2.blur(b.image, (5, 5)), np.uint8))
     found = match(shown(a), shown(b), (2.5, 2.5), 2.0)
     assert found is not None
@@ -91,7 +91,7 @@ def test_a_heading_that_is_three_degrees_off_and_blur_still_match():
     assert math.dist(found.moved_m, (3.0, 2.0)) < 0.25
 
 
-def test_photographs_cut_twice():
+def test_photographs_cut_twice_match():
     if not PHOTOGRAPHS.is_dir():
         pytest.skip(f"no photographs in {PHOTOGRAPHS}")
     rng = np.random.default_rng(3)
@@ -116,8 +116,8 @@ def matched(a, b, expected_m=(0.0, 0.0)):
     return match(shown(level(a)), shown(level(b)), expected_m, 3.0)
 
 
-def test_a_sensors_own_pattern_says_nothing():
-    """Nor does a lens that darkens its corners."""
+def test_pattern_of_a_sensor_gives_no_match():
+    """A lens that darkens its corners gives no match either."""
     v, u = np.mgrid[-1:1:480j, -1:1:640j]
     pattern = np.random.default_rng(1).normal(0.0, 4.0, (480, 640)) - 60.0 * (u * u + v * v)
     assert matched(120.0 + pattern, 120.0 + pattern) is None
@@ -134,12 +134,12 @@ GROUNDS = {
 
 
 @pytest.mark.parametrize("kind", GROUNDS)
-def test_ground_that_is_alike_everywhere_says_nothing(kind):
+def test_ground_that_is_alike_everywhere_gives_no_match(kind):
     rng, ground = np.random.default_rng(2), GROUNDS[kind]
     assert matched(*(ground + rng.normal(0.0, 3.0, ground.shape) for _ in range(2))) is None
 
 
-def test_water_says_nothing():
+def test_water_gives_no_match():
     rng = np.random.default_rng(4)
     waves = [
         cv2.GaussianBlur(rng.normal(0.0, 1.0, (480, 640)), (0, 0), 6.0) * 400.0 for _ in range(2)
@@ -147,24 +147,24 @@ def test_water_says_nothing():
     assert matched(120.0 + waves[0], 120.0 + waves[1]) is None
 
 
-def test_other_ground_says_nothing():
-    said = [
+def test_other_ground_gives_no_match():
+    results = [
         match(
             shown(frame(k, -10.0, 12.0, seed=k)), shown(frame(k, 15.0, 12.0, seed=9)), (0.0, 0.0),
             3.0,
         )
         for k in range(6)
     ]  # fmt: skip
-    assert said == [None] * 6
+    assert results == [None] * 6
 
 
-def test_too_little_in_common_says_nothing():
+def test_too_little_overlap_gives_no_match():
     a, b = shown(frame(0.0, 0.0, 12.0)), shown(frame(0.0, 14.5, 12.0, seed=2))
     assert match(a, b, (0.0, 14.5), 2.0) is None
     assert match(a, b, (0.0, 40.0), 2.0) is None
 
 
-def test_what_shows_no_ground_is_no_patch():
+def test_picture_without_ground_is_no_patch():
     grounded = replace(frame(0.0, 0.0, 12.0), pose=Pose(ORIGIN, 0.0, DOWN))
     assert patch(grounded) is None
     ahead = replace(grounded, pose=Pose(ORIGIN, 12.0, Quaternion.from_euler(0.0, -0.3, 0.0)))
@@ -198,7 +198,7 @@ def test_a_height_or_heading_that_wanders_is_seen(height, turned_rad):
     assert abs(found.moved_px * 0.2 - way_m) < 0.05
 
 
-def test_what_is_much_larger_is_found_once_it_is_made_alike():
+def test_much_larger_patch_is_found_once_it_is_scaled():
     earlier, later = taken(0.0, 0.0, 0.0, 12.0), taken(0.0, 4.0, 2.8, 13.8)
     alike = resized(later, 0.14 + 0j)
     near = match(earlier, alike, (0.0, 4.0), 1.0)

@@ -34,7 +34,7 @@ PLANE = LocalPlane(GRID.position(GridPoint(0.0, 0.0)))
 
 
 def terrain(slope, hill_m):
-    """Rising towards the north-east, with hills 40 m long; 0 at the start."""
+    """Return ground that rises towards the north-east, with hills 40 m long; 0 at the start."""
     steps = np.arange(-SIDE_M, SIDE_M + 1.0, STEP_M)
     east, north = np.meshgrid(steps, steps)
     heights = slope * (0.6 * east + 0.8 * north)
@@ -47,7 +47,7 @@ def relief_of(ground):
 
 
 def flown(ground, seed):
-    """Above the ground below by what the shots had above flat ground."""
+    """Return shots above the ground by their heights above flat ground."""
     shots = passes(2, 4, 5.0, seed)
     level = ground.at(np.array([[s.east_m, s.north_m] for s in shots]))
     return [replace(s, height_m=s.height_m + h) for s, h in zip(shots, level, strict=True)]
@@ -72,7 +72,7 @@ def test_a_ray_meets_the_ground_where_it_is():
 
 
 def test_pictures_over_hills_agree_on_them():
-    """Positions alone, 0.6 m off; on a plane the same pictures agree less or not at all."""
+    """Positions alone err by 0.6 m; on a plane the same pictures agree less or not at all."""
     ground = relief_of(terrain(0.1, 1.0))
     shots = flown(ground, 1)
     views = with_ground(made_up(shots, 2, relief=ground), ground)
@@ -116,7 +116,7 @@ def test_poses_over_a_slope_come_back_above_the_start():
 
 
 def random_system(views, seed):
-    """Normal equations of made-up rows, and the same as one dense matrix."""
+    """Return normal equations of random rows, and the same as one dense matrix."""
     rng = np.random.default_rng(seed)
     pairs = np.array([(i, j) for i in range(views) for j in range(i + 1, min(i + 3, views))])
     n, shared = UNKNOWNS * views, 3
@@ -151,7 +151,7 @@ def test_uncertainties_are_those_of_the_whole_system():
     assert sigmas(normal).ravel() == pytest.approx(wanted, rel=1e-9)
 
 
-def test_of_a_large_net_they_are_those_beside_the_views_around(
+def test_uncertainties_of_a_large_net_are_those_beside_the_views_around(
     monkeypatch,
 ):
     normal, _ = random_system(40, seed=3)
@@ -163,7 +163,7 @@ def test_of_a_large_net_they_are_those_beside_the_views_around(
 
 
 @pytest.mark.parametrize("slope", [None, 0.3])
-def test_derivatives_of_a_transfer(slope):
+def test_derivatives_of_a_transfer_are_those_of_differences(slope):
     axes = np.array([tilted_axes(0.3, (0.1, -0.05)), tilted_axes(-2.0, (0.02, 0.15))])
     centre = np.array([[0.0, 0.0, 40.0], [10.0, 5.0, 42.0]])
     relief = None if slope is None else relief_of(terrain(slope, 0.0))

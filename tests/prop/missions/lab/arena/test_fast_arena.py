@@ -21,7 +21,7 @@ START = Cell(0, 0)
 
 
 def ragged(cells: int, rng: np.random.Generator) -> set[Cell]:
-    """Some cells of a square; what does not hang together with the start stays unknown."""
+    """Draw some cells of a square; cells that are not connected with the start stay unknown."""
     side = round((2 * cells) ** 0.5) + 1
     return {START} | {Cell(e, n) for e in range(side) for n in range(side) if rng.random() < 0.75}
 

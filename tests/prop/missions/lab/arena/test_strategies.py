@@ -1,4 +1,4 @@
-"""What every strategy must do, what single ones promise, and the check that says what is wrong."""
+"""Duties of every strategy, promises of single ones, and the check that names a fault."""
 
 from __future__ import annotations
 
@@ -86,28 +86,28 @@ def found(strategy: Wrong) -> dict[str, str]:
     return failures(strategy, cells=9)
 
 
-def test_a_right_one_passes():
+def test_right_strategy_passes():
     assert found(Wrong(right)) == {}
 
 
 @pytest.mark.parametrize(
-    ("mend", "check_name", "said"),
+    ("mend", "check_name", "message"),
     [
         (waits, "explores everything and returns", "all robots wait"),
         (jumps, "explores everything and returns", "moves from"),
         (forgets_a_robot, "a pure function of the situation", "it moves"),
-        (changes_its_memory, "a pure function of the situation", "changes what it is given"),
+        (changes_its_memory, "a pure function of the situation", "changes its arguments"),
         (fails_at(20), "more robots than cells to visit", "block, 20 robots: ZeroDivisionError"),
         (goes_home_early, "explores everything and returns", ""),
         (goes_home_early, "robots drop out and join", ""),
         (hangs_on_its_memory, "a restart without the memory", "KeyError"),
     ],
 )
-def test_check_names_what_a_wrong_strategy_does(mend, check_name, said):
-    assert said in found(Wrong(mend))[check_name]
+def test_check_names_the_fault_of_a_wrong_strategy(mend, check_name, message):
+    assert message in found(Wrong(mend))[check_name]
 
 
-def test_who_keeps_something_between_calls_is_found():
+def test_strategy_that_keeps_state_between_calls_is_found():
     strategy = Wrong(right)
 
     def drifts(situation: Situation, decision: Decision) -> Decision:
@@ -129,14 +129,14 @@ def test_a_bound_that_does_not_hold_is_found():
     assert "stated 3" in failed["the stated bound holds"]
 
 
-def test_all_failures_are_told_at_once():
+def test_all_failures_are_reported_at_once():
     with pytest.raises(StrategyError, match=r"wrong does not pass \d+ checks:\n  explores"):
         check(Wrong(waits), cells=9)
 
 
 NAMES = list(EXPLORERS)
 QUICK = [name for name in NAMES if patience_of(EXPLORERS[name]) == 1.0]
-"""Those with a map; the others walk thousands of moves on ROIs of this size."""
+"""Strategies with a map; the others walk thousands of moves on ROIs of this size."""
 START = Cell(0, 0)
 
 
@@ -204,7 +204,7 @@ def test_the_literal_listing_breaks_lemma_1():
 
 # --- smartdfs --------------------------------------------------------------------------------
 def simple_from_rim(seed: int) -> set[Cell]:
-    """A ROI whose holes are filled, moved so that the start is a cell of its rim."""
+    """Return a ROI whose holes are filled, moved so that the start is a cell of its rim."""
     rng = np.random.default_rng(seed)
     roi = KINDS[sorted(KINDS)[seed % len(KINDS)]](int(rng.integers(2, 60)), rng)
     (west, east), (south, north) = (
@@ -258,7 +258,7 @@ def test_a_rotor_lets_the_directions_take_turns():
 
 
 def test_lrta_follows_its_weights():
-    """A corridor: the weights left behind send the robot back over it only once."""
+    """In a corridor the weights left behind send the robot back only once."""
     roi = {Cell(east, 0) for east in range(-2, 4)}
     legs = run(EXPLORERS["lrta"], roi, START, 1).legs
     assert [leg.end.east for leg in legs][:3] == [1, 2, 3]

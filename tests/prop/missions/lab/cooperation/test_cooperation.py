@@ -1,4 +1,4 @@
-"""Robots that watch each other: what holds on grounds of any shape."""
+"""Robots that watch each other, on grounds of any shape."""
 
 import math
 
@@ -21,12 +21,12 @@ HALL = Space([(0, 0), (40, 0), (40, 20), (0, 20)])
 # --- completeness, sight and knowledge ----------------------------------------------------------
 @pytest.mark.parametrize("explore", [in_stripes, in_triangles])
 @pytest.mark.parametrize("seed", range(14))
-def test_all_is_seen_and_nobody_moves_unwatched(explore, seed):
+def test_exploration_sees_all_and_moves_no_robot_unwatched(explore, seed):
     exploration = explore(random_space(seed), seed)
     assert faults(exploration, seed, points=40, pieces=2) == []
 
 
-def test_triangles_are_as_many_as_the_corners_and_holes_say():
+def test_number_of_triangles_follows_from_corners_and_holes():
     for seed in range(8):
         space = random_space(seed)
         wanted = len(space.corners) + 2 * (len(space.rings) - 1) - 2
@@ -44,8 +44,8 @@ def test_stripes_of_a_ground_cover_it_once():
         assert doors == {(other, number, a, b) for number, other, a, b in doors}
 
 
-def test_what_nobody_saw_and_who_was_not_watched_is_found():
-    """The judge of the other tests: without its last moves an exploration is incomplete."""
+def test_unseen_ground_and_unwatched_robots_are_found():
+    """The judge of the other tests sees that last moves are missing."""
     whole = trapezoids.explore(HALL, (0.0, 0.0), Pattern(6.0, math.radians(60.0)))
     half = Exploration(HALL, 6.0, (0.0, 0.0), 2, whole.moves[: len(whole.moves) // 2])
     corner = np.array([[40.0, 20.0], [0.0, 20.0], [1.0, 1.0]])
@@ -59,8 +59,8 @@ def test_what_nobody_saw_and_who_was_not_watched_is_found():
 # --- Table 1 ------------------------------------------------------------------------------------
 @pytest.mark.parametrize("theta_deg", [30, 60, 110])
 @pytest.mark.parametrize("cover", list(Cover))
-def test_rectangles_take_what_table_1_says(cover, theta_deg):
-    """Up to the ends of stripes: as the study says what the formulas leave out."""
+def test_rectangles_take_the_moves_of_table_1(cover, theta_deg):
+    """The moves agree up to the ends of stripes, which the formulas leave out."""
     stripes, moves, range_m = 4, 15, 10.0
     theta = math.radians(theta_deg)
     pattern = Pattern(range_m, theta, cover=cover)
@@ -103,7 +103,7 @@ def ends():
 
 @pytest.mark.parametrize("which", [0, 1], ids=["watched", "alone"])
 @pytest.mark.parametrize("robot", [0, 1])
-def test_what_is_believed_of_errors_is_honest(ends, which, robot):
+def test_estimated_errors_are_honest(ends, which, robot):
     """The sum of NEES is of chi square with 180 degrees of freedom: 99.9 % lie in 122 to 250."""
     assert 122.0 < sum(pair[which].nees(robot) for pair in ends) < 250.0
 
@@ -116,8 +116,8 @@ def test_watched_errors_are_at_most_a_tenth(ends):
     assert watched < alone / 10.0
 
 
-def test_a_straight_way_by_hand():
-    """100 m at 3 % of the root: 0.3 m ahead; 0.3 degrees of drift: 0.3 m aside, 1/sqrt(3) of it."""
+def test_covariance_of_a_straight_path_is_that_by_hand():
+    """3 % of the root of 100 m is 0.3 m ahead; 0.3 degrees of drift are 0.3 m aside / sqrt(3)."""
     noise = Noise(along_m=0.03, drift_rad=math.radians(0.3), turn_rad=0.0)
     alone = Filter(noise, (0.0, 0.0), [0.0])
     leg = Leg(0, 0.0, 100.0, (100.0, 0.0), 0.0, None)
@@ -129,7 +129,7 @@ def test_a_straight_way_by_hand():
 
 
 def test_a_common_turn_of_all_stays_unknown():
-    """However often robots measure each other, their sum of knowledge of north does not grow."""
+    """Measurements between robots do not increase their common knowledge of north."""
     noise = Noise(turn_rad=math.radians(3.0))
     both = Filter(noise, (0.0, 0.0), [0.0, 0.0])
     for robot, end in ((0, (10.0, 0.0)), (1, (0.0, 10.0))):
@@ -145,7 +145,7 @@ def test_a_common_turn_of_all_stays_unknown():
 
 # --- what is refused ----------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("ring", "holes", "said"),
+    ("ring", "holes", "message"),
     [
         ([(0, 0), (1, 1)], [], "without area"),
         ([(0, 0), (4, 4), (4, 0), (0, 4)], [], "not a polygon"),
@@ -154,8 +154,8 @@ def test_a_common_turn_of_all_stays_unknown():
         ([(math.cos(i / 400), math.sin(i / 400)) for i in range(2500)], [], "more than"),
     ],
 )
-def test_what_is_no_polygon_is_refused(ring, holes, said):
-    with pytest.raises(AreaError, match=said):
+def test_ground_that_is_no_polygon_is_refused(ring, holes, message):
+    with pytest.raises(AreaError, match=message):
         Space([(1000.0 * x, 1000.0 * y) for x, y in ring], holes)
 
 
@@ -166,7 +166,7 @@ def test_ranges_that_do_not_fit_are_refused():
         triangulation.explore(HALL, (0.0, 0.0), 44.0)
 
 
-def test_moves_through_known_ground_are_told_apart():
+def test_moves_through_known_ground_are_distinguished():
     found = trapezoids.explore(HALL, (0.0, 0.0), Pattern(10.0, math.radians(60.0)))
     figures = found.figures()
     known = sum(move.length_m for move in found.moves if move.why is Why.WAY)

@@ -59,7 +59,7 @@ def test_the_lemmas_of_the_paper_hold(known):
 
 
 def memory(walk: Moves) -> dict[str, object]:
-    """The variables of a method that is under way, those of the parts it is in as well."""
+    """Return the variables of a method under way, with those of the parts it is in."""
     kept: dict[str, object] = {}
     while walk is not None:
         for name, value in walk.gi_frame.f_locals.items():
@@ -71,7 +71,7 @@ def memory(walk: Moves) -> dict[str, object]:
 @FEW
 @given(maps(40), st.sampled_from([homing, blum_kozen]))
 def test_homing_and_blum_kozen_remember_counters_only(known, method):
-    """O(log n) bits: a fixed number of variables, numbers below 4 n + 8 or places made of two."""
+    """O(log n) bits suffice: a fixed number of variables, each below 4 n + 8 or a place."""
     if known.size == 1:
         return
     here = known.size - 1
@@ -109,7 +109,7 @@ def test_a_label_counts_the_components_of_the_obstructed_neighbours(pattern):
 @settings(max_examples=25, deadline=None)
 @given(maps(40))
 def test_the_best_of_all_plans_is_not_beaten(known):
-    """The planner with unlimited look-ahead against a search without any pruning."""
+    """The planner with unlimited look-ahead agrees with a search without any pruning."""
 
     def least(candidates: tuple[int, ...], moves: int) -> float:
         if len(candidates) == 1:

@@ -1,4 +1,4 @@
-"""Flight without stopping: what holds of every path, frame, plan, run and bound."""
+"""Flight without stops: rules for every path, frame, plan, run and bound."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_errors_and_losses_cost_time_and_no_cell(roi, robots, seed):
     camera = Camera(15.0, 15.0, error_rate=0.05, loss_rate=0.2)
     ground = Ground(roi, 4.0, KINEMATICS, camera, seed)
     run = Run(ground, robots, Planner(QUICK)).fly()
-    # who errs about a cell errs about what is behind it, but leaves nothing open that it believes
+    # an error about a cell hides the cells behind it, but no believed cell stays open
     yes = ground.chart.yes > ground.chart.no
     root = ground.chart.index(roi.start)
     worth = Planner(QUICK).worth(ground.chart, root, 5, 3)
@@ -188,8 +188,8 @@ def test_the_reference_misses_no_cell_and_does_not_beat_the_bound(roi, robots):
 
 @settings(deadline=None)
 @given(rois, st.lists(st.tuples(coordinates, coordinates), max_size=12), st.randoms())
-def test_what_cells_are_worth_does_not_hang_on_the_order_of_frames(roi, places, shuffle):
-    """Where no ballot is decided: one that is takes no more votes."""
+def test_worth_of_cells_does_not_depend_on_the_order_of_frames(roi, places, shuffle):
+    """No ballot here is decided: a decided ballot counts no more votes."""
     found = []
     for _ in range(2):
         ground = Ground(roi, 4.0, KINEMATICS, Camera(15.0, 15.0, frames=99, majority=50))
@@ -206,7 +206,7 @@ def test_what_cells_are_worth_does_not_hang_on_the_order_of_frames(roi, places, 
     assert (sorted(cells), work) == (sorted(cells2), work2)
 
 
-def test_a_plan_keeps_off_what_is_forbidden():
+def test_plan_keeps_off_forbidden_ground():
     chart = Chart.around([Cell(0, 0), Cell(8, 0)], 4.0)
     chart.fenced = True
     for north in range(chart.south, 6):
@@ -227,8 +227,10 @@ def test_a_plan_keeps_off_what_is_forbidden():
 
 
 def test_work_is_never_so_far_away_that_a_plan_leaves_it_undone():
-    """Of a region a kilometre long all but the far end is decided: the way there takes 3 minutes,
-    and only a few cells are to be had for it."""
+    """All but the far end of a region of one kilometre is decided.
+
+    The path there takes 3 minutes for only a few cells.
+    """
     cells = [Cell(east, 0) for east in range(250)]
     chart = Chart.around(cells, 4.0)
     for cell in cells:

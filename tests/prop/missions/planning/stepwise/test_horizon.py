@@ -1,4 +1,4 @@
-"""What the rolling horizon promises: twice Algorithm 1's bound, wherever it falls back."""
+"""The promise of the rolling horizon: twice Algorithm 1's bound, wherever it falls back."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def roi_of(seed: int) -> tuple[set[Cell], int, np.random.Generator]:
 
 @dataclass
 class Watched:
-    """The planner, and what would have been the last time home when it fell back."""
+    """The planner, and the last time of return if it fell back at each decision."""
 
     explorer: Horizon
     name: str = "horizon"
@@ -93,7 +93,7 @@ def bound_of(result: Run, robots: int) -> float:
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_twice_the_bound_of_algorithm_1_is_kept(block):
+def test_planner_keeps_twice_the_bound_of_algorithm_1(block):
     for seed in range(28 * block, 28 * block + 28):
         roi, robots, _ = roi_of(seed)
         result = run(Horizon(), roi, START, robots)
@@ -104,7 +104,7 @@ def test_twice_the_bound_of_algorithm_1_is_kept(block):
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_after_a_retreat_at_any_time_algorithm_1_takes_its_bound_at_most(block):
+def test_algorithm_1_after_a_retreat_at_any_time_takes_at_most_its_bound(block):
     retreats = 0
     for seed in range(1000 + 28 * block, 1028 + 28 * block):
         roi, robots, rng = roi_of(seed)
@@ -119,7 +119,7 @@ def test_after_a_retreat_at_any_time_algorithm_1_takes_its_bound_at_most(block):
 
 @pytest.mark.parametrize("block", range(4))
 def test_a_planner_that_dithers_is_stopped_in_time(block, monkeypatch):
-    """With goals drawn at random the planner is hopeless; its promise holds all the same."""
+    """With goals drawn at random the planner is hopeless, and its promise still holds."""
     retreats = 0
     for seed in range(2000 + 28 * block, 2028 + 28 * block):
         roi, robots, rng = roi_of(seed)
@@ -149,8 +149,8 @@ def test_robots_that_talk_only_where_they_meet_find_everything(seed):
         explored(result, roi)
 
 
-def test_what_is_not_passable_is_flown_along_known_cells():
-    """Around a closed ring nobody crosses the middle."""
+def test_impassable_ground_is_flown_round_along_known_cells():
+    """Around a closed ring no robot crosses the middle."""
     roi = component(rings(3), START)
 
     def along_an_axis(start: Cell, end: Cell) -> bool:
@@ -176,7 +176,7 @@ def test_robots_come_and_go_during_a_retreat(until):
 
 
 def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited():
-    """After the retreat began a vertex outside T' gets a neighbour."""
+    """A vertex outside T' gets a neighbour after the retreat began."""
     tree = Tree.rooted(START).with_observation(START, [Cell(0, 1), Cell(1, 0)])
     tree = tree.with_observation(Cell(0, 1), [Cell(0, 2)]).with_observation(Cell(0, 2), [])
     retreat = Retreat.from_tree(tree)
@@ -193,8 +193,8 @@ def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited():
     assert seen[-3:] == [Cell(0, 1), Cell(0, 2), Cell(0, 3)]
 
 
-def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others():
-    """One cell is left and robot 1 was bound for it: robot 2 waits, unless 1 went home."""
+def test_robot_away_for_a_battery_keeps_no_cell_from_the_others():
+    """One cell is left, and robot 1 was bound for it: robot 2 waits unless robot 1 went home."""
     last = Cell(0, 3)
     tree = (
         Tree.rooted(START)
@@ -209,8 +209,8 @@ def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others():
     assert Horizon().decide(replace(there, away=frozenset({1}))).moves == {2: last}
 
 
-def test_nobody_waits_for_the_share_of_one_who_is_away():
-    """Two cells beside the root, and robot 1 in between on the ground: the others take one each."""
+def test_robots_do_not_wait_for_the_share_of_one_that_is_away():
+    """Two cells lie beside the root, robot 1 stands between them: the others take one each."""
     tree = Tree.rooted(START).with_observation(START, [Cell(1, 0), Cell(0, 1), Cell(0, -1)])
     tree = tree.with_observation(Cell(1, 0), [Cell(2, 0)]).with_observation(Cell(2, 0), [])
     at = {1: START, 2: Cell(1, 0), 3: Cell(2, 0)}
@@ -220,7 +220,7 @@ def test_nobody_waits_for_the_share_of_one_who_is_away():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_no_vertex_is_farther_over_known_cells_than_it_is_deep(seed):
-    """What the quick check of the promise rests on, all through a run."""
+    """The quick check of the promise relies on this all through a run."""
     depths = []
 
     class Watched(Horizon):
@@ -236,7 +236,7 @@ def test_no_vertex_is_farther_over_known_cells_than_it_is_deep(seed):
 
 
 def test_speeding_up_is_paid_for_by_the_short_legs_most():
-    """A vehicle that needs 3 s to speed up and brake: a leg of 1 s takes 3.46 s, of 9 s 12."""
+    """A vehicle needs 3 s to speed up and brake: a leg of 1 s takes 3.46 s, one of 9 s 12 s."""
     metric = Metric(speed=1.0, straight=True, ramp=3.0)
     tree = Tree.rooted(START).with_observation(START, [Cell(0, 1), Cell(1, 0)])
     sites = Sites.from_situation(

@@ -1,4 +1,4 @@
-"""A chart that drifts with the region, and pads that do not: a member's way home stays open."""
+"""A chart that drifts with the region, and pads that do not: return paths stay open."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BEGIN_S = 200.0
 
 
 def drifting() -> str:
-    """The field of a fleet, with its regions in motion."""
+    """Return the mission file of a fleet with regions in motion."""
     text = field_text(high=True)
     return re.sub(
         r"speed_m_s = 0.0(\s+)toward_deg = 0.0", r"speed_m_s = 0.3\1toward_deg = 90.0", text

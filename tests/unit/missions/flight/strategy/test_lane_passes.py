@@ -1,4 +1,4 @@
-"""Which lanes are flown without a stop, where beside their rows, and by whom."""
+"""Lanes that are flown without stops: order, places beside their rows, and vehicles."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def service(strategy: str, vehicles: int = 1) -> Service:
     return made
 
 
-def seen(made: Service, t_s: float, cells: Iterable[Cell], vehicle: int = 1) -> None:
-    """A picture of some cells that are not the region."""
+def post_frame(made: Service, t_s: float, cells: Iterable[Cell], vehicle: int = 1) -> None:
+    """Post a frame of some cells that are not region."""
     made.post(FrameSeen(vehicle, t_s, None, tuple(Vote(cell, False, 0.0) for cell in cells)))
 
 
 def rows_of(made: Service, k: int) -> range:
-    """The rows of a lane, from its place and their number."""
+    """Return the rows of a lane, from its place and their number."""
     middle = made.setting.lanes[k][0].north_m / made.setting.grid.cell_m
     rows = made.setting.lane_rows
     return range(round(middle - (rows - 1) / 2), round(middle + (rows - 1) / 2) + 1)
@@ -52,10 +52,10 @@ def first(state: State) -> VehicleState:
     return state.vehicles[1]
 
 
-def test_what_others_have_judged_of_a_lane_is_not_flown() -> None:
+def test_part_of_a_lane_that_others_have_judged_is_not_flown() -> None:
     made = service("swath")
     lanes, rows = made.setting.lanes, rows_of(made, 0)
-    seen(made, 5.0, [Cell(e, n) for e in range(-5, 25) for n in rows if not 3 <= e <= 5])
+    post_frame(made, 5.0, [Cell(e, n) for e in range(-5, 25) for n in rows if not 3 <= e <= 5])
     left = still_open(made.state, lanes)
     assert left[1:] == lanes[1:]
     ((start, end),) = left[:1]
@@ -66,7 +66,7 @@ def test_what_others_have_judged_of_a_lane_is_not_flown() -> None:
 def test_a_rest_is_flown_with_the_missing_row_in_the_middle() -> None:
     made = service("swath")
     lane, rows = made.setting.lanes[1], rows_of(made, 1)
-    seen(made, 5.0, [Cell(e, n) for e in range(-5, 25) for n in rows if n != rows[-1]])
+    post_frame(made, 5.0, [Cell(e, n) for e in range(-5, 25) for n in rows if n != rows[-1]])
     start, end = flown_along(made.state, first(made.state), lane)
     assert start.north_m == end.north_m == rows[-1] * made.setting.grid.cell_m
     assert (start.east_m, end.east_m) == (lane[0].east_m, lane[1].east_m)
@@ -88,7 +88,7 @@ def test_lanes_are_begun_at_the_nearer_end() -> None:
     assert turned(setting.lanes[0][0], lanes, keep=setting.aimed_lanes) == setting.lanes
 
 
-def test_who_waits_in_a_survey_flies_the_lanes_of_who_dropped_out() -> None:
+def test_waiting_vehicle_of_a_survey_flies_the_lanes_of_one_that_dropped_out() -> None:
     made = service("survey", vehicles=2)
     failed = replace(first(made.state), phase=Phase.FAILED, lanes=made.setting.lanes)
     made.state = made.state.with_vehicle(failed)
@@ -99,7 +99,7 @@ def test_who_waits_in_a_survey_flies_the_lanes_of_who_dropped_out() -> None:
     assert len(first(made.state).lanes) == len(failed.lanes) - 1
 
 
-def test_in_a_survey_nobody_takes_a_lane_that_a_path_leads_along() -> None:
+def test_lane_of_a_survey_that_a_path_leads_along_is_not_given_to_another() -> None:
     made = service("survey", vehicles=2)
     made.fly(1, GridPoint(0.0, 0.0))
     made.track(1, GridPoint(0.0, 0.0), 12.0)
@@ -111,15 +111,15 @@ def test_in_a_survey_nobody_takes_a_lane_that_a_path_leads_along() -> None:
     assert made.state.vehicles[2].lanes == ()
 
 
-def test_who_flies_lanes_that_others_have_seen_meanwhile_brakes() -> None:
+def test_vehicle_on_lanes_that_others_have_seen_meanwhile_brakes() -> None:
     made = service("survey", vehicles=2)
     made.fly(1, GridPoint(0.0, 0.0))
     made.track(1, GridPoint(0.0, 0.0), 12.0)
     path = made.path(1)
     for k in range(3):
-        seen(made, made.now_s + 0.1 * (k + 1), made.setting.box_cells, vehicle=2)
+        post_frame(made, made.now_s + 0.1 * (k + 1), made.setting.box_cells, vehicle=2)
         rim = [Cell(e, n) for e in range(-6, 26) for n in range(2, 18)]
-        seen(made, made.now_s + 0.05, rim, vehicle=2)
+        post_frame(made, made.now_s + 0.05, rim, vehicle=2)
     assert made.path(1).end_s < path.end_s - 20.0
 
 
@@ -138,7 +138,7 @@ def test_give_up_lane_the_last_one_leaves_no_lane_to_end() -> None:
 
 
 @pytest.mark.parametrize("t_s", [20.0, 90.0, 300.0])
-def test_in_a_region_that_drifts_a_way_round_the_pads_of_others_is_always_found(t_s: float) -> None:
+def test_path_round_the_pads_of_others_is_always_found_in_a_drift(t_s: float) -> None:
     flown = with_own_air(load("bay"))
     for number in range(1, 6):
         setting = setting_of(flown, number)

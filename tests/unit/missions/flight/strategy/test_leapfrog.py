@@ -1,4 +1,4 @@
-"""A leapfrog in flight: who moves when, that both stay together, and what its file has to say."""
+"""A leapfrog in flight: one vehicle moves at a time, and both stay together."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def fleet(capacity_wh: float = 60.0) -> Fleet:
 
 @settings(max_examples=15, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 40)), min_size=2, max_size=5))
-def test_both_stay_in_the_fence_and_the_mapper_in_the_picture(places):
+def test_pair_stays_in_the_fence_and_the_mapper_in_the_picture(places):
     hole = [GridPoint(*place) for place in square(22, 12, 14, 16)]
     fence = Fence.from_rings([GridPoint(*place) for place in square(-5, -5, 70, 50)], [hole], 2.0)
     way = [GridPoint(0.0, 0.0)]
@@ -59,7 +59,7 @@ def test_both_stay_in_the_fence_and_the_mapper_in_the_picture(places):
     assert length_m <= 0.5 or at[Role.MAPPER].distance_to(way[-1]) < 1e-6
 
 
-def test_one_moves_at_a_time_and_the_box_is_mapped():
+def test_pair_moves_one_at_a_time_and_maps_the_box():
     flown = fleet()
     view = tracker_view(flown.setting.mission)
     apart_m = []
@@ -75,11 +75,11 @@ def test_one_moves_at_a_time_and_the_box_is_mapped():
                 apart_m.append(both[0].position.distance_to(both[1].position))
     assert flown.state.completed
     assert {cell for cell in flown.setting.box_cells if cell in flown.state.belief.roi} == ROI
-    # the tracker's picture holds margin_m more than that for what both are off their places
+    # the tracker's picture holds margin_m more, for the deviations of both
     assert max(apart_m) <= view.reach_m + view.margin_m
 
 
-def test_both_swap_batteries_together_and_go_on():
+def test_pair_swaps_batteries_together_and_continues():
     flown = fleet(capacity_wh=16.0)
     flown.run()
     assert flown.state.completed
@@ -87,7 +87,7 @@ def test_both_swap_batteries_together_and_go_on():
     assert takeoffs.count(MAPPER) == takeoffs.count(TRACKER) >= 2
 
 
-def test_who_is_left_alone_comes_home_and_the_mission_is_not_complete():
+def test_vehicle_left_alone_returns_and_the_mission_is_not_complete():
     flown = fleet()
     flown.run(until=lambda now: now.t_s >= 60.0)
     assert flown.state.vehicles[TRACKER].phase is Phase.AIRBORNE
@@ -101,7 +101,7 @@ def test_who_is_left_alone_comes_home_and_the_mission_is_not_complete():
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "expected"),
     [
         ({"vehicles": 1}, "exactly two"),
         ({"vehicles": 3}, "exactly two"),
@@ -110,13 +110,13 @@ def test_who_is_left_alone_comes_home_and_the_mission_is_not_complete():
         ({"drift_m_s": 0.5}, "drift.speed_m_s"),
     ],
 )
-def test_what_cannot_be_flown_so_is_refused(change, says):
+def test_mission_that_no_pair_can_fly_is_refused(change, expected):
     how = {"vehicles": 2, "layer_m": 12.0, "strategy": "leapfrog", **change}
-    with pytest.raises(MissionFileError, match=says):
+    with pytest.raises(MissionFileError, match=expected):
         mission(BOX, AROUND, **how)
 
 
-def test_what_is_believed_of_both_errors_is_honest():
+def test_estimated_errors_of_both_are_honest():
     noise = OffsetNoise(mount_rad=0.0)
     squares = []
     for seed in range(12):
@@ -133,24 +133,24 @@ def test_what_is_believed_of_both_errors_is_honest():
                 if still:
                     both.stopped(role)
                     stopped = off[role].copy()
-                # true less errors is what is flown; told is what the filter hears
-                told = np.zeros(2) if still else way
+                # true less errors is the path flown; the filter receives reports alone
+                reported = np.zeros(2) if still else way
                 scale, turn = odometer[role]
-                errs_m_s = noise.wander_m_s + noise.changing * math.hypot(*told) / 5.0
+                errs_m_s = noise.wander_m_s + noise.changing * math.hypot(*reported) / 5.0
                 wander = rng.normal(0.0, math.sqrt(10.0 * errs_m_s**2 * 5.0), 2)
-                changed = scale * told + turn * np.array([-told[1], told[0]]) + wander
-                both.moved(role, (float(told[0]), float(told[1])), 5.0)
+                changed = scale * reported + turn * np.array([-reported[1], reported[0]]) + wander
+                both.moved(role, (float(reported[0]), float(reported[1])), 5.0)
                 off[role] = off[role] + changed
-                true[role] = true[role] + told - changed
+                true[role] = true[role] + reported - changed
                 if still:
                     seen = stopped - off[role] + rng.normal(0.0, 0.03, 2)
                     both.held(role, (0.0, 0.0), (float(seen[0]), float(seen[1])), 0.03)
-            # the picture has the apart by a camera whose axes are turned by `heading`
+            # the camera, turned by `heading`, shows the distance between both
             apart = true[Role.MAPPER] - true[Role.TRACKER]
             seen_apart = apart - heading * np.array([-apart[1], apart[0]])
             seen_apart = seen_apart + rng.normal(0.0, 0.05, 2)
-            told_apart = apart + off[Role.MAPPER] - off[Role.TRACKER]
-            both.sighted(tuple(told_apart), tuple(seen_apart), np.eye(2) * 0.05**2, 100.0)
+            reported_apart = apart + off[Role.MAPPER] - off[Role.TRACKER]
+            both.sighted(tuple(reported_apart), tuple(seen_apart), np.eye(2) * 0.05**2, 100.0)
         left = np.array(both.off(Role.MAPPER)) - off[Role.MAPPER]
         squares.append(float(left @ np.linalg.solve(both.covariance(Role.MAPPER), left)))
     # 24 degrees of freedom: 95 % lie between 1.03 and 3.28

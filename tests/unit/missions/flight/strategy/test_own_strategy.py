@@ -50,7 +50,7 @@ SPIRAL = Spiral()
 
 
 def with_path(folder: Path) -> dict[str, str]:
-    """The environment of a process that finds packages in a folder, too."""
+    """Return the environment of a process that also finds packages in a folder."""
     return environment() | {"PYTHONPATH": f"{ROOT}{os.pathsep}{folder}"}
 
 
@@ -87,7 +87,7 @@ def test_an_entry_point_is_all_that_a_strategy_needs(tmp_path: Path) -> None:
     assert summary["cells_missed"] == summary["false_positives"] == 0
 
 
-def test_a_plug_in_that_cannot_be_loaded_is_said(tmp_path: Path) -> None:
+def test_plug_in_that_cannot_be_loaded_is_reported(tmp_path: Path) -> None:
     info = tmp_path / "broken-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n", "utf-8")

@@ -1,4 +1,4 @@
-"""Which cells are plain by frames from the height of a search."""
+"""Cells that are plain by frames from the height of a search."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FRAMES = st.lists(st.dictionaries(st.sampled_from(sorted(BOX)), st.booleans()), 
 
 
 def seen(frames: int, region: frozenset[Cell]) -> Belief:
-    """What is plain after so many frames of the whole box."""
+    """Return the belief with the plain cells after a number of frames of the whole box."""
     nothing = Belief(5, 3)
     belief = overview = nothing
     for t in range(frames):
@@ -38,10 +38,10 @@ def seen(frames: int, region: frozenset[Cell]) -> Belief:
     return belief
 
 
-def test_what_lies_along_an_outline_is_left_to_be_looked_at_from_below() -> None:
+def test_cells_along_an_outline_are_left_for_frames_from_below() -> None:
     region = frozenset(cell for cell in BOX if cell.east < 3)
     belief = seen(3, region)
-    # cells of the region at the rim of the box, beyond which nobody has looked, are not plain
+    # cells of the region at the rim of the box have unobserved neighbours: they are not plain
     assert set(belief.roi) == {Cell(1, 1), Cell(1, 2), Cell(1, 3)}
     assert {cell for cell in BOX if belief.verdict(cell) is False} == {
         cell for cell in BOX if cell.east >= 4
@@ -50,7 +50,7 @@ def test_what_lies_along_an_outline_is_left_to_be_looked_at_from_below() -> None
 
 
 def seen_from_below(belief: Belief, frames: int, region: frozenset[Cell]) -> Belief:
-    """What is decided after so many frames from below of the whole box."""
+    """Return the belief after a number of frames from below of the whole box."""
     votes = {cell: cell in region for cell in sorted(BOX)}
     return belief.with_frames(None, {FrameId(1, 10.0 + t): votes for t in range(frames)})
 
@@ -59,20 +59,20 @@ def west_of(east: int) -> frozenset[Cell]:
     return frozenset(cell for cell in BOX if cell.east < east)
 
 
-@pytest.mark.parametrize(("high", "column", "says"), [(5, 3, False), (1, 2, True)])
+@pytest.mark.parametrize(("high", "column", "expected"), [(5, 3, False), (1, 2, True)])
 def test_plain_cells_go_by_frames_from_below_where_these_decide_otherwise(
-    high: int, column: int, says: bool
+    high: int, column: int, expected: bool
 ) -> None:
-    plain = seen(3, west_of(high))  # by an outline that lies two cells beside the true one
+    plain = seen(3, west_of(high))  # the outline lies two cells beside the true one
     belief = seen_from_below(plain, 5, west_of(3))
     # at the rim of the box a neighbour is undecided
-    wrong = {Cell(column, north): says for north in (1, 2, 3)}
-    assert all(belief.verdict(cell) is not says for cell in wrong)
+    wrong = {Cell(column, north): expected for north in (1, 2, 3)}
+    assert all(belief.verdict(cell) is not expected for cell in wrong)
     found = from_below(belief, plain)
     assert found == wrong
     corrected = belief.with_verdicts(found)
-    assert all(corrected.verdict(cell) is says for cell in wrong)
-    assert all((cell in corrected.roi) is says for cell in wrong)
+    assert all(corrected.verdict(cell) is expected for cell in wrong)
+    assert all((cell in corrected.roi) is expected for cell in wrong)
 
 
 def test_plain_cells_stay_so_while_frames_from_below_have_not_decided() -> None:
@@ -82,7 +82,7 @@ def test_plain_cells_stay_so_while_frames_from_below_have_not_decided() -> None:
 
 @settings(max_examples=40)
 @given(frames=FRAMES)
-def test_looking_at_what_a_frame_has_decided_is_as_good_as_looking_at_all(
+def test_plain_cells_from_newly_decided_cells_are_those_from_all_cells(
     frames: list[dict[Cell, bool]],
 ) -> None:
     nothing = Belief(3, 2)
@@ -95,7 +95,7 @@ def test_looking_at_what_a_frame_has_decided_is_as_good_as_looking_at_all(
     assert quick == slow
 
 
-def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> None:
+def test_vehicle_without_lanes_takes_off_as_soon_as_there_is_an_outline_to_map() -> None:
     mission = load("bay")
     setting = setting_of(mission)
     region = frozenset(Cell(east, north) for east in range(10, 20) for north in range(20, 30))
@@ -116,7 +116,7 @@ def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> No
     assert order == TakeOff(mission.altitude_m(4))
 
 
-def test_cell_beside_what_is_region_from_on_high_is_asked_for_until_it_is_decided() -> None:
+def test_cell_beside_region_seen_from_high_up_is_requested_until_it_is_decided() -> None:
     setting = setting_of(load("bay"))
     state = setting.initial_state()
     region, beside, far = Cell(10, 20), Cell(11, 20), Cell(30, 20)
@@ -127,7 +127,7 @@ def test_cell_beside_what_is_region_from_on_high_is_asked_for_until_it_is_decide
     state = replace(state, belief=belief, overview=overview)
     asked = ALL.required_cells(state)
     assert beside in asked
-    assert far not in asked  # a frame took it for ground, and no region is near
+    assert far not in asked  # a frame showed it as ground, and no region is near
     seen = state.belief
     for k in range(3):
         seen = seen.with_frame(None, FrameId(2, 6.0 + k), {region: False})
@@ -135,7 +135,7 @@ def test_cell_beside_what_is_region_from_on_high_is_asked_for_until_it_is_decide
 
 
 def searching() -> State:
-    """Three vehicles over `burn`: two fly a lane each, the third stands on its pad."""
+    """Return three vehicles over `burn`: two fly a lane each, the third stands on its pad."""
     setting = setting_of(with_vehicles(load("burn"), 3))
     state = replace(setting.initial_state(), t_s=40.0)
     for number, vehicle in state.vehicles.items():
@@ -156,7 +156,7 @@ def searching() -> State:
 
 
 def some(state: State, *, lanes: bool) -> VehicleState:
-    """The first vehicle with lanes, or without."""
+    """Return the first vehicle with lanes, or without."""
     return next(v for v in state.vehicles.values() if bool(v.lanes) is lanes)
 
 

@@ -1,4 +1,4 @@
-"""Who has flown its lanes waits over its pad for those out of contact, and not for ever."""
+"""A member that has flown its lanes waits over its pad for those out of contact, for a time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Allotment, ReturnReason
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint
-from tests.unit.missions.flight.team.test_parts import flying, heard, setting
+from tests.unit.missions.flight.team.test_parts import flying, report_from, setting
 
 
 def over_pad(state: State, number: int = 2) -> State:
@@ -22,72 +22,72 @@ def over_pad(state: State, number: int = 2) -> State:
 
 
 def away(state: State, *, with_lanes: bool = True) -> State:
-    """The third is out of contact, and has lanes to fly."""
+    """Let the third be out of contact, with lanes to fly."""
     lanes = setting(2).lanes[-1:] if with_lanes else ()
     state = state.with_vehicle(replace(state.vehicles[3], lanes=lanes))
     return apply(state, MemberApart(3, state.t_s))
 
 
-def bides(state: State, t_s: float) -> bool:
+def is_waiting(state: State, t_s: float) -> bool:
     return setting(2).team.gathers(replace(state, t_s=t_s), state.vehicles[2])
 
 
-def test_who_is_due_is_waited_for_and_not_for_ever() -> None:
+def test_member_that_is_due_is_waited_for_and_not_for_ever() -> None:
     state = away(over_pad(flying(2)))
     due_s = state.vehicles[3].due_s
     assert 105.0 < due_s < state.vehicles[3].held_until_s
-    assert bides(state, due_s + MAX_DELAY_S - 0.1)
-    assert not bides(state, due_s + MAX_DELAY_S)
-    assert not bides(away(over_pad(flying(2)), with_lanes=False), 101.0)
-    assert not bides(over_pad(flying(2)), 101.0)
+    assert is_waiting(state, due_s + MAX_DELAY_S - 0.1)
+    assert not is_waiting(state, due_s + MAX_DELAY_S)
+    assert not is_waiting(away(over_pad(flying(2)), with_lanes=False), 101.0)
+    assert not is_waiting(over_pad(flying(2)), 101.0)
 
 
-def test_who_is_due_is_waited_for_where_a_third_has_told_what_it_saw() -> None:
+def test_member_that_is_due_is_waited_for_where_a_third_has_reported_its_facts() -> None:
     state = away(over_pad(flying(2)))
-    gone = replace(state.vehicles[3], lanes=())  # its cells are shown by now
+    gone = replace(state.vehicles[3], lanes=())  # frames show its cells by now
     state = state.with_vehicle(gone)
-    assert bides(state, gone.due_s + MAX_DELAY_S - 0.1)
-    assert not bides(state, gone.due_s + MAX_DELAY_S)
+    assert is_waiting(state, gone.due_s + MAX_DELAY_S - 0.1)
+    assert not is_waiting(state, gone.due_s + MAX_DELAY_S)
 
 
-def test_who_maps_already_waits_for_nobody() -> None:
-    assert not bides(away(flying(2)), 101.0)
+def test_member_that_maps_already_waits_for_no_other() -> None:
+    assert not is_waiting(away(flying(2)), 101.0)
 
 
-def test_who_is_heard_again_is_let_tell_what_it_knows() -> None:
-    state = apply(replace(away(over_pad(flying(2))), t_s=130.0), heard(2, 3, "flies"))
+def test_member_back_in_contact_is_given_time_to_send_its_facts() -> None:
+    state = apply(replace(away(over_pad(flying(2))), t_s=130.0), report_from(2, 3, "flies"))
     back_s = state.vehicles[3].back_s
-    assert back_s == 100.0  # as the message said
+    assert back_s == 100.0  # as the message has it
     state = replace(state, allotment=Allotment(1, back_s, {1: (), 2: ()}))
-    assert bides(state, back_s + SILENT_S - 0.1)
-    assert not bides(state, back_s + SILENT_S)
-    told = apply(state, FactsShared(3, back_s + 4.0, 0, (Fact(90.0, ((Cell(0, 4), True),)),)))
-    assert bides(told, back_s + SILENT_S + 3.0)
-    late = apply(told, FactsShared(3, back_s + 29.0, 1, (Fact(91.0, ((Cell(1, 4), True),)),)))
-    assert bides(late, back_s + REPORT_MAX_S - 0.1)
-    assert not bides(late, back_s + REPORT_MAX_S)
+    assert is_waiting(state, back_s + SILENT_S - 0.1)
+    assert not is_waiting(state, back_s + SILENT_S)
+    reported = apply(state, FactsShared(3, back_s + 4.0, 0, (Fact(90.0, ((Cell(0, 4), True),)),)))
+    assert is_waiting(reported, back_s + SILENT_S + 3.0)
+    late = apply(reported, FactsShared(3, back_s + 29.0, 1, (Fact(91.0, ((Cell(1, 4), True),)),)))
+    assert is_waiting(late, back_s + REPORT_MAX_S - 0.1)
+    assert not is_waiting(late, back_s + REPORT_MAX_S)
 
 
-def test_nobody_leaves_before_it_was_told_what_it_maps() -> None:
-    state = apply(replace(away(over_pad(flying(2))), t_s=130.0), heard(2, 3, "flies"))
+def test_member_does_not_leave_before_it_has_its_part() -> None:
+    state = apply(replace(away(over_pad(flying(2))), t_s=130.0), report_from(2, 3, "flies"))
     back_s = state.vehicles[3].back_s
     led = replace(state, allotment=None)
-    assert bides(led, back_s + SILENT_S + 1.0)  # the first is to say it
-    assert not bides(led, back_s + REPORT_MAX_S + PART_WAIT_S)
+    assert is_waiting(led, back_s + SILENT_S + 1.0)  # the first has to send the parts
+    assert not is_waiting(led, back_s + REPORT_MAX_S + PART_WAIT_S)
     places = (GridPoint(0.0, 20.0),)
     for made_s, parts, waits in (
         (back_s - 1.0, {1: places, 2: places}, True),
         (back_s + 6.0, {1: places}, True),
         (back_s + 6.0, {1: places, 2: places}, False),
     ):
-        said = replace(led, allotment=Allotment(1, made_s, parts))
-        assert bides(said, back_s + SILENT_S + 2.0) is waits
+        known = replace(led, allotment=Allotment(1, made_s, parts))
+        assert is_waiting(known, back_s + SILENT_S + 2.0) is waits
     home = replace(state.vehicles[1], return_reason=ReturnReason.BATTERY)
-    assert not bides(led.with_vehicle(home), back_s + SILENT_S + 1.0)
+    assert not is_waiting(led.with_vehicle(home), back_s + SILENT_S + 1.0)
 
 
 @pytest.mark.parametrize("alone", [False, True])
-def test_who_waits_plans_nothing_and_sets_out_when_the_others_are_back(*, alone: bool) -> None:
+def test_waiting_member_plans_nothing_and_leaves_when_the_others_are_back(*, alone: bool) -> None:
     state = apply(
         over_pad(flying(2)), FactsShared(1, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
     )

@@ -1,4 +1,4 @@
-"""What a member does by its reducer with lanes that others hold, and with air that it asks for."""
+"""A member by its reducer: lanes that others hold, and air that it requests."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def setting() -> Setting:
 
 
 def in_the_air(*, on_lane: bool) -> State:
-    """Ours flies along the first lane of its box."""
+    """Return the state in which our vehicle flies along the first lane of its box."""
     state, lanes = setting().initial_state(), setting().lanes[:1]
     start, end = lanes[0]
     path = rounded_path([start, end], 0.0, speed_m_s=5.0)
@@ -47,15 +47,15 @@ def in_the_air(*, on_lane: bool) -> State:
     return state.with_vehicle(ours)
 
 
-def told(does: str, vehicle: int = 1) -> MemberReport:
-    """Another tells that it holds that lane."""
+def report_of(does: str, vehicle: int = 1) -> MemberReport:
+    """Return the report of another member that it holds that lane."""
     return MemberReport(
         vehicle, 1.0, GridPoint(0.0, 20.0), 30.0, 50.0, does, setting().pad_of(vehicle), (0,)
     )  # type: ignore[arg-type]
 
 
 def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
-    state = member_reported(in_the_air(on_lane=False), told("flies"))
+    state = member_reported(in_the_air(on_lane=False), report_of("flies"))
     ours = state.vehicles[OURS]
     assert (ours.lanes, ours.on_lane, ours.lane_seen_m) == ((), False, ())
     state = apply(state, Arrived(OURS, 12.0, setting().lanes[0][1]))
@@ -63,27 +63,27 @@ def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
 
 
 @pytest.mark.parametrize("on_lane", [True, False])
-def test_who_is_on_a_lane_keeps_it_and_who_flies_from_all_that_do_not_fly(*, on_lane: bool) -> None:
+def test_own_lane_is_kept_on_it_or_while_the_other_does_not_fly(*, on_lane: bool) -> None:
     for does in ("stands", "down", "ended", "pilot", "guarded", *(["flies"] if on_lane else [])):
-        ours = member_reported(in_the_air(on_lane=on_lane), told(does)).vehicles[OURS]
+        ours = member_reported(in_the_air(on_lane=on_lane), report_of(does)).vehicles[OURS]
         assert (ours.lanes, ours.lane_seen_m) == (setting().lanes[:1], (4.0,)), does
 
 
-def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> None:
+def test_lane_of_a_vehicle_that_is_down_is_not_flown_again_once_it_is_seen() -> None:
     state = in_the_air(on_lane=False)
     state = state.with_vehicle(replace(state.vehicles[OURS], lanes=()))
-    state = member_reported(state, told("down"))
+    state = member_reported(state, report_of("down"))
     assert drop_seen(state).vehicles[1].lanes == setting().lanes[:1]
     votes = tuple(Vote(cell, False, 0.0) for cell in setting().box_cells)
     state = apply(state, FrameSeen(OURS, 2.0, None, votes, overview=True))
-    state = member_reported(state, told("down"))
+    state = member_reported(state, report_of("down"))
     assert drop_seen(state).vehicles[1].lanes == ()
 
 
-def test_air_that_was_promised_once_is_asked_for_again_the_next_time() -> None:
+def test_air_that_was_reserved_once_is_requested_again_the_next_time() -> None:
     state = in_the_air(on_lane=False)
     for vehicle in (1, 3):
-        state = member_reported(state, replace(told("flies", vehicle), lanes=()))
+        state = member_reported(state, replace(report_of("flies", vehicle), lanes=()))
     mine = replace(state.vehicles[OURS], lanes=(), order=None, leased_until_s=500.0)
     after = change_layer(state.with_vehicle(mine), mine)
     assert after is not None
@@ -97,10 +97,10 @@ def test_air_that_was_promised_once_is_asked_for_again_the_next_time() -> None:
 
 # --- between two layers ------------------------------------------------------------------------
 def stopped_between(*, leased_s: float, apart: bool = False) -> State:
-    """Ours has come down to 2 m above the layer from which it maps, and was stopped there."""
+    """Return a state with our vehicle stopped 2 m above the layer from which it maps."""
     state = replace(in_the_air(on_lane=False), t_s=100.0)
     for vehicle in (1, 3):
-        state = member_reported(state, replace(told("flies", vehicle), lanes=()))
+        state = member_reported(state, replace(report_of("flies", vehicle), lanes=()))
     if apart:
         state = apply(state, MemberApart(3, 100.0))
     mine, low_m = state.vehicles[OURS], setting().mission.altitude_m(OURS - 1)
@@ -119,13 +119,13 @@ def sent_back(state: State) -> VehicleState:
     return after.vehicles[OURS]
 
 
-def test_who_is_stopped_between_its_layers_goes_on_while_the_air_is_its_own() -> None:
+def test_vehicle_stopped_between_its_layers_continues_while_its_air_is_reserved() -> None:
     ours = sent_back(stopped_between(leased_s=120.0))
     assert isinstance(ours.order, FlyTo)
     assert ours.order.height_m == setting().mission.search_altitude_m(OURS - 1)
 
 
-def test_who_is_stopped_for_longer_asks_anew_for_the_shorter_way() -> None:
+def test_vehicle_stopped_for_longer_requests_air_for_the_shorter_path() -> None:
     state, low_m = stopped_between(leased_s=10.0), setting().mission.altitude_m(OURS - 1)
     ours = sent_back(state)
     assert isinstance(ours.order, Hold)
@@ -142,7 +142,7 @@ def test_who_is_stopped_for_longer_asks_anew_for_the_shorter_way() -> None:
     assert isinstance(unanswered.order, FlyTo)
 
 
-def test_who_cannot_ask_everybody_leaves_the_layer_of_others_at_once() -> None:
+def test_vehicle_that_cannot_ask_all_members_leaves_the_layer_of_others_at_once() -> None:
     ours = sent_back(stopped_between(leased_s=10.0, apart=True))
     assert isinstance(ours.order, FlyTo)
     assert ours.order.height_m == setting().mission.altitude_m(OURS - 1)
@@ -160,7 +160,7 @@ def test_who_cannot_ask_everybody_leaves_the_layer_of_others_at_once() -> None:
         ({"phase": Phase.OFFLINE, "order": StandDown()}, False),
     ],
 )
-def test_air_is_promised_only_for_a_vehicle_that_follows_our_orders(
+def test_air_is_reserved_only_for_a_vehicle_under_our_control(
     changes: dict[str, object], promises: bool
 ) -> None:
     state = in_the_air(on_lane=False)
@@ -173,11 +173,11 @@ def test_air_is_promised_only_for_a_vehicle_that_follows_our_orders(
 
 
 @pytest.mark.parametrize("does", ["pilot", "guarded"])
-def test_nobody_is_asked_for_air_while_others_have_the_vehicle_of_one(does: str) -> None:
-    """Its member answers, and cannot say where the vehicle goes: ours goes by its own pad."""
+def test_air_is_not_requested_while_others_control_a_vehicle_of_the_team(does: str) -> None:
+    """Its member does not know where that vehicle flies: ours changes its layer over its pad."""
     state = replace(in_the_air(on_lane=False), t_s=100.0)
     for vehicle, doing in ((1, does), (3, "flies")):
-        state = member_reported(state, replace(told(doing, vehicle), lanes=()))
+        state = member_reported(state, replace(report_of(doing, vehicle), lanes=()))
     mine = replace(state.vehicles[OURS], lanes=(), order=None, position=GridPoint(20.0, 40.0))
     after = change_layer(state.with_vehicle(mine), mine)
     assert after is not None

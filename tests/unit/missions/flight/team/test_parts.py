@@ -1,5 +1,7 @@
-"""Who of a fleet maps what: every cell is one member's, whoever drops out, and nobody waits for
-ever for who cannot be heard."""
+"""Parts of a fleet: every cell is one member's, also after a drop-out.
+
+No member waits for ever for one out of contact.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,7 @@ def setting(member: int) -> Setting:
 
 
 def flying(member: int, *, t_s: float = 100.0) -> State:
-    """All three map, and hold no lanes."""
+    """Return a state in which all three members map, and hold no lanes."""
     state = replace(setting(member).initial_state(), t_s=t_s)
     for number in TEAM:
         vehicle = state.vehicles[number]
@@ -56,7 +58,7 @@ def flying(member: int, *, t_s: float = 100.0) -> State:
     return state
 
 
-def told(state: State, parts: dict[int, tuple[GridPoint, ...]], by: int = 1) -> State:
+def with_parts(state: State, parts: dict[int, tuple[GridPoint, ...]], by: int = 1) -> State:
     return replace(state, allotment=Allotment(by, state.t_s, parts))
 
 
@@ -67,36 +69,36 @@ def test_each_cell_is_of_exactly_one_that_maps(
 ) -> None:
     whose = np.zeros((17 + 16) * (15 + 16), np.int64)
     for member in sorted(set(TEAM) - home):
-        state = told(flying(member), parts)
+        state = with_parts(flying(member), parts)
         for number in home:
-            state = apply(state, heard(member, number, "returns"))
+            state = apply(state, report_from(member, number, "returns"))
         chart = Chart.around(AREA, 4.0)
-        theirs, _, _ = own_part(member, state, chart, TourMemory())
-        assert theirs is not None
-        whose[: theirs.size] += ~theirs
-    assert (whose[: theirs.size] == 1).all()
+        others, _, _ = own_part(member, state, chart, TourMemory())
+        assert others is not None
+        whose[: others.size] += ~others
+    assert (whose[: others.size] == 1).all()
 
 
-def heard(member: int, number: int, does: str) -> MemberReport:
+def report_from(member: int, number: int, does: str) -> MemberReport:
     pad = setting(member).pad_of(number)
     return MemberReport(number, 100.0, GridPoint(0.0, 20.0), 12.0, 50.0, does, pad)  # type: ignore[arg-type]
 
 
-def test_what_was_told_long_ago_is_kept_to_no_more() -> None:
+def test_parts_expire_after_their_validity() -> None:
     parts = {number: (GridPoint(0.0, 10.0 * number),) for number in TEAM}
-    state = told(flying(2), parts)
+    state = with_parts(flying(2), parts)
     for later_s, kept in ((PARTS_VALID_S - 1.0, True), (PARTS_VALID_S, False)):
         now = replace(state, t_s=state.t_s + later_s)
-        theirs, _, _ = own_part(2, now, Chart.around(AREA, 4.0), TourMemory())
-        assert (theirs is not None) is kept
+        others, _, _ = own_part(2, now, Chart.around(AREA, 4.0), TourMemory())
+        assert (others is not None) is kept
 
 
-def test_who_has_no_part_in_what_was_told_plans_for_all() -> None:
-    state = told(flying(2), {1: (GridPoint(0.0, 10.0),)})
+def test_member_without_a_part_plans_for_all() -> None:
+    state = with_parts(flying(2), {1: (GridPoint(0.0, 10.0),)})
     assert own_part(2, state, Chart.around(AREA, 4.0), TourMemory())[0] is None
 
 
-def test_a_plan_begins_once_with_what_was_told() -> None:
+def test_plan_begins_once_with_the_parts_received() -> None:
     state = apply(
         flying(2), PartsAllotted(1, 100.0, (Part(1, ()), Part(2, (GridPoint(4.0, 8.0),))))
     )
@@ -106,21 +108,21 @@ def test_a_plan_begins_once_with_what_was_told() -> None:
     assert again == ()
 
 
-def test_who_is_out_of_contact_keeps_its_part_for_as_long_as_that_takes() -> None:
+def test_member_out_of_contact_keeps_its_part_for_as_long_as_that_takes() -> None:
     parts = {number: (GridPoint(4.0, 10.0 * number),) for number in TEAM}
-    state = apply(told(flying(2), parts), MemberApart(3, 100.0))
+    state = apply(with_parts(flying(2), parts), MemberApart(3, 100.0))
     until_s = state.vehicles[3].held_until_s
     assert 130.0 < until_s < 180.0
     chart = Chart.around(AREA, 4.0)
     its = chart.index(Cell(1, 8))
     for t_s, closed in ((until_s - 1.0, True), (until_s, False)):
         now = replace(state, t_s=t_s, allotment=Allotment(1, t_s, parts))
-        theirs, _, _ = own_part(2, now, Chart.around(AREA, 4.0), TourMemory())
-        assert theirs is not None
-        assert bool(theirs[its]) is closed
+        others, _, _ = own_part(2, now, Chart.around(AREA, 4.0), TourMemory())
+        assert others is not None
+        assert bool(others[its]) is closed
 
 
-def test_lanes_of_who_is_out_of_contact_are_taken_when_they_should_be_flown() -> None:
+def test_lanes_of_a_member_out_of_contact_are_taken_when_they_should_be_flown() -> None:
     state, lanes = flying(2), setting(2).lanes
     state = state.with_vehicle(replace(state.vehicles[3], lanes=lanes))
     state = apply(state, MemberApart(3, 100.0))
@@ -134,7 +136,7 @@ def test_lanes_of_who_is_out_of_contact_are_taken_when_they_should_be_flown() ->
 
 
 @pytest.mark.parametrize("member", TEAM)
-def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
+def test_lowest_number_of_the_mapping_members_lays_out_the_parts(member: int) -> None:
     state, here = flying(member), setting(member)
     flyers = {n: flyer_of(here, state.vehicles[n], None, None, 101.0) for n in TEAM}
     known = chart_of(state, None, 101.0, state.vehicles)
@@ -150,17 +152,17 @@ def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
     soon = replace(state, t_s=100.0 + SHARE_INTERVAL_S - 0.1, allotment=laid)
     again = share_parts(member, soon, OpenWork(known, flyers, TourMemory(), 2))
     assert again.allotment is laid
-    # whoever leads of those that are left goes on with what was told
+    # then the lowest of those that are left lays out the parts
     rest = {n: flyer for n, flyer in flyers.items() if n != 1}
     assert share_parts(2, soon, OpenWork(known, rest, TourMemory(), 2)).allotment != laid
 
 
 @pytest.mark.parametrize("at", [GridPoint(40.0, 50.0), GridPoint(16.0, 4.0)])
-def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: GridPoint) -> None:
+def test_member_without_a_part_flies_home_and_may_be_called_on_its_way(at: GridPoint) -> None:
 
     state = flying(2)
     state = state.with_vehicle(replace(state.vehicles[2], position=at))
-    state = told(state, {1: (GridPoint(10.0, 30.0),), 2: (), 3: (GridPoint(30.0, 30.0),)})
+    state = with_parts(state, {1: (GridPoint(10.0, 30.0),), 2: (), 3: (GridPoint(30.0, 30.0),)})
     order = setting(2).strategy.plan(state).vehicles[2].order
     pad = setting(2).pad_of(2)
     if at.distance_to(pad) < NEAR_PAD_M:
@@ -168,14 +170,16 @@ def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: G
         return
     assert isinstance(order, FlyPath)
     assert order.trajectory.place_at(order.trajectory.end_s).distance_to(pad) < 1.0
-    called = told(setting(2).strategy.plan(state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()})
+    called = with_parts(
+        setting(2).strategy.plan(state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()}
+    )
     called = replace(called, t_s=103.0)
     again = setting(2).strategy.plan(replace(called, memory=None)).vehicles[2].order
     assert isinstance(again, FlyPath)
     assert again is not order
 
 
-def test_who_waits_over_its_pad_has_its_part_in_what_is_laid_out() -> None:
+def test_member_that_waits_over_its_pad_has_a_part() -> None:
     found = FactsShared(3, 99.0, 0, (Fact(90.0, ((Cell(3, 8), True),)),))
     for member, lays in ((1, True), (2, False)):
         state = apply(flying(member), found)

@@ -15,7 +15,7 @@ from uavmap.output.facts.figures import aircraft_down
 
 
 def ended(other: Phase, member: int | None = 1) -> State:
-    """All is mapped and all vehicles stand at home, as far as is known; the second is `other`."""
+    """Return a state with all mapped and all vehicles at home, as known; the second is `other`."""
     state = setting_of(with_own_air(load("bay")), member=member).initial_state()
     for number, vehicle in state.vehicles.items():
         phase = other if number == 2 else Phase.FINISHED

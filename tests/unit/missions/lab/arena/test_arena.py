@@ -1,5 +1,4 @@
-"""The arena with scripted strategies: time, looks, who decides, who may talk to whom, and what a
-strategy is not allowed to do."""
+"""The arena with scripted strategies: time, looks, decisions, radio, and forbidden acts."""
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ Rule = Callable[[Situation], Mapping[int, Cell | None]]
 
 @dataclass(frozen=True)
 class Scripted:
-    """A strategy that does as a function says, and keeps what it was asked."""
+    """A strategy that follows a function, and keeps its questions."""
 
     rule: Rule
     asked: list[Situation] = field(default_factory=list)
@@ -43,7 +42,7 @@ class Scripted:
 
 
 def out_and_back(situation: Situation) -> dict[int, Cell | None]:
-    """Along the row to its end, and home."""
+    """Move along the row to its end, and home."""
     tree = situation.tree
     moves: dict[int, Cell | None] = {}
     for robot in situation.robots:
@@ -57,7 +56,7 @@ def out_and_back(situation: Situation) -> dict[int, Cell | None]:
 
 
 def ahead_or_home(situation: Situation) -> dict[int, Cell | None]:
-    """Along the row, and home at once from its end."""
+    """Move along the row, and home at once from its end."""
     ahead = Cell(situation.at[0].east + 1, 0)
     return {0: ahead if ahead in situation.tree else START}
 
@@ -83,13 +82,13 @@ def test_one_robot_along_a_row_learns_and_remembers():
     ],
     ids=["steps", "looks", "drift"],
 )
-def test_what_a_move_takes(metric, legs):
+def test_move_takes_the_time_of_its_metric(metric, legs):
     done = run(Scripted(out_and_back), ROW, START, 1, metric=metric)
     assert [leg.end_t - leg.start_t for leg in done.legs] == pytest.approx(legs)
     assert done.makespan == pytest.approx(sum(legs))
 
 
-def test_in_straight_flight_alone_a_move_may_lead_to_any_known_cell():
+def test_move_to_any_known_cell_is_allowed_in_straight_flight_alone():
     done = run(Scripted(ahead_or_home), ROW, START, 1, metric=Metric(straight=True))
     assert [leg.end.east for leg in done.legs] == [1, 2, 3, 0]
     assert done.makespan == 6.0
@@ -97,7 +96,7 @@ def test_in_straight_flight_alone_a_move_may_lead_to_any_known_cell():
         run(Scripted(ahead_or_home), ROW, START, 1)
 
 
-def test_what_is_known_beforehand_need_not_be_found():
+def test_cells_known_beforehand_need_not_be_found():
     tree = Tree.rooted(START)
     for cell in ROW:
         tree = observe(tree, cell, ROW)
@@ -105,13 +104,13 @@ def test_what_is_known_beforehand_need_not_be_found():
 
 
 # --- teams -----------------------------------------------------------------------------------
-def test_who_arrives_at_the_same_instant_decides_together():
+def test_robots_that_arrive_at_the_same_instant_decide_together():
     explorer = Scripted(out_and_back)
     run(explorer, ROW, START, 3)
     assert {situation.robots for situation in explorer.asked} == {(0, 1, 2)}
 
 
-def test_who_is_on_the_way_is_told_by_where_it_will_be():
+def test_robot_on_the_way_is_shown_where_it_will_be():
     """Robot 1 stays at home until robot 0 is two cells away."""
 
     def late(situation: Situation) -> dict[int, Cell | None]:
@@ -131,7 +130,7 @@ PLUS = {START, *START.neighbours(), Cell(0, 2), Cell(2, 0)}
 
 
 def fan_out(after: Cell | None, until: int) -> Rule:
-    """Two go north and east and then to a place, until so many cells are known."""
+    """Move two robots north and east, then to a place, until a number of cells is known."""
 
     def rule(situation: Situation) -> Mapping[int, Cell | None]:
         goals = {0: Cell(0, 1), 1: Cell(1, 0)}
@@ -142,7 +141,7 @@ def fan_out(after: Cell | None, until: int) -> Rule:
     return rule
 
 
-def test_a_team_that_shares_knows_what_one_sees():
+def test_team_that_shares_knows_the_cells_that_one_sees():
     explorer = Scripted(fan_out(None, len(PLUS)))
     run(explorer, PLUS, START, 2)
     assert len(explorer.asked[1].tree) == len(PLUS)
@@ -157,7 +156,7 @@ def test_robots_that_meet_only_know_nothing_of_the_others_meanwhile():
     assert len(together.tree) == len(PLUS)
 
 
-def test_who_takes_no_part_stays_where_it_is_and_goes_on_later():
+def test_robot_that_takes_no_part_stays_where_it_is_and_continues_later():
     def half_day(t: float, tree: Tree) -> list[int]:
         return [] if 1.5 <= t < 5.0 else [0]
 
@@ -166,7 +165,7 @@ def test_who_takes_no_part_stays_where_it_is_and_goes_on_later():
     assert set(done.tree.vertices) == set(ROW)
 
 
-def test_who_failed_is_not_told_to_the_explorer():
+def test_failed_robot_is_not_shown_to_the_explorer():
     explorer = Scripted(out_and_back)
     run(explorer, ROW, START, 2, team=lambda t, tree: [0] if t < 3.0 else [0, 1])
     assert set(explorer.asked[0].at) == {0}
@@ -206,7 +205,7 @@ def test_strategies_without_a_map_are_given_more_time():
 # --- every leg of a real run -----------------------------------------------------------------
 @pytest.mark.parametrize("name", ["rdfs", "greedy", "hungarian", "bfdn"])
 @pytest.mark.parametrize("comms", list(Comms))
-def test_legs_join_up_and_nobody_flies_twice_at_once(name, comms):
+def test_legs_join_up_and_no_robot_flies_two_at_once(name, comms):
     roi = grown("ragged", 40, 3)
     done = run(EXPLORERS[name], roi.cells, roi.start, 4, comms=comms)
     by_robot: dict[int, list[Leg]] = {}
@@ -245,8 +244,9 @@ def test_legs_join_up_and_nobody_flies_twice_at_once(name, comms):
     ],
 )
 def test_every_move_is_the_one_that_was_recorded(name, kind, cells, robots, moves, digest):
-    """Costs here are whole and half numbers, so no machine rounds them otherwise. Who changes a
-    strategy on purpose records anew, and says so in the changelog."""
+    """Costs here are whole and half numbers, so all machines round them alike.
+
+    After a deliberate change of a strategy record anew, and note it in the changelog."""
     roi = grown(kind, cells, 5)
     legs = run(EXPLORERS[name], roi.cells, roi.start, robots).legs
     assert len(legs) == moves

@@ -1,4 +1,4 @@
-"""Radio in the arena: who hears whom and knows what when, and that all is explored and known."""
+"""Radio in the arena: reception, knowledge over time, and full exploration."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ ROW = [Cell(e, 0) for e in range(8)]
 
 
 class Team:
-    """Robots that stand in a row, of whom the first has looked along it."""
+    """Robots that stand in a row; the first has observed it."""
 
     def __init__(self, links: Links, *easts: int, looks: int = 4) -> None:
         self.radio = Radio(links, ROW)
         self.at = {robot: Cell(east, 0) for robot, east in enumerate(easts)}
         known = observe(Tree.rooted(START), START, ROW)
-        heard = dict.fromkeys(self.at, (0.0, START))
-        self.minds = {robot: Mind(known, heard) for robot in self.at}
+        received = dict.fromkeys(self.at, (0.0, START))
+        self.minds = {robot: Mind(known, received) for robot in self.at}
         tree, looked = known, 0
         for cell in ROW[1 : looks + 1]:
             tree, looked = observe(tree, cell, ROW), looked | self.radio.bit(cell)
-        self.minds[0] = Mind(tree, heard, observed=looked)
+        self.minds[0] = Mind(tree, received, observed=looked)
 
     def instant(self, t: float) -> list[int]:
-        """Let them hear and tell at an instant; how far each then knows the row."""
+        """Let them receive and send at an instant; return how far each then knows the row."""
         places = {robot: (float(cell.east), float(cell.north)) for robot, cell in self.at.items()}
         self.radio.tune(t, places, self.at)
         self.radio.deliver(self.minds)
@@ -52,29 +52,29 @@ class Team:
         # from one to the other
         (Links(range_cells=3.0), (0, 3, 6), {0.0: [4, 4, 4]}),
         (Links(range_cells=3.0, rate=100.0), (0, 3, 6), {0.0: [4, 4, 4]}),
-        # what is told with a delay is known at the first instant after it, and each hop takes it
+        # a delayed message is known at the first instant after its delay; each hop has the delay
         (Links(delay=1.5), (0, 3), {0.0: [4, 0], 1.0: [4, 0], 1.4: [4, 0], 1.5: [4, 4]}),
         (
             Links(range_cells=3.0, delay=1.0),
             (0, 3, 6),
             {0.0: [4, 0, 0], 1.0: [4, 4, 0], 2.0: [4, 4, 4]},
         ),
-        # a rate below one tells a cell now and then; all that hear share one message
+        # a rate below one sends a cell now and then; all receivers share one message
         (Links(rate=0.5), (0, 3), {float(t): [4, n] for t, n in enumerate((1, 1, 2, 2, 3))}),
         (Links(rate=2.0), (0, 3, 6, 7), {0.0: [4, 2, 2, 2]}),
     ],
 )
-def test_who_knows_what_when(links, easts, known):
+def test_robots_know_facts_after_the_delay_of_the_radio(links, easts, known):
     team = Team(links, *easts)
     assert {t: team.instant(t) for t in known} == known
 
 
-def test_a_rate_tells_what_hangs_nearest_to_the_root_first():
+def test_rate_sends_the_cells_nearest_to_the_root_first():
     team = Team(Links(rate=1.0), 0, 3, looks=6)
     assert [team.instant(t)[1] for t in (0.0, 1.0, 1.5, 2.0, 9.0, 10.0)] == [1, 2, 2, 3, 4, 5]
 
 
-def test_what_is_lost_is_told_again():
+def test_lost_message_is_sent_again():
     team = Team(Links(loss=0.9, rate=100.0, seed=1), 0, 3)
     known = [team.instant(float(t))[1] for t in range(40)]
     assert known[0] == 0
@@ -85,17 +85,17 @@ def test_what_is_lost_is_told_again():
 def test_the_loss_is_of_pairs_at_instants():
     radio = Radio(Links(loss=0.3, seed=1), ROW)
     places = {0: (0.0, 0.0), 1: (1.0, 0.0)}
-    heard = 0
+    received = 0
     for t in range(2000):
         radio.tune(float(t), places, {})
-        heard += radio.touch[0] == (0, 1)
-    assert heard / 2000 == pytest.approx(0.7, abs=0.03)
+        received += radio.touch[0] == (0, 1)
+    assert received / 2000 == pytest.approx(0.7, abs=0.03)
 
 
 @pytest.mark.parametrize(
     ("named", "touch"),
     [((), {(0,), (1,), (2,)}), ((frozenset({0, 2}),), {(0, 2), (1,)})],
-    ids=["nobody", "a group"],
+    ids=["none", "a group"],
 )
 def test_a_partition_lasts_from_its_beginning_to_its_end(named, touch):
     radio = Radio(Links(apart=(Partition(2.0, 4.0, named),)), ROW)
@@ -107,14 +107,14 @@ def test_a_partition_lasts_from_its_beginning_to_its_end(named, touch):
     assert found == [{(0, 1, 2)}, touch, touch, {(0, 1, 2)}]
 
 
-def test_who_stands_at_one_vertex_hears_whatever_the_radio_does():
+def test_robots_at_one_vertex_receive_each_other_without_radio():
     radio = Radio(Links(loss=1.0, apart=(Partition(0.0, 9.0),)), ROW)
     places = dict.fromkeys(range(3), (2.0, 0.0))
     radio.tune(1.0, places, {0: Cell(2, 0), 2: Cell(2, 0)})  # 1 flies by
     assert radio.touch == {0: (0, 2), 1: (1,), 2: (0, 2)}
 
 
-def test_those_in_touch_remember_what_the_first_does_that_is_not_done():
+def test_robots_in_contact_share_the_memory_of_the_first_that_is_not_done():
     team = Team(Links(), 0, 3, 6)
     team.minds = {r: replace(mind, memory=f"of {r}") for r, mind in team.minds.items()}
     team.radio.tune(0.0, {r: (float(c.east), 0.0) for r, c in team.at.items()}, team.at)
@@ -122,7 +122,7 @@ def test_those_in_touch_remember_what_the_first_does_that_is_not_done():
     assert {mind.memory for mind in team.minds.values()} == {"of 1"}
 
 
-def test_a_place_that_hangs_in_no_tree_yet_is_not_heard_of():
+def test_place_that_is_in_no_tree_yet_is_not_received():
     team = Team(Links(rate=1.0), 0, 3)
     team.minds[0] = Mind(
         team.minds[0].tree, {0: (5.0, Cell(5, 0)), 1: (0.0, START)}, None, team.minds[0].observed
@@ -202,7 +202,7 @@ def test_a_radio_without_limits_is_shared_communication(explorer, roi, robots, m
         ]
     ),
 )
-def test_a_radio_that_nobody_hears_is_meeting(explorer, roi, robots, metric, silent):
+def test_radio_without_receivers_is_meeting(explorer, roi, robots, metric, silent):
     meeting, apart = (
         run(explorer, roi.cells, roi.start, robots, metric=metric, comms=comms)
         for comms in (Comms.MEETING, silent)
@@ -217,7 +217,7 @@ def test_the_same_seed_gives_the_same_moves(explorer, roi, radio):
     assert facts(once) == facts(again)
 
 
-def test_nobody_is_led_astray_by_what_another_remembers_that_is_done():
+def test_memory_of_a_robot_that_is_done_misleads_no_other():
     """With the memory of a robot at home, which is out of date, `bfdn` led three to and fro."""
     roi = grown("thin", 18, 176)
     done = run(EXPLORERS["bfdn"], roi.cells, roi.start, 5, comms=Links(range_cells=2.0))
@@ -234,8 +234,8 @@ def test_another_seed_loses_other_messages():
 
 
 @pytest.mark.parametrize("name", ["rdfs", "horizon"])
-def test_between_meeting_and_shared_a_radio_helps(name):
-    """In the mean over regions, not in each: who knows more may still choose worse."""
+def test_radio_is_between_meeting_and_shared(name):
+    """This holds in the mean over regions: with more knowledge a robot may still choose worse."""
 
     def mean(comms: Comms | Links) -> float:
         regions = [grown("eden", 60, seed) for seed in range(4)]

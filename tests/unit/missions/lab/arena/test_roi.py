@@ -1,4 +1,4 @@
-"""Regions to explore without flying: how they grow, and what is promised of their shape."""
+"""Regions to explore without flying: their growth, and promises of their shape."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SEEDS = range(10)
 
 
 def edges(cells: set[Cell] | frozenset[Cell]) -> int:
-    """How many pairs of cells lie side by side."""
+    """Return the number of pairs of cells that lie side by side."""
     return sum(near in cells for cell in cells for near in cell.neighbours()) // 2
 
 
@@ -46,7 +46,7 @@ def test_a_thin_region_has_no_cycle_and_is_long_and_an_eden_is_round(seed):
 
 
 def holes(cells: set[Cell]) -> int:
-    """Cells outside that cannot be reached from far away."""
+    """Return the number of cells outside that cannot be reached from far away."""
     east = [c.east for c in cells]
     north = [c.north for c in cells]
     around = {
@@ -76,7 +76,7 @@ def test_a_rectangle_is_one_but_for_its_last_row(size, seed):
 
 
 # --- boundaries and regions ------------------------------------------------------------------
-def test_the_boundary_is_what_touches_the_outside():
+def test_boundary_is_the_cells_that_touch_the_outside():
     block = {Cell(e, n) for e in range(4) for n in range(3)}
     inner = {Cell(1, 1), Cell(2, 1)}
     assert set(boundary(block)) == block - inner
@@ -97,12 +97,12 @@ def test_a_grown_region_starts_at_its_rim(kind, seed):
 
 # --- what is refused -------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("kind", "cells", "said"),
+    ("kind", "cells", "message"),
     [
         ("blob", 10, "'blob' is not a kind of ROI; choose one of eden"),
         *(("eden", n, f"a ROI of {n} cells cannot be grown") for n in (0, -1, MAX_CELLS + 1)),
     ],
 )
-def test_what_cannot_be_grown_is_refused(kind, cells, said):
-    with pytest.raises(RoiError, match=said):
+def test_region_that_cannot_be_grown_is_refused(kind, cells, message):
+    with pytest.raises(RoiError, match=message):
         grown(kind, cells, 1)

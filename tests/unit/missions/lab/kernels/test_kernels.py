@@ -1,4 +1,4 @@
-"""Kernels beside plain readings of what they compute."""
+"""Kernels compared with plain code for the same results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from missions.lab.kernels.lattice_walks import cover
 from missions.planning.kernels import jit
 
 
-def test_without_a_folder_for_compiled_code_every_run_compiles(monkeypatch):
+def test_every_run_compiles_without_a_folder_for_compiled_code(monkeypatch):
     def njit(cache):
         def compiled(what):
             if cache:
@@ -29,8 +29,8 @@ def test_without_a_folder_for_compiled_code_every_run_compiles(monkeypatch):
     assert jit.kernel(abs) == ("compiled", abs)
 
 
-def test_what_kernels_of_other_modules_call_never_changes():
-    """What is compiled already would go on with what it was."""
+def test_functions_that_kernels_of_other_modules_call_never_change():
+    """Code that is compiled already would continue with the old values."""
     state = np.array([7], np.int64)
     assert [jit.draw(state, 1000) for _ in range(6)] == [0, 595, 209, 241, 775, 327]
     assert jit.uniform(state) == 0.6048307691723251
@@ -51,7 +51,7 @@ def test_kernels_call_no_others_outside_of_their_module():
 
 # --- greedy ----------------------------------------------------------------------------------
 def plain_greedy(beside: dict[int, set[int]], rank: list[int], start: int) -> int:
-    """Travel to the nearest unvisited vertex, of several to the lowest in rank; ranks differ."""
+    """Return the travel to the nearest unvisited vertex, among equals to the lowest in rank."""
     visited, at, travel = {start}, start, 0
     while len(visited) < len(beside):
         steps = {at: 0}

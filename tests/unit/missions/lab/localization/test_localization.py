@@ -18,7 +18,7 @@ from missions.units import Cell
 
 RNG = np.random.default_rng
 FLOWN = Noise(27 / 483, 53 / 483)
-"""What Sung and Tokekar counted in flight."""
+"""Counts of Sung and Tokekar in flight."""
 
 
 # --- the paper's grids -----------------------------------------------------------------------
@@ -46,7 +46,7 @@ def test_the_studded_squares_of_lemma_8(k):
 
 
 @pytest.mark.parametrize("cells", [3, 4, 7, 20])
-def test_in_a_corridor_no_method_is_faster_than_theorem_3_says(cells):
+def test_no_method_in_a_corridor_is_faster_than_theorem_3_allows(cells):
     known = GridMap.from_cells(corridor(cells))
     for method in METHODS.values():
         if method.bound is not None:
@@ -58,15 +58,15 @@ def test_in_a_corridor_no_method_is_faster_than_theorem_3_says(cells):
 # --- the planner -----------------------------------------------------------------------------
 @pytest.mark.parametrize("spare", [0, 1, 2, 4])
 def test_the_planner_hands_over_to_homing_before_the_bound_is_broken(spare):
-    """On a map where homing may need almost all of the 4 n moves, those to spare are few."""
+    """On this map homing may need almost all of the 4 n moves: few are left."""
     known = GridMap.from_cells(grown("rectangle", 60, 3).cells)
     planner, needed = Planner(known), homing_bound(known)
     planner.homing_bound = 4 * known.size - spare
-    told: list[Cell] = []
+    reported: list[Cell] = []
     for start in known.cells:
         pattern = known.patterns[known.index[start]]
         method = Method(
-            "plan", lambda p, of, rng, at=start: plan(p, planner, lambda: told.append(at)),
+            "plan", lambda p, of, rng, at=start: plan(p, planner, lambda: reported.append(at)),
             lambda n: 4 * n, "", needs_map=True,
         )  # fmt: skip
         done = localize(known, start, method, RNG(1), planner)
@@ -75,8 +75,8 @@ def test_the_planner_hands_over_to_homing_before_the_bound_is_broken(spare):
         if spare == 0 and len(known.alike[pattern]) > 1:
             homing = localize(known, start, METHODS["homing"], RNG(1), planner)
             assert done.moves == homing.moves
-            assert told[-1] == start
-    assert told
+            assert reported[-1] == start
+    assert reported
 
 
 def test_the_planner_needs_fewer_moves_than_homing_on_average():
@@ -92,7 +92,7 @@ def test_the_planner_needs_fewer_moves_than_homing_on_average():
 
 
 # --- maps ------------------------------------------------------------------------------------
-def test_what_is_no_map_is_refused():
+def test_grid_that_is_no_map_is_refused():
     with pytest.raises(LocalizationError, match="without cells"):
         GridMap.from_cells([])
     with pytest.raises(LocalizationError, match=r"cell \(5, 0\) cannot be reached from \(0, 0\)"):
@@ -101,7 +101,7 @@ def test_what_is_no_map_is_refused():
 
 # --- the belief ------------------------------------------------------------------------------
 def test_a_belief_is_bayes_rule_by_hand():
-    """Against every history of a robot in an L, written out."""
+    """The belief agrees with every history of a robot in an L, written out."""
     known = GridMap.from_cells({Cell(0, 0), Cell(1, 0), Cell(1, 1)})
     fp, fn, slip = 0.1, 0.2, 0.3
 
@@ -109,8 +109,8 @@ def test_a_belief_is_bayes_rule_by_hand():
         value = 1.0
         for i, (de, dn) in enumerate(RING):
             free = Cell(cell.east + de, cell.north + dn) in known.index
-            says = bool(seen >> i & 1)
-            value *= (1 - fn if says else fn) if free else (fp if says else 1 - fp)
+            expected = bool(seen >> i & 1)
+            value *= (1 - fn if expected else fn) if free else (fp if expected else 1 - fp)
         return value
 
     def landed(cell: Cell, de: int, dn: int) -> Cell:
@@ -150,7 +150,7 @@ def test_a_belief_takes_looks_at_some_neighbours_and_moves_of_several_cells():
 
 
 def test_an_aircraft_may_be_beside_the_region():
-    """Places where it can be, and a look at the cell below: is it region?"""
+    """The aircraft has possible places, and a look at the cell below: is it region?"""
     region = {Cell(1, 1), Cell(2, 1)}
     box = {Cell(east, north) for east in range(4) for north in range(3)}
     known = GridMap.from_cells(region, box)
@@ -161,7 +161,7 @@ def test_an_aircraft_may_be_beside_the_region():
     assert 0.5 < unsure.confidence < 1.0
 
 
-def test_what_fits_nowhere_is_said():
+def test_observation_that_fits_nowhere_is_reported():
     with pytest.raises(LocalizationError, match="fits no cell of the map"):
         Belief.uniform(GridMap.from_cells(corridor(4))).saw(0b1)
 
@@ -179,7 +179,7 @@ def test_rates_that_are_none_are_refused(make):
 
 # --- with errors -----------------------------------------------------------------------------
 @pytest.mark.parametrize(("name", "runs"), [("plan", 150), ("depth-first", 80), ("homing", 30)])
-def test_what_is_said_with_95_percent_is_right_that_often(name, runs):
+def test_answer_with_95_percent_is_right_that_often(name, runs):
     known = GridMap.from_cells(grown("ragged", 120, 3).cells)
     errors = Errors(FLOWN, slip=0.02)
     done = []

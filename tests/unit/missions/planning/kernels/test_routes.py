@@ -21,7 +21,7 @@ SEEDS = range(8)
 
 
 class Drawn:
-    """A picture of cells, and where in it each lies."""
+    """A raster of cells, and the place of each."""
 
     def __init__(self, looked: set[Cell], unlooked: set[Cell]) -> None:
         known = looked | unlooked
@@ -40,12 +40,12 @@ class Drawn:
     def cell(self, index: int) -> Cell:
         return Cell(index % self.width + self.west, index // self.width + self.south)
 
-    def of(self, value: int) -> set[Cell]:
+    def cells_of(self, value: int) -> set[Cell]:
         return {self.cell(int(i)) for i in np.flatnonzero(self.picture == value)}
 
 
 def half_explored(seed: int, size: int = 30) -> tuple[set[Cell], set[Cell]]:
-    """Cells that were looked from, breadth first, and those that were seen from them."""
+    """Return observed cells, breadth first, and those that were seen from them."""
     rng = np.random.default_rng(seed)
     roi = KINDS[sorted(KINDS)[seed % len(KINDS)]](size, rng)
     order = list(distances(roi, Cell(0, 0)))
@@ -54,21 +54,21 @@ def half_explored(seed: int, size: int = 30) -> tuple[set[Cell], set[Cell]]:
     return looked, seen - looked
 
 
-def test_nothing_is_imagined_in_a_corridor():
+def test_corridor_has_no_imagined_cell():
     corridor = {Cell(e, 0) for e in range(5)} | {Cell(4, n) for n in range(4)}
     drawn = Drawn(corridor - {Cell(4, 3)}, {Cell(4, 3)})
     imagine(drawn.picture, drawn.width)
-    assert drawn.of(IMAGINED) == set()
+    assert drawn.cells_of(IMAGINED) == set()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_only_what_nobody_can_know_is_imagined(seed):
+def test_only_unknown_cells_are_imagined(seed):
     looked, unlooked = half_explored(seed, size=60)
     drawn = Drawn(looked, unlooked)
     imagine(drawn.picture, drawn.width)
-    assert drawn.of(LOOKED) == looked
-    assert drawn.of(UNLOOKED) == unlooked
-    for cell in drawn.of(IMAGINED):
+    assert drawn.cells_of(LOOKED) == looked
+    assert drawn.cells_of(UNLOOKED) == unlooked
+    for cell in drawn.cells_of(IMAGINED):
         assert not set(cell.neighbours()) & looked
 
 
@@ -82,8 +82,8 @@ def sites(seed: int, nodes: int, robots: int) -> tuple[np.ndarray, np.ndarray, n
 
 @pytest.mark.parametrize("nodes", [2, 4, 6])
 @pytest.mark.parametrize("seed", range(4))
-def test_on_few_sites_the_search_finds_the_shortest_round(seed, nodes):
-    """Against every order there is."""
+def test_search_on_few_sites_finds_the_shortest_round(seed, nodes):
+    """The test tries every order."""
     legs, loads, _ = sites(seed, nodes, 1)
     outlays = Outlays(legs, loads, np.zeros(nodes), 0.0)
     none, empty = np.zeros((1, 1), np.int32), np.zeros(1, np.int64)
@@ -131,7 +131,7 @@ def test_every_node_is_on_one_route_and_searching_pays(seed):
 def test_the_nearest_are_the_first_by_cost_then_by_number(seed, nodes, robots, part):
     others = nodes + robots - 1
     many = max(1, round(part * others))
-    size = nodes + robots + 1  # the last is home, to which nobody is near
+    size = nodes + robots + 1  # the last is home, which is near to no node
     legs = np.random.default_rng(seed).integers(1, 6, (size, size)).astype(float)  # many ties
     found = nearest(legs, nodes, robots, many)
     for node in range(nodes):
@@ -142,10 +142,10 @@ def test_the_nearest_are_the_first_by_cost_then_by_number(seed, nodes, robots, p
 def both_searches(
     seed: int, nodes: int, loads: float, moves: int, heat: float
 ) -> tuple[list[list[int]], list[float]]:
-    """The routes of `improve_alone` and of `improve` from the same beginning, and their lengths.
+    """Return the routes of `improve_alone` and `improve` from the same start, and their lengths.
 
-    What lies behind a node is for `improve`; with a share of 0 it costs nothing. Legs are whole
-    numbers, as on a grid: sums of others hang on their order.
+    Only `improve` counts work behind a node; with a share of 0 it costs nothing. Legs are whole
+    numbers, as on a grid: sums of others depend on their order.
     """
     rng = np.random.default_rng(seed)
     places = rng.integers(0, 12, (nodes + 2, 2))
@@ -171,13 +171,13 @@ def test_the_search_for_one_robot_is_that_for_a_team(seed):
 
 
 def test_the_search_for_one_robot_warms_up_as_that_for_a_team():
-    """With heat the two differ in rounding only: in the mean their routes are as long."""
+    """With heat both differ in rounding only: their routes are equally long in the mean."""
     alone, team = np.sum([both_searches(seed, 30, 0.0, 3000, 0.1)[1] for seed in range(30)], axis=0)
     assert abs(alone / team - 1.0) < 0.01
 
 
 def test_a_nook_is_imagined_where_the_roi_is_compact():
-    """Two by two cells that were looked from, then a step whose inner corner nobody has seen."""
+    """Two by two cells were observed, then a step whose inner corner is unseen."""
     rows = ["00000000", "00000000", "00000000", "00022000", "00022100", "00001000", "00000000"]
     rows += ["00000000", "00000000"]
     picture = np.array([int(c) for row in rows for c in row], np.int8)

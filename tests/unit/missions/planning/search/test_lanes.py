@@ -1,4 +1,4 @@
-"""The search by hand: where lanes lie, in which order they are flown, and who flies which."""
+"""The search by hand: places and order of lanes, and the vehicle of each."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_lanes_lie_three_cells_apart_along_the_longer_side_to_and_fro(along):
         (24.0, [4.0, 16.0, 24.0]),  # seven
     ],
 )
-def test_so_many_rows_of_cells_need_so_many_lanes(north, rows):
+def test_number_of_rows_gives_the_number_of_lanes(north, rows):
     flown = lanes(ring(0, -0.5, 80, north + 0.5), 4.0, OPEN)
     assert [start.north_m for start, _ in flown] == rows
 
@@ -94,7 +94,7 @@ def test_a_slanting_rim_makes_lanes_as_long_as_the_longest_row_they_judge():
         assert start.distance_to(end) == pytest.approx(widest_m, abs=0.01)
 
 
-def test_what_the_fence_forbids_is_cut_out():
+def test_part_that_the_fence_forbids_is_cut_out():
     holed = Fence.from_rings(ring(-50, -50, 150, 150), [ring(40, -20, 60, 30)], 2.0)
     flown = lanes(ring(0, 0, 100, 44), 4.0, holed)
     cut = [(a.east_m, b.east_m) for a, b in flown if a.north_m == 4.0]
@@ -137,7 +137,7 @@ def test_no_two_lanes_judge_more_than_one_row_twice(width, depth, cell_m):
 @FAST
 @given(st.integers(30, 120), st.integers(4, 16), st.integers(0, 3))
 def test_a_row_or_two_that_are_left_are_not_worth_a_lane(rows_in_box, rows, spare):
-    """The last lane takes them; all others judge as many as ever, and none is left out."""
+    """The last lane judges them; all others judge three rows, and no row is left out."""
     box = ring(0, 0, 500, (rows_in_box - 1) * 2.0)
     plain, flown = (lanes(box, 2.0, OPEN, rows, eastward=True, spare_rows=k) for k in (0, spare))
     left = (rows_in_box - 1) % rows + 1
@@ -164,7 +164,7 @@ def test_blocks_are_consecutive_and_hold_every_lane_once(long_m, vehicles):
 
 @FAST
 @given(lengths, st.integers(1, 6))
-def test_nobody_has_much_more_than_a_fair_share(long_m, vehicles):
+def test_no_vehicle_has_much_more_than_a_fair_share(long_m, vehicles):
     flown = [lane(0, 12.0 * i, length) for i, length in enumerate(long_m)]
     for block in share_out(flown, vehicles):
         metres = sum(a.distance_to(b) for a, b in block)
@@ -210,7 +210,7 @@ def test_two_lanes_are_flown_out_and_back():
     assert [lane[0].north_m for lane in flown] == [0.0, 100.0]
 
 
-def test_who_stands_in_the_middle_gets_the_lanes_in_the_middle():
+def test_vehicle_in_the_middle_gets_the_lanes_in_the_middle():
     lanes = beside(9, 155.0, 1000.0)
     pads = [GridPoint(x, 0.0) for x in (570.0, 670.0, 595.0, 645.0, 620.0)]
     blocks = share_by_time(lanes, pads)
@@ -224,7 +224,7 @@ places = st.builds(GridPoint, st.floats(-30, 30), st.floats(-30, 30))
 
 
 def judged(box: list[GridPoint], cell_m: float) -> None:
-    """Every cell whose centre is in the box is under a lane, or beside one, not across a corner."""
+    """Check that every cell of the box is under a lane, or beside one across no corner."""
     flown = lanes(box, cell_m, OPEN)
     seen = unary_union([LineString(lane) for lane in flown])
     rows = seen.bounds[2] - seen.bounds[0], seen.bounds[3] - seen.bounds[1]
@@ -276,7 +276,7 @@ def test_lanes_stay_inside_the_fence(seed):
 
 @FAST
 @given(places, places, st.lists(st.floats(0, 1), max_size=30))
-def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(start, end, shares):
+def test_unseen_part_of_a_lane_lies_on_it_and_has_no_frame_near(start, end, shares):
     length_m = start.distance_to(end)
     assume(length_m > 0.01)
     seen_m = [share * length_m for share in shares]
@@ -287,7 +287,7 @@ def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(start, end, share
         assert line.distance(Point(b)) < 1e-6
         middle_m = (start.distance_to(a) + start.distance_to(b)) / 2
         assert all(abs(middle_m - place_m) > 4.0 - 1e-6 for place_m in seen_m)
-    # and whatever is farther than a cell and a half from every frame is in one of them
+    # places farther than a cell and a half from every frame are in one of them
     for share in np.linspace(0, 1, 21):
         place_m = float(share) * length_m
         if all(abs(place_m - seen) > 6.0 for seen in seen_m) and length_m > 2.0:

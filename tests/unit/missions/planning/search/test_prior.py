@@ -1,4 +1,4 @@
-"""The prior of a mission file: its forms, its faults, and what of it every lane shows."""
+"""The prior of a mission file: its forms, its faults, and the share of every lane."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def shown(*prior: Spot | Area) -> tuple[LikelyLane, ...]:
     return likely_lanes(LANES, BOX, prior, 4.0, 3)
 
 
-def test_a_lane_over_a_narrow_spot_has_all_but_what_lies_evenly():
+def test_lane_over_a_narrow_spot_has_all_but_the_even_part():
     found = shown(Spot(GridPoint(20.0, 28.0), 1.5))
     assert found[2].probability == pytest.approx(1 - EVEN_SHARE * 0.75, abs=0.01)
     # the third lane is flown eastward; a tenth of a quarter of the probability lies evenly
@@ -51,7 +51,7 @@ def test_a_hole_of_an_area_holds_nothing():
     assert found[1].probability < found[0].probability / 4
 
 
-def test_of_a_box_along_north_the_same_holds():
+def test_lanes_of_a_box_along_north_have_the_same_weights():
     turned = [GridPoint(p.north_m, p.east_m) for p in BOX]
     along_north = likely_lanes(
         lanes(turned, 4.0, OPEN), turned, [Spot(GridPoint(28.0, 20.0), 1.5)], 4.0, 3
@@ -62,7 +62,7 @@ def test_of_a_box_along_north_the_same_holds():
     )
 
 
-def test_what_no_lane_shows_is_left_out_of_account():
+def test_place_that_no_lane_shows_is_left_out():
     (only,) = likely_lanes(LANES[:1], BOX, [Spot(GridPoint(50.0, 40.0), 3.0)], 4.0, 3)
     assert only.probability == pytest.approx(1.0)
     assert only.middle_m == pytest.approx(50.0, abs=1.0)
@@ -127,7 +127,7 @@ def test_one_place_in_the_box_is_enough():
     assert len(parse_mission(text, "m.toml").search.prior) == 2
 
 
-def test_without_a_prior_nobody_knows_when_the_region_is_seen():
+def test_mission_without_a_prior_has_no_expected_time_of_sighting():
     text = mission_text(square(0, 0, 60, 40), square(-60, -60, 200, 200))
     setting = setting_of(parse_mission(text, "m.toml"))
     assert setting.likely == ()

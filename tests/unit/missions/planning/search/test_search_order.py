@@ -36,7 +36,7 @@ def lane(north_m: float, probability: float, middle_m: float = 20.0) -> LikelyLa
 
 
 def field(prior: tuple[float, float] | None, vehicles: int = 1, north_m: float = 60.0) -> Setting:
-    """A box of 130 m by so much; the prior is a point in ground metres."""
+    """Return the setting of a box from 10 m to `north_m`; the prior is a point in metres."""
     text = mission_text(
         square(0, 10, 130, north_m),
         square(-60, -60, 260, 400),
@@ -54,7 +54,7 @@ def field(prior: tuple[float, float] | None, vehicles: int = 1, north_m: float =
 
 # --- by hand ---------------------------------------------------------------------------------
 def test_the_expected_time_of_two_lanes_by_hand():
-    """8 s to the middle of the first; then 22 s to its end, the next and that one's middle."""
+    """It takes 8 s to the middle of the first lane; then 22 s to that of the next."""
     blocks = [(lane(0.0, 0.25), lane(15.0, 0.75).turned)]
     first_s = 0 / 5 + 2 + 20 / 5
     second_s = 2 + (40 / 5 + 2) + (15 / 5 + 2) + 20 / 5
@@ -68,7 +68,7 @@ def test_a_lane_is_flown_from_the_end_that_is_likelier():
 
 
 @pytest.mark.parametrize("vehicles", [1, 2])
-def test_no_order_at_all_is_better(vehicles):
+def test_search_order_is_the_best_of_all_orders(vehicles):
     likely = [lane(12.0 * i, p, m) for i, (p, m) in enumerate(((0.1, 5), (0.5, 33), (0.4, 20)))]
     homes = [HOME, GridPoint(60.0, 0.0)][:vehicles]
     every: list[list[Block]] = []
@@ -83,7 +83,7 @@ def test_no_order_at_all_is_better(vehicles):
 
 # --- in a mission ----------------------------------------------------------------------------
 @pytest.mark.parametrize("north_m", [60.0, 220.0])
-def test_a_point_in_the_far_corner_is_looked_at_first(north_m):
+def test_point_in_the_far_corner_is_observed_first(north_m):
     setting = field((126.0, 4.0 + north_m), north_m=north_m)
     few = len(setting.lanes) <= EXACT_LANES
     assert few is (north_m == 60.0)  # the exact order, and the local search
@@ -94,21 +94,21 @@ def test_a_point_in_the_far_corner_is_looked_at_first(north_m):
     assert min(point.distance_to(far) for point in plain) > north_m / 2 - 16.0
 
 
-def test_it_is_told_how_much_sooner_that_is():
+def test_first_sighting_is_compared_with_that_in_plain_order():
     found = first_sighting_s(field((96.0, 64.0)))
     assert found is not None
     soon_s, late_s = found
     assert 20.0 < soon_s < 0.5 * late_s
 
 
-def test_two_vehicles_see_it_sooner_than_one():
+def test_two_vehicles_see_the_region_sooner_than_one():
     one, two = (first_sighting_s(field((50.0, 64.0), vehicles)) for vehicles in (1, 2))
     assert one is not None
     assert two is not None
     assert two[0] < one[0]
 
 
-def test_without_a_prior_lanes_are_shared_out_as_they_lie():
+def test_lanes_without_a_prior_are_shared_out_as_they_lie():
     setting = field(None, vehicles=2)
     assert tuple(lane for block in setting.shares for lane in block) == setting.lanes
 

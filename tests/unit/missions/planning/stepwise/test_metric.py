@@ -1,4 +1,4 @@
-"""What a leg costs over a drifting ROI, against a robot that flies it in small steps."""
+"""The cost of a leg over a drifting ROI, compared with a robot that flies small steps."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ metrics = st.builds(
 
 
 def flown(metric: Metric, start: Cell, end: Cell) -> float:
-    """When a robot that flies straight at the place where it will meet the cell gets there.
+    """Return the time at which a robot meets a drifting cell in straight flight.
 
-    Bisection over the time, from nothing but speeds over ground.
+    Bisect the time, from speeds over ground alone.
     """
 
     def is_there(t: float) -> bool:
@@ -54,8 +54,8 @@ def test_a_leg_is_as_long_as_it_is_flown(metric, start, end):
 @pytest.mark.parametrize(
     ("towards", "cost"), [(Cell(1, 0), 1 / 0.4), (Cell(-1, 0), 1 / 1.6), (Cell(0, 1), 1 / 0.8)]
 )
-def test_along_the_axes_are_the_costs_of_the_paper(towards, cost):
-    """With the drift the ROI runs away, against it the ROI comes."""
+def test_costs_along_the_axes_are_those_of_the_paper(towards, cost):
+    """Flight with the drift follows the ROI, flight against it meets the ROI."""
     assert Metric(1.0, drift_east=0.6).leg(Cell(0, 0), towards) == pytest.approx(cost)
 
 
@@ -68,7 +68,7 @@ def test_a_detour_never_saves_time(metric, a, b, c):
 
 @FAST
 @given(metrics, st.lists(cells, min_size=2, max_size=7))
-def test_over_a_closed_tour_the_symmetric_part_is_all_there_is(metric, stops):
+def test_cost_of_a_closed_tour_is_that_of_the_symmetric_part(metric, stops):
     tour = list(itertools.pairwise([*stops, stops[0]]))
     whole = sum(metric.leg(a, b) for a, b in tour)
     assert sum(metric.tour_leg(a, b) for a, b in tour) == pytest.approx(whole, abs=1e-9)
@@ -87,7 +87,7 @@ def test_a_closed_tour_costs_between_least_and_most_per_length(metric, a, b):
 @FAST
 @given(metrics, st.integers(1, 30))
 def test_the_limits_per_length_are_reached_across_and_along(metric, length):
-    """So no better bound than these holds for all directions."""
+    """Therefore no better bound than these holds for all directions."""
     assume(metric.drift_speed > 0.01)
     turned = Metric(metric.speed, drift_east=metric.drift_speed)
     across = turned.tour_leg(Cell(0, 0), Cell(0, length))
@@ -117,7 +117,7 @@ def test_a_robot_must_keep_up_with_the_drift(speed, east, north):
 @pytest.mark.parametrize("speed", [1.0, 5.0])
 @pytest.mark.parametrize("distance", np.linspace(0.1, 30.0, 12))
 def test_a_leg_from_rest_is_that_of_even_acceleration(speed, distance):
-    """A ramp of r seconds is speed / accel: half of it lost while speeding up, half while braking.
+    """A ramp takes speed / accel seconds: half is lost in speeding up, half in braking.
     Short legs are a triangle of speed, long ones a trapezoid."""
     accel = 2.0
     metric = Metric(ramp=speed / accel)

@@ -1,4 +1,4 @@
-"""Tours past all that is to be seen: everything is seen, by somebody, and others' work is left."""
+"""Tours past all places: every place has a vehicle, and work of others is left."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FLYER = Flyer(FLOWN, HOME, HOME)
 
 
 def rectangle(size: int, moves: int = 700) -> tuple[Chart, np.ndarray, Valued, Planner]:
-    """The outline of a square, which nobody has seen from below."""
+    """Return chart, work and planner of a square's outline, without frames from below."""
     cells = [Cell(i, j) for i in range(size) for j in range(size)]
     chart = Chart.around(cells, cell_m=10.0)
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
@@ -34,7 +34,7 @@ def rectangle(size: int, moves: int = 700) -> tuple[Chart, np.ndarray, Valued, P
 
 
 def laid(size: int, *delays_s: float, seed: int = 1, before: Waypoints = ()) -> Tours:
-    """Tours past a square's outline for as many vehicles as there are delays."""
+    """Return tours past a square's outline for as many vehicles as delays."""
     chart, _, valued, _ = rectangle(size)
     team = [FLYER] * len(delays_s)
     found = lay_tours(chart, team, delays_s, valued, 0.0, seed, before)
@@ -42,7 +42,7 @@ def laid(size: int, *delays_s: float, seed: int = 1, before: Waypoints = ()) -> 
     return found
 
 
-def test_all_work_is_somebodys_and_two_are_done_sooner_than_one():
+def test_all_work_has_a_vehicle_and_two_vehicles_end_sooner_than_one():
     _, wanted, _, _ = rectangle(30)
     one, two, same = laid(30, 0.0), laid(30, 0.0, 0.0), laid(30, 0.0, 0.0)
     assert ((one.mine >= 0) == (wanted == 1)).all()
@@ -52,7 +52,7 @@ def test_all_work_is_somebodys_and_two_are_done_sooner_than_one():
     assert same.waypoints == two.waypoints
 
 
-def test_who_is_long_busy_gets_less():
+def test_vehicle_that_is_busy_for_long_gets_less():
     assert (laid(30, 0.0, 1000.0).mine == 1).sum() == 0
 
 

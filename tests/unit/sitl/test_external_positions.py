@@ -26,11 +26,11 @@ VISION = {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": COMPANION}
 ONLY_VISION = {"EKF2_EV_CTRL": 1.0, "EKF2_GPS_CTRL": 0.0}
 
 
-def tell(vehicle, at, *, delay_s=0.0, sigma_m=0.5, frame=0):
-    return tell_lat_lon(vehicle, *vehicle.place(*at), delay_s, sigma_m, frame)
+def send_position(vehicle, at, *, delay_s=0.0, sigma_m=0.5, frame=0):
+    return send_lat_lon(vehicle, *vehicle.place(*at), delay_s, sigma_m, frame)
 
 
-def tell_lat_lon(vehicle, lat_e7, lon_e7, delay_s=0.0, sigma_m=0.5, frame=0):
+def send_lat_lon(vehicle, lat_e7, lon_e7, delay_s=0.0, sigma_m=0.5, frame=0):
     vehicle.receive()
     command = mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE
     vehicle.send(
@@ -41,7 +41,7 @@ def tell_lat_lon(vehicle, lat_e7, lon_e7, delay_s=0.0, sigma_m=0.5, frame=0):
     return vehicle.expect("COMMAND_ACK", timeout_s=0.0, command=command).result
 
 
-def see(vehicle, error=(0.0, 0.0), sigma_m=0.1, resets=0):
+def send_sighting(vehicle, error=(0.0, 0.0), sigma_m=0.1, resets=0):
     east, north = vehicle.where
     vehicle.send(
         mav.MAVLink_vision_position_estimate_message(
@@ -51,7 +51,7 @@ def see(vehicle, error=(0.0, 0.0), sigma_m=0.1, resets=0):
 
 
 def odometry(vehicle, frame, quality=0):
-    """ODOMETRY that errs by 3 m east and 1 m north."""
+    """Send ODOMETRY that errs by 3 m east and 1 m north."""
     east, north = vehicle.where
     vehicle.send(
         mav.MAVLink_odometry_message(
@@ -79,11 +79,11 @@ def receive(vehicle, error=(0.0, 0.0), fix_type=3, accuracy_m=0.5):
     )  # fmt: skip
 
 
-def often(vehicle, say, seconds, hz=10.0):
-    """Say it again and again while time passes; the largest leap of the error between two."""
+def repeat(vehicle, send, seconds, hz=10.0):
+    """Repeat a message while time passes; return the largest leap of the error, m."""
     leap_m, before = 0.0, vehicle.truth.estimate_error_m
     for _ in range(round(seconds * hz)):
-        say()
+        send()
         for _ in range(round(20.0 / hz)):
             vehicle.run(0.05)
             now = vehicle.truth.estimate_error_m
@@ -96,19 +96,19 @@ def often(vehicle, say, seconds, hz=10.0):
 
 def test_an_ardupilot_takes_a_position_while_it_reckons_by_flow():
     vehicle = in_the_air("ardupilot", odometry_drift=0.05)
-    assert tell(vehicle, vehicle.where) == FAILED  # it has satellites
+    assert send_position(vehicle, vehicle.where) == FAILED  # it has satellites
     vehicle.fail.gps()
     vehicle.run(0.9)
-    assert tell(vehicle, vehicle.where) == FAILED  # less than a second ago
+    assert send_position(vehicle, vehicle.where) == FAILED  # less than a second ago
     vehicle.fly_to(0.0, 60.0)
     vehicle.run(20.0)
     assert vehicle.off_m > 0.5
     east, north = vehicle.where
-    assert tell(vehicle, (east + 0.2, north), sigma_m=5.0) == ACCEPTED
+    assert send_position(vehicle, (east + 0.2, north), sigma_m=5.0) == ACCEPTED
     assert vehicle.truth.estimate_error_m == pytest.approx((0.2, 0.0), abs=0.05)
-    assert tell(vehicle, (east, north)) == ACCEPTED  # as often as one likes
+    assert send_position(vehicle, (east, north)) == ACCEPTED  # any number of times
     assert vehicle.off_m < 0.05
-    assert not vehicle.flags & ABSOLUTE  # it is none the wiser of where on earth it is
+    assert not vehicle.flags & ABSOLUTE  # its place on earth stays unknown
     assert vehicle.flags & RELATIVE
 
 
@@ -121,9 +121,9 @@ def test_a_position_that_is_old_is_moved_on():
     assert min(v_east, v_north) > 3.0
     east, north = vehicle.where
     then = (east - 2.0 * v_east, north - 2.0 * v_north)
-    assert tell(vehicle, then, delay_s=2.0) == ACCEPTED
+    assert send_position(vehicle, then, delay_s=2.0) == ACCEPTED
     assert vehicle.truth.estimate_error_m == pytest.approx((0.0, 0.0), abs=0.5)
-    assert tell(vehicle, (east, north), delay_s=NAN, sigma_m=NAN) == ACCEPTED
+    assert send_position(vehicle, (east, north), delay_s=NAN, sigma_m=NAN) == ACCEPTED
     assert vehicle.off_m < 0.1
 
 
@@ -131,28 +131,28 @@ def test_an_ardupilot_without_any_help_takes_one_until_it_gives_its_position_up(
     vehicle = in_the_air("ardupilot", optical_flow=False)
     vehicle.fail.gps()
     vehicle.run(5.0)
-    assert tell(vehicle, vehicle.where) == ACCEPTED
+    assert send_position(vehicle, vehicle.where) == ACCEPTED
     assert vehicle.off_m < 0.05
     vehicle.run(11.0)
-    assert tell(vehicle, vehicle.where) == FAILED
+    assert send_position(vehicle, vehicle.where) == FAILED
 
 
 def test_a_px4_takes_one_while_nothing_helps():
     helped = in_the_air("px4")
-    assert tell(helped, helped.where) == REJECTED
+    assert send_position(helped, helped.where) == REJECTED
     helped.fail.gps()
     helped.run(10.0)
-    assert tell(helped, helped.where) == REJECTED  # by optical flow
+    assert send_position(helped, helped.where) == REJECTED  # by optical flow
     vehicle = in_the_air("px4", optical_flow=False)
     vehicle.fail.gps()
     vehicle.run(0.9)
-    assert tell(vehicle, vehicle.where) == REJECTED
+    assert send_position(vehicle, vehicle.where) == REJECTED
     vehicle.run(2.0)
     wrong = tuple(a + 5.0 for a in vehicle.where)
-    assert tell(vehicle, wrong, delay_s=NAN) == REJECTED
-    assert tell(vehicle, wrong, sigma_m=0.5) == ACCEPTED  # a good one is taken as it is
+    assert send_position(vehicle, wrong, delay_s=NAN) == REJECTED
+    assert send_position(vehicle, wrong, sigma_m=0.5) == ACCEPTED  # a good one is taken as it is
     assert vehicle.off_m == pytest.approx(math.sqrt(50.0), abs=0.05)
-    assert tell(vehicle, vehicle.where, sigma_m=5.0) == ACCEPTED  # this one is weighed
+    assert send_position(vehicle, vehicle.where, sigma_m=5.0) == ACCEPTED  # this one is weighed
     vehicle.run(1.5)
     assert 3.0 < vehicle.off_m < 9.0
 
@@ -160,29 +160,29 @@ def test_a_px4_takes_one_while_nothing_helps():
 def test_a_px4_on_the_ground_takes_one_without_satellites():
     vehicle = piloted(autopilot="px4")[0]
     vehicle.run(6.0)
-    assert tell(vehicle, (3.0, 4.0)) == REJECTED
+    assert send_position(vehicle, (3.0, 4.0)) == REJECTED
     vehicle.fail.gps()
     vehicle.run(8.0)
-    assert tell(vehicle, (3.0, 4.0)) == ACCEPTED
+    assert send_position(vehicle, (3.0, 4.0)) == ACCEPTED
     assert vehicle.off_m == pytest.approx(5.0, abs=0.05)
 
 
 @pytest.mark.parametrize(
     ("autopilot", "nowhere"), [("ardupilot", DENIED), ("px4", FAILED)], ids=AUTOPILOTS
 )
-def test_what_is_no_place_changes_nothing(autopilot, nowhere):
+def test_position_that_is_no_place_changes_nothing(autopilot, nowhere):
     vehicle = in_the_air(autopilot, optical_flow=autopilot == "ardupilot")
     vehicle.fail.gps()
     vehicle.run(2.0)
     before = vehicle.truth.estimate_error_m
-    assert tell_lat_lon(vehicle, 910_000_000, 0) == nowhere
-    assert tell_lat_lon(vehicle, 0, 0) == nowhere  # thousands of kilometres away
+    assert send_lat_lon(vehicle, 910_000_000, 0) == nowhere
+    assert send_lat_lon(vehicle, 0, 0) == nowhere  # thousands of kilometres away
     if autopilot == "ardupilot":
-        assert tell(vehicle, vehicle.where, frame=3) == UNSUPPORTED
+        assert send_position(vehicle, vehicle.where, frame=3) == UNSUPPORTED
     assert vehicle.truth.estimate_error_m == before
 
 
-def test_it_may_come_as_a_command_long():
+def test_position_may_come_as_a_command_long():
     vehicle = in_the_air("ardupilot")
     vehicle.fail.gps()
     vehicle.run(2.0)
@@ -199,13 +199,13 @@ def test_it_may_come_as_a_command_long():
 def test_a_second_receiver_of_an_ardupilot_stands_in(flow):
     vehicle = in_the_air("ardupilot", optical_flow=flow)
     vehicle.put(GPS2_TYPE=14.0)
-    often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 3.0, hz=5.0)
+    repeat(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 3.0, hz=5.0)
     assert vehicle.off_m < 0.05  # the first has a fix
     vehicle.fail.gps()
-    leap_m = often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 4.0, hz=5.0)
+    leap_m = repeat(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 4.0, hz=5.0)
     assert vehicle.truth.estimate_error_m == pytest.approx((3.0, 0.0), abs=0.2)
     assert leap_m < 0.5
-    often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 12.0, hz=5.0)
+    repeat(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 12.0, hz=5.0)
     assert vehicle.flags & ABSOLUTE
     assert vehicle.truth.mode.name == "GUIDED"
 
@@ -223,15 +223,15 @@ def test_a_second_receiver_needs_a_fix_a_type_and_a_switch(autopilot, setting, f
     vehicle = in_the_air(autopilot, optical_flow=False)
     vehicle.put(**setting)
     vehicle.fail.gps()
-    often(vehicle, lambda: receive(vehicle, fix_type=fix_type), 14.0, hz=5.0)
+    repeat(vehicle, lambda: receive(vehicle, fix_type=fix_type), 14.0, hz=5.0)
     assert vehicle.truth.mode.name == "LAND"
 
 
-def test_a_second_receiver_needs_to_be_heard():
+def test_second_receiver_that_falls_silent_no_longer_stands_in():
     vehicle = in_the_air("ardupilot", optical_flow=False)
     vehicle.put(GPS2_TYPE=14.0, GPS_AUTO_SWITCH=4.0)
     vehicle.fail.gps()
-    often(vehicle, lambda: receive(vehicle), 14.0, hz=5.0)
+    repeat(vehicle, lambda: receive(vehicle), 14.0, hz=5.0)
     assert vehicle.truth.mode.name == "GUIDED"
     vehicle.run(4.0 + 7.8)
     assert vehicle.truth.mode.name == "GUIDED"
@@ -248,19 +248,19 @@ def choose(vehicle, number):
 
 def test_an_ardupilot_follows_a_companion_by_its_set_of_sources():
     vehicle = in_the_air("ardupilot", parameters={"VISO_TYPE": 1, "EK3_SRC2_POSXY": COMPANION})
-    often(vehicle, lambda: see(vehicle, (2.0, 0.0)), 2.0)
+    repeat(vehicle, lambda: send_sighting(vehicle, (2.0, 0.0)), 2.0)
     assert vehicle.off_m < 0.05  # satellites are the source
     assert choose(vehicle, 0) == choose(vehicle, 4) == choose(vehicle, NAN) == DENIED
     assert choose(vehicle, 2) == ACCEPTED
-    often(vehicle, lambda: see(vehicle, (2.0, 0.0)), 0.2)
+    repeat(vehicle, lambda: send_sighting(vehicle, (2.0, 0.0)), 0.2)
     assert vehicle.truth.estimate_error_m == pytest.approx((2.0, 0.0), abs=0.05)  # a reset
-    leap_m = often(vehicle, lambda: see(vehicle, (0.0, 0.0)), 1.0)
+    leap_m = repeat(vehicle, lambda: send_sighting(vehicle, (0.0, 0.0)), 1.0)
     assert vehicle.off_m < 0.4  # within about a second
     assert leap_m < 0.5
-    see(vehicle, (5.0, 5.0), resets=1)  # it says itself that it leaps
+    send_sighting(vehicle, (5.0, 5.0), resets=1)  # the message announces its leap
     assert vehicle.truth.estimate_error_m == pytest.approx((5.0, 5.0), abs=0.05)
     vehicle.fail.gps()
-    often(vehicle, lambda: see(vehicle, resets=1), 12.0, hz=4.0)
+    repeat(vehicle, lambda: send_sighting(vehicle, resets=1), 12.0, hz=4.0)
     assert vehicle.flags & ABSOLUTE
     assert vehicle.off_m < 0.1
     vehicle.fail.clear()
@@ -273,7 +273,7 @@ def test_satellites_that_lie_do_not_count_where_the_companion_is_the_source():
     vehicle = in_the_air("ardupilot", parameters={"VISO_TYPE": 1, "EK3_SRC2_POSXY": COMPANION})
     choose(vehicle, 2)
     vehicle.fail.gps_drift(1.0)
-    often(vehicle, lambda: see(vehicle), 10.0)
+    repeat(vehicle, lambda: send_sighting(vehicle), 10.0)
     assert vehicle.off_m < 0.1
     choose(vehicle, 1)
     vehicle.run(0.2)
@@ -286,7 +286,7 @@ def test_a_companion_of_an_ardupilot_that_falls_silent(flow):
         "ardupilot", optical_flow=flow, parameters={"VISO_TYPE": 1, "EK3_SRC2_POSXY": COMPANION}
     )
     choose(vehicle, 2)
-    often(vehicle, lambda: see(vehicle), 2.0)
+    repeat(vehicle, lambda: send_sighting(vehicle), 2.0)
     vehicle.run(9.0)
     assert vehicle.truth.mode.name == ("GUIDED" if flow else "LAND")
     vehicle.run(2.0)
@@ -294,7 +294,7 @@ def test_a_companion_of_an_ardupilot_that_falls_silent(flow):
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "setting", "frame", "heard"),
+    ("autopilot", "setting", "frame", "received"),
     [
         ("ardupilot", VISION, mav.MAV_FRAME_LOCAL_FRD, True),
         ("ardupilot", VISION, mav.MAV_FRAME_LOCAL_NED, False),
@@ -304,36 +304,36 @@ def test_a_companion_of_an_ardupilot_that_falls_silent(flow):
         ("px4", ONLY_VISION, mav.MAV_FRAME_BODY_FRD, False),
     ],
 )
-def test_odometry_by_its_frame_its_quality_and_who_wants_it(autopilot, setting, frame, heard):
+def test_odometry_is_used_by_frame_quality_and_settings(autopilot, setting, frame, received):
     vehicle = in_the_air(autopilot)
     vehicle.put(**setting)
     vehicle.run(0.2)
     odometry(vehicle, frame, quality=-1)
     assert vehicle.off_m < 0.2
     odometry(vehicle, frame)
-    assert (vehicle.off_m > 3.0) == heard
+    assert (vehicle.off_m > 3.0) == received
 
 
 def test_a_px4_knows_a_companion_by_its_changes_while_it_has_satellites():
     vehicle = in_the_air("px4", optical_flow=False)
     vehicle.put(EKF2_EV_CTRL=1.0)
-    often(vehicle, lambda: see(vehicle, (4.0, 0.0)), 3.0)
+    repeat(vehicle, lambda: send_sighting(vehicle, (4.0, 0.0)), 3.0)
     assert vehicle.off_m < 0.1
     vehicle.fail.gps()
-    often(vehicle, lambda: see(vehicle, (4.0, 0.0)), 10.0)
+    repeat(vehicle, lambda: send_sighting(vehicle, (4.0, 0.0)), 10.0)
     assert vehicle.off_m < 0.3  # its offset is kept
     assert vehicle.truth.mode.name == "HOLD"
     assert vehicle.flags & ABSOLUTE
-    often(vehicle, lambda: see(vehicle, (5.0, 0.0)), 2.0)
+    repeat(vehicle, lambda: send_sighting(vehicle, (5.0, 0.0)), 2.0)
     assert vehicle.truth.estimate_error_m[0] == pytest.approx(1.0, abs=0.2)
-    vehicle.run(1.0)  # it falls silent, and begins anew: now its positions are the position
-    often(vehicle, lambda: see(vehicle, (5.0, 0.0)), 1.0)
+    vehicle.run(1.0)  # it falls silent and begins anew: now its positions count
+    repeat(vehicle, lambda: send_sighting(vehicle, (5.0, 0.0)), 1.0)
     assert vehicle.truth.estimate_error_m[0] == pytest.approx(5.0, abs=0.1)
     vehicle.run(7.0)
     assert vehicle.truth.mode.name == "LAND"
 
 
-def test_a_px4_can_be_told_to_leave_satellites_alone():
+def test_px4_can_be_set_to_leave_satellites_alone():
     vehicle = in_the_air("px4")
     vehicle.put(EKF2_GPS_CTRL=0.0)
     vehicle.fail.gps_glitch(30.0)
@@ -341,7 +341,7 @@ def test_a_px4_can_be_told_to_leave_satellites_alone():
     assert vehicle.off_m < 0.5
     assert not vehicle.flags & ABSOLUTE
     vehicle.put(EKF2_EV_CTRL=1.0)
-    often(vehicle, lambda: see(vehicle), 2.0)
+    repeat(vehicle, lambda: send_sighting(vehicle), 2.0)
     assert vehicle.off_m < 0.1
     assert vehicle.flags & ABSOLUTE
     vehicle.put(EKF2_GPS_CTRL=7.0)
@@ -353,8 +353,8 @@ def test_a_poorer_position_is_followed_more_slowly():
     ways = []
     for sigma_m in (0.1, 3.0):
         vehicle = in_the_air("ardupilot", parameters=VISION, seed=2)
-        often(vehicle, lambda v=vehicle, s=sigma_m: see(v, sigma_m=s), 3.0)
-        often(vehicle, lambda v=vehicle, s=sigma_m: see(v, (2.0, 0.0), sigma_m=s), 0.8)
+        repeat(vehicle, lambda v=vehicle, s=sigma_m: send_sighting(v, sigma_m=s), 3.0)
+        repeat(vehicle, lambda v=vehicle, s=sigma_m: send_sighting(v, (2.0, 0.0), sigma_m=s), 0.8)
         ways.append(vehicle.truth.estimate_error_m[0])
     assert ways[0] > 1.5 > 2.0 * ways[1]
 
@@ -366,7 +366,7 @@ def test_a_poorer_position_is_followed_more_slowly():
     lon=st.integers(-(2**31), 2**31 - 1),
     autopilot=st.sampled_from(AUTOPILOTS),
 )
-def test_whatever_is_told_the_estimate_stays_a_number(numbers, lat, lon, autopilot):
+def test_estimate_stays_a_number_with_any_positions(numbers, lat, lon, autopilot):
     parameters = {"EKF2_EV_CTRL": 1}
     if autopilot == "ardupilot":
         parameters = {**VISION, "GPS2_TYPE": 14}
@@ -383,7 +383,7 @@ def test_whatever_is_told_the_estimate_stays_a_number(numbers, lat, lon, autopil
             0, 1, 0, 0, 0, 3, lat, lon, a, b, c, d, a, b, c, d, a, 12
         )
     )  # fmt: skip
-    tell_lat_lon(vehicle, lat, lon, a, b)
+    send_lat_lon(vehicle, lat, lon, a, b)
     vehicle.run(1.0)
     assert all(map(math.isfinite, vehicle.truth.estimate_error_m))
     assert math.isfinite(vehicle._vehicle._error.accuracy_m)
