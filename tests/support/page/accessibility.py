@@ -1,4 +1,7 @@
-"""Whether everybody can use a page: names of controls, contrast, keys, a focus that is seen."""
+"""Whether everybody can use a page: names of controls, contrast, keys, a focus that is seen.
+
+Behind an open dialog nothing counts: it takes no keys.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from typing import Any
 
 LEAST_CONTRAST = 4.5
 _ROLES = {"button", "link", "textbox", "combobox", "checkbox", "spinbutton", "slider", "switch",
-          "tab", "radio", "image", "searchbox", "Iframe"}  # fmt: skip
+          "tab", "radio", "image", "searchbox", "Iframe", "dialog", "alert dialog"}  # fmt: skip
 
 _SHOWN = """
 const shown = (e) => {
@@ -17,6 +20,8 @@ const shown = (e) => {
   }
   return true;
 };
+const modal = () =>
+  [...document.querySelectorAll('[aria-modal="true"]')].filter(shown).at(-1) || document;
 const able = (e) => !e.disabled && !e.closest('.disabled, .leaflet-disabled, [aria-disabled=true]');
 """
 _CONTRAST = (
@@ -41,13 +46,17 @@ const behind = (e) => {
   }
   return layers.reverse().reduce((under, layer) => over(layer, under), [255, 255, 255, 1]);
 };
+const faded = ([r, g, b, a], e) => {
+  for (let up = e; up; up = up.parentElement) a *= Number(getComputedStyle(up).opacity);
+  return [r, g, b, a];
+};
 const poor = [];
 const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
 while (walk.nextNode()) {
   const e = walk.currentNode.parentElement, text = walk.currentNode.data.trim();
   if (!text || /^(SCRIPT|STYLE|NOSCRIPT|TEMPLATE)$/.test(e.tagName)) continue;
-  if (!shown(e) || !able(e)) continue;
-  const under = behind(e), ink = over(parts(getComputedStyle(e).color), under);
+  if (!shown(e) || !able(e) || !modal().contains(e)) continue;
+  const under = behind(e), ink = over(faded(parts(getComputedStyle(e).color), e), under);
   const [a, b] = [light(ink), light(under)];
   const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
   if (ratio < arguments[0]) poor.push(`${text.slice(0, 40)}: ${ratio.toFixed(2)}`);
@@ -60,7 +69,24 @@ _CONTROLS = (
     + """
 const all = document.querySelectorAll(
   'button, a[href], input:not([type=file]), select, textarea, [tabindex="0"], iframe');
-return [...all].filter((e) => e.tabIndex >= 0 && shown(e) && able(e));
+return [...all].filter((e) => e.tabIndex >= 0 && shown(e) && able(e) && modal().contains(e));
+"""
+)
+_SETTLED = """
+const end = (one) => one.effect.getComputedTiming().endTime;
+const brief = () => document.getAnimations().filter((one) => end(one) !== Infinity);
+const settled = () => Promise.all(brief().map((one) => one.finished.catch(() => null)));
+const [done] = arguments;
+requestAnimationFrame(() => requestAnimationFrame(() => settled().then(() => done())));
+"""
+"""Waits until what fades in is there, a dialog for one."""
+_WIDE = (
+    _SHOWN
+    + """
+const scrolls = (e) => /auto|scroll/.test(getComputedStyle(e).overflowX) || e === document.body;
+return [...document.querySelectorAll('body, body *')].filter(
+  (e) => shown(e) && scrolls(e) && e.scrollWidth > e.clientWidth + 1,
+).map((e) => `${e.scrollWidth} px wide in ${e.clientWidth} px: ${e.tagName} ${e.className}`);
 """
 )
 _FOCUSED = """
@@ -70,6 +96,30 @@ const outlined = style.outlineStyle !== 'none' && parseFloat(style.outlineWidth)
 const marked = outlined || style.boxShadow !== 'none';
 return [e, marked || !!field?.classList.contains('q-field--focused') || e.tagName === 'IFRAME'];
 """
+
+
+def faults(driver: Any) -> list[str]:
+    """What keeps somebody from using the page as it is shown now; empty where nothing does."""
+    driver.execute_async_script(_SETTLED)
+    told = driver.execute_script("return [document.documentElement.lang, document.title]")
+    unnamed = [
+        f"the page has no {what}"
+        for what, text in zip(("language", "title"), told, strict=True)
+        if not text
+    ]
+    return [
+        *unnamed,
+        *without_names(driver),
+        *too_pale(driver),
+        *out_of_reach(driver),
+        *too_wide(driver),
+    ]
+
+
+def too_wide(driver: Any) -> list[str]:
+    """The page where it is wider than its window, and parts that are scrolled sideways."""
+    found: list[str] = driver.execute_script(_WIDE)
+    return found
 
 
 def without_names(driver: Any) -> list[str]:
@@ -106,8 +156,14 @@ def out_of_reach(driver: Any) -> list[str]:
         seen.add(focused.id)
         if not marked and focused.id in wanted:
             unmarked.append(f"focus is not seen: {_named(focused)}")
-    return [f"out of reach: {_named(e)}" for id_, e in wanted.items() if id_ not in seen] + unmarked
+    left = [_named(e) for id_, e in wanted.items() if id_ not in seen]
+    return [f"out of reach: {name}" for name in left if name] + unmarked
 
 
 def _named(element: Any) -> str:
-    return str(element.get_attribute("outerHTML"))[:160]
+    from selenium.common.exceptions import StaleElementReferenceException  # noqa: PLC0415
+
+    try:
+        return str(element.get_attribute("outerHTML"))[:160]
+    except StaleElementReferenceException:  # it is gone by now
+        return ""

@@ -58,6 +58,7 @@ def browser(
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
         try:
+            driver.set_window_size(width_px, height_px)  # it does not begin as narrow as a phone
             yield driver
         finally:
             driver.quit()

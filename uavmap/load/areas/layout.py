@@ -16,7 +16,7 @@ from missions.errors import AreaError, GeodesyError
 from missions.geo.grid import Grid
 from missions.mission.places import SMALLEST_GAP_M, invalidity
 from missions.units import GridPoint, LatLon
-from uavmap.load.areas.drawing import Area, Drawing
+from uavmap.load.areas.drawing import Area, Drawing, Positions
 
 WIDEST_M: Final = 10_000.0
 """Longest side of an area."""
@@ -59,6 +59,17 @@ class Wishes:
     largest_cell_m: float = math.inf
     """Of a cell that nobody asked for: of larger ones a picture would not show enough."""
     vehicles: int = 1
+
+
+def rectangle(middle: LatLon, wide_m: float, high_m: float) -> Positions:
+    """Return the corners of a rectangle, east by north. Raises `AreaError` for an absurd size."""
+    if not (4.0 <= wide_m <= 10_000.0 and 4.0 <= high_m <= 10_000.0):
+        raise AreaError(f"--size {wide_m:g}x{high_m:g}: give each side from 4 to 10000 metres")
+    grid = Grid.at(middle, 1.0)
+    return tuple(
+        grid.position(GridPoint(e * wide_m / 2.0, n * high_m / 2.0))
+        for e, n in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    )
 
 
 def lay_out(drawing: Drawing, wishes: Wishes) -> Layout:

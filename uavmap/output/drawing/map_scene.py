@@ -196,14 +196,15 @@ def _lanes(setting: Setting) -> Layer:
     lines, entries = [], []
     for i, share in enumerate(setting.shares):
         thin, thick = (
-            Style(palette.track_colour(i), width_px) for width_px in (_TRANSFER_PX, palette.LANE_PX)
+            Style(palette.track_colour(i + 1), width_px)
+            for width_px in (_TRANSFER_PX, palette.LANE_PX)
         )
         lines += [Line.through((before[1], lane[0]), thin) for before, lane in pairwise(share)]
         lines += [Line.through(lane, thick) for lane in share]
     heights_m = _heights_m(setting)
     for i, height_m in enumerate(heights_m[:_LISTED]):
         text = f"lanes of vehicle {i + 1}, at {height_m:g} m"
-        entries.append(Entry(Style(palette.track_colour(i), palette.LANE_PX), text))
+        entries.append(Entry(Style(palette.track_colour(i + 1), palette.LANE_PX), text))
     if more := len(heights_m[_LISTED:]):
         entries.append(
             Entry(Style(palette.track_colour(0), palette.LANE_PX), f"... and {more} vehicles more")

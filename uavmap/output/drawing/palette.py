@@ -142,7 +142,7 @@ HOME_DOT: Final = ((7.0, PAPER), (5.5, INK), (2.0, PAPER))
 
 
 def track_colour(vehicle: int) -> Colour:
-    """Return the colour of a vehicle's track, vehicles counted from 0; it repeats after six."""
+    """Return the colour of a vehicle's track by its number; it repeats after six."""
     return TRACKS[vehicle % len(TRACKS)]
 
 

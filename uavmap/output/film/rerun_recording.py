@@ -80,7 +80,7 @@ class _Recording:
         place, path = (here.east_m, here.north_m, event.height_m), f"/vehicles/{event.vehicle}"
         self._tracks.setdefault(event.vehicle, []).append(place)
         stream.set_time("mission", duration=event.t_s)
-        colour = track_colour(event.vehicle - 1)
+        colour = track_colour(event.vehicle)
         stream.log(path, rr.Points3D([place], colors=[colour], radii=[0.8]))
         stream.log(f"{path}/battery_wh", rr.Scalars(event.remaining_wh))
 
@@ -107,7 +107,7 @@ class _Recording:
         kind = "image/png" if picture.startswith(b"\x89PNG") else "image/jpeg"
         stream.log(f"{path}/picture", rr.EncodedImage(contents=picture, media_type=kind))
         corners = footprint_m(place, turn, (width / focal_px, height / focal_px))
-        colour = track_colour(frame.vehicle - 1)
+        colour = track_colour(frame.vehicle)
         outline = [] if corners is None else [np.vstack([corners, corners[:1]])]
         stream.log(
             f"/vehicles/{frame.vehicle}/footprint", rr.LineStrips3D(outline, colors=[colour])
@@ -117,7 +117,7 @@ class _Recording:
         rr, stream = self._rr, self._stream
         stream.reset_time()
         for number, track in sorted(self._tracks.items()):
-            line = rr.LineStrips3D([track], colors=[track_colour(number - 1)])
+            line = rr.LineStrips3D([track], colors=[track_colour(number)])
             stream.log(f"/vehicles/{number}/track", line, static=True)
         cell_m = self._grid.cell_m
         shown: dict[Cell, Change] = {}

@@ -41,8 +41,9 @@ MOST_BYTES: Final = 16_000_000
 REGION_GRAY: Final = 255
 _PAGE: Final = "paint.html"
 _POLICY: Final = (
-    "default-src 'none'; img-src 'self' blob:; connect-src 'self'; script-src 'unsafe-inline'; "
-    "style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors "
+    "default-src 'none'; img-src 'self' blob: data:; connect-src 'self'; "
+    "script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors "
 )
 
 

@@ -45,16 +45,27 @@ def described(track: Track, state: State) -> str:
 
 
 def traffic_marks(state: State) -> list[dict[str, Any]]:
-    """Return the aircraft for a page's board, the nearest first: places in the moving frame."""
-    marks = []
+    """Return the aircraft for a page's board, the nearest first: places in the moving frame.
+
+    `toward_deg`, from true north, and `speed_m_s` are null where the velocity is unknown.
+    """
+    marks: list[dict[str, Any]] = []
+    turned = state.setting.grid.convergence_rad
     for track in state.traffic.tracks[:MOST_SHOWN]:
         place = state.setting.grid.to_moving(track.at(state.t_s), state.t_s)
+        toward_deg = speed_m_s = None
+        if (velocity := track.velocity_m_s) is not None:
+            toward_deg = round(math.degrees(math.atan2(*velocity) + turned) % 360.0, 1)
+            speed_m_s = round(math.hypot(*velocity), 1)
         marks.append(
             {
+                "ident": printable(track.ident),
                 "name": printable(track.name),
                 "e": round(place.east_m, 1),
                 "n": round(place.north_m, 1),
                 "up": None if track.height_m is None else round(track.height_m),
+                "toward_deg": toward_deg,
+                "speed_m_s": speed_m_s,
                 "words": printable(described(track, state)),
             }
         )

@@ -9,8 +9,10 @@ from typing import Any, Final
 from nicegui import ui
 
 from missions.errors import UavmapError
+from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.load.areas.drones import CAMERAS, DRONES
+from uavmap.load.areas.layout import rectangle
 from uavmap.load.mission_source import DRAWINGS
 from uavmap.ui.app.ground_choice import GroundChoice
 from uavmap.ui.app.visitor import Visitor
@@ -74,7 +76,7 @@ class Areas:
     # --- the map -------------------------------------------------------------------------------
     def _add_map(self) -> None:
         with ui.row().classes("app-row"):
-            self._kind = ui.toggle(KINDS, value="").props("no-caps dense").mark("kind")
+            self._kind = ui.toggle(KINDS, value="").props("no-caps padding='xs sm'").mark("kind")
             self._undo = ui.button("Undo", on_click=self._remove_last).props("no-caps flat dense")
         draw = {"polygon": True, "rectangle": True, "marker": True, "polyline": False,
                 "circle": False, "circlemarker": False}  # fmt: skip
@@ -85,8 +87,17 @@ class Areas:
         self.map.on("draw:created", self._add_shape)
         with ui.row().classes("app-row"):
             self._beneath = GroundChoice(self._visitor, self.map)
-            self._at = ui.input("go to: latitude, longitude").props("dense outlined").mark("at")
+            self._at = ui.input("go to: latitude, longitude").props("dense outlined")
+            self._at.classes("app-at").mark("at")
             ui.button("Go", on_click=self._go).props("no-caps flat dense").mark("go")
+        with ui.row().classes("app-row"):
+            self._wide, self._high = (
+                ui.number(f"{side}, m", value=100, min=4, max=10_000).props("dense outlined")
+                for side in ("width", "height")
+            )
+            ui.button("Draw it around the middle", on_click=self._add_rectangle).props(
+                "no-caps flat dense"
+            )
 
     def _go(self) -> None:
         try:
@@ -97,14 +108,29 @@ class Areas:
         self.map.set_center((lat, lon))
         self.map.set_zoom(17)
 
+    def _add_rectangle(self) -> None:
+        """Draw a rectangle without a pointer."""
+        try:
+            corners = rectangle(
+                LatLon(*self.map.center), self._wide.value or 0.0, self._high.value or 0.0
+            )
+        except UavmapError as error:
+            ui.notify(str(error))
+            return
+        ring = [{"lat": corner.lat_deg, "lng": corner.lon_deg} for corner in corners]
+        self._add(self._kind.value, {"_latlngs": [ring]})
+
     def _add_shape(self, event: Any) -> None:
         kind = "home" if event.args["layerType"] == "marker" else self._kind.value
-        self._shapes.append((kind, event.args["layer"]))
+        self._add(kind, event.args["layer"])
+
+    def _add(self, kind: str, layer: dict[str, Any]) -> None:
+        self._shapes.append((kind, layer))
         if kind == "home":
-            corner = event.args["layer"]["_latlng"]
+            corner = layer["_latlng"]
             self._layers.append(self.map.marker(latlng=(corner["lat"], corner["lng"])))
         else:
-            corners = [[c["lat"], c["lng"]] for c in event.args["layer"]["_latlngs"][0]]
+            corners = [[c["lat"], c["lng"]] for c in layer["_latlngs"][0]]
             colour = {"color": _COLOURS[kind], "fillOpacity": 0.15}
             self._layers.append(self.map.generic_layer(name="polygon", args=[corners, colour]))
         self._file = None

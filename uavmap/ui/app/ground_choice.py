@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Sequence
 from html import escape
 from typing import Any, Final
 from urllib.parse import quote
@@ -28,15 +29,21 @@ class GroundChoice:
         self._chosen = ui.select(names, multiple=True, label="maps beneath").mark("beneath")
         self._chosen.props("dense outlined use-chips").classes("app-beneath")
         self._chosen.on_value_change(lambda event: self._show(list(event.value or ())))
-        background_tasks.create(self._choose_first(), name="first map")
+        self._hint = ui.label(
+            "This page loads no map from the internet. Put a map file into the folder, or give a "
+            "latitude and longitude."
+        ).classes("app-hint")
+        self._hint.set_visibility(not names)
+        background_tasks.create(self._choose_first(names), name="first map")
         visitor.on_update(self._update)
 
     def _names(self) -> list[str]:
         return [*self._grounds.files(), *self._grounds.mosaics()]
 
-    async def _choose_first(self) -> None:
-        """Show the first file that can be shown."""
-        for name in self._grounds.files():
+    async def _choose_first(self, names: Sequence[str]) -> None:
+        """Show the first map that can be shown."""
+        await self._map.initialized()  # before that it would go back to where it began
+        for name in names:
             with contextlib.suppress(UavmapError):
                 await asyncio.to_thread(self._grounds.facts, name)
                 self._chosen.set_value([name])
@@ -47,9 +54,10 @@ class GroundChoice:
         if names == self._chosen.options:
             return
         none_yet = not self._chosen.options
+        self._hint.set_visibility(not names)
         self._chosen.set_options(names, value=[n for n in self._chosen.value or () if n in names])
         if none_yet:
-            background_tasks.create(self._choose_first(), name="first map")
+            background_tasks.create(self._choose_first(self._grounds.files()), name="first map")
 
     async def _show(self, names: list[str]) -> None:
         found: dict[str, Facts] = {}

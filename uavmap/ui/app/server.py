@@ -19,10 +19,8 @@ from uavmap.ui.app.pictures import Pictures
 from uavmap.ui.app.results import Results
 from uavmap.ui.app.visitor import App, Visitor
 from uavmap.ui.page.feed import shown
-from uavmap.ui.page.server import Server, server_of
+from uavmap.ui.page.server import Server, add_look, server_of
 
-_BLUE: Final = "#1c5fa8"
-"""Colour of buttons, dark enough for white text."""
 UPDATE_S: Final = 0.5
 """Time between two updates of a browser, s."""
 _CSS: Final = (Path(__file__).parent / "app.css").read_text("utf-8")
@@ -71,8 +69,7 @@ def serving(app: App, token: str, port: int) -> Server:
 
 
 def _add_page(visitor: Visitor) -> None:
-    ui.add_css(_CSS)
-    ui.colors(primary=_BLUE)
+    add_look(_CSS)
     with ui.element("div").classes("app-day") as day:
         with ui.row().classes("app-head"):
             ui.label("uavmap").classes("app-title")

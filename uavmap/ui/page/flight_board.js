@@ -90,6 +90,13 @@ export class Raster {
   }
 }
 
+// --- black or white, whichever is easier to read on a colour such as #d55e00 ----------------------
+export function inkOn(colour) {
+  const linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+  const [r, g, b] = [1, 3, 5].map((at) => linear(parseInt(colour.slice(at, at + 2), 16) / 255));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.179 ? "#000" : "#fff";
+}
+
 // --- aircraft of others: a diamond with call sign and height; at the edge if it is farther away ----
 export function drawTraffic(map) {
   const { pen, ratio, canvas } = map;

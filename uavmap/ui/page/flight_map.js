@@ -1,6 +1,6 @@
 // The map of the flight on a canvas. `setScene` sets the scene once, `applyDelta` applies each change.
 
-import { Board, Raster, drawTraffic } from "flight_board";
+import { Board, Raster, drawTraffic, inkOn } from "flight_board";
 
 const RESULTS_MS = 5000; // time between two loads of the pictures of the results
 const EASE_S = 0.35; // time in which a marker glides to the reported place of its vehicle
@@ -390,7 +390,7 @@ export class FlightMap {
       pen.lineWidth = 2 * ratio;
       pen.strokeStyle = v.landed ? this.colour(number) : "#fff";
       pen.stroke();
-      pen.fillStyle = v.landed ? this.scene.ink : "#fff";
+      pen.fillStyle = v.landed ? this.scene.ink : inkOn(this.colour(number));
       pen.fillText(number, x, y);
       pen.globalAlpha = 1;
     }

@@ -1,6 +1,7 @@
 // The flight in the browser: one canvas for the map, one for the latest picture, a table of the
 // aircraft, the figures, the log. The server calls `setScene` once, and `applyDelta` for each change.
 
+import { inkOn } from "flight_board";
 import { FlightMap } from "flight_map";
 
 const SILENT_S = 6;
@@ -65,10 +66,10 @@ export default {
           <span :style="{ background: colour }"></span>{{ name }}
         </li>
         <li v-for="line in scene.lines" :key="line.name">
-          <svg viewBox="0 0 28 12"><line x1="0" y1="6" x2="28" y2="6" :stroke="line.colour" stroke-width="2" :stroke-dasharray="line.dash"></line></svg>{{ line.name }}
+          <svg aria-hidden="true" viewBox="0 0 28 12"><line x1="0" y1="6" x2="28" y2="6" :stroke="line.colour" stroke-width="2" :stroke-dasharray="line.dash"></line></svg>{{ line.name }}
         </li>
         <li v-for="(name, mark) in scene.marks" :key="mark">
-          <svg viewBox="0 0 28 12" :stroke="scene.tracks[1]">
+          <svg aria-hidden="true" viewBox="0 0 28 12" :stroke="scene.tracks[1]">
             <line v-if="mark === 'track'" x1="0" y1="6" x2="28" y2="6" stroke-width="1.5"></line>
             <line v-else-if="mark === 'ahead'" x1="0" y1="6" x2="28" y2="6" stroke-width="2" stroke-dasharray="2 4"></line>
             <circle v-else-if="mark === 'flying'" cx="14" cy="6" r="5" :fill="scene.tracks[1]" stroke="#fff"></circle>
@@ -82,7 +83,7 @@ export default {
     <div class="flight-side">
       <ul class="flight-vehicles" v-if="rows.length" tabindex="0" aria-label="vehicles">
         <li v-for="row in rows" :key="row.number" :class="row.phase">
-          <span class="flight-dot" :style="{ background: row.colour }">{{ row.number }}</span>
+          <span class="flight-dot" :style="{ background: row.colour, color: row.ink }">{{ row.number }}</span>
           <b>{{ row.doing }}</b>
           <span class="flight-battery" :class="{ low: row.low }">
             <span class="flight-bar"><i :style="{ width: row.battery + '%' }"></i></span>{{ row.charge }}
@@ -194,6 +195,7 @@ export default {
       this.rows = Object.entries(board.vehicles).map(([number, v]) => ({
         number,
         colour: this.map.colour(number),
+        ink: inkOn(this.map.colour(number)),
         doing: v.doing,
         phase: v.phase,
         low: v.low,

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import shapely
-from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from uavmap.output.drawing import palette
@@ -102,11 +101,10 @@ def _marks(live: LiveMap) -> Iterator[tuple[BaseGeometry, dict[str, Any]]]:
         kept = ("amsl_m", "battery", "doing", "landed", "at_s")
         figures = {"height_m": record["up"]} | {name: record.get(name) for name in kept}
         yield live.place(one), {"kind": "aircraft", **_of_vehicle(one.number), **figures}
-    for mark in live.snapshot["fields"].get("traffic") or ():
+    for place, mark in live.traffic():
         values = {"name": mark["name"], "height_m": mark["up"]}
-        other = {"kind": "traffic", "colour": palette.css(palette.TRAFFIC), **values}
-        yield live.on_earth(Point(mark["e"], mark["n"])), other
+        yield place, {"kind": "traffic", "colour": palette.css(palette.TRAFFIC), **values}
 
 
 def _of_vehicle(number: int) -> dict[str, Any]:
-    return {"vehicle": number, "colour": palette.css(palette.track_colour(number - 1))}
+    return {"vehicle": number, "colour": palette.css(palette.track_colour(number))}

@@ -107,6 +107,11 @@ class LiveMap:
         east_m, north_m = (speed * self.t_s for speed in self.grid.drift_m_s)
         return self.on_earth(Point(aircraft.east_m - east_m, aircraft.north_m - north_m))
 
+    def traffic(self) -> Iterator[tuple[Any, Message]]:
+        """Yield the aircraft of others: the place of each, in WGS84, and its record."""
+        for record in self.snapshot["fields"].get("traffic") or ():
+            yield self.on_earth(Point(record["e"], record["n"])), record
+
     def tracks(self) -> Iterator[tuple[int, LineString]]:
         """Yield the vehicles that have flown, with the line of each."""
         for number, flat in self.snapshot["tracks"].items():

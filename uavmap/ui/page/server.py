@@ -31,6 +31,11 @@ ANSWER_S: Final = 8.0
 """Maximum time until the flight answers an order, s."""
 WATCHES: Final = "this page only watches the flight; another page has the buttons"
 _CSS: Final = (Path(__file__).parent / "page.css").read_text("utf-8")
+_FOCUS: Final = """
+:focus-visible { outline: 3px solid #1c5fd6; outline-offset: 1px; box-shadow: 0 0 0 3px #1c5fd6; }
+"""
+_BLUE: Final = "#1c5fa8"
+"""Of buttons, which have white words: the usual one is too pale for them."""
 _ICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" '
     'fill="#74b27a"/><path d="M3 8h10M8 3v10" stroke="#fff" stroke-width="2"/></svg>'
@@ -111,6 +116,7 @@ def server_of(app: FastAPI, title: str, port: int, **guarded_by: Any) -> Server:
         app,
         title=f"{title} - uavmap",
         favicon=_ICON,
+        language="en-US",
         tailwind=False,
         reconnect_timeout=5.0,
         message_history_length=0,
@@ -123,6 +129,12 @@ def server_of(app: FastAPI, title: str, port: int, **guarded_by: Any) -> Server:
             proxy_headers=False, ws_max_size=1 << 20, timeout_graceful_shutdown=1,
         )
     )  # fmt: skip
+
+
+def add_look(css: str) -> None:
+    """Add a style sheet to a page, and what keyboards and poor eyes need."""
+    ui.add_css(_FOCUS + css)
+    ui.colors(primary=_BLUE)
 
 
 class Visitor:
@@ -140,7 +152,7 @@ class Visitor:
         self._changed = asyncio.Event()
         self._buttons: dict[str, ui.button] = {}
         self._listed: list[int] = []
-        ui.add_css(_CSS)
+        add_look(_CSS)
         with ui.row().classes("flight-head"):
             ui.label(config["title"]).classes("title")
             self._why = ui.label("").classes("why")
@@ -209,6 +221,7 @@ class Visitor:
         with ui.row().classes("flight-time"):
             self._play = ui.button("Play", on_click=self._toggle).props("no-caps flat dense")
             self._slider = ui.slider(min=0.0, max=1.0, step=0.5, value=0.0).classes("grow")
+            self._slider.props('aria-label="mission time"')
             self._slider.on("update:model-value", self._seek, throttle=0.1, leading_events=True)
             self._now = ui.button("Now", on_click=lambda: self._go_to(None)).props(
                 "no-caps flat dense"
@@ -324,10 +337,11 @@ async def asked(
 ) -> int | None:
     """Ask before an order to aircraft; return the choice, 0 without choices, or None for no."""
     with ui.dialog() as dialog, ui.card():
+        dialog.props["aria-label"] = question
         ui.label(question)
         chosen = None
         if choices is not None:
-            chosen = ui.select(choices, value=0).props("outlined dense").classes("w-full")
+            chosen = ui.select(choices, value=0, label="vehicles").props("outlined dense")
         with ui.row():
             ui.button(yes, on_click=lambda: dialog.submit(True)).props("no-caps data-confirm=yes")
             ui.button(no, on_click=lambda: dialog.submit(False)).props("no-caps flat")

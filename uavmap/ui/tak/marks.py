@@ -1,5 +1,8 @@
 """The live map as marks of Cursor on Target (CoT): aircraft, areas, lines. Pure but for a clock.
 
+Aircraft of others have the UIDs of ADS-B gateways for TAK, as adsbcot: `ICAO-3C6444`. So one that
+several sources report is one object on the map.
+
 Shapes are those of ATAK: type `u-d-f` with a `link` for each point; a ring ends with its first
 point. CoT has no holes: a hole is a separate ring, and an area with a hole is not filled.
 """
@@ -7,6 +10,7 @@ point. CoT has no holes: a hole is a separate ring, and an area with a hole is n
 from __future__ import annotations
 
 import math
+import re
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
@@ -26,10 +30,16 @@ AIRCRAFT: Final = "a-f-A-M-H-Q"
 """Type of a friendly aircraft: military symbol, rotary wing, unmanned."""
 UNIT: Final = "a-f-G-U-C-V-U"
 """Type of a friendly unit on the ground that flies unmanned aircraft."""
+OTHER: Final = "a-n-A-C"
+"""Type of a neutral aircraft, civil: one of others that broadcasts by ADS-B."""
+OTHER_DRONE: Final = "a-n-A-M-F-Q"
+"""Type of a neutral unmanned aircraft; TAK has no symbol for a civil one."""
 SHAPE: Final = "u-d-f"
 DELETES: Final = "t-x-d-d"
 AIRCRAFT_STALE_S: Final = 15
 """Time after which the place of an aircraft is out of date, s."""
+OTHER_STALE_S: Final = 30
+"""Time after which the place of an aircraft of others is out of date, s."""
 LANDED_STALE_S: Final = 60
 """Time for which a landed aircraft is shown after the flight, s."""
 AREA_STALE_S: Final = 24 * 3600
@@ -46,6 +56,7 @@ SLOW_M_S: Final = 0.5
 """Speed below which the last course is kept, m/s."""
 GAP_S: Final = 5.0
 """Maximum time between two fixes from which a speed is computed, s."""
+_ICAO: Final = re.compile(r"[0-9A-F]{6}(?= |$)")
 _SOLID, _DOTTED, _DASHED = "solid", "dotted", "dashed"
 
 
@@ -57,6 +68,8 @@ class Mark:
         how: The origin of its place, as a code of CoT.
         detail: The element `detail`, XML.
         repeats: True if it is sent again at times without a change.
+        ours: True if it is deleted once it is gone. Others may report the same aircraft: their mark
+            goes out of date.
         fix_utc_s: Time at which its place was received; None for the time of sending.
     """
 
@@ -68,6 +81,7 @@ class Mark:
     stale_s: int
     detail: bytes
     repeats: bool = True
+    ours: bool = True
     fix_utc_s: float | None = None
 
     def deleted(self) -> Mark:
@@ -155,6 +169,21 @@ class Marks:
             course_deg = self._motion.get(one.number, (course_deg, 0.0))[0]
         self._motion[one.number] = course_deg, speed_m_s
 
+    def traffic(self, live: LiveMap) -> Iterator[Mark]:
+        """Yield the aircraft of others."""
+        for place, record in live.traffic():
+            detail = self._detail(record["name"], [record["words"], f"received by {live.mission}"])
+            if record["speed_m_s"] is not None:
+                motion = {"course": record["toward_deg"], "speed": record["speed_m_s"]}
+                ET.SubElement(detail, "track", {name: f"{at:.1f}" for name, at in motion.items()})
+            found = _ICAO.match(record["ident"])
+            uid = f"ICAO-{found[0]}" if found else f"uavmap-traffic-{record['ident']}"
+            yield Mark(
+                f"SIM-{uid}" if self._simulated else uid, OTHER if found else OTHER_DRONE, place.y,
+                _turned(place.x), self._how("m-g"), OTHER_STALE_S, ET.tostring(detail),
+                repeats=False, ours=False,
+            )  # fmt: skip
+
     # --- shapes ----------------------------------------------------------------------------
     def shapes(self, live: LiveMap) -> Iterator[Mark]:
         """Yield region, unsure ground, tracks and paths."""
@@ -195,7 +224,7 @@ class Marks:
 
     def _line(self, live: LiveMap, kind: str, number: int, line: LineString, style: str) -> Mark:
         detail = self._detail(f"{live.mission} {number} {kind}", [])
-        _draw(detail, palette.track_colour(number - 1), style, None)
+        _draw(detail, palette.track_colour(number), style, None)
         newest = LineString(_simpler(line, TRACK_M).coords[-MOST_POINTS:])
         return self._shape(live, f"{kind}-{number}", newest, detail, LINE_STALE_S)
 

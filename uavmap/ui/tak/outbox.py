@@ -48,11 +48,14 @@ class Outbox:
         self._groups: dict[str, set[str]] = {}
 
     def put(self, group: str, marks: Iterable[Mark], every_s: float) -> None:
-        """Put the marks of a group; marks that are no longer in it are deleted."""
+        """Put the marks of a group; our own that are no longer in it are deleted."""
         newest = {mark.uid: mark for mark in marks}
         for uid in self._groups.get(group, set()) - newest.keys():
             slot = self._slots[uid]
-            slot.newest = slot.newest.deleted()
+            if slot.newest.ours:
+                slot.newest = slot.newest.deleted()
+            else:
+                del self._slots[uid]
         self._groups[group] = set(newest)
         for uid, mark in newest.items():
             if uid in self._slots:

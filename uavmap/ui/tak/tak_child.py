@@ -102,6 +102,7 @@ class Sender:
         now_s = self._now_s()
         if now_s >= self._shapes_due_s:
             self._shapes_due_s = now_s + self._shapes_s
+            self._outbox.put("traffic", self._marks.traffic(live), self._shapes_s)
             self._outbox.put("shapes", self._marks.shapes(live), self._shapes_s)
 
 

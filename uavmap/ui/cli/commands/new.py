@@ -14,15 +14,14 @@ from typing import Final
 from missions.errors import AreaError, MissionFileError, OutputError
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting
-from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.checks import STRATEGIES
 from missions.mission.sections import LATER
-from missions.units import GridPoint, LatLon
+from missions.units import LatLon
 from uavmap.journal.results_folder import folder_name
 from uavmap.load.areas.drawing import Area, Drawing
 from uavmap.load.areas.drones import camera_named, drone_named, table_lines
-from uavmap.load.areas.layout import Layout, Wishes, lay_out
+from uavmap.load.areas.layout import Layout, Wishes, lay_out, rectangle
 from uavmap.load.areas.mission_text import (
     STRATEGY,
     WIND_M_S,
@@ -234,14 +233,8 @@ def _drawing(options: argparse.Namespace) -> Drawing:
         return read_area_file(options.source, epsg=options.crs, swap=options.swap)
     middle = _place("--at", options.at)
     wide_m, high_m = two_numbers("--size", options.size or "100x100")
-    if not (4.0 <= wide_m <= 10_000.0 and 4.0 <= high_m <= 10_000.0):
-        raise AreaError(f"--size {options.size}: give each side from 4 to 10000 metres")
-    grid = Grid.at(middle, 1.0)
-    corners = [
-        grid.position(GridPoint(e * wide_m / 2.0, n * high_m / 2.0))
-        for e, n in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    ]
-    return Drawing(f"--at {options.at}", (Area("area", tuple(corners)),))
+    area = Area("area", rectangle(middle, wide_m, high_m))
+    return Drawing(f"--at {options.at}", (area,))
 
 
 def _place(option: str, text: str) -> LatLon:

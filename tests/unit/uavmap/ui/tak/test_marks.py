@@ -8,7 +8,16 @@ from shapely.geometry import Point
 
 from tests.support.page.board_flight import RING, BoardFlight, record
 from uavmap.output.drawing import palette
-from uavmap.ui.tak.marks import AIRCRAFT, MOST_POINTS, MOST_RINGS, Marks, argb
+from uavmap.ui.tak.marks import (
+    AIRCRAFT,
+    MOST_POINTS,
+    MOST_RINGS,
+    OTHER,
+    OTHER_DRONE,
+    Marks,
+    argb,
+)
+from uavmap.ui.tak.outbox import Outbox
 
 
 def detail(mark):
@@ -150,3 +159,44 @@ def test_uids_depend_on_the_mission_alone():
     other.board.set_field("t_s", 500.0)
     uids = [{m.uid for m in Marks(simulated=False).shapes(f.live())} for f in (one, other)]
     assert uids[0] == uids[1]
+
+
+def traffic(**changed):
+    known = {
+        "ident": "3C6444 DLH1",
+        "name": "DLH1",
+        "e": 0.0,
+        "n": 0.0,
+        "up": 90,
+        "toward_deg": 270.0,
+        "speed_m_s": 50.0,
+        "words": "DLH1, 0 m N of the start, 90 m up",
+    }
+    return known | changed
+
+
+def test_traffic_has_the_uid_of_an_adsb_gateway_its_motion_and_is_not_ours_to_delete():
+    flight = BoardFlight()
+    drone = traffic(ident="00ff", name="00ff", e=100.0, speed_m_s=None, toward_deg=None)
+    flight.board.set_field("traffic", [traffic(), drone])
+    first, second = Marks(simulated=False).traffic(flight.live())
+    assert (first.uid, first.cot_type, first.how) == ("ICAO-3C6444", OTHER, "m-g")
+    assert detail(first).find("contact").attrib["callsign"] == "DLH1"
+    assert detail(first).find("track").attrib == {"course": "270.0", "speed": "50.0"}
+    assert detail(first).findtext("remarks").endswith("90 m up; received by runway")
+    start = flight.live().start
+    assert (first.lat_deg, first.lon_deg) == pytest.approx((start.lat_deg, start.lon_deg), abs=1e-6)
+    assert (second.uid, second.cot_type) == ("uavmap-traffic-00ff", OTHER_DRONE)
+    assert second.lon_deg > first.lon_deg
+    assert detail(second).find("track") is None
+    outbox = Outbox()
+    outbox.put("traffic", [first, second], every_s=5.0)
+    outbox.put("traffic", [second], every_s=5.0)
+    assert outbox.next(0.0) == second
+
+
+def test_traffic_of_a_simulation_has_uids_of_its_own():
+    flight = BoardFlight()
+    flight.board.set_field("traffic", [traffic()])
+    (mark,) = Marks(simulated=True).traffic(flight.live())
+    assert (mark.uid, mark.how) == ("SIM-ICAO-3C6444", "m-s")

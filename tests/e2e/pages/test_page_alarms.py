@@ -15,8 +15,9 @@ from missions.flight.step import step
 from missions.traffic import Track
 from missions.units import GridPoint
 from tests.e2e import rig
-from tests.e2e.flights.test_page import Page
+from tests.e2e.pages.test_page import Page
 from tests.golden.recording import STOPS
+from tests.support.page import accessibility
 from tests.support.page.browser import browser, keep_picture, need_browser
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
@@ -89,9 +90,11 @@ def test_alarm_that_is_acknowledged_shows_and_sounds_again_only_when_it_comes_an
         flown.send()
         page.wait(f"{SEEN} === 'vehicle 1: link lost'")
         assert page.shows("flightSound.times") >= 1
+        assert not accessibility.faults(page.driver)
         keep_picture(page.driver, "page-alarm.jpg")
         page.press(".flight-alarms button")
         page.wait(f"document.querySelector('.flight-alarms.known') && {SEEN} === ''")
+        assert not accessibility.faults(page.driver)
 
         home = flown.state.vehicles[1].home
         back = Connected(1, last.t_s, home, last.position, last.height_m, True, True, 40.0)
@@ -122,19 +125,14 @@ def test_alarm_that_is_acknowledged_shows_and_sounds_again_only_when_it_comes_an
 
 
 def test_phone_shows_figures_legend_and_a_large_return_at_the_bottom():
-    with shown(390, 844) as (page, _flown):
+    with shown(390, 844) as (page, flown):
         page.wait("document.querySelector('[data-order=return]')")
         rig.wait_until(
             lambda: page.driver.find_element("css selector", "[data-order=return]").is_displayed(),
             "the buttons",
         )
-        width, inner, height = (
-            page.shows(f"{what}")
-            for what in (
-                "document.documentElement.scrollWidth", "window.innerWidth", "window.innerHeight"
-            )
-        )  # fmt: skip
-        assert width <= inner
+        width, height = page.shows("window.innerWidth"), page.shows("window.innerHeight")
+        assert width == 390
         sizes = {
             order: page.shows(
                 f"(({{x, y, width, height, bottom}}) => [width, height, bottom])"
@@ -157,3 +155,12 @@ def test_phone_shows_figures_legend_and_a_large_return_at_the_bottom():
         keep_picture(page.driver, "page-phone-orders.jpg")
         page.driver.execute_script("window.scrollTo(0, 700)")
         keep_picture(page.driver, "page-phone-figures.jpg")
+        flown.happen(LinkLost(1, flown.go_on_to(45.0).t_s))
+        flown.send()
+        page.wait("document.querySelector('.flight-alarms')")
+        assert not accessibility.faults(page.driver)
+        page.press("[data-order=return]")
+        page.wait("document.querySelector('[data-confirm=yes]')?.offsetParent")
+        assert not accessibility.faults(page.driver)
+        page.driver.switch_to.active_element.send_keys("\ue00c")  # Escape
+        page.wait("!document.querySelector('[data-confirm=yes]')")
