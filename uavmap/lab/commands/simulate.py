@@ -77,10 +77,12 @@ EXAMPLES: Final = """\
 """
 NOTES: Final = """\
 A ROI file is JSON, {"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}, or GeoJSON.
-Times are in steps from cell to cell at unit speed; with --speed and --drift in the unit of time in
-which V cells are flown. swath and survey do not stop over cells: their times are seconds, and
-their speed and cells are in metres. Only wall_s (time of the run) and lower_bound_wall_s (time of
-the lower bound, once for all strategies) differ from run to run.
+Times are in steps from cell to cell at unit speed. With --speed and --drift, the unit of time is
+that in which a robot flies V cells. The strategies swath and survey do not stop over cells: their
+times are in seconds, and their speed and cells in metres.
+
+Only wall_s (time of the run) and lower_bound_wall_s (time of the lower bound, once for all
+strategies) differ from run to run.
 """
 DESCRIPTION: Final = "Explore ROIs with perfect robots, and compare the makespan with its bounds."
 
@@ -103,8 +105,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--start",
         "LAT,LON",
-        "start, for GeoJSON: in the region, or at its rim (default: its west end); "
-        "for --polygon (default: its southern corner; EAST,NORTH for a file in metres)",
+        "start, for GeoJSON in the region or at its rim (default: its west end). With --polygon "
+        "default: the southern corner; EAST,NORTH for a file in metres",
     )
     names = "one or, with commas or given again, several (default rdfs); see uavmap strategies"
     add("--strategy", "NAME", names, action="append")

@@ -36,7 +36,7 @@ Needs the extra study; for --scheduler also the extra cluster, and uavmap on eve
 """
 
 _NAMES = "\n".join(f"  {study.name:16}{study.about}" for study in STUDIES.values())
-DESCRIPTION: Final = f"Repeat a study and set the paper's numbers beside ours:\n{_NAMES}"
+DESCRIPTION: Final = f"Repeat a study and compare its numbers with those of the paper:\n\n{_NAMES}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
