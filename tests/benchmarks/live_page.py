@@ -33,7 +33,7 @@ from tests.support.said import Said
 from tests.support.small_missions import first_patch
 from uavmap.base.messages import shown_on
 from uavmap.output.drawing.mosaic_file import raster_of, write_mosaic
-from uavmap.ui.page.feed import Feed, opened
+from uavmap.ui.page.feed import Feed, serve_page
 from uavmap.ui.page.page_scene import scene_of
 from uavmap.ui.page.watching import Watcher
 from vision.raster import Raster
@@ -119,7 +119,7 @@ def on_the_flight() -> None:
 def in_the_browser(out: Path) -> None:
     said = Said()
     config = {"title": "20 vehicles, 5,000 cells", "steers": True, "folder": str(out.resolve())}
-    with shown_on(said), opened(config, 0, "--page") as feed, browser() as driver:
+    with shown_on(said), serve_page(config, 0, "--page") as feed, browser() as driver:
         team = Team()
         ground = grow_mosaic(out, team.setting, 0)
         scene = scene_of(team.setting, mosaic=ground)

@@ -24,7 +24,7 @@ from uavmap.journal.flight_plan import FlightPlan
 from uavmap.runner.flight import fly
 from uavmap.runner.operator.company import Company
 from uavmap.ui.page.live_board import LiveBoard, Reader
-from uavmap.ui.tak.tak_feed import UPDATE_S, linked
+from uavmap.ui.tak.tak_feed import UPDATE_S, open_tak_link
 
 MISSION = "tests/data/tiny.toml"
 
@@ -33,7 +33,7 @@ def beside(url: str | None, plan: FlightPlan, folder: Path) -> dict[str, Any]:
     """Fly a plan, beside a link where there is a URL."""
     if url is None:
         return fly(plan, folder, Company())
-    with linked(url, simulated=True) as feed:
+    with open_tak_link(url, simulated=True) as feed:
         board = LiveBoard([Reader(feed, UPDATE_S, reports=True)], simulated=True)
         summary = fly(plan, folder, Company(onlookers=(board,)))
         board.close("the flight is over")

@@ -10,7 +10,7 @@ from tests.support.said import Said
 from tests.unit.uavmap.ui.ground.test_layers import PITCH_M, cog, geotiff, mbtiles, mosaic, pmtiles
 from uavmap.base.messages import shown_on
 from uavmap.load.mission_source import load
-from uavmap.ui.page.feed import opened
+from uavmap.ui.page.feed import serve_page
 from uavmap.ui.page.page_scene import background_from_tiles, scene_of
 
 PLACES = ((60, 20), (120, 130), (180, 60), (150, 150))
@@ -28,7 +28,7 @@ def test_live_page_any_kind_of_map_file_shows_each_place_in_its_colour(tmp_path)
     need_browser()
     setting, said = setting_of(load(rig.mission("speck"))), Said()
     config = {"title": "speck", "steers": False}
-    with shown_on(said), opened(config, 0, "--page") as feed, browser() as driver:
+    with shown_on(said), serve_page(config, 0, "--page") as feed, browser() as driver:
         page = Page(driver)
         for make in (geotiff, cog, mbtiles, pmtiles, mosaic):
             folder = tmp_path / make.__name__

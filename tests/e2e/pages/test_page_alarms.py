@@ -21,7 +21,7 @@ from tests.support.page import accessibility
 from tests.support.page.browser import browser, keep_picture, need_browser
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
-from uavmap.ui.page.feed import Feed, opened
+from uavmap.ui.page.feed import Feed, serve_page
 from uavmap.ui.page.page_scene import scene_of
 from uavmap.ui.page.watching import Watcher
 
@@ -68,7 +68,7 @@ def shown(width_px: int, height_px: int) -> Iterator[tuple[Page, Flown]]:
     config = {"title": "speck", "steers": True}
     with (
         shown_on(said),
-        opened(config, 0, "--page") as feed,
+        serve_page(config, 0, "--page") as feed,
         browser(width_px, height_px) as driver,
     ):
         flown = Flown(feed)

@@ -1,4 +1,4 @@
-"""The page to paint examples on, in a real browser: usable by everybody, also by keys alone."""
+"""The page to paint examples on, in a real browser: accessible, and usable with keys alone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STEPS = 10
 STEP_PX = 10
 
 
-def test_paint_page_keys_alone_paint_a_polygon_and_nobody_is_shut_out(tmp_path):
+def test_paint_page_keys_alone_paint_a_polygon_without_accessibility_faults(tmp_path):
     need_browser()
     from selenium.webdriver import Keys  # noqa: PLC0415 - it may be missing
 

@@ -23,7 +23,7 @@ T = TypeVar("T")
 Job = Callable[[Caller], T]
 
 
-def waited_for(job: Job[T]) -> T:
+def run_blocking(job: Job[T]) -> T:
     """Run a job in its own thread; return its result, or raise its exception.
 
     In the main thread SIGINT, SIGTERM and SIGHUP press on the job's caller. An interrupted job
@@ -35,8 +35,8 @@ def waited_for(job: Job[T]) -> T:
     return _result(work, caller)
 
 
-async def awaited(job: Job[T]) -> T:
-    """Run a job as `waited_for` does, while the program's event loop continues.
+async def run_async(job: Job[T]) -> T:
+    """Run a job as `run_blocking` does, while the program's event loop continues.
 
     A cancellation presses on the job's caller, and is raised when the job is over. In the main
     thread SIGTERM and SIGHUP press as well; Ctrl-C is a cancellation there.

@@ -25,7 +25,7 @@ from uavmap.runner.ground_survey import with_ground
 from uavmap.runner.operator.company import Company, Onlooker, Preflight
 from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.operator.progress import ProgressTable
-from uavmap.ui.api.background_job import Job, awaited, waited_for
+from uavmap.ui.api.background_job import Job, run_async, run_blocking
 from uavmap.ui.api.results import Results, open_results
 
 P = ParamSpec("P")
@@ -110,7 +110,7 @@ def fly(
         Traceback (most recent call last):
         missions.errors.MissionFileError: runwya: cannot be read (No such file or directory); ...
     """
-    return waited_for(_flight(**locals()))
+    return run_blocking(_flight(**locals()))
 
 
 def resume(
@@ -149,7 +149,7 @@ def resume(
             autopilots are restored.
         UavmapError: As from `fly`.
     """
-    return waited_for(_resumption(**locals()))
+    return run_blocking(_resumption(**locals()))
 
 
 def _like(
@@ -188,13 +188,13 @@ async def fly_async(**options: Any) -> Results:
         ...         flight = await fly_async("runway", sim=True)
         ...     print(flight.area_m2)
     """
-    return await awaited(_flight(**options))
+    return await run_async(_flight(**options))
 
 
 @_like(resume)
 async def resume_async(**options: Any) -> Results:
     """Continue as `resume` does, while the program's event loop continues. See `fly_async`."""
-    return await awaited(_resumption(**options))
+    return await run_async(_resumption(**options))
 
 
 # --- the jobs ------------------------------------------------------------------------------------

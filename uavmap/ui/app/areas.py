@@ -95,7 +95,7 @@ class Areas:
                 ui.number(f"{side}, m", value=100, min=4, max=10_000).props("dense outlined")
                 for side in ("width", "height")
             )
-            ui.button("Draw it around the middle", on_click=self._add_rectangle).props(
+            ui.button("Draw around the centre", on_click=self._add_rectangle).props(
                 "no-caps flat dense"
             )
 

@@ -21,7 +21,7 @@ from uavmap.ui.app.preflight import Findings
 from uavmap.ui.app.visitor import App, Visitor
 from uavmap.ui.page.feed import LOOPBACK
 from uavmap.ui.page.page_scene import background_from_tiles
-from uavmap.ui.page.server import asked
+from uavmap.ui.page.server import ask
 
 _LOG: Final = logging.getLogger("uavmap.ui.app")
 SPEEDUPS: Final = {1: "real time", 5: "5 times", 20: "20 times"}
@@ -136,7 +136,7 @@ class RealAircraft:
     async def _fly(self) -> None:
         words = self._linked("fly")
         question = "The vehicles arm and take off after good checks. Is the field clear?"
-        if await asked(question, "Take off", "Cancel") is not None:
+        if await ask(question, "Take off", "Cancel") is not None:
             page = self._visitor.app.page_words("--page")
             ground = await tiles_option(self._visitor.app, chosen_mission(self._mission))
             self._visitor.run([*words, *page, "--yes", *frames_option(self._keeps), *ground])

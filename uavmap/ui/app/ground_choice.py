@@ -42,7 +42,7 @@ class GroundChoice:
 
     async def _choose_first(self, names: Sequence[str]) -> None:
         """Show the first map that can be shown."""
-        await self._map.initialized()  # before that it would go back to where it began
+        await self._map.initialized()  # an earlier move of the map is lost
         for name in names:
             with contextlib.suppress(UavmapError):
                 await asyncio.to_thread(self._grounds.facts, name)

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from missions.errors import UavmapError
 from uavmap.output.drawing.mosaic_file import MOSAIC, ORTHO
 from uavmap.ui.app.workspace import Workspace
-from uavmap.ui.ground.layer import ENDINGS, GroundLayer, opened
+from uavmap.ui.ground.layer import ENDINGS, GroundLayer, open_layer
 
 _MOST_OPEN: Final = 12
 
@@ -85,5 +85,5 @@ class Grounds:
         if name not in self._open:
             if len(self._open) >= _MOST_OPEN:
                 self._open.pop(next(iter(self._open)))[1].close()
-            self._open[name] = written_ns, opened(path)
+            self._open[name] = written_ns, open_layer(path)
         return self._open[name][1]

@@ -9,7 +9,7 @@ from nicegui import ui
 from uavmap.output.documents import FORMATS
 from uavmap.ui.app.visitor import Visitor
 from uavmap.ui.app.workspace import ResultsFolder, verdict
-from uavmap.ui.page.server import asked
+from uavmap.ui.page.server import ask
 
 FILES: Final = (*dict.fromkeys((
     "report.html", "report.pdf", "map.png", *(made.name for made in FORMATS.values()),
@@ -70,7 +70,7 @@ class Results:
 
     async def _resume(self, name: str) -> None:
         question = "The mission continues: real vehicles take off. Is the field clear?"
-        if await asked(question, "Resume", "Cancel") is not None:
+        if await ask(question, "Resume", "Cancel") is not None:
             self._run("resume", name, "--yes", *self._visitor.app.page_words("--page"))
 
     def _watch(self, name: str) -> None:

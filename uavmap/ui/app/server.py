@@ -18,7 +18,7 @@ from uavmap.ui.app.jobs import LOGS
 from uavmap.ui.app.pictures import Pictures
 from uavmap.ui.app.results import Results
 from uavmap.ui.app.visitor import App, Visitor
-from uavmap.ui.page.feed import shown
+from uavmap.ui.page.feed import url_host
 from uavmap.ui.page.server import Server, add_look, server_of
 
 UPDATE_S: Final = 0.5
@@ -64,7 +64,7 @@ def serving(app: App, token: str, port: int) -> Server:
         _add_page(visitor)
         ui.timer(UPDATE_S, visitor.refresh)
 
-    frames = f"http://{shown(app.host)}:*"
+    frames = f"http://{url_host(app.host)}:*"
     return server_of(fast, str(app.workspace.folder.name), port, token=token, frames=frames)
 
 

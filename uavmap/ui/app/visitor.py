@@ -17,7 +17,7 @@ from uavmap.ui.app.grounds import Grounds
 from uavmap.ui.app.jobs import Job, Jobs
 from uavmap.ui.app.workspace import Workspace
 from uavmap.ui.page.feed import LOOPBACK
-from uavmap.ui.page.server import asked
+from uavmap.ui.page.server import ask
 
 MOST_BYTES: Final = 100_000_000
 """Maximum size of a file that a browser sends, bytes."""
@@ -176,7 +176,7 @@ class Visitor:
         job = self._job
         if (
             job is not None
-            and await asked(
+            and await ask(
                 "Send Ctrl-C? It ends the command. Aircraft return and land; "
                 "a second Ctrl-C leaves that to their autopilots."
             )

@@ -23,11 +23,11 @@ from uavmap.runner.operator.progress import ProgressTable
 from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.ui.cli.common import report
 from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, TABLE
-from uavmap.ui.page.feed import LOOPBACK, opened
+from uavmap.ui.page.feed import LOOPBACK, serve_page
 from uavmap.ui.page.live import FlightPage
 from uavmap.ui.page.live_board import LiveBoard, Reader
 from uavmap.ui.page.page_scene import background_from_tiles
-from uavmap.ui.tak.tak_feed import UPDATE_S, linked
+from uavmap.ui.tak.tak_feed import UPDATE_S, open_tak_link
 
 
 @contextlib.contextmanager
@@ -51,7 +51,7 @@ def onlookers_for(
     with contextlib.ExitStack() as stack:
         readers = []
         if options.tak is not None:
-            link = stack.enter_context(linked(options.tak, simulated=plan.simulated))
+            link = stack.enter_context(open_tak_link(options.tak, simulated=plan.simulated))
             readers = [Reader(link, UPDATE_S, reports=True)]
         board = (
             LiveBoard(readers, simulated=plan.simulated)
@@ -80,7 +80,7 @@ def _page(
         "steers": not plan.simulated,
         "folder": str(folder.absolute()),
     }
-    with opened(config, options.page, "--page", options.page_host) as feed:
+    with serve_page(config, options.page, "--page", options.page_host) as feed:
         yield FlightPage(feed, simulated=plan.simulated, background=under, others=others)
 
 

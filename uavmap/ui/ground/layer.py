@@ -40,7 +40,7 @@ class GroundLayer(Protocol):
         """Close the file."""
 
 
-def opened(path: Path) -> GroundLayer:
+def open_layer(path: Path) -> GroundLayer:
     """Open a map by the ending of its name. Raises `OutputError` for another file."""
     module, name = _CLASSES.get(path.suffix.lower(), ("", ""))
     if not module:

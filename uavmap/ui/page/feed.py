@@ -35,7 +35,7 @@ def need_nicegui() -> None:
         raise UavmapError(f"the live page needs NiceGUI: {install_command('page')}")
 
 
-def bound(host: str, port: int, option: str) -> socket.socket:
+def bind_port(host: str, port: int, option: str) -> socket.socket:
     """Bind a port and listen; 0 for any free port. `option` is the option of the port.
 
     Raises `OutputError` if the port is in use, or the host is not an address of this computer.
@@ -57,7 +57,7 @@ def bound(host: str, port: int, option: str) -> socket.socket:
     return listening
 
 
-def shown(host: str) -> str:
+def url_host(host: str) -> str:
     """Return the host for a URL; for all addresses, the one at which others reach this computer."""
     with contextlib.suppress(ValueError):
         if not ipaddress.ip_address(host).is_unspecified:
@@ -190,7 +190,7 @@ class Feed:
 
 # --- the page is opened before a flight begins, so its errors come while no vehicle flies --------
 @contextlib.contextmanager
-def opened(config: Message, port: int, option: str, host: str = LOOPBACK) -> Iterator[Feed]:
+def serve_page(config: Message, port: int, option: str, host: str = LOOPBACK) -> Iterator[Feed]:
     """Serve a page in the context; log its URL. Raises `UavmapError` without NiceGUI or the port.
 
     Args:
@@ -202,13 +202,13 @@ def opened(config: Message, port: int, option: str, host: str = LOOPBACK) -> Ite
     """
     need_nicegui()
     tokens = {name: secrets.token_urlsafe(16) for name in ("token", "map_token", "watch_token")}
-    with bound(host, port, option) as listening:  # the page's process inherits its file
+    with bind_port(host, port, option) as listening:  # the page's process inherits its file
         port, number = listening.getsockname()[1], listening.fileno()
         served = {**tokens, "port": port, "socket": number}
         feed = Feed("uavmap.ui.page.page_child", "the live page", {**config, **served}, (number,))
     try:
         feed.wait_ready()
-        address = f"http://{shown(host)}:{port}"
+        address = f"http://{url_host(host)}:{port}"
         if config.get("steers"):
             _LOG.info(f"live page without buttons: {address}/?token={tokens['watch_token']}")
         _LOG.info(f"live page: {address}/?token={tokens['token']}")

@@ -25,7 +25,7 @@ from uavmap.output.drawing import palette
 from uavmap.output.drawing.mosaic_file import SIDE_PX, bounds_around
 from uavmap.output.facts.map_model import State
 from uavmap.photos.ground.rasters import there
-from uavmap.ui.ground.layer import GroundLayer, opened
+from uavmap.ui.ground.layer import GroundLayer, open_layer
 from vision.camera import Camera
 from vision.projection import Projection
 from vision.raster import Raster
@@ -77,7 +77,7 @@ def background_from_tiles(path: Path, setting: Setting) -> Background:
     size = (round((east_m - west_m) / m_per_px), round((north_m - south_m) / m_per_px))
     nodes = _mercator(setting.grid, np.linspace(west_m, east_m, _NODES),
                       np.linspace(north_m, south_m, _NODES))  # fmt: skip
-    with closing(opened(path)) as layer:
+    with closing(open_layer(path)) as layer:
         laid = _laid(layer, nodes, m_per_px, setting.mission.home.lat_deg)
     if laid is None:
         raise OutputError(

@@ -35,7 +35,7 @@ _FOCUS: Final = """
 :focus-visible { outline: 3px solid #1c5fd6; outline-offset: 1px; box-shadow: 0 0 0 3px #1c5fd6; }
 """
 _BLUE: Final = "#1c5fa8"
-"""Of buttons, which have white words: the usual one is too pale for them."""
+"""Colour of buttons, dark enough for white text."""
 _ICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" '
     'fill="#74b27a"/><path d="M3 8h10M8 3v10" stroke="#fff" stroke-width="2"/></svg>'
@@ -132,7 +132,7 @@ def server_of(app: FastAPI, title: str, port: int, **guarded_by: Any) -> Server:
 
 
 def add_look(css: str) -> None:
-    """Add a style sheet to a page, and what keyboards and poor eyes need."""
+    """Add a style sheet to a page, with a visible focus and buttons of high contrast."""
     ui.add_css(_FOCUS + css)
     ui.colors(primary=_BLUE)
 
@@ -179,16 +179,16 @@ class Visitor:
             self._buttons[name] = button
 
     def _asking(self, name: str, question: str) -> Callable[[], Any]:
-        async def ask() -> None:
-            if await asked(question) is not None:
+        async def on_click() -> None:
+            if await ask(question) is not None:
                 await self._order({"do": name})
 
-        return ask
+        return on_click
 
     async def _return(self) -> None:
         choices = {0: "all vehicles"} | {number: f"vehicle {number}" for number in self._listed}
         question = "Which vehicles return? They stay at home until a resume."
-        if (vehicle := await asked(question, "Return", "Cancel", choices)) is not None:
+        if (vehicle := await ask(question, "Return", "Cancel", choices)) is not None:
             await self._order({"do": "return", "vehicle": vehicle or None})
 
     async def _order(self, order: Message) -> None:
@@ -332,7 +332,7 @@ class Visitor:
         self._changed.clear()
 
 
-async def asked(
+async def ask(
     question: str, yes: str = "Yes", no: str = "No", choices: dict[int, str] | None = None
 ) -> int | None:
     """Ask before an order to aircraft; return the choice, 0 without choices, or None for no."""

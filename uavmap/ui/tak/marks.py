@@ -68,8 +68,8 @@ class Mark:
         how: The origin of its place, as a code of CoT.
         detail: The element `detail`, XML.
         repeats: True if it is sent again at times without a change.
-        ours: True if it is deleted once it is gone. Others may report the same aircraft: their mark
-            goes out of date.
+        ours: True if it is deleted when it is gone. An aircraft of others only goes out of date,
+            since other sources may report it.
         fix_utc_s: Time at which its place was received; None for the time of sending.
     """
 

@@ -21,7 +21,7 @@ SHAPES_S: Final = 5.0
 
 
 @contextlib.contextmanager
-def linked(
+def open_tak_link(
     url: str, *, simulated: bool, aircraft_s: float = AIRCRAFT_S, shapes_s: float = SHAPES_S
 ) -> Iterator[Feed]:
     """Send to a TAK server in the context, even if it does not answer.

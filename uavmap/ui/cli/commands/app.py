@@ -16,7 +16,7 @@ from missions.errors import OutputError
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.ui.cli.option_table import add_options
-from uavmap.ui.page.feed import bound, need_nicegui, shown
+from uavmap.ui.page.feed import bind_port, need_nicegui, url_host
 
 _LOG: Final = logging.getLogger("uavmap.ui.app")
 EXAMPLES: Final = """\
@@ -51,9 +51,9 @@ def run(options: argparse.Namespace) -> int:
 
     given = None if options.tiles is None else Path(options.tiles).absolute()
     token, host = secrets.token_urlsafe(16), options.page_host
-    with bound(host, options.port, "--port") as listening, shown_on(Terminal()):
+    with bind_port(host, options.port, "--port") as listening, shown_on(Terminal()):
         port = listening.getsockname()[1]
-        origin = f"http://{shown(host)}:{port}"
+        origin = f"http://{url_host(host)}:{port}"
         app = App(Workspace(folder.absolute()), given, host, origin)
         _LOG.info(f"uavmap app: {origin}/?token={token}")
         _LOG.info("Ctrl-C ends the page")

@@ -15,7 +15,7 @@ from uavmap.base.terminal import Terminal
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.ui.cli.option_table import add_options
-from uavmap.ui.page.feed import PORT, opened
+from uavmap.ui.page.feed import PORT, serve_page
 from uavmap.ui.page.following import Follower
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     with (
         contextlib.suppress(KeyboardInterrupt),
         shown_on(Terminal()),
-        opened(config, options.port, "--port", options.page_host) as feed,
+        serve_page(config, options.port, "--port", options.page_host) as feed,
     ):
         _LOG.info("Ctrl-C ends the page")
         follower.run(feed)

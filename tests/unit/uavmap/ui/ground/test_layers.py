@@ -23,7 +23,7 @@ from uavmap.ui.app.flights import tiles_option
 from uavmap.ui.app.grounds import Grounds
 from uavmap.ui.app.visitor import App
 from uavmap.ui.app.workspace import Workspace
-from uavmap.ui.ground.layer import opened
+from uavmap.ui.ground.layer import open_layer
 from vision.raster import Raster
 
 START = LatLon(47.3, 8.5)
@@ -84,7 +84,7 @@ def mosaic(folder: Path) -> Path:
 
 def tiles_of(folder: Path) -> tuple[int, dict[tuple[int, int], bytes]]:
     """Return the ground as tiles of one level, in PNG."""
-    with closing(opened(geotiff(folder, "source.tif"))) as layer:
+    with closing(open_layer(geotiff(folder, "source.tif"))) as layer:
         zoom = layer.zooms[-1]
         corners = [place_in_tiles(place(*at), zoom) for at in ((0, 0), (SIDE, SIDE))]
         (left, top), (right, bottom) = (map(math.floor, corner) for corner in corners)
@@ -135,7 +135,7 @@ def pmtiles(folder: Path) -> Path:
 
 @pytest.mark.parametrize("make", [geotiff, cog, mosaic, mbtiles, pmtiles])
 def test_tile_has_the_colour_of_each_place_and_its_gaps(make: Any, tmp_path: Path) -> None:
-    with closing(opened(make(tmp_path))) as layer:
+    with closing(open_layer(make(tmp_path))) as layer:
         zoom = layer.zooms[-1]
         lossy = 14 if make is mosaic else 5
         for column, row in ((60, 20), (100, 100), (180, 60), (150, 190)):
@@ -159,7 +159,7 @@ def test_tile_has_the_colour_of_each_place_and_its_gaps(make: Any, tmp_path: Pat
 
 
 def test_pixel_edge_of_a_level_is_no_coarser_than_that_of_the_picture(tmp_path: Path) -> None:
-    with closing(opened(geotiff(tmp_path))) as layer:
+    with closing(open_layer(geotiff(tmp_path))) as layer:
         m_per_px = 40075016.7 * math.cos(math.radians(START.lat_deg)) / 256 / 2 ** layer.zooms[-1]
         assert PITCH_M / 2 < m_per_px <= 1.08 * PITCH_M
 
@@ -178,7 +178,7 @@ def test_files_that_show_no_ground_are_refused_in_a_line(tmp_path: Path) -> None
                        ("text.mbtiles", "MBTiles"), ("text.pmtiles", "PMTiles"),
                        ("mosaic.webp", "the mosaic"), ("drawing.kml", "not a map")):  # fmt: skip
         with pytest.raises(UavmapError, match=said) as refusal:
-            opened(tmp_path / name)
+            open_layer(tmp_path / name)
         assert str(tmp_path / name) in str(refusal.value)
         assert "\n" not in str(refusal.value)
 
@@ -192,7 +192,7 @@ def test_file_of_another_format_under_the_name_of_a_geotiff_is_refused(tmp_path:
         "</SimpleSource></VRTRasterBand></VRTDataset>"
     )
     with pytest.raises(UavmapError, match="cannot be read as GeoTIFF"):
-        opened(tmp_path / "field.tif")
+        open_layer(tmp_path / "field.tif")
 
 
 def test_maps_of_a_folder_are_listed_and_the_one_of_a_place_is_found(tmp_path: Path) -> None:

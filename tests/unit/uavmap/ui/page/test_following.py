@@ -47,7 +47,7 @@ def opened_in(module, feed, monkeypatch):
         asked.append(served)
         yield feed
 
-    monkeypatch.setattr(module, "opened", opened)
+    monkeypatch.setattr(module, "serve_page", opened)
     return asked
 
 

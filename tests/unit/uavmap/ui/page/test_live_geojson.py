@@ -9,7 +9,7 @@ from shapely.geometry import shape
 from tests.support.page.board_flight import RING, BoardFlight, record
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
-from uavmap.ui.page.feed import opened
+from uavmap.ui.page.feed import serve_page
 from uavmap.ui.page.live_geojson import geojson, part_of
 
 PATIENCE_S = 30.0
@@ -78,7 +78,7 @@ def test_map_is_read_by_gdal_whole_and_in_parts():
     pytest.importorskip("nicegui", reason="the live page needs the extra page")
     pyogrio = pytest.importorskip("pyogrio")
     said, flight = Said(), seen()
-    with shown_on(said), opened({"title": "x", "steers": False}, 0, "--page") as feed:
+    with shown_on(said), serve_page({"title": "x", "steers": False}, 0, "--page") as feed:
         url = said[1].removeprefix("map for a GIS: ")
         assert httpx.get(url).json()["features"] == []
         feed.put({"kind": "scene", "scene": flight.scene}, wait_s=PATIENCE_S)

@@ -21,7 +21,7 @@ from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.ui.page import feed
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.feed import opened
+from uavmap.ui.page.feed import serve_page
 from uavmap.ui.page.hub import Hub
 
 pytest.importorskip("nicegui", reason="the live page needs the extra page")
@@ -64,7 +64,7 @@ def flight(tmp_path_factory):
     cv2.imwrite(str(frames / "1-000001.000.jpg"), np.full((90, 1280, 3), 80, np.uint8))
     (frames.parent / "secret.jpg").write_bytes((frames / "1-000001.000.jpg").read_bytes())
     config = {"title": "a <field>", "steers": True, "timeline": True, "folder": str(folder)}
-    with shown_on(said), opened(config, 0, "--page") as feed:
+    with shown_on(said), serve_page(config, 0, "--page") as feed:
         yield Flight(feed, said)
 
 
@@ -205,9 +205,9 @@ def test_port_in_use_and_foreign_host_are_refused(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(OutputError, match=rf"--port: .* port {port} .*in use.*--port 0"):
-            feed.bound("127.0.0.1", port, "--port")
+            feed.bind_port("127.0.0.1", port, "--port")
     with pytest.raises(OutputError, match=r"--page: .* on 192\.0\.2\.1 port 0"):
-        feed.bound("192.0.2.1", 0, "--page")
+        feed.bind_port("192.0.2.1", 0, "--page")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(UavmapError, match=r"pip install .nicegui>="):
         feed.need_nicegui()

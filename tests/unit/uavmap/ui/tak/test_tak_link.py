@@ -15,7 +15,7 @@ from tests.support.page.board_flight import RING, BoardFlight, record
 from tests.support.said import Said
 from tests.support.tak.tak_listener import PATIENCE_S, Listener, until
 from uavmap.base.messages import shown_on
-from uavmap.ui.tak.tak_feed import linked
+from uavmap.ui.tak.tak_feed import open_tak_link
 
 pytest.importorskip("pytak", reason="the link to TAK needs the extra tak")
 VEHICLES = 20
@@ -53,7 +53,9 @@ class Flight(BoardFlight):
 
 @contextmanager
 def flying(url, **rates):
-    with linked(url, simulated=False, **({"aircraft_s": 0.0, "shapes_s": 0.0} | rates)) as feed:
+    with open_tak_link(
+        url, simulated=False, **({"aircraft_s": 0.0, "shapes_s": 0.0} | rates)
+    ) as feed:
         yield Flight(feed)
 
 
@@ -243,13 +245,13 @@ def test_link_tls_server_without_a_trusted_certificate_gets_nothing(certificates
 )
 def test_link_url_that_cannot_be_used_is_refused_before_anything_flies(url, why):
     with ExitStack() as stack, pytest.raises(OutputError, match=f"does not start: .*{why}"):
-        stack.enter_context(linked(url, simulated=False))
+        stack.enter_context(open_tak_link(url, simulated=False))
 
 
 def test_link_without_pytak_names_the_command_that_installs_it(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with ExitStack() as stack, pytest.raises(UavmapError, match=r"--tak needs pytak: .*pip"):
-        stack.enter_context(linked("tcp://127.0.0.1:1", simulated=False))
+        stack.enter_context(open_tak_link("tcp://127.0.0.1:1", simulated=False))
 
 
 def test_link_that_is_killed_is_logged_once_and_the_flight_continues():
