@@ -33,6 +33,7 @@ from missions.guardian.thresholds import (
     LOW_CHARGE_S,
     MOTORS_OFF_WAIT_S,
     NO_PROGRESS_S,
+    OBEYS_S,
     OFF_PATH_HOME_S,
     OFF_PATH_S,
     OFF_PLAN_S,
@@ -166,14 +167,12 @@ def _trouble(limits: Limits, guard: Guard, seen: Snapshot) -> Verdict | None:
     if guard.action == "land":
         return None
     if guard.task.doing == "land" and guard.action is None:
-        hovers = (
-            seen.mode == "follow" and seen.t_s - guard.task.since_s > NO_PROGRESS_S + limits.slack_s
-        )
+        hovers = seen.mode == "follow" and seen.t_s - guard.task.since_s > OBEYS_S + limits.slack_s
         return Verdict("land", "it hovers, and was commanded to land") if hovers else None
     reason = _wrong(limits, guard, seen)
     if guard.action == "rtl" and seen.mode == "follow" and not seen.by_map:
         # it did not take the command, or received another one
-        due = seen.t_s - guard.acted_s >= NO_PROGRESS_S + limits.slack_s
+        due = seen.t_s - guard.acted_s >= OBEYS_S + limits.slack_s
         return Verdict("land", "it does not return by its autopilot") if due else None
     swept_s = QUICK_VERDICT_S if guard.leaves_fence else CARRIED_AWAY_S
     if lasted(limits, guard.swept_since_s, seen.t_s, swept_s):

@@ -8,7 +8,9 @@ LEG_FACTOR: Final = 3.0
 LEG_SLACK_S: Final = 20.0
 """Maximum time of a leg: `LEG_FACTOR` times its estimate plus `LEG_SLACK_S`, s."""
 NO_PROGRESS_S: Final = 15.0
-"""Maximum time without progress towards the end of a leg, s."""
+"""Maximum time without progress towards the end of a leg, or towards home, s."""
+OBEYS_S: Final = 15.0
+"""Maximum time until a vehicle obeys a command to land or to return, s."""
 PROGRESS_M: Final = 1.0
 OFF_PATH_M: Final = 12.0
 """Maximum distance from a path, m; control holds it within 3 m, a turn at full speed within 6 m."""

@@ -30,8 +30,8 @@ from uavmap.load.detector_source import (
 
 LARGEST_BYTES: Final = 4_000_000
 DRAWINGS: Final = (
-    ".kml", ".kmz", ".geojson", ".json", ".shp", ".zip", ".gpkg", ".gpx", ".csv", ".plan",
-    ".waypoints", ".poly", ".fen",
+    ".kml", ".kmz", ".geojson", ".geojsonl", ".geojsons", ".json", ".shp", ".zip", ".gpkg", ".gpx",
+    ".csv", ".txt", ".plan", ".waypoints", ".poly", ".fen",
 )  # fmt: skip
 """Endings of the files of which `uavmap new` makes missions."""
 _MOST_LOOKED_AT: Final = 1000

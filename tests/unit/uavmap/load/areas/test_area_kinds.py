@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +18,10 @@ from uavmap.load.areas.drones import CAMERAS, DRONES
 from uavmap.load.areas.layout import Wishes, lay_out
 from uavmap.load.areas.mission_text import Figures, Flying, compose
 from uavmap.load.areas.reading import read_area_file
+from uavmap.load.mission_source import DRAWINGS
 
+AREAS = Path(__file__).parents[4] / "data" / "areas"
+BESIDE_A_SHAPEFILE = {".dbf", ".shx", ".prj", ".cpg", ".qmd", ".xml"}
 SIM = Figures("the simulator's", 80.0, 640, 480, 0.2, "fixed", 60.0, 300.0, 12.0, 6.0)
 HOMES = {
     "kml_with_roles": HOME,
@@ -91,3 +95,9 @@ def test_every_drone_of_the_table_can_fly_a_field(drone, tmp_path):
     mission = parse_mission(compose("f", "f", layout, figures, Flying(vehicles=2)), drone)
     assert len(mission.vehicles) == 2
     assert mission.altitude_m(1) <= 60.0
+
+
+def test_area_files_of_every_kind_are_known_by_their_suffix():
+    """The app takes these files, and a command that wants a mission names the remedy."""
+    suffixes = {path.suffix.lower() for path in AREAS.rglob("*.*") if path.is_file()}
+    assert suffixes - BESIDE_A_SHAPEFILE <= set(DRAWINGS)
