@@ -1,4 +1,8 @@
-"""Troubles of each flight: each kind in each phase alone, then in pairs."""
+"""Troubles of each flight: each kind in each phase alone, then in pairs.
+
+A seed draws from the list of kinds: another list draws other flights. Tests that keep a seed state
+its troubles as well.
+"""
 
 from __future__ import annotations
 

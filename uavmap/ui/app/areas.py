@@ -16,15 +16,12 @@ from uavmap.load.areas.layout import rectangle
 from uavmap.load.mission_source import DRAWINGS
 from uavmap.ui.app.ground_choice import GroundChoice
 from uavmap.ui.app.visitor import Visitor
+from vision.detectors import FINDS, FROM_FILES
 
 KINDS: Final = {"": "area to search", "geofence": "geofence", "no-fly": "no-fly zone"}
 """Kinds of polygons, by the name that `uavmap new` reads."""
-DETECTORS: Final = {
-    "later": "choose later (real aircraft do not fly before)",
-    "threshold": "darker or brighter than a gray value",
-    "paved": "paved or bare ground",
-    "color": "similar to colours that you give",
-}
+_LATER: Final = {"later": "choose later (real aircraft do not fly before)"}
+"""The choice of `uavmap new` without a detector."""
 PLACE: Final = (20.0, 0.0)
 """Centre of the map before the place of the field is known: latitude, longitude, degrees."""
 _BLUE, _RED, _BLACK = "#3d6fb6", "#b02a37", "#23272b"
@@ -144,7 +141,9 @@ class Areas:
 
     # --- the mission ---------------------------------------------------------------------------
     def _add_form(self) -> None:
-        detectors = DETECTORS | dict.fromkeys(self._visitor.app.workspace.detectors(), "learned")
+        shipped = {name: text for name, text in FINDS.items() if name not in FROM_FILES}
+        learned = dict.fromkeys(self._visitor.app.workspace.detectors(), "learned")
+        detectors = _LATER | shipped | learned
         self._source = ui.label("draw an area on the map, or import a file").mark("source")
         self._visitor.upload(
             "Import KML, GeoJSON, Shapefile (.zip), .plan ...", DRAWINGS, self._import
