@@ -34,7 +34,7 @@ class ArduCopter(Autopilot):
         "no glitch": {"SIM_GPS_GLITCH_X": 0.0},
         "radio back": {"SIM_RC_FAIL": 0.0},
     }
-    # 12 minutes of hovering at its 30 A, as the missions say
+    # 12 minutes of hovering at its 30 A, as in the missions
     always: ClassVar[Values] = {
         "SIM_BATT_CAP_AH": 6.0, "BATT_CAPACITY": 6000.0,
         "BATT_LOW_VOLT": 10.5, "BATT_FS_LOW_ACT": 2.0, "BATT_CRT_VOLT": 9.0, "BATT_FS_CRT_ACT": 1.0,
@@ -49,7 +49,7 @@ class ArduCopter(Autopilot):
     async def start(self, speed: float) -> None:
         """Start it: its second serial port is the mission's.
 
-        The first is the pilot's: it is a cable (USB), and hears also what is not signed.
+        The first port is the pilot's: it is a cable (USB), and accepts unsigned frames as well.
         """
         self.speed = speed
         folder, pad = self.pad.folder, self.pad
@@ -87,14 +87,14 @@ class ArduCopter(Autopilot):
         await self.pilot.command(mav.MAV_CMD_DO_SET_MODE, 1, self.MODES[mode])
 
     def hold_sticks(self, centred: bool) -> None:
-        """Override the channels with their middle, or give them back to the simulated radio."""
+        """Override the channels with their middle, or return them to the simulated radio."""
         at = 1500 if centred else 0
         self.pilot.sticks = lambda: mav.MAVLink_rc_channels_override_message(
             self.system, 1, at, at, at, at, 0, 0, 0, 0
         )
 
     async def fail(self, what: str) -> None:
-        """Let something fail: while channels are overridden no radio control is lost."""
+        """Cause a failure: while channels are overridden no radio control is lost."""
         if what in ("radio", "radio back"):
             self.pilot.sticks = None
         await super().fail(what)

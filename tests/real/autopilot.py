@@ -1,4 +1,4 @@
-"""What the scenarios need of a real autopilot in its own simulation."""
+"""The interface of a real autopilot in its own simulation, as the scenarios need it."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ TRUTH_HZ: Final = 40.0
 _GONE_S: Final = 5.0
 _WAKES_S: Final = 180.0
 _LAST_WORDS: Final = 500
-"""Characters of a program's log that a failed start quotes."""
+"""Number of characters of a program's log that a failed start quotes."""
 
 
 class NotSimulatedError(Exception):
-    """The simulation of this autopilot cannot have this happen."""
+    """The simulation of this autopilot cannot cause this failure."""
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Where an aircraft really is, by its simulation, and how it moves (north, east, down)."""
+    """The true position of an aircraft, by its simulation, and its velocity (north, east, down)."""
 
     t_s: float
-    """Of the vehicle's own clock."""
+    """Time by the vehicle's own clock, s."""
     position: LatLon
     amsl_m: float
     attitude_rad: tuple[float, float, float]
     velocity_m_s: tuple[float, float, float]
     arrived_s: float = field(default_factory=time.monotonic)
-    """Of the computer's clock, which all vehicles share."""
+    """Time of arrival by the computer's clock, which all vehicles share, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pad:
     instance: int
-    """Of the autopilot's program: its ports and its system follow from it."""
+    """Number of the autopilot's program: its ports and its system follow from it."""
     place: LatLon
     amsl_m: float
     folder: Path
@@ -60,27 +60,27 @@ class Autopilot(ABC):
     """One process of an autopilot with the simulation of one aircraft."""
 
     name: ClassVar[str]
-    """As a mission calls it."""
+    """Name in a mission file."""
     ours: ClassVar[str]
-    """The mode by which a pilot gives an aircraft back."""
+    """Mode by which a pilot gives an aircraft back."""
     boot_speed: ClassVar[float]
-    """Times real time while it starts: what it holds of that measures the computer."""
+    """Speed at the start, times real time; the speed that it keeps measures the computer."""
     by_hand: ClassVar[Sequence[str]]
     """Modes of a pilot's switch in which the aircraft stays in the air for a while."""
     failures: ClassVar[Mapping[str, Values]]
-    """Parameters that make something fail."""
+    """Parameters that cause a failure."""
     always: ClassVar[Values] = {}
-    """What its owner has set, in every scenario."""
+    """Parameters of the owner, in every scenario."""
     ports: ClassVar[tuple[int, ...]]
-    """Ports that its instance 0 has for itself, by UDP."""
+    """UDP ports that its instance 0 has for itself."""
     step: ClassVar[int]
-    """From one instance's ports to the next."""
+    """Distance from one instance's ports to the next."""
     most: ClassVar[int]
-    """Instances that can run at a time."""
+    """Maximum number of instances at the same time."""
 
     @classmethod
     def free_instance(cls, vehicles: int) -> int:
-        """The first of so many instances in a row that are free."""
+        """Return the first of a number of consecutive free instances."""
         for first in range(0, cls.most - vehicles + 1):
             if all(cls.is_free(instance) for instance in range(first, first + vehicles)):
                 return first
@@ -93,9 +93,9 @@ class Autopilot(ABC):
     def __init__(self, program: Path, pad: Pad, extra: Values) -> None:
         self.program, self.pad = program, pad
         self.speed = 1.0
-        """Times real time."""
+        """Speed, times real time."""
         self.relay_port = free_port(SOCK_DGRAM)
-        """Where it sends to on its first link."""
+        """Port to which it sends on its first link."""
         self.extra: Values = {**self.always, **extra}
         self.truth: Truth | None = None
         self.system = pad.instance + 1
@@ -107,15 +107,15 @@ class Autopilot(ABC):
 
     @abstractmethod
     async def start(self, speed: float) -> None:
-        """Start it, and have the second link ask for what the referee and the camera need."""
+        """Start it, and have the second link request the messages for referee and camera."""
 
     @abstractmethod
     async def keep_pace(self, speed: float) -> None:
-        """Let its time pass at this speed from now on; it may start anew for that."""
+        """Let its time pass at this speed from now on; it may restart for that."""
 
     @abstractmethod
     async def set_mode(self, mode: str) -> None:
-        """Turn the pilot's switch."""
+        """Turn the pilot's mode switch."""
 
     @abstractmethod
     def hold_sticks(self, centred: bool) -> None:
@@ -130,7 +130,7 @@ class Autopilot(ABC):
         """Give an aircraft on the ground a fresh battery."""
 
     async def fail(self, what: str) -> None:
-        """Let something fail. Raises `NotSimulatedError`."""
+        """Cause a failure. Raises `NotSimulatedError`."""
         if what not in self.failures:
             raise NotSimulatedError(f"{self.name} simulates no {what}")
         for name, value in self.failures[what].items():
@@ -159,7 +159,7 @@ class Autopilot(ABC):
             await self._process.wait()
 
     async def _awake(self, *, ready: bool = False) -> None:
-        """Wait until the autopilot says its first, or until it would arm."""
+        """Wait for the autopilot's first message, or until it would arm."""
         assert self._process is not None
         end_s, pilot = time.monotonic() + _WAKES_S, self.pilot
         while "HEARTBEAT" not in pilot.latest or (ready and not pilot.ready):

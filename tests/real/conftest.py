@@ -1,4 +1,4 @@
-"""Which real autopilots there are: `make test-real ARDUCOPTER=path PX4=path`."""
+"""Real autopilots of this computer: `make test-real ARDUCOPTER=path PX4=path`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.real.scenario import VARIABLES
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Fly each scenario with every autopilot of which there is a program."""
+    """Fly each scenario with every autopilot that has a program."""
     if "autopilot" in metafunc.fixturenames:
         there = [name for name, variable in VARIABLES.items() if os.environ.get(variable)]
         metafunc.parametrize("autopilot", there or [None])

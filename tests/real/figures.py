@@ -1,5 +1,7 @@
-"""The figures of flights of real autopilots, kept in `figures.json` and shown as one table in
-`docs/reference/real-autopilots.md`: `python -m tests.real.figures` writes the table anew.
+"""The figures of flights of real autopilots.
+
+They are kept in `figures.json` and shown as one table in `docs/reference/real-autopilots.md`:
+`python -m tests.real.figures` writes the table again.
 """
 
 from __future__ import annotations
@@ -32,11 +34,11 @@ class Row:
     date: str = ""
     version: str = ""
     speed: float = 0.0
-    """Times real time that was asked for..."""
+    """Requested speed, times real time."""
     held: float = 0.0
-    """... and held."""
+    """Speed that was kept, times real time."""
     load: float = 0.0
-    """Of the computer, as the flight began."""
+    """Load of the computer, as the flight began."""
     right: bool = False
     code: int | None = None
     detail: str = ""
@@ -47,10 +49,10 @@ class Row:
     outside: int | None = None
     put_back: str = ""
     simulated: str = ""
-    """Of the mission with `--sim`: makespan, IoU (medians of five seeds), most missed cells."""
+    """Figures with `--sim`: makespan, IoU (medians of five seeds), most missed cells."""
 
     def flown(self, summary: Mapping[str, Any], referee: Referee, score: Score | None) -> None:
-        if summary.get("completed"):  # of a part of a mission they say nothing
+        if summary.get("completed"):  # for a part of a mission they have no meaning
             self.makespan_s = summary["makespan_s"]
             self.iou = None if score is None else round(score.iou_cells, 3)
             self.missed = None if score is None else score.cells_missed
@@ -59,7 +61,7 @@ class Row:
         self.outside = referee.breaches
 
     def keep(self, path: Path = KEPT) -> None:
-        """Put it in the place of the last flight of the same scenario."""
+        """Replace the last flight of the same scenario by this row."""
         self.date = datetime.datetime.now(datetime.UTC).date().isoformat()
         rows = {(row.autopilot, row.scenario): row for row in [*kept(path), self]}
         found = [rows[key] for key in sorted(rows)]
@@ -77,14 +79,14 @@ def kept(path: Path = KEPT) -> list[Row]:
 
 
 def summary_of(folder: Path) -> dict[str, Any]:
-    """The summary of a flight; empty where there is none."""
+    """Return the summary of a flight; empty if there is none."""
     path = folder / "summary.json"
     found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.exists() else {}
     return found
 
 
 def simulated(found: Sequence[Mapping[str, Any]]) -> str:
-    """What simulated flights gave, for a row: medians, and the most missed cells."""
+    """Return the figures of simulated flights for a row: medians, and the most missed cells."""
     makespan_s = median(summary["makespan_s"] for summary in found)
     iou = median(summary["iou_cells"] for summary in found)
     return f"{makespan_s:.0f} s, {iou:.3f}, {max(summary['cells_missed'] for summary in found)}"

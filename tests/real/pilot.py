@@ -1,4 +1,4 @@
-"""The second link to an autopilot: what a pilot or a ground station does, and what they see."""
+"""The second link to an autopilot: commands and observations of a pilot or a ground station."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class Pilot:
         self.system, self._mode_of, self._bytewise, self._peer = system, mode_of, bytewise, peer
         self.latest: dict[str, Message] = {}
         self.time_s = 0.0
-        """Of the vehicle's own clock."""
+        """Time by the vehicle's own clock, s."""
         self.modes: list[tuple[float, str]] = []
-        """Each mode that a heartbeat told, with its time, where it changed."""
+        """Modes of the heartbeats, each with its time, at each change."""
         self.texts: list[str] = []
         self.sticks: Callable[[], Message] | None = None
-        """What the radio control sends ten times a second."""
+        """Task that sends the radio control ten times a second."""
         self.follow: list[Callable[[Message], None]] = []
         self._in = mav.MAVLink(None)
         self._in.robust_parsing = True
@@ -121,7 +121,7 @@ class Pilot:
 
     @property
     def ready(self) -> bool:
-        """Whether it would arm, and knows where it is."""
+        """Return whether it would arm, and knows its position."""
         status, place = self.latest.get("SYS_STATUS"), self.latest.get("GLOBAL_POSITION_INT")
         checked = status is not None and bool(
             status.onboard_control_sensors_health & mav.MAV_SYS_STATUS_PREARM_CHECK
@@ -130,13 +130,13 @@ class Pilot:
 
     @property
     def speed_m_s(self) -> float:
-        """Over ground, as the autopilot believes."""
+        """Return the speed over ground, as the autopilot estimates it."""
         place = self.latest.get("GLOBAL_POSITION_INT")
         return 0.0 if place is None else math.hypot(place.vx, place.vy) / 100.0
 
     # --- asking ----------------------------------------------------------------------------------
     async def answer(self, ask: Message, kind: str, **fields: object) -> Message:
-        """Ask until a message of a kind comes in which these fields are so."""
+        """Ask until a message of a kind has these values of its fields."""
         found: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
 
         def look(told: Message) -> None:
@@ -160,7 +160,7 @@ class Pilot:
         return int((await self.answer(ask, "COMMAND_ACK", command=number)).result)
 
     async def go_to(self, position: LatLon, amsl_m: float) -> None:
-        """Have it fly to a place, as a click on a ground station's map does."""
+        """Command a flight to a place, as a click on a ground station's map does."""
         at = round(position.lat_deg * 1e7), round(position.lon_deg * 1e7)
         ask = mav.MAVLink_command_int_message(
             self.system, 1, mav.MAV_FRAME_GLOBAL_INT, mav.MAV_CMD_DO_REPOSITION, 0, 0,
@@ -169,7 +169,7 @@ class Pilot:
         await self.answer(ask, "COMMAND_ACK", command=mav.MAV_CMD_DO_REPOSITION, result=0)
 
     async def stream(self, message_id: int, rate_hz: float) -> None:
-        """Ask for a message so often a second of the vehicle's clock."""
+        """Request a message at a rate by the vehicle's clock."""
         await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
 
     async def set_parameter(self, name: str, value: float) -> None:
@@ -202,7 +202,7 @@ class Pilot:
                 known = -1
                 while not count[0] or len(found) < count[0]:
                     await asyncio.sleep(0.5)
-                    if len(found) == known:  # what was lost of the list is asked for one by one
+                    if len(found) == known:  # lost items of the list are requested one by one
                         missing = [index for index in range(count[0]) if index not in found]
                         for index in missing[:40]:
                             self.send(
@@ -225,7 +225,7 @@ class Pilot:
         return found
 
     async def give(self, kind: int, items: Sequence[Item]) -> None:
-        """Have it keep these items."""
+        """Have the autopilot keep these items."""
 
         def serve(message: Message) -> None:
             if message.get_type().startswith("MISSION_REQUEST") and message.mission_type == kind:

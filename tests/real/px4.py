@@ -38,11 +38,11 @@ class Px4(Autopilot):
     }  # fmt: skip
 
     lock: ClassVar[str] = "/tmp/px4_lock-{}"
-    """The file that the program of an instance keeps locked."""
+    """Return the file that the program of an instance keeps locked."""
 
     @classmethod
     def is_free(cls, instance: int) -> bool:
-        """Whether its ports are free and no process has its lock."""
+        """Return whether its ports are free and no process has its lock."""
         try:
             with Path(cls.lock.format(instance)).open("r+b") as file:
                 fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -76,11 +76,11 @@ class Px4(Autopilot):
         await self._begin(speed)
 
     async def keep_pace(self, speed: float) -> None:
-        """Start it anew: it knows one speed only."""
+        """Restart it: it runs at one speed only."""
         await self._end()
         await self._begin(speed)
-        await self._awake(ready=True)  # until it has booted it answers for no parameter
-        # its scripts change this by the speed of time, which passes for it all the same
+        await self._awake(ready=True)  # until it has started it answers for no parameter
+        # its scripts change this by the speed of time, which passes nevertheless
         await self.pilot.set_parameter("COM_OF_LOSS_T", 1.0)
 
     async def _begin(self, speed: float) -> None:
@@ -127,12 +127,12 @@ class Px4(Autopilot):
         await self.pilot.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, nan, nan, nan, up_m)
 
     def hold_sticks(self, centred: bool) -> None:
-        """Send the middle of all sticks, or nothing: then the radio control is lost."""
+        """Send the middle of all sticks, or no message: then the radio control is lost."""
         message = mav.MAVLink_manual_control_message(self.system, 0, 0, 500, 0, 0)
         self.pilot.sticks = (lambda: message) if centred else None
 
     async def fail(self, what: str) -> None:
-        """Let something fail: a lost radio control is one that sends nothing more."""
+        """Cause a failure: a lost radio control sends no more messages."""
         if what in ("radio", "radio back"):
             self.hold_sticks(centred=what == "radio back")
         else:

@@ -1,4 +1,4 @@
-"""What the referee sees of real autopilots: the truth of their simulations, and their ends."""
+"""The referee of real autopilots: the truth of their simulations, and their ends."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uavmap.output.facts.score import Score, score, true_roi
 
 IN_THE_AIR_M: Final = 0.5
 HONEST: Final = ("away", "lie", "owner", "traceback")
-"""Kinds that no scenario may end with; the others it examines by itself."""
+"""Kinds of faults that no scenario may end with; the scenario checks the others by itself."""
 
 
 @dataclass(slots=True)
@@ -36,7 +36,7 @@ class Referee:
         self.judge = referee.Referee(bounds_of(self.mission, grid, pads))
 
     def watch(self, number: int, truth: Truth) -> None:
-        """See where an aircraft is now, by the computer's clock, which all share."""
+        """Record the position of an aircraft now, by the computer's clock, which all share."""
         up_m = truth.amsl_m - self.mission.start.amsl_m
         sample = referee.Sample(
             truth.arrived_s, self._grid.fixed(truth.position), up_m, up_m > IN_THE_AIR_M,
@@ -67,7 +67,7 @@ class Referee:
     def dishonest(
         self, code: int, said: Sequence[str], summary: Mapping[str, Any], owners: str
     ) -> str:
-        """What is not as `uavmap` reported it at its end; empty for nothing."""
+        """Return the differences between the truth and the report of `uavmap` at its end."""
         faults = [("traceback", line) for line in said if "Traceback" in line]
         faults += [("traceback", f"exit {code}")] if code not in (0, 2, 3, 4, 5) else []
         # a flight that was killed before its results has no summary

@@ -1,6 +1,6 @@
-"""Between an autopilot and `uavmap`: a link that can be bad, and a camera as component 100.
+"""A relay between an autopilot and `uavmap`: a link that can be bad, and a camera as component 100.
 
-The camera renders what is truly below, and announces where the autopilot believes to be.
+The camera renders the true ground, and announces the position that the autopilot estimates.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _BEAT_S: Final = 1.0
 _COMMANDS: Final = (mav.MAVLINK_MSG_ID_COMMAND_INT, mav.MAVLINK_MSG_ID_COMMAND_LONG)
 _EPOCH_S: Final = 1_420_070_400
 _TICKS: Final = 1e5
-"""Time in signatures, a second: since the beginning of 2015."""
+"""Units of time in signatures per second, since the beginning of 2015."""
 _FARTHEST_S: Final = 0.3
-"""A position is carried on by its speed for so long."""
+"""Maximum time for which a position is extrapolated by its velocity, s."""
 
 
 class Relay:
@@ -42,11 +42,11 @@ class Relay:
         self.lost = 0.0
         """Share of the frames that is lost, in each direction."""
         self.delay_s = 0.0
-        """Time on the way, in each direction, of the vehicle's clock."""
+        """Delay in each direction, by the vehicle's clock, s."""
         self.silent = False
         self.camera_on = True
         self.mission_s: Callable[[], float] = lambda: 0.0
-        """The world's time, which is the mission's: the region may drift."""
+        """Time of the world, which is the mission's: the region may drift."""
         self._autopilot, self._world, self._spec = autopilot, world, spec
         self._vehicle: Address | None = None
         self.client_port = client_port
@@ -100,11 +100,11 @@ class Relay:
     # --- the camera ------------------------------------------------------------------------------
     @property
     def boot_ms(self) -> int:
-        """The vehicle's clock, which the camera shares."""
+        """Return the time of the vehicle's clock, which the camera shares."""
         return round(self._autopilot.pilot.time_s * 1000.0)
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
-        """Degrees times 1e7 and millimetres of a place in the world."""
+        """Return a place in the world, in degrees times 1e7 and millimetres."""
         at = self._world.plane.to_wgs84(east_m, north_m)
         amsl_m = self._world.spec.origin_amsl_m + up_m
         return round(at.lat_deg * 1e7), round(at.lon_deg * 1e7), round(amsl_m * 1000.0)
@@ -161,7 +161,7 @@ class Relay:
         self._say(mav.MAVLink_command_ack_message(asked.command, result, 0, 0, *to))
 
     def _exposure(self, index: int) -> Exposure:
-        """The true pose and the believed one, both as they are now."""
+        """Return the true pose and the estimated one, both as they are now."""
         truth, pilot = self._autopilot.truth, self._autopilot.pilot
         assert truth is not None
         told, turned = pilot.latest["GLOBAL_POSITION_INT"], pilot.latest["ATTITUDE"]

@@ -31,15 +31,15 @@ from uavmap.runner.aircraft_takeover import ADDRESS
 from uavmap.runner.simulation import make_vehicles, setup_of
 
 AFFORDED: Final = 2.5
-"""Speed that a computer affords on which an aircraft holds the speed at which it starts."""
+"""Maximum speed on a computer on which an aircraft keeps the speed of its start."""
 SEEDS: Final = (1, 2, 3, 4, 5)
-"""Of the simulated flights beside a real one, whose medians count."""
+"""Seeds of the simulated flights beside a real one; the medians count."""
 SPEEDS: Final = (0.25, 0.5, 1.0)
 READY_S: Final = 240.0
 _LOOK_S: Final = 0.02
 _LAST_WORDS_S: Final = 3.0
 _SLOWEST: Final = 12.0
-"""A scenario may take so many times longer than the vehicle's clock says."""
+"""Maximum duration of a scenario, in multiples of the time by the vehicle's clock."""
 CLOCK: Final = re.compile(r'"mission_s":([0-9.]+),.*?"since_boot_s":([0-9.]+)')
 CHANGING: Final = (
     "STAT_", "SIM_", "MOT_THST_HOVER", "CAL_", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "_HASH_CHECK",
@@ -78,7 +78,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """What an autopilot keeps for its owner."""
+    """Settings that an autopilot keeps for its owner."""
 
     parameters: dict[str, float]
     fence: list[Item]
@@ -118,7 +118,7 @@ class Rig:
         self._pictures = PictureServer(self._picture)
         self._crew: asyncio.Task[None] | None = None
         self._noted: tuple[float, float] | None = None
-        """Mission time, and the computer's, of one moment."""
+        """Mission time and computer's time of one moment."""
 
     def _made(self, name: str) -> Path:
         (self.folder / name).mkdir(parents=True, exist_ok=True)
@@ -193,11 +193,11 @@ class Rig:
     # --- time ------------------------------------------------------------------------------------
     @property
     def now_s(self) -> float:
-        """Of the first vehicle's clock."""
+        """Return the time of the first vehicle's clock."""
         return self.aircraft[0].pilot.time_s
 
     async def until(self, so: Callable[[], bool], what: str, within_s: float) -> None:
-        """Wait until something is so, for at most so long of the vehicle's clock."""
+        """Wait for a condition, up to a time by the vehicle's clock."""
         end_s = self.now_s + within_s
         wall_s = time.monotonic() + _SLOWEST * within_s / self.speed + 60.0
         while not so():
@@ -211,7 +211,7 @@ class Rig:
         await self.until(lambda: self.now_s >= end_s, f"{for_s:g} s", for_s + 60.0)
 
     def mission_s(self) -> float:
-        """The mission's time, by its journal: it passes with the computer's clock."""
+        """Return the mission's time, by its journal: it passes with the computer's clock."""
         if self._noted is None:
             path = self.out / "journal.jsonl"
             found = CLOCK.search(path.read_text("utf-8")) if path.exists() else None
@@ -241,7 +241,7 @@ class Rig:
 
     @property
     def links(self) -> list[str]:
-        """`--connect` for each vehicle, and the speed."""
+        """Return `--connect` for each vehicle, and the speed."""
         urls = [f"udpin://127.0.0.1:{relay.client_port}" for relay in self.relays]
         words = [word for url in urls for word in ("--connect", url)]
         return [*words, "--speedup", f"{self.speed:g}"]
@@ -259,14 +259,14 @@ class Rig:
         return await self.uavmap("resume", self.out, *words)
 
     async def end_of(self, run: Run, within_s: float = 900.0) -> int:
-        """Wait for the end of a process; its exit code."""
+        """Wait for the end of a process; return its exit code."""
         await self.until(lambda: run.over, "the end of uavmap", within_s)
         if run.reader is not None:
             await asyncio.wait([run.reader], timeout=_LAST_WORDS_S)
         return run.code
 
     async def fly_simulated(self, *words: object) -> float:
-        """Fly the same mission in the bundled simulator, for the row; the median of the IoU."""
+        """Fly the same mission in the bundled simulator, for the row; return the median IoU."""
         found = []
         for seed in SEEDS:
             out = self.folder / f"sim-{seed}"
@@ -285,7 +285,7 @@ class Rig:
         return await self.end_of(run, 300.0)
 
     async def _swap(self) -> None:
-        """Swap the battery of who has landed, a minute later."""
+        """Swap the battery of each vehicle that has landed, a minute later."""
         landed_s: list[float | None] = [None] * len(self.aircraft)
         flown = [False] * len(self.aircraft)
         while True:
@@ -330,7 +330,7 @@ class Rig:
         await self.until(lambda: run.over or self.referee.up_m(0) > 4.0, "climbing", 200.0)
 
     async def descending(self, run: Run) -> None:
-        """Have it called home, and wait until the first aircraft is in its descent."""
+        """Recall all, and wait until the first aircraft is in its descent."""
         run.interrupt()
         low_m = 0.6 * self.mission.altitude_m(0)
         await self.until(lambda: self.referee.up_m(0) < low_m, "in its descent", 200.0)
@@ -358,7 +358,7 @@ class Rig:
         return Kept(values, await one.pilot.items(FENCE), await one.pilot.items(RALLY))
 
     async def not_put_back(self) -> str:
-        """What of the owner's is not as it was; empty for nothing."""
+        """Return the owner's settings that are not as before; empty if all are."""
         found = []
         for k, one in enumerate(self.aircraft):
             before, now = self.before[k], await self.kept(one)
@@ -376,7 +376,7 @@ class Rig:
     async def ends_well(
         self, run: Run, *codes: int, put_back: bool = True, within_s: float = 300.0
     ) -> None:
-        """Wait for the end; assert it, by the truth, and note the figures."""
+        """Wait for the end; assert it, by the truth, and record the figures."""
         code, summary = await self.end_of(run, within_s), summary_of(self.out)
         self.row.code = code
         sim_s, wall_s = self.now_s - self._begun[0], time.monotonic() - self._begun[1]

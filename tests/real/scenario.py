@@ -1,4 +1,4 @@
-"""What makes a test of a scenario: aircraft are there when it begins, and its row is kept."""
+"""The decorator that makes a test of a scenario: its aircraft are there, and its row is kept."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def scenario(
     """Make a test that flies a scenario.
 
     Args:
-        name: As the table calls it.
+        name: Name in the table.
         mission: A shipped mission.
-        near: Whether its search begins where the region is.
-        speed_m_s: Instead of the mission's.
-        parameters: What the owner has set, by autopilot.
+        near: Whether its search begins near the region.
+        speed_m_s: Speed that replaces the mission's, m/s.
+        parameters: Parameters of the owner, by autopilot.
         only: The one autopilot that can do this.
         shipped: Whether the mission flies as it is shipped; else it ends with the first patch, and
             is flown at the height of the map.

@@ -11,11 +11,11 @@ from typing import Any, Final, TypeAlias, cast
 Address: TypeAlias = tuple[str, int]
 LOOPBACK: Final = "127.0.0.1"
 _KEPT_BYTES: Final = 1 << 20
-"""A busy computer reads late: until then nothing is lost."""
+"""Size of the receive buffer, bytes: a busy computer that reads late loses no frame."""
 
 
 class Socket(asyncio.DatagramProtocol):
-    """One socket: what arrives goes to a function."""
+    """A socket that passes each datagram to a function."""
 
     def __init__(self, take: Callable[[bytes, Address], None]) -> None:
         self._take = take
@@ -43,7 +43,7 @@ class Socket(asyncio.DatagramProtocol):
         self._take(data, addr)
 
     def error_received(self, exc: Exception) -> None:
-        """Pass over that nobody listens: a program was killed, or has not begun."""
+        """Ignore a missing listener: a program was killed, or has not begun."""
 
 
 def is_free(port: int) -> bool:

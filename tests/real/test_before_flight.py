@@ -1,4 +1,4 @@
-"""What is looked at, set and put back before real aircraft take off."""
+"""Checks, settings and their restoration before real aircraft take off."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RALLY_AT = 10.0, 15.0
 
 
 async def owned(rig: Rig) -> Autopilot:
-    """Give an autopilot a fence of four points and a rally point of its owner's."""
+    """Give an autopilot a fence of four points and a rally point of its owner."""
     one = rig.aircraft[0]
     plane = LocalPlane(rig.mission.home)
 

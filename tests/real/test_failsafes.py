@@ -1,4 +1,4 @@
-"""What the autopilot does by itself, and what the mission makes of it."""
+"""Actions of the autopilot by itself, and the reaction of the mission."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ async def failed(rig: Rig, what: str) -> Run:
 
 
 def told_from_m(rig: Rig, run: Run) -> float:
-    """How far from the truth the last place lies that was told."""
+    """Return the distance between the true position and the last one that was reported, m."""
     places = PLACE.findall("\n".join(run.lines))
     assert places, f"no place was told: {run.lines[-5:]}"
     plane = LocalPlane(rig.mission.home)
@@ -35,7 +35,7 @@ def told_from_m(rig: Rig, run: Run) -> float:
     return math.dist(told, plane.to_plane(rig.referee.position(0)))
 
 
-# of a PX4 that returns at 60 %: from its usual 7 % to an emergency it is a second
+# for a PX4 that returns at 60 %: it goes from its usual 7 % to an emergency in a second
 EARLY: dict[str, Values] = {"px4": {"BAT_LOW_THR": 0.7, "BAT_CRIT_THR": 0.6}}
 
 
@@ -47,7 +47,7 @@ async def test_battery_failsafe_brings_the_vehicle_home(rig: Rig) -> None:
     await rig.rest(8.0)
     if rig.referee.judge.in_the_air and one.pilot.mode == "RTL":
         await one.set_mode(one.ours)
-    await rig.all_down()  # and not: it goes on searching
+    await rig.all_down()  # else it may end by itself, or wait for a fresh battery
     await rig.rest(20.0)  # a flight may end by itself then, or wait for a fresh battery
     await rig.comes_home(run)
 
@@ -70,7 +70,7 @@ async def test_glitch_of_the_satellites_ends_well(rig: Rig) -> None:
 @scenario("a motor fails", near=True)
 async def test_motor_that_fails_stops_all_motors(rig: Rig) -> None:
     run = await failed(rig, "motor")
-    await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
+    await rig.ends_well(run, 4, put_back=False)  # no one flies it from there
     rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
 
 
@@ -78,7 +78,7 @@ async def test_motor_that_fails_stops_all_motors(rig: Rig) -> None:
 async def test_motors_stopped_in_the_air_are_a_crash(rig: Rig) -> None:
     run = await in_search(rig)
     await rig.aircraft[0].pilot.command(400, 0, 21196)
-    await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
+    await rig.ends_well(run, 4, put_back=False)  # no one flies it from there
     rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
 
 
@@ -92,7 +92,7 @@ async def test_fence_made_smaller_in_flight_ends_well(rig: Rig) -> None:
 async def test_radio_control_lost_and_back_ends_well(rig: Rig) -> None:
     one = rig.aircraft[0]
     run = await in_search(rig)
-    one.hold_sticks(centred=True)  # with the throttle up nothing arms
+    one.hold_sticks(centred=True)  # with the throttle up it does not arm
     await rig.rest(2.0)
     await one.fail("radio")
     await rig.until(lambda: one.pilot.mode == "RTL", "a failsafe", 60.0)

@@ -1,4 +1,4 @@
-"""Signing: a key is installed, flown with, refused where it is wrong, and removed."""
+"""Signing: a key is installed, used, refused if it is wrong, and removed."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from tests.real.rig import Rig, Run
 from tests.real.scenario import scenario
 
 LEFT_S = 400.0
-"""Time within which aircraft that are left alone are at home."""
+"""Time within which aircraft without a mission are at home, s."""
 
 
 async def reached(rig: Rig, phase: str) -> Run:
@@ -33,7 +33,7 @@ def killed_and_resumed(phase: str) -> object:
             await rig.in_search(again)
             await rig.rest(10.0)
             again.interrupt()
-        # resumed in its descent it goes on with the mission, perhaps to its end
+        # resumed in its descent it continues the mission, perhaps to its end
         await rig.ends_well(again, *((0, 3) if phase == "descent" else (3,)), within_s=900.0)
 
     return flown

@@ -1,4 +1,4 @@
-"""Whole missions, and what the drivers, strategies and a busy computer make of them."""
+"""Whole missions, with each driver, some strategies, and on a busy computer."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.real.sockets import Address, Socket
 from tests.support.ports import free_port
 
 WORSE: Final = 0.01
-"""The map of a real flight may be worse by this IoU than that of the simulated one."""
+"""Maximum loss of IoU of a real flight's map against that of the simulated one."""
 
 
 async def complete(rig: Rig, *words: object) -> None:
@@ -27,7 +27,7 @@ async def complete(rig: Rig, *words: object) -> None:
     run = await rig.fly("--auto-swap", *words)
     await rig.ends_well(run, 0, within_s=1800.0)
     assert rig.referee.breaches == 0
-    # a cell that is half region is missed or not by the error of a real position
+    # the error of a real position decides whether a cell that is half region is missed
     simulated = await rig.fly_simulated(*words)
     assert rig.row.iou is not None
     assert rig.row.iou >= simulated - WORSE

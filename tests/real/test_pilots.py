@@ -1,4 +1,4 @@
-"""A pilot takes an aircraft by hand: it is his until he gives it back."""
+"""A pilot takes an aircraft by hand and keeps it until it is given back."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from tests.real.scenario import scenario
 
 HOLD_S = 6.0
 SHORT_S = 2.5
-"""So long a pilot keeps it in a mode in which his sticks hold no height."""
+"""Time for which a pilot keeps it in a mode in which the sticks hold no height, s."""
 
 
 @scenario("pilot: each mode of the switch, in mid-path", near=True)
@@ -15,7 +15,7 @@ async def test_pilots_mode_is_never_changed_back(rig: Rig) -> None:
     one = rig.aircraft[0]
     run = await rig.fly("--auto-swap")
     await rig.in_search(run)
-    one.hold_sticks(centred=True)  # with the throttle up nothing arms
+    one.hold_sticks(centred=True)  # with the throttle up it does not arm
     await rig.rest(2.0)
     taken: list[str] = []
     for mode in one.by_hand:

@@ -1,4 +1,4 @@
-"""What a mission file promises, and what the mission makes of a vehicle, in the referee's words."""
+"""Promises of a mission file, and the mission's view of a vehicle, in the referee's terms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CHARGES: Final[dict[Phase, Charge]] = {
 
 
 def claim(vehicle: VehicleState, *, returns: bool) -> tuple[Charge, str, bool]:
-    """Return its charge, its order by name, and whether a pilot's or a failsafe's mode is known.
+    """Return its charge, its order by name, and whether a mode of a pilot or a failsafe is known.
 
     `returns`: whether its autopilot flies it home.
     """
@@ -36,7 +36,7 @@ def is_reported(vehicle: VehicleState) -> bool:
 
 
 def bounds_of(mission: Mission, grid: Grid, pads: Mapping[int, GridPoint], **more: Any) -> Bounds:
-    """Return what a mission promises, by its file alone. `more`: further fields of `Bounds`."""
+    """Return the promises of a mission file alone. `more`: further fields of `Bounds`."""
     fence = Polygon(
         [grid.fixed(p) for p in positions(mission.fence.polygon)],
         [[grid.fixed(p) for p in positions(hole)] for hole in mission.fence.holes],

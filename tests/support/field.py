@@ -39,7 +39,7 @@ def mission_of(
 
 
 class Field:
-    """The vehicles of a mission. `lose` says of each frame, either way, whether it is lost."""
+    """The vehicles of a mission. `lose` decides for each frame, either way, whether it is lost."""
 
     def __init__(self, made: Mission) -> None:
         self.setting = setting_of(made)
@@ -75,7 +75,7 @@ class Field:
 
     # --- the ground station beside -----------------------------------------------------------
     def ask(self, index: int, message: Message) -> list[Message]:
-        """What a vehicle answers somebody else at once."""
+        """Send a frame of another system to a vehicle; return its immediate answer."""
         answer = self.vehicles[index].receive(message.pack(self._codec))
         return mav.MAVLink(None).parse_buffer(answer) or []
 
@@ -90,7 +90,7 @@ class Field:
         return float(value.param_value)
 
     def put(self, index: int, name: str, value: float) -> None:
-        """Set a real parameter, or an ArduPilot's."""
+        """Set a real parameter, or one of an ArduPilot."""
         system = self.vehicles[index].spec.system_id
         self.ask(index, mav.MAVLink_param_set_message(system, 1, name.encode(), value, 9))
 

@@ -10,7 +10,7 @@ BOX: Final = square(-6.0, 14.0, 56.0, 48.0)
 PADS: Final = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0), (48.0, 0.0)]
 TRUE: Final = [(10.0, 30.0), (44.0, 26.0), (46.0, 44.0), (30.0, 52.0), (12.0, 46.0)]
 FAR: Final = [(-4.0, 52.0), (2.0, 52.0), (2.0, 60.0), (-4.0, 60.0)]
-"""Another patch, for a search that finds all."""
+"""Corners of another patch, for a search that finds all."""
 
 
 def field_text(
@@ -21,8 +21,10 @@ def field_text(
     high: bool = False,
     more: str = "",
 ) -> str:
-    """A field with a region, pads in a row south of it; `high`: two patches, all looked for, from
-    30 m."""
+    """Return a field with a region, and pads in a row south of it.
+
+    `high`: with two patches, a search for all, from 30 m.
+    """
     text = mission_text(
         box, square(-20.0, -14.0, 84.0, 92.0), vehicles=vehicles, homes=PADS[:vehicles],
         capacity_wh=60.0, strategy="swath", regions=[region, FAR] if high else [region],

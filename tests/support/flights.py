@@ -1,4 +1,4 @@
-"""One simulated vehicle under its driver, with a hand on the link and on the mode switch."""
+"""One simulated vehicle under its driver; the test controls the link and the mode switch."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from uavmap.runner.flight_links import mount_of
 from uavmap.runner.simulation import STEP_S, make_vehicles
 
 PATIENCE_S = 3600.0
-"""Longest wait for an event, in seconds of the flight: on a busy machine these pass quickly."""
+"""Maximum wait for an event, s of the flight: on a busy machine these pass quickly."""
 
 Message = Any
 PILOT_SYSTEM_ID = 255
@@ -42,7 +42,7 @@ def small_mission(
     quirks: SimQuirks = SimQuirks(),  # noqa: B008 - a value that nobody changes
     **how: Any,
 ) -> Mission:
-    """A dark square of 8 m to the north-east of the start, in a box of 24 m by 16 m."""
+    """Return a dark square of 8 m north-east of the start, in a box of 24 m by 16 m."""
     made = mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), **how)
     grid = Grid.at(START, CELL_M)
     corners = [grid.position(GridPoint(*xy)) for xy in square(6, 14, 8, 8)]
@@ -53,7 +53,7 @@ def small_mission(
             "quirks": quirks,
         }
     )  # fmt: skip
-    # a sixteenth of the pixels: most of what a simulated flight costs is its pictures
+    # a sixteenth of the pixels: pictures are most of the cost of a simulated flight
     camera = made.camera.model_copy(
         update={"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "pixels_per_cell": 20.0}
     )
@@ -67,7 +67,7 @@ def by_pymavlink(send: Callable[[bytes], None]) -> Session:
 class Flight:
     """A driver and the simulated vehicle at the other end.
 
-    `to_vehicle` and `to_driver` see every message and may swallow it (None) or change its frame.
+    `to_vehicle` and `to_driver` see every message and may drop it (None) or change its frame.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Flight:
         self.sent: list[tuple[float, Message]] = []
         self.told: list[str] = []
         self.driving: asyncio.Task[None]
-        """As long as the service runs."""
+        """Task that runs as long as the service."""
         self.to_vehicle: Callable[[Message], bool] = lambda message: True
         self.to_driver: Callable[[Message], bool] = lambda message: True
         self.change: Callable[[bytes], bytes] = lambda picture: picture
@@ -109,7 +109,7 @@ class Flight:
 
     @property
     def said(self) -> list[str]:
-        """What the service itself told, without the vehicle's own words."""
+        """Return the lines of the service, without the vehicle's own texts."""
         return [line for line in self.told if not line.startswith("[vehicle ")]
 
     @staticmethod
@@ -117,7 +117,7 @@ class Flight:
         return asyncio.get_running_loop().time()
 
     async def _crew(self, vehicle: int) -> None:
-        """The ground crew is quick."""
+        """Swap a battery at once."""
 
     async def _fetch(self, url: str) -> bytes:
         data = self.vehicle.image(url)
@@ -153,18 +153,18 @@ class Flight:
 
     # --- the pilot and the bystander ---------------------------------------------------------
     def pilot(self, command: int, *params: float) -> None:
-        """A command from somebody else, with effect at once."""
+        """Send a command of another system, with immediate effect."""
         filled = (*params, *([0.0] * (7 - len(params))))
         message = mav.MAVLink_command_long_message(1, 1, command, 0, *filled)
         self._deliver(self.vehicle.receive(message.pack(self._pilot)))
 
     def pilot_mode(self, mode: int) -> None:
-        """The pilot turns the mode switch; the heartbeat that shows it is heard on return."""
+        """Turn the pilot's mode switch; return once a heartbeat has shown the mode."""
         self.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
         assert self.session.view.mode == mode
 
     def commands_after(self, index: int) -> list[Message]:
-        """What was sent from a point on, but for heartbeats and the camera's stop."""
+        """Return the messages sent from a point on, but for heartbeats and the camera's stop."""
         return [
             message
             for _, message in self.sent[index:]
@@ -173,23 +173,23 @@ class Flight:
         ]
 
     async def hears_nothing(self, seconds: float) -> None:
-        """Nothing is sent for so long, but heartbeats and the camera's stop."""
+        """Assert that only heartbeats and the camera's stop are sent for a time."""
         sent = len(self.sent)
         await asyncio.sleep(seconds)
         assert self.commands_after(sent) == []
 
     # --- the service's part ------------------------------------------------------------------
     def report(self, event: Event) -> None:
-        """As the reducer does: who is overridden stands down."""
+        """Report as the reducer does: an overridden vehicle stands down."""
         self.events.append(event)
         if isinstance(event, Overridden) and not self.driving.done():
             self.driver.give(StandDown())
 
     async def taken_in(self) -> None:
-        """What was reported is taken in at once."""
+        """Return at once: reports are accepted immediately."""
 
     async def judge(self, taken: PosedPicture) -> bool:
-        """What a picture says is taken in at once."""
+        """Judge a picture at once."""
         verdict = self._judge.verdict(taken)
         self.report(verdict)
         await self.taken_in()
@@ -199,7 +199,7 @@ class Flight:
         return [event for event in self.events if isinstance(event, kinds)]
 
     async def sees(self, kind: type[Event], count: int = 1, within_s: float = PATIENCE_S) -> Any:
-        """The event of a kind, once so many have been reported."""
+        """Wait for the n-th event of a kind; return it."""
         async with asyncio.timeout(within_s):
             while len(self.seen(kind)) < count:  # noqa: ASYNC110
                 await asyncio.sleep(STEP_S)
@@ -225,7 +225,7 @@ def no_task_left() -> Iterator[None]:
 
 @contextlib.asynccontextmanager
 async def under_way(flight: Flight) -> AsyncIterator[Flight]:
-    """The world turns, the driver is connected and runs; at the end nothing is left."""
+    """Run the world and the connected driver; at the end no task is left."""
     with no_task_left():
         async with running(flight):
             yield flight

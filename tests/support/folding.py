@@ -1,4 +1,4 @@
-"""The state after a journal, without anything that looks on."""
+"""The state after a journal, without any observer."""
 
 from __future__ import annotations
 

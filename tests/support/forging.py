@@ -1,10 +1,11 @@
-"""Whole simulated flights while somebody forges the vehicle's frames.
+"""Whole simulated flights while a forger sends frames of the vehicle.
 
-During a flight frames are fed into the session beside the vehicle's own: `random` ones of any type
-and value, `poisoned` ones of the types that are read with the worst values, both with the vehicle's
-own ids, and `strangers`' with other ids and components. A forged heartbeat in another mode can make
-the mission stand aside, which is no fault: it cannot be told from a pilot. Forged announcements
-name pictures on other hosts and of other kinds.
+During a flight the session gets forged frames beside the vehicle's own. `random` frames have any
+type and value. `poisoned` frames have the types that are read, with the worst values. Both have the
+vehicle's own ids; `strangers` have other ids and components.
+
+A forged heartbeat in another mode can make the mission stand aside. That is no fault: it looks
+exactly like a pilot. Forged announcements name pictures on other hosts and of other kinds.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ URLS = (
     "http://[::1]:9/one.jpg", "http://203.0.113.7:99999/", "ftp://203.0.113.7/one.jpg", "sim://1/0",
 )  # fmt: skip
 HOSTS = ("192.0.2.1",)
-"""Named in the mission; nobody forges this one."""
+"""Hosts named in the mission; the forger sends for none of these."""
 MISSION = "speck"
 BURST_S = 0.1
 LASTS_S = 75.0
-"""About how long an undisturbed flight of the mission is."""
+"""Approximate duration of an undisturbed flight of the mission, s."""
 
 
 class Forger:
@@ -70,7 +71,7 @@ class Forger:
         return self._hostile._fill(kind, wrong_target=False)
 
     def _announcement(self) -> Any:
-        """Of a picture that looks right, but for where it is."""
+        """Return the announcement of a picture that is plausible but for its address."""
         index, url = self._rng.randrange(500), self._rng.choice(URLS).encode()
         down = [0.7071068, 0.0, -0.7071068, 0.0]
         return mav.MAVLink_camera_image_captured_message(
@@ -80,7 +81,7 @@ class Forger:
 
 @contextlib.contextmanager
 def forging(kind: str, seed: int, frames: int) -> Iterator[None]:
-    """While the context lasts, sessions of simulations hear a forger, too."""
+    """Forge frames for the sessions of simulations while the context lasts."""
     before = uavmap.runner.simulation.Simulation
     fetcher = PictureFetcher(lambda: HOSTS)
 
@@ -111,7 +112,7 @@ def forging(kind: str, seed: int, frames: int) -> Iterator[None]:
 
 @functools.cache
 def network() -> list[str]:
-    """What this process tries to reach from now on. There is no way to stop listening."""
+    """Return the connections that this process tries from now on; the recording never stops."""
     reached: list[str] = []
 
     def heard(event: str, arguments: tuple[object, ...]) -> None:

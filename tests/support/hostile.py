@@ -24,7 +24,7 @@ RANGES = {
 REALS = (math.nan, math.inf, -math.inf, 3.4e38, -3.4e38, 1e-40, -0.0, 65535.0, 2.0**31, -1e9)
 NAMES = (b"", b"\xff" * 16, b"RTL_ALT\xfe\xfd", b"NO_SUCH_NAME", b"%n%s%n", b"\x00RTL_ALT")
 
-# with whatever parameters these mean what they say, so they are no garbage
+# valid commands with any parameters, so they are no garbage
 PLAIN_COMMANDS = (
     mav.MAV_CMD_NAV_LAND, mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, mav.MAV_CMD_MISSION_START,
 )  # fmt: skip
@@ -42,7 +42,7 @@ class Hostile:
         self._commands = sorted(mav.enums["MAV_CMD"])
 
     def chunks(self, well_addressed: bool) -> Iterator[tuple[str, bytes]]:
-        """(kind, bytes) without end; messages to the vehicle itself only if asked for."""
+        """Yield (kind, bytes) without end; messages to the vehicle itself only if requested."""
         kinds = [self.noise, self.truncated, self.flipped, self.unknown, self.foreign]
         kinds += [self.addressed] if well_addressed else []
         while True:
@@ -50,7 +50,7 @@ class Hostile:
             yield kind.__name__, kind()
 
     def noise(self) -> bytes:
-        """Random bytes, with more frame markers among them than chance has."""
+        """Return random bytes, with more frame markers among them than chance has."""
         data = bytearray(self.rng.randbytes(self.rng.randrange(1, 600)))
         for _ in range(self.rng.randrange(4)):
             at = self.rng.randrange(len(data))
@@ -64,22 +64,22 @@ class Hostile:
     def flipped(self) -> bytes:
         frame = bytearray(self._frame(self._fill(self._any_type(), wrong_target=False)))
         frame[self.rng.randrange(1, len(frame))] ^= self.rng.randrange(1, 256)
-        # with a wrong version or length it may swallow what follows
+        # with a wrong version or length it may swallow the following bytes
         return bytes(frame)
 
     def unknown(self) -> bytes:
-        """A message that the dialect does not have."""
+        """Return a message that the dialect does not have."""
         size = self.rng.randrange(256)
         number = self.rng.choice((59_999, 0xFFFFFF, self.rng.randrange(70_000, 2**24)))
         header = bytes([0xFD, size, 0, 0, self.rng.randrange(256), 255, 190])
         return header + number.to_bytes(3, "little") + self.rng.randbytes(size + 2)
 
     def foreign(self) -> bytes:
-        """A whole message with any values, for another vehicle."""
+        """Return a whole message with any values, for another vehicle."""
         return self._frame(self._fill(self._any_type(targeted=True), wrong_target=True))
 
     def addressed(self) -> bytes:
-        """A whole message with the worst values, for this vehicle."""
+        """Return a whole message with the worst values, for this vehicle."""
         kind = self._any_type()
         while kind.msgname in ("SETUP_SIGNING", "SET_MODE"):
             kind = self._any_type()
@@ -95,7 +95,7 @@ class Hostile:
 
     def _any_type(self, targeted: bool = False) -> Any:
         while True:
-            # half of them are commands and the like, which do most
+            # half of them are commands and similar messages, which have most effects
             often = ("COMMAND_LONG", "COMMAND_INT", "PARAM_SET", "MISSION_ITEM_INT",
                      "MISSION_COUNT", "SET_POSITION_TARGET_GLOBAL_INT")  # fmt: skip
             number = self.rng.choice(self._types)
@@ -154,9 +154,9 @@ class Outcome:
 
 
 def bombard(vehicle: SimVehicle, size: int, seed: int, *, well_addressed: bool) -> Outcome:
-    """Give a vehicle `size` hostile bytes while its time passes, and look what became of it.
+    """Give a vehicle `size` hostile bytes while its time passes, and check its state afterwards.
 
-    Memory is compared between the first fifth, when all buffers have been filled, and the end.
+    Memory is compared between the first fifth, when all buffers are full, and the end.
     """
     hostile = Hostile(seed, vehicle.spec.system_id)
     before = condition(vehicle)
@@ -169,7 +169,7 @@ def bombard(vehicle: SimVehicle, size: int, seed: int, *, well_addressed: bool) 
             vehicle.receive(data)
             if number % 20 == 0:
                 vehicle.step(0.05)
-        except Exception as error:  # the very thing that is looked for
+        except Exception as error:  # the test looks for exactly this error
             crashes.append(f"{kind}: {type(error).__name__}: {error}: {data.hex()[:200]}")
         sent[kind] = sent.get(kind, 0) + len(data)
         total += len(data)
@@ -189,7 +189,7 @@ def bombard(vehicle: SimVehicle, size: int, seed: int, *, well_addressed: bool) 
 
 
 def condition(vehicle: SimVehicle) -> dict[str, Any]:
-    """Mode, armed, place (to the metre) and every parameter."""
+    """Return mode, armed, place (to the metre) and every parameter."""
     truth = vehicle.truth
     east, north = vehicle.world.plane.to_plane(truth.position)
     place = (round(east), round(north), round(truth.height_m))

@@ -1,4 +1,4 @@
-"""Journals for tests: of a mission that can be flown."""
+"""Journals of a mission that can be flown, for tests."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 SOURCE = named_text("runway")
 PLAN = plan_of(SOURCE.source, SOURCE.text + "# é\n", seed=7)
 META: dict[str, Any] = {"plan": json.loads(json.dumps(PLAN.as_json()))}
-"""As it is read back: a tuple is a list in JSON."""
+"""Meta data as read back: a tuple is a list in JSON."""
 
 
 def some_events(count: int) -> list[Event]:
-    """Twice so many events."""
+    """Return two events for each of a number."""
     events: list[Event] = []
     for n in range(count):
         place = GridPoint(0.01 * n, -3.25)
@@ -42,7 +42,7 @@ def write(path: Path, events: Iterable[Event]) -> Path:
 
 
 def begun(folder: Path, plan: FlightPlan, events: Iterable[Event] = (), **meta: object) -> Path:
-    """A folder with the journal of a flight, closed, and nothing else."""
+    """Return a folder with the closed journal of a flight, and no other file."""
     with Journal.create(folder / JOURNAL, {"plan": plan.as_json(), **meta}) as journal:
         journal.append_all(events)
     return folder
@@ -58,7 +58,7 @@ def read(path: Path) -> tuple[list[Event], dict[str, Any]]:
 
 
 def refused(path: Path) -> str:
-    """The line with which a journal is refused; nothing in its folder has changed."""
+    """Return the line with which a journal is refused; assert that its folder is unchanged."""
     before = contents(path.parent)
     with pytest.raises(JournalError) as caught:
         Journal.open(path)

@@ -15,7 +15,7 @@ Message = Any
 
 
 class Peer:
-    """A vehicle that says only what a test makes it say; `heard` holds (time, message)."""
+    """A vehicle whose messages a test determines; `heard` holds (time, message)."""
 
     def __init__(self, system: int = 1, component: int = mav.MAV_COMP_ID_AUTOPILOT1) -> None:
         self.heard: list[tuple[float, Message]] = []
@@ -38,12 +38,12 @@ class Peer:
         return data
 
     def say(self, *messages: Message, after_s: float = 0.001, component: int | None = None) -> None:
-        """Have the session hear messages a moment later, in one piece."""
+        """Send messages to the session a moment later, in one piece."""
         data = b"".join(self.frame(message, component) for message in messages)
         asyncio.get_running_loop().call_later(after_s, self.session.feed, data)
 
     def commands(self) -> list[tuple[float, int, int]]:
-        """(time, command, confirmation) of every COMMAND_LONG and COMMAND_INT heard."""
+        """Return (time, command, confirmation) of every COMMAND_LONG and COMMAND_INT received."""
         return [
             (t_s, m.command, getattr(m, "confirmation", 0))
             for t_s, m in self.heard
@@ -66,7 +66,7 @@ def position(
     amsl_m: float | None = None,
     velocity: tuple[int, int, int] = (0, 0, 0),
 ) -> Message:
-    """GLOBAL_POSITION_INT at a time of the vehicle's clock; its home lies 500 m above the sea."""
+    """Return GLOBAL_POSITION_INT at a time of the vehicle's clock; home is 500 m above the sea."""
     amsl_m = 500.0 + up_m if amsl_m is None else amsl_m
     return mav.MAVLink_global_position_int_message(
         round(t_s * 1000) & 0xFFFFFFFF, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7),

@@ -1,4 +1,4 @@
-"""What a learned model holds besides its parts, for tests that make one by hand."""
+"""Fields of a learned model beside its parts, for tests that make one by hand."""
 
 from __future__ import annotations
 

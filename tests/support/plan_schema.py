@@ -1,4 +1,4 @@
-"""QGroundControl's plans, held against a JSON schema that was written after its documentation."""
+"""QGroundControl's plans, checked with a JSON schema that follows its documentation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SCHEMA: dict[str, Any] = json.loads(
 
 
 def faults_of(plan: object) -> list[str]:
-    """What of a plan is not as documented: where, and why; the whole tree of reasons."""
+    """Return the places where a plan differs from the documentation, with all reasons."""
     return [
         f"{error.json_path}: {part.message}"
         for error in Draft202012Validator(SCHEMA).iter_errors(plan)

@@ -18,7 +18,7 @@ class MissionText(NamedTuple):
 
 
 def named_text(name: str) -> MissionText:
-    """The text of a shipped mission, or of a mission file."""
+    """Return the text of a shipped mission, or of a mission file."""
     shipped = resources.files("missions") / "shipped" / f"{name}.toml"
     file = shipped if shipped.is_file() else Path(name)
     return MissionText(name, file.read_text("utf-8"))
@@ -35,7 +35,7 @@ def plan_of(
     epoch_utc_s: float = SIM_EPOCH_UTC_S,
     **options: Any,
 ) -> FlightPlan:
-    """A plan of a mission, or of its text; simulated where there is no URL."""
+    """Return a plan of a mission, or of its text; simulated if there is no URL."""
     if isinstance(mission, str):
         mission = mission_of_text(mission, mission_source)
     asked = FlightOptions(

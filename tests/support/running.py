@@ -1,4 +1,4 @@
-"""Tests that are coroutines: each names what runs it."""
+"""Tests that are coroutines: each names its runner."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _made(make: Callable[..., Any], given: dict[str, Any]) -> Any:
 
 
 def on_virtual_time(body: Body) -> None:
-    """Run a body on a clock that goes on only when nothing else is to be done."""
+    """Run a body on a clock that advances only when no task is ready."""
     run(body(), VirtualClock())
 
 

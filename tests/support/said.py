@@ -1,4 +1,4 @@
-"""The lines for the operator: a display that keeps them, and a stream that nobody reads."""
+"""The lines for the operator: a display that keeps them, and a stream that fails."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ class Said(list[str]):
 
     @property
     def page(self) -> str:
-        """The URL of the live page."""
+        """Return the URL of the live page."""
         named = "live page: "
         return next(line.removeprefix(named) for line in self if line.startswith(named))
 
 
 class Gone(io.StringIO):
-    """A terminal, a pipe or a disk that takes nothing more."""
+    """A terminal, a pipe or a disk that accepts no more data."""
 
     def __init__(self, failure: Exception, *, terminal: bool = False) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Whole flights by the command, on virtual time, with one thing wrong from outside."""
+"""Whole flights by the command, on virtual time, with one fault from outside."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tests.support.sitl_truth import Observer
 FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb"})
 BOTH = ("ardupilot", "px4")
 Act = Callable[[SimVehicle], bool]
-"""Looks at a vehicle ten times a second; True once it has done what it wanted to do."""
+"""A check of a vehicle ten times a second; it returns True once it has acted."""
 
 
 @dataclass(slots=True)
 class Meddler(Observer):
-    """An observer who does something to the vehicle, one thing after the other."""
+    """An observer that acts on a vehicle, one act after the other."""
 
     acts: list[Act] = field(default_factory=list)
     done_s: list[float] = field(default_factory=list)
@@ -60,7 +60,7 @@ def scenario(
 
 
 def command(vehicle: SimVehicle, number: int, *p: float) -> None:
-    """A pilot's or a ground station's command, with effect at once."""
+    """Send a command of a pilot or a ground station, with immediate effect."""
     filled = (*p, *([0.0] * (7 - len(p))))
     message = mav.MAVLink_command_long_message(1, 1, number, 0, *filled)
     pilot = mav.MAVLink(None, srcSystem=250, srcComponent=190)
@@ -75,12 +75,12 @@ def into(vehicle: SimVehicle, mode: int) -> None:
 
 
 def set_parameter(vehicle: SimVehicle, name: str, value: float) -> None:
-    """Its owner changes his mind in flight."""
+    """Change a parameter in flight, as the owner may."""
     assert vehicle._ap.parameters.set(name, value)
 
 
 def once(when: Callable[[SimVehicle], bool], do: Callable[[SimVehicle], object]) -> Act:
-    """Do something at the first moment at which something holds."""
+    """Act at the first moment at which a condition holds."""
 
     def act(vehicle: SimVehicle) -> bool:
         if not when(vehicle):
@@ -96,7 +96,7 @@ def flying(vehicle: SimVehicle, *, height_m: float = 11.0) -> bool:
 
 
 def after(seconds: float) -> Callable[[SimVehicle], bool]:
-    """Holds so long after it was first asked."""
+    """Return a condition that holds a time after its first check."""
     begun: list[float] = []
 
     def when(vehicle: SimVehicle) -> bool:

@@ -1,4 +1,4 @@
-"""What the referee sees of simulated aircraft: their truth, and what the service made of it."""
+"""The referee's view of simulated aircraft: their truth, and the service's view of it."""
 
 from __future__ import annotations
 
@@ -25,50 +25,53 @@ from tests.support.claims import bounds_of, claim, is_reported
 from uavmap.runner.simulation import Truth
 
 LED_AWAY_M: Final = 5.0
-"""A vehicle that is so far from where its autopilot believes is misled..."""
+"""Distance between true and estimated position from which a vehicle is misled, m."""
 LIES_M: Final = 1.5
-"""... and from here on its positions are wrong."""
+"""Distance between true and reported position from which its reports are wrong, m."""
 COMPASS_RAD: Final = math.radians(30.0)
 RACE_S: Final = 0.3
-"""A mode may be commanded by what was known so long ago."""
+"""Maximum age of the knowledge by which a mode may be commanded, s."""
 COMMANDS: Final = (20, 21, 192)
-"""Return, land, fly to a target."""
+"""Commands of return, landing and flight to a target."""
 LIMIT_S: Final = 20_000.0
-"""A flight that takes longer, in simulated seconds, has no end."""
+"""Maximum duration of a flight in simulated time, s: a longer one has no end."""
 HALF_SHARE: Final = 0.5
 
 
 class NoEndError(Exception):
-    """A flight that does not end by itself."""
+    """Raised for a flight that does not end by itself."""
 
 
 @dataclass(slots=True)
 class Observer(Truth):
-    """Shows the referee the truth of a flight; `act` may interfere, as a pilot does."""
+    """An observer that shows the referee the truth of a flight; `act` may interfere, as a pilot
+    does.
+    """
 
     t_s: float = 0.0
     limit_s: float = LIMIT_S
     always: frozenset[Ail] = FINE
-    """What the vehicles of this flight suffer all the time."""
+    """Faults of the vehicles of this flight that last all the time."""
     more_bounds: dict[str, Any] = field(default_factory=dict)
     excuses_blind: bool = False
-    """Whether the map of a flight with a blind vehicle is not judged."""
+    """True if the map of a flight with a blind vehicle is not judged."""
     missed_cells: int = 1
-    """So many cells of the rim, half of them region, may come out as not."""
+    """Maximum number of cells of the rim, half of them region, that may be missed."""
     referee: Referee | None = None
     mission: Mission | None = None
     states: dict[int, Any] = field(default_factory=dict)
     """Flights by member; 0 for a service that has all vehicles."""
     _modes: dict[int, str] = field(default_factory=dict)
     _authors: dict[int, Holder] = field(default_factory=dict)
-    """Who set the mode of each vehicle."""
+    """Authors of the mode of each vehicle."""
 
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         Truth.watch(self, vehicles, setting)
         if self.referee is None:
             self.mission = setting.mission
             pads = {v.spec.system_id: setting.grid.fixed(v.spec.home) for v in vehicles}
-            # a pad is found by positions that err, and a quarter of a metre is no fall in telemetry
+            # positions that find a pad have errors, and telemetry may hide a fall of a quarter
+            # metre
             given = {"home_m": 7.0, "race_s": RACE_S, "fall_m": 0.25, "crash_is_known": True}
             given |= self.more_bounds
             self.referee = Referee(bounds_of(setting.mission, setting.grid, pads, **given))
@@ -79,12 +82,12 @@ class Observer(Truth):
             raise NoEndError(f"no end after {self.limit_s:g} s")
 
     def act(self, vehicle: SimVehicle) -> Holder:
-        """Do to a vehicle what is to be done now; return whose it is."""
+        """Apply the due acts to a vehicle; return the one that has its control."""
         by_failsafe = self._authors.get(vehicle.spec.system_id) == "failsafe"
         return "failsafe" if vehicle.truth.failsafe or by_failsafe else "service"
 
     def state_for(self, number: int) -> State | None:
-        """Return the mission's state at the program that has a vehicle."""
+        """Return the mission's state in the program that has a vehicle."""
         flight = self.states.get(number, self.states.get(0))
         return None if flight is None else flight.state
 
@@ -116,7 +119,7 @@ class Observer(Truth):
         return referee
 
     def ever(self, ail: Ail) -> bool:
-        """Return whether a vehicle suffered something in the air."""
+        """Return whether a vehicle had a fault in the air."""
         memories = self.referee.memories.values() if self.referee else ()
         return any(ail in memory.ever for memory in memories)
 
@@ -152,7 +155,7 @@ def _ails(vehicle: SimVehicle, holder: Holder) -> frozenset[Ail]:
 
 @contextlib.contextmanager
 def observed(observer: Observer) -> Iterator[None]:
-    """Let an observer see the simulation of this process, and the flight that the command makes."""
+    """Let an observer see the simulation of this process, and the flight of the command."""
     flight = uavmap.runner.one_flight.Flight
     begin = flight.__init__
 

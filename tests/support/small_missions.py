@@ -29,7 +29,7 @@ UNKIND_STRATEGIES = (
     *("rdfs", "greedy", "horizon", "hungarian"),
     *("swath", "swath", "swath", "swath", "survey"),
 )
-"""Half of them fly without stopping."""
+"""Strategies of unkind worlds: half of them fly without stopping."""
 
 Points = Collection[tuple[float, float]]
 
@@ -41,13 +41,13 @@ class Scenario:
 
 
 def ring(grid: Grid, points: Points) -> str:
-    """The TOML of a ring, from ground metres around the start."""
+    """Return the TOML of a ring, from ground metres around the start."""
     places = [grid.position(GridPoint(*point)) for point in points]
     return "[" + ", ".join(f"[{p.lat_deg:.9f}, {p.lon_deg:.9f}]" for p in places) + "]"
 
 
 def square(east_m: float, north_m: float, width_m: float, depth_m: float) -> Points:
-    """The corners of a rectangle from its south-west corner."""
+    """Return the corners of a rectangle from its south-west corner."""
     return [
         (east_m, north_m),
         (east_m + width_m, north_m),
@@ -78,9 +78,9 @@ def mission_text(
     mounting: str = "fixed",
     regions: Collection[Points] = (),
 ) -> str:
-    """The TOML of a mission from ground metres along the grid around the start.
+    """Return the TOML of a mission from ground metres along the grid around the start.
 
-    `regions` are those of the simulated ground; nothing may be added to its `[sim]` above them.
+    `regions` are those of the simulated ground; no key may be added to its `[sim]` above them.
     """
     grid = Grid.at(START, CELL_M)
     sections = []
@@ -125,7 +125,7 @@ def mission_text(
 
 
 def with_small_pictures(text: str) -> str:
-    """The TOML of a mission, its pictures 240 x 180: most of what a simulated flight costs."""
+    """Return the TOML of a mission with pictures of 240 x 180 px, which are quick to simulate."""
     small = "[camera]\nwidth_px = 240\nheight_px = 180\npixels_per_cell = 20"
     return text.replace("[camera]", small)
 
@@ -135,7 +135,7 @@ def mission(box: Points, fence: Points, holes: Collection[Points] = (), **how: A
 
 
 def random_scenario(seed: int, *, drift: bool = False, strategy: str | None = None) -> Scenario:
-    """A mission by seed: 1 to 4 vehicles, a ROI of 4 to 24 cells that starts in the box.
+    """Return a mission by seed: 1 to 4 vehicles, a ROI of 4 to 24 cells that starts in the box.
 
     The hole lies anywhere beyond the row of homes, so it may cut the box or the ROI.
     """
@@ -159,7 +159,7 @@ def random_scenario(seed: int, *, drift: bool = False, strategy: str | None = No
     )
     hole_too = not drift and bool(rng.random() < 0.6)
     speed_m_s = float(rng.choice([1.5, 5.0]))
-    # what the farthest place needs, and between a little and twice as much on top
+    # the charge for the farthest place, and between a little and twice as much in addition
     away_m = math.hypot(max(abs(west_m), abs(west_m + width_m)) + 20, south_m + depth_m) + 25
     sortie_s = 2.4 * away_m / speed_m_s + 30 + 3 * (12 + 6 * vehicles)
     capacity_wh = sortie_s * 300 / 3600 * 1.15 / 0.85 * float(rng.uniform(1.0, 1.3))
@@ -190,7 +190,7 @@ def random_scenario(seed: int, *, drift: bool = False, strategy: str | None = No
 
 
 def at_heights(mission: Mission, heights_m: Sequence[float]) -> Mission:
-    """The same with homes at these heights above the start, in their order."""
+    """Return the mission with homes at these heights above the start, in their order."""
     vehicles = [
         vehicle.model_copy(update={"home_height_m": height_m})
         for vehicle, height_m in zip(mission.vehicles, heights_m, strict=True)
@@ -199,13 +199,13 @@ def at_heights(mission: Mission, heights_m: Sequence[float]) -> Mission:
 
 
 EXACT_ATTITUDE: Final = "\n[sim.quirks]\ntilt_sigma_deg = 0\nheading_sigma_deg = 0\n"
-"""What a mission has for vehicles whose roll, pitch and heading are exact."""
+"""Keys of a mission whose vehicles have exact roll, pitch and heading."""
 
 
 def first_patch(text: str) -> str:
-    """A shipped mission that ends with the first patch and is flown at the height of the map.
+    """Return a shipped mission that ends with the first patch, at the height of the map.
 
-    As `runway` and `burn` were until decision 38: figures of that time are of such flights.
+    `runway` and `burn` were such missions until decision 38, and so are figures of that time.
     """
     keys = 'find|altitude_m = "auto"  |climb_m_s|descent_m_s'
     head, search, rest = text.partition("[search]\n")
@@ -213,13 +213,13 @@ def first_patch(text: str) -> str:
 
 
 def with_receivers(mission: Mission, height_sigma_m: float) -> Mission:
-    """The same with receivers whose heights err by this standard deviation."""
+    """Return the mission with receivers whose heights have this standard deviation."""
     quirks = mission.sim.quirks.model_copy(update={"height_sigma_m": height_sigma_m})
     return mission.model_copy(update={"sim": mission.sim.model_copy(update={"quirks": quirks})})
 
 
 def scattered(scenario: Scenario, seed: int, *, high: bool = False) -> Scenario:
-    """The same by `swath` with `search.find = "all"`, and one to three patches more in the box.
+    """Return the mission by `swath` with `search.find = "all"`, and one to three patches more.
 
     `high`: searched from layers of its own, up to 10 m above the highest of the map.
     """
@@ -238,11 +238,11 @@ def scattered(scenario: Scenario, seed: int, *, high: bool = False) -> Scenario:
 
 
 def unkind_scenario(seed: int, strategy: str | None = None) -> Scenario:
-    """A small mission for a world where things go wrong: a ROI of 4 to 20 cells, seldom none.
+    """Return a small mission for a world with faults: a ROI of 4 to 20 cells, seldom none.
 
-    One to three vehicles, a hole that may lie beside the homes, a given wind, batteries that last
-    for one sortie or for half of one. What cannot be flown is drawn again. With a `strategy` all
-    but that is as without.
+    It has one to three vehicles, a hole that may lie beside the homes, and a given wind. Its
+    batteries last for one sortie or for half of one. Missions that cannot be flown are drawn
+    again. With a `strategy` only the strategy differs.
     """
     rng = np.random.default_rng([seed, 7])
     while True:
@@ -302,10 +302,10 @@ def _unkind(rng: np.random.Generator, strategy: str | None) -> Scenario:
 
 
 def reachable(setting: Setting, roi: Collection[Cell], root: Cell) -> tuple[set[Cell], set[Cell]]:
-    """Without drift: the ROI cells that get looked from, and those that must be in the map.
+    """Return the ROI cells that are observed, and those that must be in the map, without drift.
 
-    A cell is looked from when it hangs together with the root through cells whose centres the
-    fence allows; the map holds these and their neighbours in the ROI.
+    A cell is observed if cells whose centres the fence allows connect it with the root. The map
+    holds these and their neighbours in the ROI.
     """
     looked: set[Cell] = set()
     todo = [root]
@@ -321,7 +321,7 @@ def reachable(setting: Setting, roi: Collection[Cell], root: Cell) -> tuple[set[
 
 
 def joined(state: State, events: Iterable[Event]) -> State:
-    """The state of a member after its journal, with the map that its facts make in any order."""
+    """Return the state of a member after its journal, with the map of its facts in any order."""
     facts = facts_of(state.setting)
     for event in events:
         facts.add(event)

@@ -1,4 +1,4 @@
-"""DJI's waypoint files, held against tables that were written after its documentation.
+"""DJI's waypoint files, checked with tables that follow its documentation.
 
 Pages "Template.kml", "Waylines.wpml" and "Common Elements" of the Cloud API, DJI WPML 1.0.2. For
 each element they give type, enumeration, range, and whether it is required. They give no order.
@@ -19,7 +19,7 @@ KML = "{http://www.opengis.net/kml/2.2}"
 WPML = "{http://www.dji.com/wpmz/1.0.2}"
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
 MOST_M_S = 15.0
-"""Of the aircraft in the tables, between waypoints."""
+"""Maximum speed of the aircraft in the tables between waypoints, m/s."""
 
 Check = Callable[[str], bool]
 
@@ -33,7 +33,7 @@ def whole(low: int, high: int) -> Check:
 
 
 def number(low: float, high: float, *, above: bool = False) -> Check:
-    """In a range; with `above` its lower end is excluded."""
+    """Return a check of a range; with `above` its lower end is excluded."""
 
     def check(text: str) -> bool:
         if not re.fullmatch(r"-?\d+(\.\d+)?", text):
@@ -45,7 +45,7 @@ def number(low: float, high: float, *, above: bool = False) -> Check:
 
 @dataclass(frozen=True)
 class Rule:
-    """Whether an element has to be there, and what it holds: a text, or other elements."""
+    """A rule for an element: if it is required, and its content, a text or other elements."""
 
     required: bool
     check: Check | None = None
@@ -105,7 +105,7 @@ PHOTO = {
     "useGlobalPayloadLensIndex": must(BOOL),
 }
 ACTS = {"gimbalRotate": ROTATE, "takePhoto": PHOTO}
-"""The actions that are written, of those in the documentation."""
+"""Actions that `uavmap` writes, of those in the documentation."""
 ACTION = {
     "actionId": must(ID),
     "actionActuatorFunc": must(one_of(*ACTS)),
@@ -218,12 +218,12 @@ def tag(name: str) -> str:
 
 
 def text(element: Element | None, *path: str) -> str:
-    """What an element below another holds."""
+    """Return the text of an element below another."""
     return "" if element is None else (element.findtext("/".join(map(tag, path))) or "").strip()
 
 
 def opened(data: bytes) -> dict[str, Element]:
-    """The documents of an archive, by the names of their files."""
+    """Return the documents of an archive, by the names of their files."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         assert archive.testzip() is None
         roots = {name: ElementTree.fromstring(archive.read(name)) for name in archive.namelist()}
@@ -231,7 +231,7 @@ def opened(data: bytes) -> dict[str, Element]:
 
 
 def faults_of(data: bytes) -> list[str]:
-    """What of a file is not as documented."""
+    """Return the differences between a file and the documentation."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         if archive.namelist() != [TEMPLATE, WAYLINES]:
             return [f"holds {archive.namelist()}"]
@@ -249,7 +249,7 @@ def faults_of(data: bytes) -> list[str]:
 
 
 def places(document: Element) -> list[tuple[float, float]]:
-    """Longitudes and latitudes of the waypoints."""
+    """Return longitudes and latitudes of the waypoints."""
     return [
         (float(lon), float(lat))
         for point in document.iter(tag("Placemark"))
@@ -273,15 +273,14 @@ def _faults(parent: Element, rules: Mapping[str, Rule]) -> Iterator[str]:
 
 
 def _chosen(name: str, parent: Element, inside: Mapping[str, Rule]) -> Mapping[str, Rule]:
-    """The parameters of the action that an element has."""
+    """Return the parameters of the action of an element."""
     if name != "actionActuatorFuncParam":
         return inside
     return ACTS.get(text(parent, "actionActuatorFunc"), inside)
 
 
 def _of_points(document: Element) -> Iterator[str]:
-    """What no table can say: indices without a gap, groups that end after they begin, and what is
-    required where another element has a certain value."""
+    """Return the faults of indices, groups and dependent elements, which no table can hold."""
     mission = document.find(tag("missionConfig"))
     leaves = mission is not None and text(mission, "exitOnRCLost") == "executeLostAction"
     if leaves and not text(mission, "executeRCLostAction"):

@@ -1,7 +1,7 @@
-"""Areas as files, as the tools that people draw with write them.
+"""Areas as files, as drawing tools write them.
 
-A file of `tests/data/areas` is a kind; others are written here, by the tools' own writers (GDAL,
-pymavlink, fastkml) where there are any.
+Each file of `tests/data/areas` is a kind; others are written here, by the tools' own writers (GDAL,
+pymavlink, fastkml) if there are any.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SAMPLES = Path(__file__).parents[2] / "data" / "areas"
 
 
 def copied(folder: Path, sample: Path) -> Path:
-    """Copy a sample, of a Shapefile all that is in its folder; return the file to be read."""
+    """Copy a sample, for a Shapefile its whole folder; return the file to be read."""
     if sample.is_dir():
         shutil.copytree(sample, folder, dirs_exist_ok=True)
         return next(folder.glob("*.[sS][hH][pP]"))
@@ -48,7 +48,7 @@ def copied(folder: Path, sample: Path) -> Path:
 KINDS: dict[str, Callable[[Path], Path]] = {
     sample.stem: partial(copied, sample=sample) for sample in sorted(SAMPLES.iterdir())
 }
-"""A writer for each kind, by name: it writes into a folder, and returns the file to be read."""
+"""Writers for each kind, by name: each writes into a folder, and returns the file to be read."""
 
 
 def kind(function: Callable[[Path], Path]) -> Callable[[Path], Path]:
@@ -164,7 +164,7 @@ SURVEY = {
 
 # --- Mission Planner ----------------------------------------------------------------------------
 def wpl(*rows: tuple[int, float, float, float]) -> str:
-    """A QGC WPL 110 file: command, its first parameter, longitude, latitude."""
+    """Return a QGC WPL 110 file: command, its first parameter, longitude, latitude."""
     lines = ["QGC WPL 110"]
     for i, (command, first, x, y) in enumerate(rows):
         values = "\t".join(f"{v:.8f}" for v in (first, 0, 0, 0, y, x, 100))
@@ -193,7 +193,7 @@ def mavproxy_waypoints(folder: Path) -> Path:
 
 @kind
 def mavproxy_fence(folder: Path) -> Path:
-    """Return point, corners, the first corner again; no suffix that says so."""
+    """Return the return point, the corners, the first corner again; no suffix names the format."""
     loader = mavwp.MAVFenceLoader()
     for x, y in (HOME_INSIDE, *closed(FIELD)):
         loader.add_latlon(y, x)
@@ -217,7 +217,7 @@ def gpx(*, tracks: dict[str, Ring]) -> str:
 
 # --- Shapefile ----------------------------------------------------------------------------------
 def shapefile(kind: str = "qgis_shapefile") -> dict[str, bytes]:
-    """The files of a Shapefile, by their suffixes."""
+    """Return the files of a Shapefile, by their suffixes."""
     return {path.suffix[1:]: path.read_bytes() for path in (SAMPLES / kind).iterdir()}
 
 
@@ -229,7 +229,7 @@ def beside(folder: Path, stem: str, parts: dict[str, bytes]) -> Path:
 
 # --- GDAL, which QGIS, ArcGIS Pro, R and most others write with ---------------------------------
 def by_gdal(folder: Path, name: str, driver: str, epsg: int = 4326, **options: Any) -> Path:
-    """The field with a name and two columns that say nothing of places."""
+    """Write the field with a name and two columns without places."""
     path, ring = folder / name, FIELD if epsg == 4326 else in_crs(FIELD, epsg)
     wkb = np.array([shapely.to_wkb(Polygon(ring))], dtype=object)
     pyogrio.raw.write(

@@ -1,4 +1,4 @@
-"""Which cells a level picture shows whole: the reference for what vision judges."""
+"""Cells that a level picture shows whole: the reference for the judgements of vision."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def whole_cells(
     cell_m: float,
     margin_m: float = 0.0,
 ) -> tuple[Cell, ...]:
-    """The cells wholly inside and `margin_m` from the rim, sorted by column and row.
+    """Return the cells wholly inside and `margin_m` from the rim, sorted by column and row.
 
     `centre` is the ground below the camera; the upper edge of the picture points to `bearing_rad`,
     clockwise from grid north.
     """
     cos, sin = math.cos(bearing_rad), math.sin(bearing_rad)
-    # how far a cell reaches from its centre, along either side of the picture
+    # extent of a cell from its centre, along either side of the picture
     reach_m = cell_m / 2.0 * (abs(cos) + abs(sin)) + margin_m - TOUCH_M
     across_m, along_m = footprint.across_m / 2.0 - reach_m, footprint.along_m / 2.0 - reach_m
     if across_m < 0.0 or along_m < 0.0:
@@ -41,6 +41,6 @@ def whole_cells(
 
 
 def _between(middle_m: float, reach_m: float, cell_m: float) -> range:
-    """The columns, or rows, whose centre is no farther than this from a coordinate."""
+    """Return the columns, or rows, whose centre is within a distance of a coordinate."""
     first = math.ceil((middle_m - reach_m) / cell_m)
     return range(first, math.floor((middle_m + reach_m) / cell_m) + 1)

@@ -1,4 +1,4 @@
-"""Missions over ground that is not flat, for tests: slopes and hills as lattices in the text."""
+"""Missions over uneven ground, for tests: slopes and hills as lattices in the text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STEP_M = 4.0
 
 
 def slope(percent: float, toward_deg: float) -> Heights:
-    """Heights that rise towards a bearing of the grid, 0 at the start."""
+    """Return heights that rise towards a bearing of the grid, 0 at the start."""
     east, north = _points()
     toward = math.radians(toward_deg)
     return percent / 100.0 * (east * math.sin(toward) + north * math.cos(toward))
@@ -49,7 +49,7 @@ def lattice(heights: Heights) -> Lattice:
 
 
 def over(mission: Mission, heights: Heights, above: str = "ground") -> Mission:
-    """A mission over such ground; it is not checked."""
+    """Return a mission over such ground; it is not checked."""
     return mission.model_copy(
         update={
             "terrain": TerrainSection(dem=lattice(heights)),

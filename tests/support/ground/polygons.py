@@ -16,11 +16,11 @@ MOST_HOLES = 6
 
 
 def random_space(seed: int) -> Space:
-    """A ground of up to about 100 m; rooms have walls along the axes, in whole metres."""
+    """Return a ground of up to about 100 m; rooms have walls along the axes, in whole metres."""
     rng = np.random.default_rng(seed)
     kind = int(rng.integers(3))
     shape = (_star, _rooms, _passage)[kind](rng)
-    for _ in range(int(rng.integers(3))):  # bites, of which some part the ground
+    for _ in range(int(rng.integers(3))):  # bites, some of which divide the ground
         shape = shape.difference(_obstacle(rng, shape, 14.0))
     wanted = int(rng.integers(MOST_HOLES + 1))
     for _ in range(8 * wanted):
@@ -41,7 +41,7 @@ def random_space(seed: int) -> Space:
 
 
 def random_start(space: Space, seed: int) -> Point:
-    """A corner, or a place in the middle."""
+    """Return a corner, or a place in the middle."""
     if seed % 2:
         return space.corners[seed // 2 % len(space.corners)]
     x, y = shapely.get_coordinates(space.polygon.representative_point())[0]

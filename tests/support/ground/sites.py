@@ -1,7 +1,7 @@
-"""Sites whose every pixel is known: rendered ground with a region and ground that looks like it.
+"""Sites with known pixels: rendered ground with a region and with ground that looks like it.
 
-A site is drawn from above in metres, material by material, and photographed by a camera whose
-exposure, white balance and attitude differ from picture to picture. The ground that looks like the
+A site is drawn from above in metres, material by material. A camera photographs it with exposure,
+white balance and attitude that differ from picture to picture. The ground that looks like the
 region lies in the eastern half, so examples painted in the western half show none of it.
 """
 
@@ -38,10 +38,10 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """A kind of ground: blue, green, red, and how they vary, in levels.
+    """A kind of ground: blue, green, red, and their variation, in levels.
 
     `fine` is the variation from pixel to pixel, `coarse` over metres, `tint` of the colour over
-    metres; `rows_m` is the distance of furrows, battens or panels, `rows` how deep they are.
+    metres. `rows_m` is the distance of furrows, battens or panels, `rows` their depth.
     """
 
     color: tuple[float, float, float]
@@ -87,7 +87,7 @@ WHOLE: Final = (slice(0, SHAPE[0]), slice(0, SHAPE[1]))
 
 def clouds(rng: np.random.Generator, scale_m: float, part: Part = WHOLE) -> Plane:
     """Return smooth noise of a scale, zero mean and unit variance over the whole ground."""
-    fine = scale_m < 1.0  # a tile that repeats: no camera sees that it does
+    fine = scale_m < 1.0  # a tile that repeats: no camera shows that
     shape = (SHAPE[0] // 4, SHAPE[1] // 4) if fine else SHAPE
     found = np.zeros(shape, np.float32)
     for octave in range(1 if fine else 3):
@@ -170,7 +170,7 @@ class Canvas:
         self.numbers: Image = np.zeros(SHAPE, np.uint8)
 
     def paint(self, where: Mask, material: str, *, number: int = 0) -> None:
-        """Paint an area; `number` is that of its class, 0 of what is not region."""
+        """Paint an area; `number` is that of its class, 0 for ground that is not region."""
         soft = cv2.GaussianBlur(where.astype(np.float32), (0, 0), 2.0)[:, :, None]
         part = _part_of(soft[:, :, 0] > 0)
         made, soft = rendered(self.rng, MATERIALS[material], part), soft[part]
@@ -214,7 +214,7 @@ def _box(west: float, south: float, east: float, north: float) -> list[tuple[flo
 
 
 def _track(canvas: Canvas) -> None:
-    """A gravel track through meadow and dry grass; bare soil, roofs and a yard look like it."""
+    """Draw a gravel track in meadow and dry grass; bare soil, roofs and a yard look like it."""
     rng = canvas.rng
     canvas.paint(area(rng, _box(-5, 70, 90, 150), 3.0), "dry grass")
     canvas.paint(area(rng, _box(110, 78, 180, 150), 2.0), "bare soil")
@@ -231,7 +231,7 @@ def _track(canvas: Canvas) -> None:
 
 
 def _burn(canvas: Canvas) -> None:
-    """Burnt dry grass; a pond, an asphalt road and shadows are as dark."""
+    """Draw burnt dry grass; a pond, an asphalt road and shadows are as dark."""
     rng = canvas.rng
     canvas.paint(area(rng, _box(-5, -5, 70, 50), 3.0), "meadow")
     burnt = [(20, 60), (70, 40), (118, 62), (150, 48), (160, 88), (110, 112), (60, 120), (28, 96)]
@@ -245,7 +245,7 @@ def _burn(canvas: Canvas) -> None:
 
 
 def _flood(canvas: Canvas) -> None:
-    """Muddy water over a meadow; bare soil, a farm track and a roof have its colour."""
+    """Draw muddy water over a meadow; bare soil, a farm track and a roof have its colour."""
     rng = canvas.rng
     canvas.paint(area(rng, _box(96, -5, 200, 60), 2.0), "crop")
     water = [(0, 50), (40, 44), (80, 66), (130, 74), (192, 96), (192, 126), (120, 108), (60, 104),
@@ -262,7 +262,7 @@ def _flood(canvas: Canvas) -> None:
 
 
 def _spill(canvas: Canvas) -> None:
-    """Oil on the sea before a beach; weed, wet sand and a cloud's shadow are as dark."""
+    """Draw oil on the sea before a beach; weed, wet sand and a cloud's shadow are as dark."""
     rng = canvas.rng
     oil = [(20, 50), (62, 40), (100, 58), (150, 52), (168, 78), (120, 92), (70, 84), (34, 80)]
     canvas.paint(area(rng, oil, 4.0), "oil", number=1)
@@ -282,11 +282,11 @@ rainbow = {number = 2, thickness_um = [0.30, 5.0]}
 metallic = {number = 3, thickness_um = [5.0, 50.0]}
 true_colour = {number = 4, thickness_um = [50.0]}
 """
-"""Those of the site `slick`."""
+"""Classes of the site `slick`."""
 
 
 def _slick(canvas: Canvas) -> None:
-    """Oil of four appearances on the sea, each film on a thinner one, before a beach."""
+    """Draw oil of four appearances on the sea, each film on a thinner one, before a beach."""
     rng = canvas.rng
     films = ("sheen", "rainbow", "metallic", "true colour")
     for number, film in enumerate(films, start=1):
@@ -300,7 +300,7 @@ def _slick(canvas: Canvas) -> None:
 
 
 def _runway(canvas: Canvas) -> None:
-    """A worn runway on a meadow; bare soil, a ploughed field, a yard and a roof look like it."""
+    """Draw a worn runway on a meadow; bare and ploughed soil, a yard and a roof look like it."""
     rng = canvas.rng
     canvas.paint(area(rng, _box(-5, 96, 80, 150), 3.0), "crop")
     canvas.paint(lane(rng, [(30, 44), (146, 82)], 21.0, 0.8), "gravel", number=1)
@@ -346,7 +346,7 @@ def write_orthophoto(place: Site, file: Path) -> None:
 # --- photographs ---------------------------------------------------------------------------------
 PHOTO_PX: Final = (1000, 750)
 PHOTO_M: Final = 56.0
-"""Width of the ground that a photograph shows."""
+"""Width of the ground that a photograph shows, m."""
 HFOV_RAD: Final = math.radians(70.0)
 
 
@@ -380,7 +380,7 @@ def photographed(place: Site, seed: int = 1) -> list[Shot]:
         for east_m in columns if row % 2 == 0 else columns[::-1]:
             yaw = math.radians(90.0 if row % 2 == 0 else 270.0) + rng.normal(0, 0.04)
             east, north = east_m + rng.normal(0, 0.8), north_m + rng.normal(0, 0.8)
-            # the top of a photograph looks along the yaw; it is wide across
+            # the top of a photograph points along the yaw; its width is across
             forward = np.array([math.sin(yaw), math.cos(yaw)])
             right = np.array([math.cos(yaw), -math.sin(yaw)])
             turn = np.stack([right * scale, -forward * scale])
@@ -469,7 +469,7 @@ def classes_of_cells(folder: Path, place: Site) -> NDArray[np.int64]:
 
 
 def judged_cells(folder: Path, place: Site) -> tuple[Mask, Mask, Mask]:
-    """Return which cells of a map within the site are region, unsure, and region in truth."""
+    """Return the cells of a map within the site: region, unsure, and region in truth."""
     rows = []
     for told, part in _cells(folder, place):
         state = told["state"]

@@ -1,4 +1,4 @@
-"""The ground as the simulator paints it, straight from above, and how far a mosaic of it is off."""
+"""The ground as the simulator paints it, from straight above, and the offsets of a mosaic."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vision.raster import Raster
 
 PATCH_M = 8.0
 LEAST_RESPONSE = 0.2
-"""Of a match of two patches; below it is by chance."""
+"""Minimum response of a match of two patches; below it the match is chance."""
 _HFOV_DEG = 40.0
 _NODES = 33
 
@@ -61,10 +61,10 @@ def _between(nodes: NDArray[np.float32], raster: Raster) -> NDArray[np.float32]:
 def shifts_m(
     image: NDArray[np.uint8], truth: NDArray[np.uint8], pitch_m: float
 ) -> NDArray[np.float64]:
-    """Return by how much each patch of a mosaic is off, (rows, columns, 2) east and north; NaN
-    where not all of a patch is seen, or where it has nothing to be known by.
+    """Return the offset of each patch of a mosaic, (rows, columns, 2) east and north, m.
 
-    `image` has red, green, blue, and 255 where something is seen.
+    It is NaN if a part of the patch is unseen, or if the patch has no features. `image` has red,
+    green, blue, and 255 for seen pixels.
     """
     side = round(PATCH_M / pitch_m)
     window = cv2.createHanningWindow((side, side), cv2.CV_32F)
@@ -84,7 +84,7 @@ def shifts_m(
 
 
 def seams_m(shifts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return by how much neighbouring patches are off against each other."""
+    """Return the offsets between neighbouring patches."""
     steps = [np.diff(shifts, axis=axis).reshape(-1, 2) for axis in (0, 1)]
     lengths = np.hypot(*np.concatenate(steps).T)
     return np.asarray(lengths[np.isfinite(lengths)])

@@ -1,6 +1,6 @@
-"""Whether everybody can use a page: names of controls, contrast, keys, a focus that is seen.
+"""Accessibility of a page: names of controls, contrast, keys and a visible focus.
 
-Behind an open dialog nothing counts: it takes no keys.
+Elements behind an open dialog do not count: it takes all keys.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ return [e, marked || !!field?.classList.contains('q-field--focused') || e.tagNam
 
 
 def faults(driver: Any) -> list[str]:
-    """What keeps somebody from using the page as it is shown now; empty where nothing does."""
+    """Return the obstacles to the use of the page as it is shown now; empty if there are none."""
     driver.execute_async_script(_SETTLED)
     told = driver.execute_script("return [document.documentElement.lang, document.title]")
     unnamed = [
@@ -117,13 +117,13 @@ def faults(driver: Any) -> list[str]:
 
 
 def too_wide(driver: Any) -> list[str]:
-    """The page where it is wider than its window, and parts that are scrolled sideways."""
+    """Return the page if it is wider than its window, and parts that are scrolled sideways."""
     found: list[str] = driver.execute_script(_WIDE)
     return found
 
 
 def without_names(driver: Any) -> list[str]:
-    """The controls and pictures that a screen reader has no name for, by the browser's own tree."""
+    """Return the controls and pictures without a name in the browser's accessibility tree."""
     nodes = driver.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
     return [
         f"{node['role']['value']} {node.get('backendDOMNodeId')}"
@@ -135,13 +135,13 @@ def without_names(driver: Any) -> list[str]:
 
 
 def too_pale(driver: Any) -> list[str]:
-    """Texts whose contrast to what lies beneath is too small."""
+    """Return texts with too little contrast to their background."""
     found: list[str] = driver.execute_script(_CONTRAST, LEAST_CONTRAST)
     return found
 
 
 def out_of_reach(driver: Any) -> list[str]:
-    """Controls that the tab key does not reach, or whose focus is not seen."""
+    """Return controls that the tab key does not reach, or without a visible focus."""
     from selenium.webdriver import ActionChains, Keys  # noqa: PLC0415 - it may be missing
 
     wanted = {e.id: e for e in driver.execute_script(_CONTROLS)}

@@ -1,4 +1,4 @@
-"""The page of `uavmap app` as a test presses it: by what is seen, with clicks alone."""
+"""The page of `uavmap app` as a test uses it: visible elements, and clicks alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PATIENCE_S = rig.PATIENCE_S
 
 @contextlib.contextmanager
 def app(folder: Path, *more: object) -> Iterator[tuple[Any, str]]:
-    """`uavmap app` in a folder, and the URL that it prints."""
+    """Run `uavmap app` in a folder; yield the URL that it prints."""
     with rig.started("app", folder, "--port", 0, *more) as process:
         line = process.stderr.readline()
         found = re.search(r"uavmap app: (http\S+)", line)
@@ -32,7 +32,7 @@ class Page:
         self.driver = driver
 
     def found(self, selector: str, text: str | None = None) -> Any:
-        """The first element that is shown; of those with a text the one that has it."""
+        """Return the first visible element; of those with a text the one that has it."""
         for each in self.driver.find_elements("css selector", selector):
             with contextlib.suppress(Exception):  # it moves, or is gone again
                 if each.is_displayed() and (text is None or each.text == text):
@@ -115,7 +115,7 @@ class Page:
 
     @contextlib.contextmanager
     def within(self) -> Iterator[None]:
-        """Inside of the page of a command, from when it is there."""
+        """Switch into the page of a command once it is there."""
         frame = self.see(".app-frame-page")
         self.driver.switch_to.frame(frame)
         try:
@@ -124,5 +124,5 @@ class Page:
             self.driver.switch_to.default_content()
 
     def complaints(self) -> list[Any]:
-        """What the browser's console has said since the last time, of errors."""
+        """Return the errors in the browser's console since the last call."""
         return [each for each in self.driver.get_log("browser") if each["level"] == "SEVERE"]

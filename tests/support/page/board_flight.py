@@ -1,4 +1,4 @@
-"""A flight as a page or a TAK link sees it: a scene and a board, and nothing that flies."""
+"""A flight as a page or a TAK link sees it: a scene and a board, without vehicles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uavmap.ui.page.page_scene import STATES, scene_of
 
 
 def record(**changed: Any) -> dict[str, Any]:
-    """What a board has of a vehicle."""
+    """Return the record of a vehicle on a board."""
     flying = {
         "e": 0.0, "n": 0.0, "up": 12.0, "amsl_m": 512.0, "battery": 80.0, "left_s": 600,
         "phase": "airborne", "doing": "flying", "landed": False, "at_s": 1.0,

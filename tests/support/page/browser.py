@@ -1,4 +1,4 @@
-"""A real browser for tests: Chromium without a window, by its driver; where there is one."""
+"""A real browser for tests: Chromium without a window, by its driver, if installed."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from PIL import Image
 
 CHROMIUM, DRIVER = Path("/usr/bin/chromium"), Path("/usr/bin/chromedriver")
 FOLDER = os.environ.get("UAVMAP_PICTURES")
-"""Where pictures for the documentation are left."""
+"""Folder for the pictures of the documentation."""
 _ARGUMENTS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--disable-dev-shm-usage", "--disable-extensions", "--disable-default-apps",
     "--disable-domain-reliability", "--disable-client-side-phishing-detection",
-    # what the browser itself would ask its makers for
+    # no requests of the browser itself
     *(f"--{name}-url=http://127.0.0.1:9/"
       for name in ("gaia", "google-base", "gcm-checkin", "gcm-registration")),
     "--disable-features=OptimizationHints,OptimizationGuideModelDownloading,"
@@ -31,7 +31,7 @@ _ARGUMENTS = (
 
 
 def need_browser() -> None:
-    """Skip, saying so, where there is none."""
+    """Skip the test, with the reason, if no browser is installed."""
     pytest.importorskip("selenium", reason="selenium is not installed")
     for program in (CHROMIUM, DRIVER):
         if not program.exists():
@@ -42,7 +42,7 @@ def need_browser() -> None:
 def browser(
     width_px: int = 1280, height_px: int = 800, proxy_port: int | None = None
 ) -> Iterator[Any]:
-    """Chromium; all that it asks for goes through the proxy at a port of loopback, if given."""
+    """Open Chromium; its requests go through the proxy at a port of loopback, if given."""
     from selenium import webdriver  # noqa: PLC0415 - it may be missing
     from selenium.webdriver.chrome.service import Service  # noqa: PLC0415
 
@@ -52,7 +52,7 @@ def browser(
         for argument in (*_ARGUMENTS, f"--user-data-dir={profile}"):
             options.add_argument(argument)
         options.add_argument(f"--window-size={width_px},{height_px}")
-        if proxy_port is not None:  # also what it asks of loopback
+        if proxy_port is not None:  # also its requests to loopback
             options.add_argument(f"--proxy-server=http://127.0.0.1:{proxy_port}")
             options.add_argument("--proxy-bypass-list=<-loopback>")
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
@@ -65,7 +65,7 @@ def browser(
 
 
 def keep_picture(driver: Any, name: str) -> None:
-    """Leave a picture of the page in the folder `UAVMAP_PICTURES`, if that is given."""
+    """Keep a picture of the page in the folder `UAVMAP_PICTURES`, if that is given."""
     if FOLDER:
         with Image.open(io.BytesIO(driver.get_screenshot_as_png())) as image:
             image.thumbnail((900, 900))

@@ -1,4 +1,4 @@
-"""A page of HTML, as a browser takes it apart."""
+"""A page of HTML, parsed as by a browser."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ VOID = {"meta", "img"}
 
 
 class Page(HTMLParser):
-    """Its tags, attributes and words; `open` are the tags that were never closed."""
+    """Tags, attributes and words of a page; `open` are the tags that were never closed."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The process of a page, as tests have it: it keeps what it is told."""
+"""A stand-in for the process of a page, which keeps its messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from uavmap.ui.page.page_pipe import Message
 
 
 class Feed:
-    """Takes what it is told, as JSON has it; is busy now and then, or breaks at some message."""
+    """A feed that keeps messages as JSON has them; it is sometimes busy, or breaks at a message."""
 
     title = "the live page"
     orders_file = -1

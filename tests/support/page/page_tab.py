@@ -1,4 +1,4 @@
-"""A browser's tab without a browser: it speaks NiceGUI's socket, and keeps a board."""
+"""A browser's tab without a browser: it uses NiceGUI's socket, and keeps a board."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _UNESCAPED = {"&amp;": "&", "&lt;": "<", "&gt;": ">", "&#96;": "`", "&#36;": "$"
 
 
 class Tab:
-    """An open page. `confirms`: whether it confirms what it is told."""
+    """An open page. `confirms`: whether it confirms the messages that it gets."""
 
     def __init__(self, url: str, *, confirms: bool = True) -> None:
         self.board = Board()

@@ -1,4 +1,5 @@
-"""A proxy on loopback that notes which hosts a browser asks for, and carries loopback alone."""
+"""A proxy on loopback that records the hosts of a browser's requests, and forwards to loopback
+only."""
 
 from __future__ import annotations
 
@@ -11,16 +12,16 @@ from urllib.parse import urlsplit
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 BROWSERS_OWN = ("redirector.gvt1.com", "clients2.google.com")
-"""Chromium asks these for its own parts, whatever it shows, and no switch forbids it."""
+"""Hosts that Chromium contacts for its own parts on any page; no switch forbids it."""
 _HEAD_BYTES = 1 << 16
 
 
 class RecordingProxy:
-    """`hosts` are those that were asked for, by the number of requests and tunnels."""
+    """A proxy; `hosts` counts the requests and tunnels of each host."""
 
     @property
     def elsewhere(self) -> set[str]:
-        """The hosts of other computers that a page has asked for."""
+        """Return the hosts of other computers that a page has contacted."""
         return set(self.hosts) - {*LOOPBACK, *BROWSERS_OWN}
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""A TAK server that stands in: it takes events by TCP, TLS or UDP on loopback, and checks each."""
+"""A stand-in for a TAK server: it accepts and checks events by TCP, TLS or UDP on loopback."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Event:
 
     @cached_property
     def name(self) -> str:
-        """Its UID without the mission's."""
+        """Return its UID without the mission's."""
         return re.sub(r"^uavmap-[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}-", "", self.uid)
 
     @property
@@ -45,7 +45,7 @@ class Event:
 
     @property
     def points(self) -> list[tuple[float, float]]:
-        """Latitude and longitude of each point of a shape."""
+        """Return latitude and longitude of each point of a shape."""
         links = (link.attrib.get("point") for link in self.xml.iterfind("detail/link"))
         return [tuple(map(float, link.split(","))) for link in links if link]  # type: ignore[misc]
 
@@ -55,7 +55,7 @@ class Event:
 
 
 def checked(data: bytes) -> Event:
-    """Parse an event, and hold it against CoT's base schema, and TAK's own translation of it."""
+    """Parse an event, and check it with CoT's base schema, and TAK's own translation of it."""
     xml = ElementTree.fromstring(data.strip())
     assert xml.tag == "event"
     assert xml.attrib["version"] == "2.0"
@@ -78,15 +78,15 @@ def checked(data: bytes) -> Event:
 
 
 class Listener:
-    """It can go away and come back at the same port; what it took stays in `events`."""
+    """A server that can stop and start again at the same port; it keeps accepted `events`."""
 
     def __init__(self, scheme: str = "tcp", context: ssl.SSLContext | None = None) -> None:
         self.scheme, self._context = scheme, context
         self.events: list[Event] = []
         self.firsts: list[Event] = []
-        """Of each connection."""
+        """First event of each connection."""
         self.newest: dict[str, Event] = {}
-        """By name."""
+        """Newest event by name."""
         self.faults: list[str] = []
         self.connections = 0
         self._changed = threading.Condition()
@@ -182,7 +182,7 @@ def _received(one: socket.socket) -> bytes:
 
 
 def until(condition: Callable[[], object]) -> None:
-    """Wait for what no thread of the listener notices."""
+    """Wait for a condition that no thread of the listener notices."""
     due_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < due_s
