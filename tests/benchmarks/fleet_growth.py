@@ -1,13 +1,13 @@
-"""How the time of a flight over `bay`, and what is said on the air, grow with the team.
+"""Time of a flight over `bay`, and bytes on the air, by the size of the team.
 
     python -m tests.benchmarks.fleet_growth                       1, 2, 5, 10, 20 by one service
     python -m tests.benchmarks.fleet_growth --comms free --vehicles 2,5
     python -m tests.benchmarks.fleet_growth --picture FILE        the same as a picture
 
-The vehicles stand in a row on the pier, 15 m apart, by turns of the lower and of the higher layer.
-With `--comms` each has a service and a layer of its own; more than five have no room for that below
-the 42 m of `bay`, and map from higher. A line of JSON is printed for each team;
-`--picture` draws such lines, read from standard input.
+The vehicles stand in a row on the pier, 15 m apart, alternately of the lower and the higher layer.
+With `--comms` each has a service and a layer of its own. More than five have no room for that below
+the 42 m of `bay`, and map from higher. A line of JSON is printed for each team; `--picture` draws
+such lines, read from standard input.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from uavmap.runner.simulated_fleet import fly_fleet
 
 GAP_M = 15.0
 HIGHEST_M, LOWEST_M, LAYERS_M = 42.0, 30.0, 3.0
-"""Where five of a fleet map from, each in its own layer."""
+"""Heights from which five of a fleet map, each in its own layer, m."""
 TEAMS = (1, 2, 5, 10, 20)
 FIGURES = (
     "makespan_s", "completed", "cells_missed", "false_positives", "fence_breaches",
@@ -40,10 +40,10 @@ FIGURES = (
 
 
 def text_for(vehicles: int, *, apart: bool = False) -> str:
-    """The text of `bay` for a team of this size.
+    """Return the text of `bay` for a team of this size.
 
-    `apart` is for a service on each: each has a layer of its own, and more than five of those map
-    from higher than `bay` says, so that the lowest still sees 3 x 3 of its cells at once.
+    `apart` is for a service on each: each has a layer of its own. More than five of those map from
+    higher than in `bay`, so that the lowest still sees 3 x 3 of its cells at once.
     """
     source = named_text("bay")
     mission = load("bay")
@@ -80,7 +80,7 @@ def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
 
 
 def picture(rows: list[dict[str, Any]]) -> str:
-    """Time over the size of the team, and what each sends, as SVG; sizes are logarithmic."""
+    """Draw time and bytes sent by each over the size of the team, as SVG; sizes are logarithmic."""
     width, height, left, right, top, low = 520, 500, 60.0, 490.0, 40.0, 280.0
     bytes_top, bytes_low, most_kb = 350.0, 440.0, 5.0
     parts = [words(width / 2, 22, "bay: from the first lift-off to the last landing, minutes")]

@@ -1,11 +1,11 @@
-"""A fleet as it flies: a process a vehicle, each in a network namespace of its own.
+"""A fleet as in flight: a process a vehicle, each in a network namespace of its own.
 
     python -m tests.benchmarks.fleet_processes --mission FILE [--network group] [--loss 0.1]
 
-Needs root, `ip` and /dev/net/tun. Each namespace holds a simulated vehicle, reached by its own
-loopback, and `uavmap onboard`; the only way to another is a TAP device, whose other end is here: an
-air that loses and delays frames. The bytes are what the interfaces count, Ethernet headers and all,
-from a vehicle's first frame to its last, by minutes of the mission.
+It needs root, `ip` and /dev/net/tun. Each namespace holds a simulated vehicle, reached by its own
+loopback, and `uavmap onboard`. The only connection to another is a TAP device; its other end is
+here, an air that loses and delays frames. The bytes are the counts of the interfaces, with Ethernet
+headers, from a vehicle's first frame to its last, by minutes of the mission.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ PATIENCE_S = 1800.0
 
 @dataclass
 class Air:
-    """Carries frames between TAP devices: to whom they are for, or to all."""
+    """Carry frames between TAP devices: to their receiver, or to all."""
 
     taps: dict[int, int]
     """File descriptors by vehicle."""
@@ -59,7 +59,7 @@ class Air:
     parted: bool = False
     over: bool = False
     spoken_s: dict[int, tuple[float, float]] = field(default_factory=dict)
-    """When each has sent its first and its last frame."""
+    """Times of the first and the last frame of each vehicle."""
 
     def carry(self) -> None:
         with selectors.DefaultSelector() as ready:
@@ -81,7 +81,7 @@ class Air:
                         now_s = time.monotonic()
                         first_s, _ = self.spoken_s.get(key.data, (now_s, now_s))
                         self.spoken_s[key.data] = first_s, now_s
-                        to = frame[5] if frame[0] == 0x02 else None  # our addresses, or a group
+                        to = frame[5] if frame[0] == 0x02 else None  # or a group
                         for other in self.taps:
                             lost = self.parted or self.chance.random() < self.loss
                             if other != key.data and to in (None, other) and not lost:
@@ -96,7 +96,7 @@ def ip(*words: object) -> None:
 
 @contextlib.contextmanager
 def namespaces(count: int) -> Iterator[dict[int, int]]:
-    """So many network namespaces with a radio each; the other ends of the radios."""
+    """Make network namespaces with a radio each; yield the other ends of the radios."""
     taps: dict[int, int] = {}
     try:
         for number in range(1, count + 1):
@@ -214,7 +214,7 @@ def flown(options: argparse.Namespace, folder: Path, count: int, taps: dict[int,
 
 
 def journals(folder: Path, count: int) -> Any:
-    """What the journals of all say: when they flew, and whether their regions are the same."""
+    """Compare all journals: the times of flight, and whether the regions are the same."""
     begun, ended, regions, frames = [], [], {}, {}
     for number in range(1, count + 1):
         with Journal.open(folder / f"vehicle-{number}" / JOURNAL) as journal:

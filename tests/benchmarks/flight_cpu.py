@@ -3,10 +3,10 @@
     python -m tests.benchmarks.flight_cpu                    runway, about 20 s
     python -m tests.benchmarks.flight_cpu --mission burn
 
-The flight's side of a frame is what its process does in flight beside the simulator: it decodes and
-judges the picture, decides, keeps the journal, exchanges messages, and lays the mosaic in a thread.
-A flight before it compiles the kernels and warms up. The command costs its imports beside, and
-drawing ortho.tif: `time uavmap fly runway --sim` has its user and system time.
+The flight's side of a frame is the work of its process beside the simulator. It decodes and judges
+the picture, decides, keeps the journal, exchanges messages, and adds to the mosaic in a thread. A
+flight before it compiles the kernels and warms up. The command has the costs of its imports and of
+ortho.tif in addition: `time uavmap fly runway --sim` has its user and system time.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ PARTS = {
     "simulated vehicles": (SimVehicle, "step", time.thread_time),
     "results": (one_flight, "written_results", time.process_time),
 }
-"""Names of functions, and the clocks that count them: of all threads, or of the one that calls."""
+"""Names of functions, and the clocks that count them: of all threads, or of the calling one."""
 
 
 @contextmanager
 def timed(spent: dict[str, float], part: str) -> Iterator[None]:
-    """Add the processor time of a part to `spent` meanwhile, seconds."""
+    """Add the processor time of a part to `spent` while the context lasts, s."""
     owner, name, clock = PARTS[part]
     work: Callable[..., Any] = getattr(owner, name)
 

@@ -1,17 +1,17 @@
-"""What a flight takes by strategy, beside the survey that would be flown without one.
+"""Duration of a flight by strategy, beside a survey of the same region.
 
     python -m tests.benchmarks.flight_times                 docs/studies/flights.md; hours
     python -m tests.benchmarks.flight_times --quick         one seed of `runway`, 1 and 3 vehicles
     python -m tests.benchmarks.flight_times --mission burn --vehicles 3 --strategy swath --seeds 2
 
-Every flight is a whole one in the simulator: take-off, search, exploration, battery swaps, way
-home. A survey flies over all of a box without stopping and judges its cells by the same votes; the
-time of both is the makespan, from the first lift-off to the last touch-down. Nobody who surveys
-knows the outline, so there are two boxes: one drawn two cells around the true region (`tight`), and
-one of 2.5 times its extent (`wide`). The other strategies search the mission's own box.
+Every flight is a whole one in the simulator: take-off, search, exploration, battery swaps and
+return. A survey flies over all of a box without stopping and judges its cells by the same votes.
+The time of both is the makespan, from the first lift-off to the last touch-down. A survey does not
+know the outline, so there are two boxes. `tight` is drawn two cells around the true region; `wide`
+has 2.5 times its extent. The other strategies search the mission's own box.
 
-Flights are told by the median over the seeds, cells by the mean. `ratio` is to the tight survey by
-as many vehicles. A flight that was not complete is counted in the last column.
+Times are medians over the seeds, cells are means. `ratio` is to the tight survey by as many
+vehicles. A flight that was not complete is counted in the last column.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ TEAMS = (1, 3, 6)
 TIGHT_CELLS = 2
 WIDE_FACTOR = 2.5
 ROOM_M = 25.0
-"""Between the box of a survey and its fence."""
+"""Distance between the box of a survey and its fence, m."""
 
 
 class Job(NamedTuple):
@@ -51,7 +51,7 @@ class Job(NamedTuple):
 
 # --- the boxes of surveys ----------------------------------------------------------------------
 def survey_text(text: str, mission: str, strategy: str) -> str:
-    """A mission with the box of a survey, along the grid, and a fence that holds it."""
+    """Return a mission with the box of a survey, along the grid, and a fence around it."""
     made = load(mission)
     grid = Grid.at(made.home, made.grid.cell_m)
     region = MultiPoint([grid.fixed(p) for roi in made.sim.roi for p in positions(roi.polygon)])

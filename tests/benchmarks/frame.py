@@ -1,4 +1,4 @@
-"""What the benchmarks share: options, simulated flights, workers, rows of tables, statistics."""
+"""Shared parts of benchmarks: options, simulated flights, workers, rows of tables, statistics."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def flown(
     fly: Callable[[FlightPlan, Path], dict[str, Any]] = fly,
     **how: Any,
 ) -> Iterator[tuple[dict[str, Any], Path]]:
-    """Fly a mission in the simulator; its summary, and its folder while the context lasts.
+    """Fly a mission in the simulator; yield its summary, and its folder while the context lasts.
 
     `text` is the mission file, by default that of the name; `how` as for `plan_of`.
     """
@@ -86,7 +86,7 @@ def events_of(folder: Path) -> list[Event]:
 
 @contextmanager
 def truth_shown(look: Callable[[Sequence[SimVehicle], Setting], None]) -> Iterator[None]:
-    """Meanwhile a function is shown the vehicles of every simulation, ten times a second."""
+    """Show a function the vehicles of every simulation, ten times a second, in the context."""
     watch = Truth.watch
 
     def watching(self: Truth, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
@@ -107,7 +107,7 @@ def head(*names: str) -> str:
 
 
 def spread(values: Sequence[float] | NDArray[np.float64]) -> str:
-    """The median, 95 % and the largest of some values.
+    """Return the median, 95 % and the largest of some values.
 
     >>> spread([1.0, 2.0, 3.0])
     'p50 2.00 p95 2.90 max 3.00'
@@ -119,7 +119,7 @@ def spread(values: Sequence[float] | NDArray[np.float64]) -> str:
 
 
 def cpu_ms(work: Callable[[], object], times: int = 1) -> float:
-    """The CPU time of a call, milliseconds; the least of several."""
+    """Return the CPU time of a call, ms; the least of several."""
     found = []
     for _ in range(times):
         begin_s = time.process_time()

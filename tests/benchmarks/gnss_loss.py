@@ -1,12 +1,12 @@
-"""Flights whose satellites are lost, drift or leap: how well they know where they are.
+"""Flights whose satellites are lost, drift or leap: the errors of their positions.
 
     python -m tests.benchmarks.gnss_loss                   all cases, ten seeds each; an hour
     python -m tests.benchmarks.gnss_loss --case lost --seeds 20
     python -m tests.benchmarks.gnss_loss --case drift --mission burn --gnss-loss rtl
 
-Simulated flights of a shipped mission, with the camera, the wind and the noise that it ships with.
-`off` is how far the place that the service reckons with is from the true one; `reckoned` the same
-of the place that the autopilot tells. All figures are the simulator's truth.
+Simulated flights of a shipped mission, with its camera, wind and noise. `off` is the error of the
+position that the service uses; `reckoned` is that of the position that the autopilot reports. All
+figures are the simulator's truth.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def text_of(job: Job, mission: str, gnss_loss: str, autopilot: str) -> str:
 
 
 def flown(job: Job, mission: str, gnss_loss: str, autopilot: str) -> dict[str, Any]:
-    """The summary of a flight, and how far off it believed itself."""
+    """Return the summary of a flight, and the errors of its positions."""
     course: list[tuple[float, float, float]] = []
     pad_m = math.nan
 

@@ -1,10 +1,10 @@
-"""How good the map is by the pixels that a cell has: flights of `runway` from several heights.
+"""Quality of the map by the pixels of a cell: flights of `runway` from several heights.
 
     python -m tests.benchmarks.heights                    a table, about two minutes
     python -m tests.benchmarks.heights --pixels 60 --seeds 5
 
 Every flight is a whole one in the simulator, with `flight.altitude_m = "auto"` and another
-`camera.pixels_per_cell`. Sums over the seeds; of the IoU the mean.
+`camera.pixels_per_cell`. The table has sums over the seeds, and the mean of the IoU.
 """
 
 from __future__ import annotations

@@ -1,16 +1,17 @@
-"""Kill -9 at random moments, and disks that fail: `python -m tests.benchmarks.kills [--kills 200]
-[--twice 40] [--full 30] [--calls 60] [--seed 1]` prints a table.
+"""Kill -9 at random moments, and disks that fail; prints a table.
 
-A small mission is flown in the simulator and killed at a random moment in flight: after its first
-event is on the disk and before its last one. A kill that comes later has not landed; what it left
-is checked, and the mission is flown anew. In `twice` its resumption is killed as well; in
-`full` no file may grow beyond a random size, in the flight and in a first resumption. In `calls`
-one call to the disk fails, each time another one: by an I/O error, a full disk, or after half of
-its bytes; of the calls of the telemetry log each fiftieth. Then it is resumed with all it needs.
+    python -m tests.benchmarks.kills [--kills 200] [--twice 40] [--full 30] [--calls 60] [--seed 1]
 
-The exit status is 1 when an event that was on the disk is missing, a folder cannot be gone on with,
-the map or the journal comes out otherwise than those of an uninterrupted flight, or anybody is
-shown a traceback.
+A small mission is flown in the simulator and killed at a random moment in flight: between its first
+and its last event. A kill that comes later does not count: the folder is checked, and the mission
+is flown again. In `twice` its resumption is killed as well. In `full` no file may grow beyond a
+random size, in the flight and in a first resumption. In `calls` one call to the disk fails, each
+time another one: by an I/O error, a full disk, or after half of its bytes. Of the calls of the
+telemetry log it is each fiftieth. Then it is resumed without faults.
+
+The exit status is 1 if an event that was on the disk is missing, or if a folder cannot be resumed.
+It is also 1 if the map or the journal differs from those of an uninterrupted flight, or if a
+traceback is shown.
 
 Children are forked, so that a flight takes a second and not the time of all imports.
 """
@@ -53,7 +54,7 @@ def started(
     room: int | None = None,
     disk: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> ForkProcess:
-    """A process that runs the command on a disk; its output goes into a file."""
+    """Start a process that runs the command on a disk; its output goes into a file."""
 
     def run() -> None:
         out = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
@@ -72,14 +73,15 @@ def started(
 
 
 def ended(child: ForkProcess) -> int | None:
-    """The exit status of a process, negative for a signal."""
+    """Return the exit status of a process, negative for a signal."""
     child.join()
     return child.exitcode
 
 
 def killed_after(child: ForkProcess, delay_s: float, folder: Path) -> tuple[bool, int]:
-    """Kill a process so long after the first event: whether it still lived, and how many events
-    were confirmed."""
+    """Kill a process a time after the first event; return if it still ran, and the confirmed
+    events.
+    """
     due_s = float("inf")
     while time.monotonic() < due_s:
         if not child.is_alive():
@@ -106,12 +108,12 @@ class Trials:
         begun_s = time.monotonic()
         assert ended(child) == 0
         self._lasts_s = time.monotonic() - begun_s
-        self._whole = folder  # the flight that nobody interrupted
+        self._whole = folder  # the uninterrupted flight
         self._bodies = bodies(folder)
         self.calls = self._chosen()
 
     def _chosen(self) -> list[int]:
-        """Fly once more; return the numbers of the calls to the disk that are to fail."""
+        """Fly once more; return the numbers of the calls to the disk that will fail."""
         folder, names = self._below / "counted", self._below / "counted.calls"
 
         @contextmanager
@@ -127,7 +129,7 @@ class Trials:
         return sorted({number for number, _ in calls} - set(log) | set(log[::50]))
 
     def run(self, kind: str, number: int, tally: Counter[str]) -> str | None:
-        """One run to its end; what is wrong with it."""
+        """Do one run to its end; return its fault, or None."""
         folder = self._below / f"{kind}-{number}"
         said = folder.with_suffix(".txt")
         try:
@@ -158,7 +160,7 @@ class Trials:
                 kills += 1
                 continue
             tally["after the end"] += 1
-            self._lasts_s *= 0.9  # the machine is faster than it was
+            self._lasts_s *= 0.9  # the machine is faster than before
             shutil.rmtree(folder)
             confirmed = kills = 0
         tally["killed in flight"] += kills
@@ -186,13 +188,13 @@ class Trials:
             self._check(folder, confirmed)
 
     def _again(self, folder: Path) -> list[str]:
-        """The command that the last one left to give."""
+        """Return the command that the last run named for the resumption."""
         if (folder / "journal.jsonl").exists():
             return ["resume", str(folder), "--json"]
         return [*self._fly, str(folder)]
 
     def _check(self, folder: Path, confirmed: int) -> None:
-        """What was confirmed is there, and a copy of the folder can be opened."""
+        """Check that confirmed events are there, and that a copy of the folder can be opened."""
         path = folder / "journal.jsonl"
         if not path.exists():
             assert confirmed == 0, f"{confirmed} events were there, and no journal is"
@@ -210,7 +212,7 @@ class Trials:
         assert len(found) >= confirmed, f"{confirmed} events were there, {len(found)} are"
 
     def _judge(self, folder: Path, said: Path) -> None:
-        """Go on to the end, and hold the outcome against the uninterrupted flight."""
+        """Continue to the end, and compare the outcome with the uninterrupted flight."""
         code = ended(started(self._again(folder), said))
         text = said.read_text("utf-8", errors="replace")
         assert "Traceback" not in text, f"a traceback: see {said}"
@@ -225,7 +227,7 @@ class Trials:
 
 
 def main() -> int:
-    """Run and print; the exit status. The mission is one of tests/data."""
+    """Run and print; return the exit status. The mission is one of tests/data."""
     options = asked(__doc__, kills=200, twice=40, full=30, calls=60, seed=1, mission="speck")
     faults: list[str] = []
     below = Path(tempfile.mkdtemp(prefix="uavmap-kills-"))

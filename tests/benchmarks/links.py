@@ -1,8 +1,8 @@
-"""What the links cost: `python -m tests.benchmarks.links`.
+"""Cost of the links: `python -m tests.benchmarks.links`.
 
 * From a picture's votes to the next target on the wire: journal, reducer and driver, wall time.
-* Twenty vehicles at 10 Hz: the part of one core that hearing them takes, plain, signed, and passed
-  on to a ground station.
+* Twenty vehicles at 10 Hz: the share of one core for reception, plain, signed, and forwarded to a
+  ground station.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ KEY = bytes(range(32))
 
 
 def _memory() -> Any:
-    """What a link remembers of signatures, kept nowhere."""
+    """Return the memory of a link for signatures, without a file."""
     return SimpleNamespace(sent=0, heard={}, note=lambda: None)
 
 
 def frame_to_target_s(name: str = "speck") -> list[float]:
-    """Wall seconds from votes that end a look to the target that follows, of a whole flight."""
+    """Return wall seconds from votes that end a look to the next target, of a whole flight."""
     found: list[float] = []
     posted_s = [float("inf")]
     post, send = Service.post, Session.send

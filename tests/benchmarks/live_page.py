@@ -1,8 +1,8 @@
-"""What a live page costs the flight, and how often a browser draws it.
+"""Cost of a live page for the flight, and the rate at which a browser draws it.
 
     python -m tests.benchmarks.live_page [--out FOLDER]
 
-20 vehicles, 5,000 cells, and beneath them a mosaic that is written anew each second. A picture of
+20 vehicles, 5,000 cells, and beneath them a mosaic that is written again each second. A picture of
 the page is left in the folder. The browser is a Chromium without a graphics card.
 """
 
@@ -43,7 +43,7 @@ SECONDS = 10.0
 
 
 def busy() -> tuple[Setting, State]:
-    """A mission with a large region, half of which is explored."""
+    """Return a mission with a large region, half of which is explored."""
     text = f"{first_patch(named_text('runway').text)}\n[team]\nlayer_m = 5.0\n"
     plan = plan_of("runway", text, "rdfs", VEHICLES)
     setting = setting_of(plan.mission)
@@ -78,7 +78,7 @@ class Team:
         self.step = 0
 
     def fly(self) -> None:
-        """A tenth of a second: two vehicles are heard, and two judge a picture."""
+        """Fly a tenth of a second: two vehicles report, and two judge a picture."""
         self.step += 1
         t_s = round(self.step / 10.0, 3)
         for part in (0, 1):
@@ -145,7 +145,7 @@ def in_the_browser(out: Path) -> None:
 
 
 def grow_mosaic(out: Path, setting: Setting, step: int) -> Raster:
-    """Write a mosaic over all the fence, of which each step shows more; return where it lies."""
+    """Write a mosaic over all the fence, of which each step shows more; return its path."""
     raster = raster_of(setting)
     assert raster is not None
     rng, size = np.random.default_rng(0), (raster.columns, raster.rows)
@@ -160,7 +160,7 @@ def grow_mosaic(out: Path, setting: Setting, step: int) -> Raster:
 def told(
     team: Team, feed: Feed, version: int, seconds: float, act: Any, out: Path | None = None
 ) -> int:
-    """Fly and tell for a while; `act` is done at its beginning. `out` has the mosaic that grows."""
+    """Fly and report for a while; call `act` at the beginning. `out` has the growing mosaic."""
     begin_s, step = time.monotonic(), 0
     act()
     while (now_s := time.monotonic()) - begin_s < seconds:

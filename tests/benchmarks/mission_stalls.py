@@ -1,9 +1,11 @@
-"""A mission's process that stands still: `python -m tests.benchmarks.mission_stalls
-[--mission speck] [--stall 3] [--every 10] [--autopilot ardupilot]`.
+"""A mission's process that stands still.
 
-A mission is flown over sockets in real time, and its process is stopped for some seconds ever
-again. Prints the gaps between setpoints on paths, and whether the mission is complete. The exit
-status is 1 where a gap is longer than 0.25 s or the mission is not complete.
+    python -m tests.benchmarks.mission_stalls [--mission speck] [--stall 3] [--every 10]
+        [--autopilot ardupilot]
+
+A mission is flown over sockets in real time, and its process is stopped for some seconds again and
+again. It prints the gaps between setpoints on paths, and whether the mission is complete. The exit
+status is 1 if a gap is longer than 0.25 s or the mission is not complete.
 """
 
 from __future__ import annotations
@@ -25,11 +27,11 @@ from tests.e2e.rig import ended, mission, simulator, started
 
 MOST_GAP_S = 0.25
 PATH_ENDS_S = 1.0
-"""A longer gap is between two paths; but for stalls none is so long that is not one."""
+"""Length of a gap from which it lies between two paths, s; only stalls make gaps within a path."""
 
 
 def gaps_of(log: Path, stalls: list[tuple[float, float]]) -> tuple[list[float], list[float]]:
-    """The gaps between setpoints of a vehicle, s, all and those that meet a stall (UTC seconds)."""
+    """Return the gaps between setpoints of a vehicle, s: all, and those in stalls (UTC s)."""
     times = defaultdict[int, list[float]](list)
     reader = mavutil.mavlink_connection(str(log), dialect="ardupilotmega")
     while (message := reader.recv_match(type="SET_POSITION_TARGET_GLOBAL_INT")) is not None:

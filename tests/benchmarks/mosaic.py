@@ -1,10 +1,9 @@
-"""The mosaic of a flight: its rate, its seams, and what it costs the flight.
+"""The mosaic of a flight: its rate, its seams, and its cost for the flight.
 
     python -m tests.benchmarks.mosaic [--seeds 1 2 3]
 
-Seams are by how much neighbouring squares of 8 m are off against each other, held against the
-ground as the simulator paints it; receivers there have an error of 0.3 m on each axis, attitudes
-have theirs.
+Seams are the offsets between neighbouring squares of 8 m, relative to the ground as the simulator
+paints it. Receivers there have an error of 0.3 m on each axis, and attitudes have theirs.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ SIZE_PX = 1000, 750
 
 
 def pictures(setting: Setting) -> Iterator[KeptFrame]:
-    """Pictures in lanes, all of them of new ground."""
+    """Return pictures in lanes, all of them of new ground."""
     for number in range(PICTURES):
         lane, along = divmod(number, 40)
         place = GridPoint(STEP_M * along, 10.0 * lane)
@@ -58,7 +57,7 @@ def jpeg_of() -> bytes:
 
 
 def rate(setting: Setting, jpeg: bytes) -> None:
-    """Lay pictures on one core, as fast as it goes."""
+    """Add pictures to the mosaic on one core, as fast as possible."""
     cv2.setNumThreads(1)
     for kind, picture in (("JPEG", jpeg), ("pixels", decoded(jpeg, ""))):
         with tempfile.TemporaryDirectory() as folder:
@@ -116,7 +115,7 @@ def seams(seeds: list[int]) -> None:
 
 @contextmanager
 def orders_timed(clock: Callable[[], float] = time.perf_counter) -> Iterator[list[float]]:
-    """Meanwhile the time from a picture to the order that follows it is noted, ms."""
+    """Record the time from a picture to the next order in the context, ms."""
     found, begun = list[float](), [float("inf")]
     judge, send = PictureJudge.verdict, Session.send
 

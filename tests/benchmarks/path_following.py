@@ -1,14 +1,14 @@
-"""How well a simulated vehicle follows a path that is flown without stopping, beside real ones.
+"""Deviation of a simulated vehicle from a path without stops, beside real ones.
 
     python -m tests.benchmarks.path_following                     all, about two minutes
     python -m tests.benchmarks.path_following --autopilot px4 --speed 6
 
-The path is the one on which a real ArduCopter 4.6 was measured in its own simulator (404 m: five
-lanes of 60 m, 12 m apart, with square U-turns, and a zigzag of corners of 90 and 45 degrees 4 m
-apart, all cut by 2.5 m). It is flown by the whole driver over MAVLink: `FlyPath` from a hover to a
-hover. `error`: the distance between the true position and where the plan has the vehicle at that
-time, from beginning to end; `beside`: the distance to the nearest point of the plan. Flown is the
-time from the plan's beginning until it stands within half a metre of the end.
+The path is the one on which a real ArduCopter 4.6 was measured in its own simulator, 404 m long. It
+has five lanes of 60 m, 12 m apart, with square U-turns, and a zigzag of corners of 90 and 45
+degrees 4 m apart, all cut by 2.5 m. The whole driver flies it over MAVLink: `FlyPath` from a hover
+to a hover. `error` is the distance between the true and the planned position at each time, from
+beginning to end. `beside` is the distance to the nearest point of the plan. The flown time ends
+when the vehicle stands within half a metre of the end.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ MEASURED = {
     ("ardupilot", 10.0, 0.0): "- / 0.94; tilt 29.5",
     ("px4", 6.0, 0.0): "beside 0.6 in the legs, at most 3.0 at raw corners",
 }
-"""By autopilot, speed and wind, m/s: error mean / 95 % in metres of the real one."""
+"""By autopilot, speed and wind, m/s: error of the real one, mean / 95 %, m."""
 
 
 def path(cut_m: float = 2.5, **how: float) -> Trajectory:
-    """The path of the measurement; `how` as for `rounded_path`."""
+    """Return the path of the measurement; `how` as for `rounded_path`."""
     points = [GridPoint(0.0, 0.0)]
     for lane in range(5):
         east_m = 60.0 if lane % 2 == 0 else 0.0
@@ -60,7 +60,7 @@ def path(cut_m: float = 2.5, **how: float) -> Trajectory:
 
 @dataclass(slots=True)
 class Followed:
-    """How a path was followed: distances, metres; times, seconds; tilts, degrees."""
+    """Deviation from a path: distances, m; times, s; tilts, degrees."""
 
     errors_m: list[float] = field(default_factory=list)
     beside_m: list[float] = field(default_factory=list)
@@ -71,12 +71,12 @@ class Followed:
 
     @property
     def late(self) -> float:
-        """By what share the flight took longer than planned."""
+        """Return the share by which the flight took longer than planned."""
         return self.flown_s / self.planned_s - 1.0
 
 
 def most(values: list[float]) -> float:
-    """What 95 % of values do not exceed."""
+    """Return the value that 95 % of values do not exceed."""
     return sorted(values)[int(0.95 * len(values))]
 
 
@@ -120,7 +120,7 @@ def followed(autopilot: str, speed_m_s: float, wind_m_s: float = 0.0) -> Followe
 
 
 async def _boot_s(flight: Flight) -> float:
-    """Mission time minus the vehicle's: the truth is that of its last step, not of now."""
+    """Return mission time minus the vehicle's: the truth is that of its last step."""
     found = math.inf
     for _ in range(20):
         await asyncio.sleep(0.005)

@@ -1,11 +1,12 @@
-"""Kill -9 of one of a flight's two processes: `python -m tests.benchmarks.process_kills
-[--kills 40] [--at-once 3] [--seed 1]` prints a table.
+"""Kill -9 of one of a flight's two processes; prints a table.
 
-A small mission is flown over sockets, in both flavours and with both drivers, and the mission's
-process or the process of the aircraft is killed at a random moment in flight. Without a mission the
-aircraft have to be on the ground within 5 m of their pads when the process of the aircraft ends,
-and a resumed mission has to complete. Without the process of the aircraft the same mission has to
-complete. The exit status is 1 when one of it does not hold.
+    python -m tests.benchmarks.process_kills [--kills 40] [--at-once 3] [--seed 1]
+
+A small mission is flown over sockets, with both autopilots and both drivers. The mission's process
+or the process of the aircraft is killed at a random moment in flight. If the mission dies, the
+aircraft must be on the ground within 5 m of their pads when their process ends. A resumed mission
+must then complete. If the process of the aircraft dies, the same mission must complete. The exit
+status is 1 if one of these does not hold.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ HOLD_S = 2.0
 HOME_WALL_S = 90.0
 NEAR_M = 5.0
 LASTS_S = 75.0
-"""Mission time that the small mission takes in flight."""
+"""Duration of the small mission in flight, s of mission time."""
 
 
 def one(number: int, who: str, autopilot: str, driver: str, at_s: float, below: Path) -> str:
-    """Fly and kill; what is wrong, empty for nothing."""
+    """Fly and kill; return the fault, or an empty text."""
     folder = below / f"{who}-{autopilot}-{driver}-{number}"
     source = below / f"{folder.name}.toml"
     text = Path(rig.mission("speck")).read_text("utf-8")

@@ -1,13 +1,13 @@
-"""What becomes of a flight when something is amiss: `python -m tests.benchmarks.robustness`.
+"""Outcome of a flight with a fault: `python -m tests.benchmarks.robustness`.
 
     python -m tests.benchmarks.robustness --seeds 3                 a table, some 30 flights
     python -m tests.benchmarks.robustness --only baseline --seeds 1
 
-The mission `runway`, flown whole in the simulator by its own strategy (`swath`), once for each
-trouble and seed. Troubles of position, wind and camera are those of the simulator. Pictures are
-lost where they are fetched, and verdicts are made wrong where they are given: here, not in the
-product. What is drawn at random follows from the seed. Medians over the seeds, in brackets least
-and most where they differ.
+The mission `runway` is flown whole in the simulator by its own strategy (`swath`), once for each
+fault and seed. Faults of position, wind and camera are those of the simulator. The benchmark
+itself, and not the product, loses pictures as they are fetched and falsifies verdicts as they are
+given. Random values follow from the seed. The table has medians over the seeds, in brackets least
+and most if they differ.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from vision.projection import Frame, Verdict
 MISSION = "runway"
 STRATEGY = "swath"
 SEARCH_FRAMES = 30
-"""The false frame is the first after so many that shows no cell of the region."""
+"""Number of frames after which the false frame is the next one without a cell of the region."""
 GUST_EVERY_S, GUST_FOR_S, GUSTS_UNTIL_S = 60, 6, 1800
 WIND_FROM_DEG = 250.0
 
@@ -76,7 +76,7 @@ def flipped_votes(seed: int, share: float) -> Iterator[None]:
 
 @contextlib.contextmanager
 def false_frame(_: int) -> Iterator[None]:
-    """One frame of the search, where there is no region, sees region everywhere."""
+    """Have one frame of the search, where there is no region, show region everywhere."""
     mission = load(MISSION)
     grid = setting_of(mission).grid
     truth = true_roi(mission, grid)
@@ -115,7 +115,7 @@ def lost_pictures(seed: int, share: float) -> Iterator[None]:
 
 @contextlib.contextmanager
 def slow_camera(_: int) -> Iterator[None]:
-    """The camera takes half as many pictures as the mission file says, and nobody knows."""
+    """Have the camera take half as many pictures as in the mission file, without any report."""
     setup_of = uavmap.runner.simulation.setup_of
 
     def slower(mission: Mission, *args: Any, **more: Any) -> Setup:
@@ -182,7 +182,7 @@ def flight(job: tuple[str, int]) -> dict[str, Any]:
 
 
 def _median(values: Sequence[float], digits: int) -> str:
-    """The median, and least and most where they differ.
+    """Return the median, and least and most if they differ.
 
     >>> _median([2.0, 1.0, 4.0], 1), _median([3, 3, 3], 0)
     ('2.0 [1.0, 4.0]', '3')
@@ -201,7 +201,7 @@ COLUMNS = {
     "false +": ("false_positives", 1.0, 0),
     "false -": ("false_negatives", 1.0, 0),
 }
-"""By heading: the figure, its factor, and digits."""
+"""Columns by heading: the figure, its factor, and digits."""
 
 
 def row(name: str, found: Sequence[Mapping[str, Any]]) -> str:

@@ -1,14 +1,14 @@
-"""How fast the simulator is; prints a table.
+"""Speed of the simulator; prints a table.
 
     python -m tests.benchmarks.sitl_speed            everything, about two minutes
     python -m tests.benchmarks.sitl_speed --virtual  without sockets
     python -m tests.benchmarks.sitl_speed --sockets  sockets only
 
-On virtual time: simulated seconds per second of one processor, the median of seven flights in the
-wind with twelve messages at 10 Hz (what REQUEST_DATA_STREAM asks for). Over sockets: the speed-up
-that is held, by the clock on the wall, while a client in this process receives and decodes
-everything, the simulator being a process of its own; the median of three. Each row has its target;
-the exit status is 1 when one is missed.
+On virtual time: simulated seconds per second of one processor, in the wind, with twelve messages at
+10 Hz (those of REQUEST_DATA_STREAM). The figure is the median of seven flights. Over sockets: the
+speed-up that is kept by the clock on the wall, the median of three. A client in this process
+receives and decodes all frames; the simulator is a process of its own. Each row has its target; the
+exit status is 1 if one is missed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ STREAM_ALL = mav.MAV_DATA_STREAM_ALL
 
 
 def virtual(vehicles: int, seconds: float) -> float:
-    """Times real time, in flight, by the processor's time: other programs do not count."""
+    """Return the speed in flight, times real time, by the processor's time alone."""
     setup = Setup(vehicles=vehicles, wind_speed_m_s=4.0, wind_from_deg=200.0, gust_m_s=1.0)
     fleet = Fleet(setup)
     fleet.run(6.0)
@@ -55,7 +55,7 @@ def virtual(vehicles: int, seconds: float) -> float:
 
 
 def over_sockets(vehicles: int, speedup: float) -> float:
-    """The speed-up that is held, by the vehicles' own clocks; the slowest of them."""
+    """Return the speed-up that is kept, by the vehicles' own clocks; the slowest of them."""
     port, http_port = free_ports(vehicles)
     arguments = ["sitl", "--home", "47.4,8.5,488,0", "--speedup", speedup, "--vehicles", vehicles]
     links = [
@@ -83,7 +83,7 @@ def over_sockets(vehicles: int, speedup: float) -> float:
 
 def main() -> int:
     options = asked(__doc__, virtual=False, sockets=False)
-    # vehicles, what is measured, how often, and the least that is wanted
+    # vehicles, measured quantity, repetitions, and the least target
     runs: list[tuple[str, int, Callable[[int, float], float], float, int, float]] = []
     if options.virtual or not options.sockets:
         runs += [("virtual time", 1, virtual, 120.0, ROUNDS, 500.0)]

@@ -2,9 +2,9 @@
 
     python -m tests.benchmarks.tak [--seeds 1 2 3 4]
 
-`tiny` is flown in pairs, the first of a pair changing, as fast as possible: the link is fed twice a
-real second in any case. A listener takes the events. Processor times are those of the thread that
-flies; another program's load makes them longer by its use of the caches alone.
+`tiny` is flown in pairs as fast as possible, the first of a pair alternating. The link gets updates
+twice a real second in any case. A listener accepts the events. Processor times are those of the
+thread that flies; the load of another program increases them only by its use of the caches.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MISSION = "tests/data/tiny.toml"
 
 
 def beside(url: str | None, plan: FlightPlan, folder: Path) -> dict[str, Any]:
-    """Fly a plan, beside a link where there is a URL."""
+    """Fly a plan, with a link beside it if there is a URL."""
     if url is None:
         return fly(plan, folder, Company())
     with open_tak_link(url, simulated=True) as feed:

@@ -1,8 +1,8 @@
-"""Simulated flights by the command itself, with an observer who sees what is really the case.
+"""Simulated flights by the command itself, with an observer of the truth.
 
 A mission file with faults added is flown by `uavmap fly --sim` in this process, on virtual time.
-What the aircraft really do is watched from outside, and the outcome is held against what the
-command says of it.
+The true movements of the aircraft are observed from outside, and the outcome is compared with the
+report of the command.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from uavmap.ui.cli import main as uavmap_main
 class Flown:
     name: str
     code: int | None
-    """The exit status; None after a traceback."""
+    """Exit status; None after a traceback."""
     summary: Mapping[str, Any]
     said: str
-    """Everything on standard error."""
+    """Text on standard error."""
     raised: str
     truth: Observer
     referee: Referee
-    """What it has found."""
+    """Referee of the flight, with its findings."""
     events: tuple[Event, ...]
     kinds: Mapping[str, int]
-    """Events by kind."""
+    """Number of events by kind."""
     notes: tuple[str, ...]
-    """Of orders that failed, and what a guardian did."""
+    """Notes of orders that failed, and of actions of a guardian."""
 
     @property
     def columns(self) -> frozenset[str]:
@@ -71,7 +71,7 @@ class Flown:
 
 
 def mission_text(name: str, faults: Iterable[Mapping[str, object]] = ()) -> str:
-    """A mission of the tests with faults added."""
+    """Return a mission of the tests with faults added."""
     path = Path(name) if name.endswith(".toml") else MISSIONS / f"{name}.toml"
     text = path.read_text("utf-8")
     for fault in faults:
@@ -115,7 +115,7 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
 def _said(
     observer: Observer, code: int | None, summary: Mapping[str, Any], raised: str, folder: Path
 ) -> ProductReport:
-    """Return what the command reported, and the ground that there is in truth."""
+    """Return the report of the command, and the true ground."""
     mapped, touched, owed = set[tuple[int, int]](), frozenset[Cell](), frozenset[Cell]()
     if observer.mission is not None and (folder / "map.geojson").exists():
         mapped, (touched, owed) = roi_cells(folder), ground_of(observer.mission)

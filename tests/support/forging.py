@@ -4,7 +4,7 @@ During a flight the session gets forged frames beside the vehicle's own. `random
 type and value. `poisoned` frames have the types that are read, with the worst values. Both have the
 vehicle's own ids; `strangers` have other ids and components.
 
-A forged heartbeat in another mode can make the mission stand aside. That is no fault: it looks
+A forged heartbeat in another mode can make the mission stand aside. This is no fault: it looks
 exactly like a pilot. Forged announcements name pictures on other hosts and of other kinds.
 """
 

@@ -1,12 +1,12 @@
-"""How good the boundary at pixel level is; prints a table.
+"""Accuracy of the boundary at pixel level; prints a table.
 
     python -m tests.benchmarks.photos.boundary                  `runway` in the simulator, ten seeds
     python -m tests.benchmarks.photos.boundary --seeds 3
     python -m tests.benchmarks.photos.boundary --brighton       the photographs of Brighton Beach
 
-In the simulator the camera tilts with the airframe, the wind blows, positions are off by 0.3 m and
-the light changes. The error of the boundary is the distance of each of its points (every 0.1 m) to
-the true outline, and of each point of the true outline to the boundary.
+In the simulator the camera tilts with the airframe, the wind blows, positions have errors of 0.3 m,
+and the light changes. The error of the boundary is measured both ways: from each of its points
+(every 0.1 m) to the true outline, and back.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ BY_HAND: dict[str, dict[str, Any]] = {
 
 
 def mapped(folder: Path, grid: Grid, kind: str) -> BaseGeometry:
-    """A feature of boundary.geojson, or the outline of map.geojson, in metres of the grid."""
+    """Return a feature of boundary.geojson, or the outline of map.geojson, in grid metres."""
     name = BOUNDARY_FILE if kind == "boundary" else "map.geojson"
     features = json.loads((folder / name).read_text("utf-8"))["features"]
     geometry = next(f["geometry"] for f in features if f["properties"]["kind"] == kind)
@@ -63,13 +63,13 @@ def mapped(folder: Path, grid: Grid, kind: str) -> BaseGeometry:
 
 
 def iou(one: BaseGeometry, other: BaseGeometry) -> float:
-    """Of two shapes."""
+    """Return the intersection over union of two shapes."""
     union_m2 = shapely.union(one, other).area
     return float(shapely.intersection(one, other).area / union_m2) if union_m2 else 1.0
 
 
 def errors_m(one: BaseGeometry, other: BaseGeometry) -> np.ndarray:
-    """How far each point of either outline is from the other one, sorted."""
+    """Return the distances of points of either outline to the other one, sorted, m."""
     found = []
     for line, to in ((one.boundary, other.boundary), (other.boundary, one.boundary)):
         points = shapely.segmentize(line, STEP_M)
@@ -79,7 +79,7 @@ def errors_m(one: BaseGeometry, other: BaseGeometry) -> np.ndarray:
 
 # --- the simulator -------------------------------------------------------------------------------
 def flown(seeds: int) -> None:
-    """`runway`, seed by seed."""
+    """Fly `runway`, seed by seed; print a line each."""
     setting = setting_of(load("runway"))
     truth = true_roi(setting.mission, setting.grid)
     print("seed  cells' IoU  boundary's IoU  error: median, 95 %, most (m)  told 95 %  area / true")
@@ -102,7 +102,7 @@ def flown(seeds: int) -> None:
 
 # --- Brighton Beach ------------------------------------------------------------------------------
 def brighton_beach() -> None:
-    """Each detector's boundary against the painted region, by refined poses."""
+    """Compare each detector's boundary with the painted region, by refined poses."""
     print("detector                    cells' IoU  boundary's IoU  precision  recall")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -136,7 +136,7 @@ def _one_detector(name: str, detector: Path) -> None:
 
 
 def main() -> None:
-    """Run what is asked for."""
+    """Run the requested parts."""
     options = frame.asked(__doc__, seeds=10, brighton=False)
     if options.brighton:
         brighton_beach()

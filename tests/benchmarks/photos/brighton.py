@@ -1,8 +1,8 @@
-"""The data set Brighton Beach with a painted truth: which pixels of its photographs are region.
+"""The data set Brighton Beach with a painted truth: the pixels of its photographs that are region.
 
 The region (roads, their shoulders, parking) is a polygon that was painted on a mosaic, in
-`tests/data/brighton/region.geojson`. Beside it lies where each photograph shows which place, as
-measured by registering the photographs with each other; the poses in their tags are off by metres.
+`tests/data/brighton/region.geojson`. A file beside it has the place of each photograph, measured by
+registration of the photographs with each other. The poses in their tags have errors of metres.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DATA = Path(__file__).parents[2] / "data" / "brighton"
 PHOTOGRAPHS = Path(__file__).parents[4] / "shared" / "data" / "brighton_beach"
 WIDTH_PX = 1000
 PAINTED = ((2, 7, 12), (0, 9, 16), (5, 11, 14))
-"""The photographs that are painted, three at a time."""
+"""Numbers of the photographs that are painted, three at a time."""
 PAVED: dict[str, Any] = {"greenness": 0.04, "intensity": 90, "dilations": 1}
 COLOR: dict[str, Any] = {
     "samples": [[165, 160, 165], [125, 125, 140], [90, 95, 120]],
@@ -42,18 +42,18 @@ ADAPTIVE: dict[str, Any] = {"polarity": "bright", "offset": 10}
 
 
 def there() -> bool:
-    """Whether the photographs are on this machine; they are not part of the project."""
+    """Return whether the photographs are on this machine; they are not part of the project."""
     return PHOTOGRAPHS.is_dir()
 
 
 def rings() -> list[NDArray[np.float64]]:
-    """The outline of the region and its holes, longitude and latitude."""
+    """Return the outline of the region and its holes, longitude and latitude."""
     (feature,) = json.loads((DATA / "region.geojson").read_text("utf-8"))["features"]
     return [np.array(ring) for ring in feature["geometry"]["coordinates"]]
 
 
 def truth(name: str) -> NDArray[np.bool_]:
-    """Which pixels of a photograph, 1000 px wide, as it is stored, are region."""
+    """Return the region in a photograph, 1000 px wide, as it is stored."""
     places = json.loads((DATA / "pictures.json").read_text("utf-8"))
     matrix = np.array(places["pixel_of_1e-5_deg"][name])
     drawn = np.zeros((places["height_px"], places["width_px"]), np.uint8)
@@ -67,13 +67,13 @@ def truth(name: str) -> NDArray[np.bool_]:
 
 
 def names() -> list[str]:
-    """The photographs, in their order."""
+    """Return the names of the photographs, in their order."""
     places = json.loads((DATA / "pictures.json").read_text("utf-8"))
     return sorted(places["pixel_of_1e-5_deg"])
 
 
 def examples(chosen: Sequence[str]) -> list[Example]:
-    """Photographs, painted with the truth."""
+    """Return photographs, painted with the truth."""
     found = []
     for name in chosen:
         picture = read_picture(PHOTOGRAPHS / f"{name}.JPG", WIDTH_PX)
@@ -91,14 +91,14 @@ def learned_from(
     others: Sequence[Example],
     settings: TuneSettings = TuneSettings(),  # noqa: B008 - frozen
 ) -> tuple[Model, Choice]:
-    """A model learned from some photographs, for others that are not painted."""
+    """Return a model learned from some photographs, for others that are not painted."""
     pictures = [example.picture for example in others]
     model, choice, *_ = learn([every[i] for i in painted], pictures, settings, lambda _: None)
     return model, choice
 
 
 def detector_folder(folder: Path, section: dict[str, Any], model: Model | None = None) -> Path:
-    """A folder for `uavmap replay --detector`."""
+    """Make a folder for `uavmap replay --detector`."""
     folder.mkdir()
     if model is not None:
         section = {"name": "learned", "model": MODEL, **section}
@@ -108,7 +108,7 @@ def detector_folder(folder: Path, section: dict[str, Any], model: Model | None =
 
 
 def map_counts(out: Path, grid: Grid) -> Counts:
-    """The judged cells of a map against the painted region."""
+    """Compare the judged cells of a map with the painted region."""
     roi, there = set(), set()
     for feature in json.loads((out / "map.geojson").read_text("utf-8"))["features"]:
         told = feature["properties"]
@@ -122,7 +122,7 @@ def map_counts(out: Path, grid: Grid) -> Counts:
 
 
 def _region_share(grid: Grid, cell: Cell) -> float:
-    """The part of a cell that is region."""
+    """Return the part of a cell that is region."""
     outline, *holes = rings()
     corners = [grid.position(grid.to_fixed(point, 0.0)) for point in grid.corners_of(cell)]
     square = shapely.Polygon([(p.lon_deg, p.lat_deg) for p in corners])

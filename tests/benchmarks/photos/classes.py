@@ -1,8 +1,8 @@
-"""Photographs of four classes: painted, learned, mapped; and how fast they are judged.
+"""Photographs of four classes: painted, learned and mapped; and the time to judge them.
 
     python -m tests.benchmarks.photos.classes [--seeds 1 2 3]    a minute a seed
 
-Of the rendered site `slick` (`tests.support.ground.sites`) four photographs are painted by class.
+Four photographs of the rendered site `slick` (`tests.support.ground.sites`) are painted by class.
 `uavmap tune` learns, `uavmap replay` maps. By class: IoU of the cells, the true area beside the
 bounds of the map, the litres. The last lines have the time to judge a photograph of 1000 x 750 px,
 and that to decode one of several sizes for it.
@@ -31,11 +31,11 @@ SEEDS = (1, 2, 3)
 PAINTED = 4
 WIDE_PX = 1000
 NOISE = 6.0
-"""Of a large photograph, levels, standard deviation: files have 5 MB, as cameras' have."""
+"""Noise of a large photograph, standard deviation in levels: its file has 5 MB, as a camera's."""
 
 
 def detector_in(folder: Path) -> Detector:
-    """The detector of a folder of `uavmap tune`."""
+    """Return the detector of a folder of `uavmap tune`."""
     table = resolved_section(None, Path(), folder)
     return detector_of_section(DetectorSection.model_validate(table))
 
@@ -67,7 +67,7 @@ def drill(seed: int, folder: Path) -> Detector:
 
 
 def rate(detector: Detector) -> None:
-    """Print what judging and decoding take."""
+    """Print the times to judge and to decode a photograph."""
     place = sites.site("slick", 1)
     image = sites.photographed(place, 1)[10].image
     judging_ms = cpu_ms(partial(judged, detector, image), times=9)

@@ -1,4 +1,4 @@
-"""How good the detectors are on the photographs of Brighton Beach; prints a table.
+"""Quality of the detectors on the photographs of Brighton Beach; prints a table.
 
     python -m tests.benchmarks.photos.detectors              picture by picture, about three minutes
     python -m tests.benchmarks.photos.detectors --map      the maps that `replay` makes, by the tags
@@ -6,7 +6,7 @@
 
 Pixels and cells (25 x 25 px, about 2 m) are counted in the photographs themselves, so that poses do
 not matter. `learned` is learned from three photographs and judged on the other fifteen, three times
-with other photographs; neighbours overlap, so ground is seen again from elsewhere.
+with other photographs. Neighbours overlap, so ground is seen again from another place.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Judged = tuple[Counts, Counts]
 
 
 def fixed() -> dict[str, Detector]:
-    """The detectors that are not learned, with parameters chosen by hand for a road."""
+    """Return the detectors that are not learned, with parameters chosen by hand for a road."""
     return {
         "threshold (the paper's)": make_detector("threshold"),
         "paved": make_detector("paved"),
@@ -47,7 +47,7 @@ def fixed() -> dict[str, Detector]:
 
 
 def judged(detector: Detector, example: Example, share: float) -> Judged:
-    """Of pixels and of cells of a photograph."""
+    """Count pixels and cells of a photograph."""
     sure = np.ones_like(example.region)
     mask = detector.mask(example.picture) > 0
     values = (
@@ -78,7 +78,7 @@ def head() -> None:
 
 
 def by_picture(examples: list[Example]) -> None:
-    """All detectors; `learned` as `uavmap tune` chooses."""
+    """Run all detectors; `learned` as `uavmap tune` chooses."""
     head()
     for name, detector in fixed().items():
         row(name, [judged(detector, example, 0.5) for example in examples])
@@ -100,7 +100,7 @@ def one_training(
 
 
 def by_map(examples: list[Example]) -> None:
-    """The maps of `uavmap replay`, with the poses that the tags tell."""
+    """Print the maps of `uavmap replay`, with the poses of the tags."""
     print("maps by the poses of the tags      precision recall IoU (cells of 2 m)")
     road = load("road")
     grid = Grid.at(road.home, road.grid.cell_m)
@@ -116,14 +116,14 @@ def by_map(examples: list[Example]) -> None:
 
 
 def print_map(name: str, out: Path, more: list[str], grid: Grid) -> None:
-    """Replay and hold the map against the painted region."""
+    """Replay and compare the map with the painted region."""
     uavmap(["replay", str(brighton.PHOTOGRAPHS), "--mission", "road", "--out", str(out), *more])
     counts = brighton.map_counts(out, grid)
     print(f"{name:34} {counts.precision:6.3f} {counts.recall:6.3f} {counts.iou:6.3f}")
 
 
 def times(examples: list[Example]) -> None:
-    """Milliseconds a picture of 1000 x 562 px on one core."""
+    """Print the milliseconds for a picture of 1000 x 562 px on one core."""
     cv2.setNumThreads(1)
     detectors = fixed()
     for kind in KINDS:
@@ -137,7 +137,7 @@ def times(examples: list[Example]) -> None:
 
 
 def main() -> None:
-    """Print what is asked for."""
+    """Print the requested tables."""
     options = asked(__doc__, map=False, time=False)
     if not brighton.there():
         raise SystemExit(f"{brighton.PHOTOGRAPHS}: the photographs are not here")

@@ -1,11 +1,11 @@
-"""How well a vehicle knows where it is by its own pictures; prints a table.
+"""Errors of a vehicle's position by its own pictures; prints a table.
 
     python -m tests.benchmarks.photos.own_map                 all of it, 20 flights a row
     python -m tests.benchmarks.photos.own_map --flights 3 --rows drift lost
 
 A flight of five minutes over the shipped world `runway`, at 12 m and 6 m/s with five pictures a
-second: lanes, and then lanes across them. Its pictures are rendered once; told positions differ
-from flight to flight.
+second: lanes, and then lanes across them. Its pictures are rendered once; the reported positions
+differ from flight to flight.
 
     undisturbed   alarms, which are false
     drift         satellites wander off by 0.1 m/s from some time on: error when that is noticed
@@ -48,7 +48,7 @@ ALARM_LEAST_M = 0.6
 
 @dataclass(frozen=True)
 class Taken:
-    """A picture as the estimate sees it, and where it was truly taken."""
+    """A picture as the estimate sees it, and its true place."""
 
     t_s: float
     east_m: float
@@ -57,7 +57,7 @@ class Taken:
 
 
 def corners() -> Iterator[tuple[float, float]]:
-    """Lanes to the north and south, and then across them, for ever."""
+    """Yield corners of lanes to the north and south, and then across them, for ever."""
     places_m = [k * LANE_M for k in range(int(LENGTH_M // LANE_M))]
     there, back = (0.0, LENGTH_M), (LENGTH_M, 0.0)
     while True:
@@ -68,7 +68,7 @@ def corners() -> Iterator[tuple[float, float]]:
 
 
 def way(seconds: float, every_s: float) -> Iterator[tuple[float, float, float, float]]:
-    """Time, east, north and heading."""
+    """Return time, east, north and heading."""
     ends = corners()
     here, t_s = next(ends), 0.0
     left_m = 0.0
@@ -96,7 +96,7 @@ def flight(
     heading_bias_deg: float, height_bias: float, seed: int, every_s: float = EVERY_S,
     attitude_deg: float = 0.3,
 ) -> tuple[Taken, ...]:  # fmt: skip
-    """The pictures of a flight; what is told of heading and height is off by so much."""
+    """Return the pictures of a flight; reported heading and height have these errors."""
     mission = load("runway")
     setup = setup_of(mission, seed)
     world = setup.build()[0].world
@@ -124,7 +124,7 @@ def flight(
 # --- what is told -------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Told:
-    """What goes wrong, and when; `kind` is none, drift, jump or lost."""
+    """A fault and its time; `kind` is none, drift, jump or lost."""
 
     kind: str
     begin_s: float
@@ -133,7 +133,7 @@ class Told:
 
 
 def told_errors(told: Told, taken: tuple[Taken, ...]) -> np.ndarray:
-    """Error of the told position at each picture, shape (n, 2)."""
+    """Return the error of the reported position at each picture, shape (n, 2)."""
     rng = np.random.default_rng([told.seed, 7])
     noise = PositionError(np.random.default_rng([told.seed, 8]), told.gps_sigma_m, 60.0)
     for _ in range(2000):
@@ -167,7 +167,7 @@ def told_errors(told: Told, taken: tuple[Taken, ...]) -> np.ndarray:
 
 @dataclass
 class Outcome:
-    """Of one flight."""
+    """The outcome of one flight."""
 
     alarm_s: float | None = None
     alarm_error_m: float = math.nan
@@ -179,7 +179,7 @@ class Outcome:
 
 
 def flown(told: Told, taken: tuple[Taken, ...], check_every: int = 5) -> Outcome:
-    """One flight; ends at an alarm."""
+    """Do one flight; it ends at an alarm."""
     errors = told_errors(told, taken)
     own = OwnMap(ReportedErrors(satellites_m=max(0.3, told.gps_sigma_m), pointing_m=0.08))
     tolerated_m = max(ALARM_LEAST_M, SIGMAS_PER_TOLERATED * told.gps_sigma_m)

@@ -1,19 +1,19 @@
-"""How fast a replay is beside the decoder, and how much memory it takes.
+"""Speed of a replay beside the decoder, and its memory.
 
-python -m tests.benchmarks.photos.replay rate FOLDER        pictures a second, beside decoding alone
-python -m tests.benchmarks.photos.replay rate FOLDER --refine on  the same, by refined poses
-python -m tests.benchmarks.photos.replay rate FOLDER --detector my-field   by another detector
-python -m tests.benchmarks.photos.replay results FOLDER           seconds after the last picture
-python -m tests.benchmarks.photos.replay memory               1,000, 3,000 and 10,000 small pictures
-python -m tests.benchmarks.photos.replay memory --pictures 5000   so many, over as much more ground
-python -m tests.benchmarks.photos.replay memory --around 300    all over the ground of the first 300
+    python -m tests.benchmarks.photos.replay rate FOLDER            pictures a second, and decoding
+    python -m tests.benchmarks.photos.replay rate FOLDER --refine on          with refined poses
+    python -m tests.benchmarks.photos.replay rate FOLDER --detector my-field  by another detector
+    python -m tests.benchmarks.photos.replay results FOLDER     seconds after the last picture
+    python -m tests.benchmarks.photos.replay memory       1,000, 3,000 and 10,000 small pictures
+    python -m tests.benchmarks.photos.replay memory --pictures 5000  over as much more ground
+    python -m tests.benchmarks.photos.replay memory --around 300     over the ground of 300
 
 Set OPENBLAS_NUM_THREADS=1, as the command `uavmap` does for itself.
 
 The small pictures are a survey with the tags of a drone's. The ground is a patchwork that repeats
 itself every 460 m: a road with plants on both sides. The pictures lie in legs of 100, with 75 %
-overlap along and 50 % across, so more of them show more ground; or so many of them lie so, and the
-others above the same ground, a little beside.
+overlap along and 50 % across, so more of them show more ground. With `--around` the first pictures
+lie so, and the others are above the same ground, a little beside.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ _DEG_M = 111_195.0
 
 
 def ground(seed: int = 1) -> np.ndarray:
-    """The patchwork, north up; its edges meet."""
+    """Return the patchwork, north up; its edges meet."""
     rng = np.random.default_rng(seed)
     noise = rng.normal(0.0, 12.0, (GROUND_PX, GROUND_PX, 1)).astype(np.float32)
     noise += cv2.resize(rng.normal(0.0, 14.0, (128, 128)).astype(np.float32), (GROUND_PX,) * 2)[
@@ -81,7 +81,7 @@ def ground(seed: int = 1) -> np.ndarray:
 
 
 def write_survey(folder: Path, count: int, around: int | None = None) -> None:
-    """Write so many photographs; from number `around` on, over the ground of the first ones."""
+    """Write photographs; from number `around` on, over the ground of the first ones."""
     sheet = ground()
     across_m, along_m = 0.5 * SURVEY_ROWS * GSD_M, 0.25 * SURVEY_PX * GSD_M
     rows, columns = np.arange(SURVEY_ROWS), np.arange(SURVEY_PX)
@@ -112,7 +112,7 @@ WIDTH_PX = 1000
 
 
 def mutations(data: bytes, count: int, seed: int = 1) -> Iterator[bytes]:
-    """Copies of a picture's bytes with damage: bytes changed, parts cut, doubled or swapped."""
+    """Yield damaged copies of a picture's bytes: bytes changed, parts cut, doubled or swapped."""
     rng = random.Random(seed)
     for number in range(count):
         bad = bytearray(data)
@@ -135,7 +135,7 @@ def mutations(data: bytes, count: int, seed: int = 1) -> Iterator[bytes]:
 
 
 def survives(data: bytes, path: Path) -> str:
-    """What becomes of damaged bytes: `tags` refused, `pixels` refused, or `used`."""
+    """Return the outcome of damaged bytes: `tags` refused, `pixels` refused, or `used`."""
     path.write_bytes(data)
     found = read_photo(path, path.name)
     if isinstance(found, Refused):
@@ -149,7 +149,7 @@ def survives(data: bytes, path: Path) -> str:
 
 
 def looked(gathered: Gathered, detector: Path, workers: int) -> tuple[float, float]:
-    """Wall and CPU seconds of both passes."""
+    """Return wall and CPU seconds of both passes."""
     text = derived(gathered, detector=detector_text(detector))
     setting = setting_of(mission_of_text(text, "derived"))
     begun, used = time.perf_counter(), time.process_time()
@@ -164,7 +164,7 @@ def peak_mb() -> float:
 
 def _rate(folder: Path, refine: str, detector: Path) -> None:
     gathered = gather(open_source(folder))
-    if refine == "on":  # beforehand: what is measured is the replay that follows
+    if refine == "on":  # before the measurement, which is of the replay alone
         better = refined(gathered, None)
         gathered = gathered if better is None else better.gathered
     pictures = [v for v in credible(gathered.pictures) if isinstance(v, Placed)]
@@ -184,7 +184,7 @@ def _rate(folder: Path, refine: str, detector: Path) -> None:
 
 
 def _memory(counts: list[int], refine: str, around: int | None) -> None:
-    """Peak memory of whole replays, each in a process of its own, boundary and rasters included."""
+    """Print the peak memory of whole replays, each in a process of its own, with all files."""
     print("pictures      s  peak MB  cells  ortho.tif, MB", flush=True)
     with tempfile.TemporaryDirectory() as name:
         for count in counts:
@@ -208,7 +208,7 @@ def _memory(counts: list[int], refine: str, around: int | None) -> None:
 
 
 def _results(path: Path, often: int) -> None:
-    """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
+    """Print the seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
     gathered = gather(open_source(path))
     mission = mission_of_text(derived(gathered), "derived")
     for _ in range(often):
@@ -221,7 +221,7 @@ def _results(path: Path, often: int) -> None:
 
 
 def _result_costs(gathered: Gathered, mission: Mission, path: str) -> NDArray[np.float64]:
-    """Wall and CPU seconds (columns) of results and GeoTIFFs (rows) of a replay."""
+    """Return wall and CPU seconds (columns) of results and GeoTIFFs (rows) of a replay."""
     with tempfile.TemporaryDirectory() as name, Spool() as spool:
         folder, times = Path(name), []
         judged = judge_pictures(gathered, setting_of(mission), spool)
@@ -236,7 +236,7 @@ def _result_costs(gathered: Gathered, mission: Mission, path: str) -> NDArray[np
 
 
 def main() -> None:
-    """Print what is asked for."""
+    """Print the requested figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=("rate", "results", "memory"))
     parser.add_argument("path", type=Path, nargs="?")

@@ -3,10 +3,10 @@
     python -m tests.benchmarks.photos.tuned_flights [--seeds 1 2 3]     two minutes a seed
 
 A worn runway on a meadow is painted on three photographs of its western half, taken by the camera
-of the flight, and then on the two that `uavmap tune` asks for. `uavmap fly --sim` maps the site
-from the same height with what was learned. Bare and ploughed soil, roofs and a yard in the eastern
-half look like the runway. `beside` is the part of the cells outside of the region that were called
-region; `frames` tells how much was explored.
+of the flight. Then the two are painted that `uavmap tune` asks for. `uavmap fly --sim` maps the
+site from the same height with the learned detector. Bare and ploughed soil, roofs and a yard in the
+eastern half look like the runway. `beside` is the share of the cells outside of the region that
+were called region; `frames` measures the exploration.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
-"""A drill for a set that nobody has seen: photographs that tell their positions and little else.
+"""A drill for an unknown set: photographs with positions and few other tags.
 
     python -m tests.benchmarks.photos.unseen [--seeds 1 2 3 4]         about a minute a seed
 
-Of Brighton Beach: no heading, no height, no gimbal in the tags; each exposed up to a stop more or
-less than it was, and taken from up to 20 % higher or lower (cut out of the photograph, which was
-then taken from so much higher). Three of them are painted, `uavmap tune` learns, `uavmap replay`
-maps without a mission file, and the cells of the map are held against the truth.
+The photographs are those of Brighton Beach without heading, height and gimbal in their tags. Each
+is exposed up to a stop more or less than it was. Each is taken from up to 20 % higher or lower: it
+is cut out of the photograph, which counts as taken from higher. Three of them are painted, `uavmap
+tune` learns, and `uavmap replay` maps without a mission file. The cells of the map are compared
+with the truth.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ PAINTED = 3
 
 
 def drill(seed: int, folder: Path) -> Counts:
-    """One set, learned and mapped."""
+    """Learn and map one set."""
     rng = np.random.default_rng(seed)
     photos, painted = folder / "photos", folder / "painted"
     for new in (photos, painted):
@@ -61,7 +62,7 @@ def drill(seed: int, folder: Path) -> Counts:
 
 
 def cut(image: NDArray[np.uint8], part: float, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """The middle of a picture, at a size."""
+    """Return the middle of a picture, at a size."""
     rows, columns = image.shape[:2]
     matrix = np.array(
         [
@@ -74,7 +75,7 @@ def cut(image: NDArray[np.uint8], part: float, size: tuple[int, int]) -> NDArray
 
 
 def write(name: str, path: Path, part: float, stops: float) -> None:
-    """A photograph, cut and exposed anew, that tells where and when, and a focal length."""
+    """Write a photograph, cut and exposed again, with tags of time, place and focal length."""
     with Image.open(brighton.PHOTOGRAPHS / f"{name}.JPG") as photo:
         tags = photo.getexif()
         place, detail = tags.get_ifd(ExifTags.IFD.GPSInfo), tags.get_ifd(ExifTags.IFD.Exif)
@@ -85,7 +86,7 @@ def write(name: str, path: Path, part: float, stops: float) -> None:
     exif.get_ifd(ExifTags.IFD.GPSInfo).update({tag: place[tag] for tag in (1, 2, 3, 4)})
     told = exif.get_ifd(ExifTags.IFD.Exif)
     told[ExifTags.Base.DateTimeOriginal] = detail[ExifTags.Base.DateTimeOriginal]
-    # one lens, as if all were cut alike; what differs is the height
+    # one lens, as if all were cut alike; only the height differs
     told[ExifTags.Base.FocalLengthIn35mmFilm] = round(20 * (1.0 + HEIGHTS))
     made = Image.fromarray(cut(levels[image], part, (WIDTH_PX, HEIGHT_PX)))
     made.save(path, "JPEG", quality=90, exif=exif)

@@ -3,11 +3,11 @@
     python -m tests.benchmarks.photos.unsure [--seeds 1 2 3]    a minute a site and seed
 
 Of each rendered site (`tests.support.ground.sites`) three photographs of the western half are
-painted, `uavmap tune` learns, and `uavmap replay` maps, once; then the two pictures are painted
-that the map asks for, and it is mapped again. Cells of the map are held against the truth: all of
-them, where an unsure one counts as not region, and the sure ones. `ece` is the expected
-calibration error of the photographs that were not painted: by tenths of a cell's mean probability,
-its mean distance from the share of truth.
+painted. `uavmap tune` learns, and `uavmap replay` maps, once; then the two pictures are painted
+that the map asks for, and it is mapped again. Cells of the map are compared with the truth: all of
+them, where an unsure one counts as not region, and the sure ones. `ece` is the expected calibration
+error of the photographs that were not painted. It is the mean distance between a cell's mean
+probability, by tenths, and the share of truth.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ HEAD = (
 
 
 def run(*arguments: str) -> None:
-    """Run a command of ours quietly. Raises `SystemExit` with its output where it fails."""
+    """Run a command of uavmap quietly. Raises `SystemExit` with its output if it fails."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         code = uavmap(list(arguments))
@@ -47,7 +47,7 @@ def run(*arguments: str) -> None:
 
 
 CELL_PX = sites.PHOTO_PX[0] / sites.PHOTO_M
-"""Side of a cell of the map, 1 m, in a photograph."""
+"""Side of a cell of the map, 1 m, in a photograph, px."""
 
 
 def cell_means(pictures: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
@@ -68,7 +68,7 @@ def calibration_error(eyes: Path, photos: Path, shots: Sequence[sites.Shot]) -> 
 
 
 def figures(out: Path, eyes: Path, place: sites.Site, error: float) -> str:
-    """Return a map against the truth, and how well what judged it is calibrated."""
+    """Return a map against the truth, and the calibration of its detector."""
     region, unsure, truth = sites.judged_cells(out, place)
     rows = [Counts.compare(region, truth, known) for known in (unsure | True, ~unsure)]
     wrong = float((region != truth)[~unsure].mean())
@@ -78,7 +78,7 @@ def figures(out: Path, eyes: Path, place: sites.Site, error: float) -> str:
 
 
 def drill(name: str, seed: int, folder: Path) -> None:
-    """One site, mapped twice."""
+    """Map one site twice."""
     place = sites.site(name, seed)
     shots = sites.photographed(place, seed)
     photos, masks = folder / "photos", folder / "painted"

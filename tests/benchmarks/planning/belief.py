@@ -1,12 +1,12 @@
-"""What it costs to take in a frame, by the size of the map; prints a table.
+"""Time to add a frame to the map, by the size of the map; prints a table.
 
     python -m tests.benchmarks.planning.belief                    200, 2,000 and 20,000 cells
     python -m tests.benchmarks.planning.belief --cells 500 5000   other sizes
 
-Medians of CPU time in microseconds: of `Belief.with_frame`, of `FrameSeen` through
-`missions.flight.step.step` in a search and in an exploration, of a `FrameSeen` from anywhere that
-shows 15 cells, and of the other events of the exploration (a vehicle arrives, the strategy decides
-where it goes next).
+The figures are medians of CPU time in microseconds. They are of `Belief.with_frame`, of `FrameSeen`
+through `missions.flight.step.step` in a search and in an exploration, and of a `FrameSeen` from
+anywhere that shows 15 cells. The last ones are the other events of the exploration: a vehicle
+arrives, and the strategy decides where it goes next.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ HOME = GridPoint(0.0, 0.0)
 
 
 def setting() -> Setting:
-    """One vehicle, a fence of 1 km x 1 km, and a battery that outlasts the measurement."""
+    """Return one vehicle, a fence of 1 km x 1 km, and a battery that outlasts the measurement."""
     made = mission(square(-20, 16, 200, 20), square(-100, -100, 1000, 1000), capacity_wh=4000.0)
     return setting_of(made)
 
 
 def block(cells: int) -> list[Cell]:
-    """So many cells in a square that begins north of the start."""
+    """Return cells in a square that begins north of the start."""
     side = max(round(cells**0.5), 1)
     return [Cell(number % side, 10 + number // side) for number in range(cells)]
 
 
 def mapped(belief: Belief, cells: list[Cell], *, roi: bool) -> Belief:
-    """A belief with a frame over each of the cells."""
+    """Return a belief with a frame over each of the cells."""
     for cell in cells:
         seen = dict.fromkeys(cell.cross(), roi)
         belief = belief.with_frame(cell, FrameId(1, 0.0), seen)
@@ -56,19 +56,19 @@ def mapped(belief: Belief, cells: list[Cell], *, roi: bool) -> Belief:
 
 
 def frame(t_s: float, vantage: Cell, *positive: Cell) -> FrameSeen:
-    """A picture over a vantage that shows the cell and its neighbours."""
+    """Return a picture over a vantage that shows the cell and its neighbours."""
     votes = tuple(Vote(cell, cell in positive, float(cell in positive)) for cell in vantage.cross())
     return FrameSeen(1, t_s, vantage, votes)
 
 
 def frame_from_anywhere(t_s: float, corner: Cell) -> FrameSeen:
-    """A picture without a vantage that shows five by three cells from their south-west corner."""
+    """Return a picture without a vantage of five by three cells from their south-west corner."""
     shown = [Cell(corner.east + e, corner.north + n) for e in range(5) for n in range(3)]
     return FrameSeen(1, t_s, None, tuple(Vote(cell, True, 1.0) for cell in shown))
 
 
 def seen_openly(cells: list[Cell]) -> Belief:
-    """A belief with a frame from anywhere that showed each of the cells alone."""
+    """Return a belief with a frame from anywhere that showed each of the cells alone."""
     belief = Belief(5, 3)
     for number, cell in enumerate(cells):
         belief = belief.with_frame(None, FrameId(2, -1.0 - number), {cell: True})
@@ -76,7 +76,7 @@ def seen_openly(cells: list[Cell]) -> Belief:
 
 
 class Flight:
-    """A state, and the CPU time that each event took."""
+    """A state, and the CPU time of each event."""
 
     def __init__(self) -> None:
         self.setting = setting()
@@ -84,7 +84,7 @@ class Flight:
         self.t_s = 1.0
 
     def post(self, event: Event) -> float:
-        """Take an event in; CPU microseconds."""
+        """Apply an event; return CPU microseconds."""
 
         def fold() -> None:
             self.state, _ = step(self.state, event)
@@ -92,13 +92,13 @@ class Flight:
         return 1e3 * cpu_ms(fold)
 
     def order(self) -> Order:
-        """What the vehicle was told."""
+        """Return the order of the vehicle."""
         order = self.state.vehicles[1].order
         assert order is not None
         return order
 
     def next_s(self) -> float:
-        """The time of the next event."""
+        """Return the time of the next event."""
         self.t_s = round(self.t_s + FRAME_S, 3)
         return self.t_s
 
@@ -114,7 +114,7 @@ class Flight:
 
 
 def searching(cells: int) -> Flight:
-    """A vehicle on its first lane, and a map of so many cells elsewhere that are no ROI."""
+    """Return a vehicle on its first lane, and a map of cells elsewhere that are no ROI."""
     flight = Flight()
     full_wh = flight.setting.energy.capacity_wh
     flight.post(Connected(1, 0.0, HOME, HOME, 0.0, False, True, full_wh))
@@ -129,10 +129,10 @@ def searching(cells: int) -> Flight:
 
 
 def exploring(cells: int) -> Flight:
-    """A vehicle at the tip of a tree of so many vertices, before a corridor towards the east.
+    """Return a vehicle at the tip of a tree of vertices, before a corridor towards the east.
 
     The tree is a comb: its root in the south-west corner, a trunk towards the north, rows towards
-    the east. All of it was looked from but the end of the first row.
+    the east. All of it was observed but the end of the first row.
     """
     flight = Flight()
     known = set(block(cells))
@@ -161,7 +161,7 @@ def exploring(cells: int) -> Flight:
 
 
 def frames_alone(cells: int) -> Iterator[float]:
-    """Microseconds of each `Belief.with_frame`."""
+    """Return the microseconds of each `Belief.with_frame`."""
     belief = mapped(Belief(5, 3), block(cells), roi=True)
     for number in range(LOOKS * 5):
         vantage = Cell(-1 - number // 5, 0)
@@ -172,7 +172,7 @@ def frames_alone(cells: int) -> Iterator[float]:
 
 
 def search_frames(flight: Flight) -> Iterator[float]:
-    """Microseconds of each frame along a lane."""
+    """Return the microseconds of each frame along a lane."""
     start = flight.state.vehicles[1].lanes[0][0]
     cell = flight.setting.grid.cell_of(start)
     for number in range(LOOKS):
@@ -180,14 +180,14 @@ def search_frames(flight: Flight) -> Iterator[float]:
 
 
 def open_frames(flight: Flight, cells: int) -> Iterator[float]:
-    """Microseconds of each frame from anywhere over a map of so many cells."""
+    """Return the microseconds of each frame from anywhere over a map of cells."""
     flight.state = replace(flight.state, belief=seen_openly(block(cells)))
     for number in range(LOOKS):
         yield flight.post(frame_from_anywhere(flight.next_s(), Cell(number, 10)))
 
 
 def exploration(flight: Flight, looks: int = LOOKS) -> Iterator[tuple[bool, float]]:
-    """Whether it was a frame, and the microseconds that it took, along the corridor."""
+    """Return for each event along the corridor whether it was a frame, and its microseconds."""
     for _ in range(looks):
         while isinstance(flight.order(), FlyTo):
             yield False, flight.arrive()

@@ -1,12 +1,12 @@
-"""Robots that watch each other, on many random polygons with holes; prints what was found.
+"""Robots that watch each other, on many random polygons with holes; prints the faults.
 
     python -m tests.benchmarks.planning.cooperation         1000 polygons, Table 1, errors of places
     python -m tests.benchmarks.planning.cooperation --polygons 50
 
 Every polygon is explored in stripes (by two robots with triangles or diamonds, or by a column of
-three to five) and in triangles. Of each exploration it is asked whether every looked-at point and
-corner was within range and sight of some robot, whether a standing one always saw who moved, and
-whether nothing was mapped before it was seen. The exit code is 1 where anything failed.
+three to five) and in triangles. Three checks follow. Was every observed point and corner within
+range and sight of some robot? Did a standing robot always see the one that moved? Was each part
+seen before it was mapped? The exit code is 1 if a check failed.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from uavmap.lab.studies.two_robots import Covering, covered
 
 POINTS = 120
 SPACING = 1.0 / 20.0
-"""Of the range, between two places of a robot at which sight is looked at."""
+"""Distance between two checks of sight along a robot's path, as a share of the range."""
 BORDER_M = 3.0
 
 
 def in_stripes(space: Space, seed: int) -> Exploration:
-    """A pattern by chance."""
+    """Explore a ground in stripes, in a random pattern."""
     rng = np.random.default_rng((seed, 1))
     robots = int(rng.integers(2, 6))
     cover = Cover.DIAMONDS if robots == 2 and rng.random() < 0.5 else Cover.TRIANGLES
@@ -48,12 +48,12 @@ def in_stripes(space: Space, seed: int) -> Exploration:
 
 
 def in_triangles(space: Space, seed: int) -> Exploration:
-    """With a range that just covers the ground."""
+    """Explore a ground in triangles, with a range that just covers it."""
     return triangulation.explore(space, random_start(space, seed), space.diameter_m)
 
 
 def points_in(space: Space, seed: int, wanted: int) -> NDArray[np.float64]:
-    """Points in a ground, and its corners."""
+    """Return points in a ground, and its corners."""
     west, south, east, north = space.polygon.bounds
     some = np.random.default_rng((seed, 2)).uniform((west, south), (east, north), (8 * wanted, 2))
     inside = some[shapely.contains_xy(space.polygon, some)][:wanted]
@@ -61,7 +61,7 @@ def points_in(space: Space, seed: int, wanted: int) -> NDArray[np.float64]:
 
 
 def mapped_unseen(exploration: Exploration, pieces: int) -> int:
-    """How many of some pieces had a point of the border unseen when they were mapped."""
+    """Return the number of pieces that had a point of the border unseen when they were mapped."""
     count = 0
     step = max(len(exploration.pieces) // pieces, 1)
     for piece in exploration.pieces[::step]:
@@ -73,9 +73,9 @@ def mapped_unseen(exploration: Exploration, pieces: int) -> int:
 
 
 def unwatched(exploration: Exploration, spacing_m: float) -> list[tuple[Move, Point]]:
-    """Where a robot was that moved, and no standing one had it within range and sight.
+    """Return places of a moving robot without a standing one within range and sight.
 
-    Looked at every `spacing_m` along the ways, and at the ends of legs.
+    The checks are every `spacing_m` along the paths, and at the ends of legs.
     """
     found = []
     most_m = exploration.range_m * (1.0 + 1e-9)
@@ -92,7 +92,7 @@ def unwatched(exploration: Exploration, spacing_m: float) -> list[tuple[Move, Po
 
 
 def faults(exploration: Exploration, seed: int, points: int = POINTS, pieces: int = 4) -> list[str]:
-    """What is wrong with an exploration."""
+    """Return the faults of an exploration."""
     found = []
     space, spacing_m = exploration.space, exploration.range_m * SPACING
     if exploration.figures().missed_m2 > 1e-6 * space.area_m2:
@@ -107,7 +107,7 @@ def faults(exploration: Exploration, seed: int, points: int = POINTS, pieces: in
 
 
 def many(polygons: int) -> bool:
-    """Explore them; returns whether all is well."""
+    """Explore many polygons; return whether all checks hold."""
     failed: Counter[str] = Counter()
     holes = corners = 0
     begin_s = said_s = time.monotonic()
@@ -117,7 +117,7 @@ def many(polygons: int) -> bool:
         for name, explore in (("stripes", in_stripes), ("triangles", in_triangles)):
             try:
                 wrong = faults(explore(space, seed), seed)
-            except Exception as error:  # counted, and the next polygon is looked at
+            except Exception as error:  # it is counted, and the next polygon follows
                 wrong = [f"{type(error).__name__}: {error}"]
             for what in wrong:
                 failed[f"{name}: {what}"] += 1
@@ -134,7 +134,7 @@ def many(polygons: int) -> bool:
 
 
 def table_1() -> None:
-    """The rectangles of the study."""
+    """Print the rectangles of the study."""
     print(head("covering", "theta", "path off %", "steps off %", "turns off % (corrected)"))
     for cover, theta in itertools.product(Cover, (20, 60, 90, 120)):
         ours = covered(Covering(cover, theta, 20, 100))
@@ -148,7 +148,7 @@ def table_1() -> None:
 
 
 def places(runs: int) -> None:
-    """Errors of places, watched and alone, for trackers of several qualities."""
+    """Print errors of places, watched and alone, for trackers of several qualities."""
     hall = Space([(0, 0), (80, 0), (80, 80), (0, 80)])
     exploration = trapezoids.explore(hall, (0.0, 0.0), Pattern(10.0, math.radians(60.0)))
     legs = list(legs_of(exploration))
@@ -176,7 +176,7 @@ def places(runs: int) -> None:
 
 
 def main() -> int:
-    """Print it all."""
+    """Print all tables."""
     options = asked(__doc__, polygons=1000, runs=200)
     table_1()
     places(options.runs)

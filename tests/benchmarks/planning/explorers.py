@@ -1,4 +1,4 @@
-"""How fast robots explore in simulation; prints two tables.
+"""Speed of exploration by robots in simulation; prints two tables.
 
     python -m tests.benchmarks.planning.explorers             both, about two minutes
     python -m tests.benchmarks.planning.explorers --compiled  moves a second of compiled `rdfs`
@@ -7,7 +7,7 @@
 
 Compiled `rdfs` runs on squares of which every fifth cell is missing, with arrays as input; its time
 is the whole call, after compilation. The strategies run in the arena on compact ROIs; a column ends
-where a run took longer than the budget.
+after a run that took longer than the budget.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DENSITY = 0.8
 
 
 def holed_square(cells: int) -> tuple[Lattice, Cell]:
-    """A square with holes, of about so many cells, and a cell in its middle."""
+    """Return a square with holes, of about a number of cells, and a cell in its middle."""
     side = round((cells / DENSITY) ** 0.5)
     lattice = Lattice.from_cells(
         np.argwhere(np.random.default_rng(1).random((side, side)) < DENSITY)
@@ -44,7 +44,7 @@ def holed_square(cells: int) -> tuple[Lattice, Cell]:
 
 
 def compiled() -> None:
-    """Moves a second."""
+    """Print moves per second."""
     metrics = {"resting": Metric(), "drifting": Metric(speed=2.5, drift_east=1.0)}
     run_rdfs([Cell(0, 0)], Cell(0, 0), 1)
     print(head("ROI", "cells", "robots", "moves", "wall s", "million moves/s"))
@@ -60,7 +60,7 @@ def compiled() -> None:
 
 
 def growth(budget_s: float) -> None:
-    """Seconds of a run by strategy, cells and robots."""
+    """Print seconds of a run by strategy, cells and robots."""
     print(head("strategy", "robots", *(f"{cells} cells" for cells in GROWTH_SIZES)))
     for (name, explorer), robots in itertools.product(EXPLORERS.items(), GROWTH_ROBOTS):
         warm = grown("eden", 30, 2)

@@ -34,15 +34,15 @@ class Chart:
         self.parts.append(words((self.left + self.right) / 2, self.low + 38, "height, m"))
 
     def x(self, height_m: float) -> float:
-        """Pixels from the left."""
+        """Return pixels from the left."""
         return self.left + (self.right - self.left) * height_m / HIGHEST_M
 
     def y(self, value: float) -> float:
-        """Pixels from the top."""
+        """Return pixels from the top."""
         return self.low - (self.low - self.top) * value / self.most
 
     def curve(self, value: Callable[[float], float], colour: str) -> None:
-        """A function of the height, cut off where it leaves the chart."""
+        """Draw a function of the height, cut off at the edge of the chart."""
         points = []
         for tenths in range(10, int(HIGHEST_M * 10) + 1, 2):
             found = value(tenths / 10.0)
@@ -53,14 +53,14 @@ class Chart:
     def mark(
         self, height_m: float, value: float, text: str, colour: str, *, below: bool = False
     ) -> None:
-        """A point with its words, to the right of it."""
+        """Draw a point with its text to the right of it."""
         x, y = self.x(height_m), self.y(value)
         self.parts.append(dot(x, y, 4, colour))
         self.parts.append(words(x + 10, y + 14 * below - 4, text, anchor="start", colour=colour))
 
 
 def side_view(mission: Mission, heights_m: Sequence[float]) -> list[str]:
-    """What a level camera shows from each height, seen from the side, over cells to scale."""
+    """Draw the view of a level camera from each height, from the side, over cells to scale."""
     scale, middle, ground = 6.4, 145.0, 285.0
     parts = [words(middle, 25, "what a picture shows (short side)")]
     cell_px = mission.grid.cell_m * scale
@@ -83,7 +83,7 @@ def side_view(mission: Mission, heights_m: Sequence[float]) -> list[str]:
 
 
 def picture() -> str:
-    """The whole picture, of the mission `runway`."""
+    """Draw the whole picture, of the mission `runway`."""
     mission = parse_mission(named_text("runway").text, "runway")
     auto = mission.model_copy(
         update={"flight": mission.flight.model_copy(update={"altitude_m": "auto"})}

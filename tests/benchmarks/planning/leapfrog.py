@@ -1,14 +1,14 @@
-"""Two vehicles without satellites, one tracks the other: how well they know where they are.
+"""Two vehicles without satellites, one tracks the other: the errors of their positions.
 
     python -m tests.benchmarks.planning.leapfrog          ten seeds, with the correction and without
     python -m tests.benchmarks.planning.leapfrog --seeds 3 --first 4 --only leapfrog
 
-A box of 60 m x 40 m with the camera, the wind and the noise of the mission `runway`. Satellites are
-lost for both 25 s after the start and do not come back. `frames` is how far the place that a
-picture of the mapper is judged with is from the true one; `reckoned` the same of the place that its
-autopilot tells on the same flight, by dead reckoning. Without the correction ("alone") the same
-mission is flown and mapped by what the autopilots tell. `since` are both less what satellites erred
-by when they were lost, which nothing corrects. All figures are the simulator's truth.
+A box of 60 m x 40 m with the camera, the wind and the noise of the mission `runway`. Both vehicles
+lose satellites for good 25 s after the start. `frames` is the error of the position with which a
+picture of the mapper is judged. `reckoned` is the error of the position that its autopilot reports
+on the same flight, by dead reckoning. Without the correction ("alone") the same mission is flown
+and mapped by the autopilots' positions. `since` has both errors less the error of the satellites
+when they were lost, which no measurement corrects. All figures are the simulator's truth.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Job(NamedTuple):
 
 
 def text_of(lost_s: float, layer_m: float) -> str:
-    """The mission file of the flights."""
+    """Return the mission file of the flights."""
     text = first_patch(named_text("runway").text)
     mission = parse_fields(text, "runway")
     grid = Grid.at(mission.home, mission.grid.cell_m)
@@ -81,7 +81,7 @@ def text_of(lost_s: float, layer_m: float) -> str:
 
 
 def flown(job: Job, text: str) -> dict[str, Any]:
-    """The summary of a flight, and the errors of the mapper's places."""
+    """Return the summary of a flight, and the errors of the mapper's positions."""
     # time, east and north of the mapper, and of its pictures
     true: list[tuple[float, float, float]] = []
     frames: list[tuple[float, float, float]] = []
@@ -115,14 +115,14 @@ def flown(job: Job, text: str) -> dict[str, Any]:
 def _off(
     places: Sequence[tuple[float, float, float]], true: Sequence[tuple[float, float, float]]
 ) -> NDArray[np.float64]:
-    """By how much places are off at their times, metres east and north."""
+    """Return the errors of positions at their times, metres east and north."""
     at_s, *at = np.array(places).T
     t_s, *there = np.array(true).T
     return np.stack([a - np.interp(at_s, t_s, b) for a, b in zip(at, there, strict=True)], axis=1)
 
 
 def line(job: Job, found: dict[str, Any]) -> str:
-    """What came of a flight."""
+    """Return a line with the outcome of a flight."""
     errors = {name: frame.spread(found[name]) for name in ERRORS}
     return (
         f"{job.way} seed {job.seed}: complete {found['completed']}, {found['makespan_s']:.0f} s, "
@@ -133,7 +133,7 @@ def line(job: Job, found: dict[str, Any]) -> str:
 
 
 def together(way: str, rows: Sequence[dict[str, Any]]) -> str:
-    """What came of all flights one way."""
+    """Return a line with the outcome of all flights of one kind."""
     values = {name: np.concatenate([r[name] for r in rows]) for name in ERRORS}
     errors = {
         name: f"{frame.spread(v)} rms {np.sqrt(np.mean(np.square(v))):.2f}"

@@ -1,9 +1,11 @@
-"""How long flight without stopping takes on grown regions, and what a decision of it takes.
+"""Time of flight without stopping on grown regions, and of its decisions.
 
-python -m tests.benchmarks.planning.nonstop                # table of docs/explanation/strategies.md
-python -m tests.benchmarks.planning.nonstop --count 5 --offline 3 --footprint 23
-python -m tests.benchmarks.planning.nonstop --case ragged:120:3 --planner-seeds 5
-python -m tests.benchmarks.planning.nonstop --decisions      # large regions: milliseconds of a plan
+    python -m tests.benchmarks.planning.nonstop
+    python -m tests.benchmarks.planning.nonstop --count 5 --offline 3 --footprint 23
+    python -m tests.benchmarks.planning.nonstop --case ragged:120:3 --planner-seeds 5
+    python -m tests.benchmarks.planning.nonstop --decisions   large regions: ms of a plan
+
+The first command prints the table of docs/explanation/paths.md.
 """
 
 from __future__ import annotations
@@ -24,18 +26,18 @@ from tests.benchmarks import frame
 from tests.benchmarks.frame import asked
 
 FIRST_SEED = 910_000
-"""Regions from here on; what the planner weighs was found on others."""
+"""First seed of the regions; the planner's weights were chosen on other regions."""
 CASES = tuple(
     f"{kind}:{cells}:{robots}"
     for robots in (1, 3)
     for cells in (120, 400)
     for kind in ("eden", "ragged")
 )
-"""Kind, cells, robots."""
+"""Cases: kind, cells, robots."""
 
 
 def row(case: str, rois: list[Roi], team: Team, offline: int, planner_seeds: int) -> str:
-    """A row; of each region the mean over seeds of the planner: two of them differ by some 10 %."""
+    """Return a row with the means over planner seeds, two of which differ by some 10 %."""
     begin_s = time.perf_counter()
     seeds = range(1, planner_seeds + 1)
     found = [[fly_team(roi, team, seed=seed) for seed in seeds] for roi in rois]
@@ -74,7 +76,7 @@ class _Timed(Planner):
 
 
 def decisions() -> None:
-    """Whole explorations of large regions, and how long each of their plans took."""
+    """Explore large regions whole; return the durations of all plans."""
     warm_up()
     for cells, robots in ((2_000, 6), (20_000, 8)):
         planner, team = _Timed(Tuning()), Team(robots, Camera(15.0, 15.0))
@@ -90,7 +92,7 @@ def decisions() -> None:
 
 
 def main() -> None:
-    """Print the table, or how long plans take."""
+    """Print the table, or the durations of plans."""
     options = asked(
         __doc__, count=20, offline=0, footprint=15.0, first_seed=FIRST_SEED, planner_seeds=1,
         case=CASES, decisions=False,

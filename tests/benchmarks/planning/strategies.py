@@ -1,9 +1,10 @@
-"""How far from the optimum the strategies stay:
-`python -m tests.benchmarks.planning.strategies --files FILE ...`.
+"""Distance of the strategies from the optimum.
 
-The files hold ROIs as `{"rois": [{"start", "cells", "lower_bound"}]}`, the lower bound for each
-number of robots. For every strategy and number of robots it prints the mean makespan over the mean
-lower bound, and the time that a run took.
+    python -m tests.benchmarks.planning.strategies --files FILE ...
+
+The files hold ROIs as `{"rois": [{"start", "cells", "lower_bound"}]}`, with the lower bound for
+each number of robots. For every strategy and number of robots it prints the mean makespan over the
+mean lower bound, and the time of a run.
 
     --rois N        only the first N of each file
     --only NAME ... only these strategies
