@@ -116,6 +116,9 @@ CHECKED: Final = (
     "missions/**/*.py",
     "packaging/*.py",
     "sitl/**/*.py",
+    *(f"tests/{folder}/**/*.py" for folder in (
+        "benchmarks", "e2e", "real", "support", "unit/uavmap",
+    )),
     "uavmap/*.py",
     *(f"uavmap/{folder}/**/*.py" for folder in (
         "aircraft", "base", "fleet", "journal", "lab", "mavlink", "photos", "runner", "ui/api",
