@@ -30,7 +30,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from uavmap.base.messages import shown_on
 
 # what imports leave behind is no garbage: see `pytest_collection_finish`
@@ -84,9 +84,9 @@ SYSTEM = re.compile(
 
 
 @pytest.fixture
-def said() -> Iterator[Said]:
+def said() -> Iterator[ShownLines]:
     """The lines for the operator, of the test's own context."""
-    lines = Said()
+    lines = ShownLines()
     with shown_on(lines):
         yield lines
 

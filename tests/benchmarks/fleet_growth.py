@@ -23,7 +23,7 @@ from typing import Any
 from missions.geo.grid import Grid
 from missions.units import GridPoint
 from tests.benchmarks import frame
-from tests.benchmarks.svg import BLUE, INK, PALE, RED, dot, drawing, line, words
+from tests.benchmarks.svg import BLUE, INK, PALE, RED, dot, drawing, label, line
 from tests.support.plans import named_text
 from uavmap.load.mission_source import load
 from uavmap.runner.flight import fly
@@ -65,7 +65,7 @@ def text_for(vehicles: int, *, apart: bool = False) -> str:
     return re.sub(r"(?m)^altitude_m = 39\.0.*$", f"altitude_m = {raised_m:.1f}", text, count=1)
 
 
-def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
+def fly_and_measure(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
     text, flying = text_for(vehicles, apart=comms is not None), fly if comms is None else fly_fleet
     begun_s = time.process_time()
     how = {"vehicles": vehicles, "comms": comms, "seed": seed}
@@ -83,8 +83,8 @@ def picture(rows: list[dict[str, Any]]) -> str:
     """Draw time and bytes sent by each over the size of the team, as SVG; sizes are logarithmic."""
     width, height, left, right, top, low = 520, 500, 60.0, 490.0, 40.0, 280.0
     bytes_top, bytes_low, most_kb = 350.0, 440.0, 5.0
-    parts = [words(width / 2, 22, "bay: from the first lift-off to the last landing, minutes")]
-    parts.append(words(width / 2, bytes_top - 14, "sent on the air, kB a vehicle and minute"))
+    parts = [label(width / 2, 22, "bay: from the first lift-off to the last landing, minutes")]
+    parts.append(label(width / 2, bytes_top - 14, "sent on the air, kB a vehicle and minute"))
 
     def x(vehicles: float) -> float:
         return left + (right - left) * math.log(vehicles / 1.0) / math.log(20.0)
@@ -101,14 +101,14 @@ def picture(rows: list[dict[str, Any]]) -> str:
 
     for minutes in (4, 8, 16, 32, 64):
         parts.append(line([(left, y(minutes)), (right, y(minutes))], PALE, 1.0))
-        parts.append(words(left - 6, y(minutes) + 4, f"{minutes}", anchor="end"))
+        parts.append(label(left - 6, y(minutes) + 4, f"{minutes}", anchor="end"))
     for kb in (0, 5):
         parts.append(line([(left, y_of_bytes(kb)), (right, y_of_bytes(kb))], PALE, 1.0))
-        parts.append(words(left - 6, y_of_bytes(kb) + 4, f"{kb}", anchor="end"))
+        parts.append(label(left - 6, y_of_bytes(kb) + 4, f"{kb}", anchor="end"))
     for vehicles in TEAMS:
-        parts.append(words(x(vehicles), low + 18, f"{vehicles}"))
-        parts.append(words(x(vehicles), bytes_low + 18, f"{vehicles}"))
-    parts.append(words((left + right) / 2, bytes_low + 40, "vehicles", colour=INK))
+        parts.append(label(x(vehicles), low + 18, f"{vehicles}"))
+        parts.append(label(x(vehicles), bytes_low + 18, f"{vehicles}"))
+    parts.append(label((left + right) / 2, bytes_low + 40, "vehicles", colour=INK))
     ordered = sorted(rows, key=lambda row: row["vehicles"])
     kinds = ((False, BLUE, "one service for all", 22), (True, RED, "a service on each", -8))
     for fleet, colour, name, below in kinds:
@@ -117,7 +117,7 @@ def picture(rows: list[dict[str, Any]]) -> str:
         curve(points, colour)
         if points:
             at_x, at_y = points[0]
-            parts.append(words(at_x + 10, at_y + below, name, anchor="start", colour=colour))
+            parts.append(label(at_x + 10, at_y + below, name, anchor="start", colour=colour))
     told = [row for row in ordered if "most_kb_min" in row]
     curve([(x(row["vehicles"]), y_of_bytes(row["most_kb_min"])) for row in told], RED)
     return drawing(width, height, parts)
@@ -132,7 +132,7 @@ def main() -> None:
         options.picture.write_text(picture(rows))
         return
     for vehicles in map(int, options.vehicles.split(",")):
-        print(json.dumps(flown(vehicles, options.comms, options.seed)), flush=True)
+        print(json.dumps(fly_and_measure(vehicles, options.comms, options.seed)), flush=True)
 
 
 if __name__ == "__main__":

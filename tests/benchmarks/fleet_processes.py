@@ -168,7 +168,9 @@ def begun(number: int, words: Sequence[str], stderr: IO[str] | None) -> subproce
     )  # fmt: skip
 
 
-def flown(options: argparse.Namespace, folder: Path, count: int, taps: dict[int, int]) -> Any:
+def fly_and_measure(
+    options: argparse.Namespace, folder: Path, count: int, taps: dict[int, int]
+) -> Any:
     key = folder / "key"
     new_key(key)
     air = Air(taps, options.loss, options.delay)
@@ -250,7 +252,7 @@ def main() -> int:
         except (OSError, subprocess.CalledProcessError) as error:
             print(f"no network namespaces can be made here: {error}", file=sys.stderr)
             return 2
-        figures = flown(options, folder, count, taps)
+        figures = fly_and_measure(options, folder, count, taps)
         print(json.dumps({**figures, **journals(folder, count)}, indent=1))
     return 0
 

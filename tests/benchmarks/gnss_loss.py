@@ -58,12 +58,12 @@ def text_of(job: Job, mission: str, gnss_loss: str, autopilot: str) -> str:
     return f'{text}\n[navigation]\ngnss_loss = "{gnss_loss}"\n{watch}{fault}'
 
 
-def flown(job: Job, mission: str, gnss_loss: str, autopilot: str) -> dict[str, Any]:
+def fly_and_measure(job: Job, mission: str, gnss_loss: str, autopilot: str) -> dict[str, Any]:
     """Return the summary of a flight, and the errors of its positions."""
     course: list[tuple[float, float, float]] = []
     pad_m = math.nan
 
-    def look(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+    def record(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         nonlocal pad_m
         truth = vehicles[0].truth
         course.append((truth.t_s, *setting.grid.fixed(truth.position)))
@@ -71,7 +71,7 @@ def flown(job: Job, mission: str, gnss_loss: str, autopilot: str) -> dict[str, A
             pad_m = math.hypot(*course[-1][1:])
 
     text = text_of(job, mission, gnss_loss, autopilot)
-    with frame.truth_shown(look), frame.flown(mission, text, seed=job.seed) as (summary, folder):
+    with frame.truth_shown(record), frame.flown(mission, text, seed=job.seed) as (summary, folder):
         events = frame.events_of(folder)
     noticed = next((e for e in events if isinstance(e, Navigated) and e.gnss != "good"), None)
     tracked = [e for e in events if isinstance(e, Tracked) and e.t_s > job.at_s]
@@ -128,7 +128,10 @@ def main() -> None:
         for seed in range(options.first, options.first + options.seeds)
     ]
     work = partial(
-        flown, mission=options.mission, gnss_loss=options.gnss_loss, autopilot=options.autopilot
+        fly_and_measure,
+        mission=options.mission,
+        gnss_loss=options.gnss_loss,
+        autopilot=options.autopilot,
     )
     cases: dict[str, list[dict[str, Any]]] = {}
     for job, found in frame.in_turn(work, jobs, options.workers):

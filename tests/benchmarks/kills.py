@@ -6,8 +6,8 @@ A small mission is flown in the simulator and killed at a random moment in fligh
 and its last event. A kill that comes later does not count: the folder is checked, and the mission
 is flown again. In `twice` its resumption is killed as well. In `full` no file may grow beyond a
 random size, in the flight and in a first resumption. In `calls` one call to the disk fails, each
-time another one: by an I/O error, a full disk, or after half of its bytes. Of the calls of the
-telemetry log it is each fiftieth. Then it is resumed without faults.
+time another one: by an I/O error, a full disk, or after half of its bytes. For the
+telemetry log it is each fiftieth call. Then it is resumed without faults.
 
 The exit status is 1 if an event that was on the disk is missing, or if a folder cannot be resumed.
 It is also 1 if the map or the journal differs from those of an uninterrupted flight, or if a

@@ -29,7 +29,7 @@ from missions.units import Cell, GridPoint
 from tests.benchmarks.frame import asked, cpu_ms, spread
 from tests.support.page.browser import browser
 from tests.support.plans import named_text, plan_of
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from tests.support.small_missions import first_patch
 from uavmap.base.messages import shown_on
 from uavmap.output.drawing.mosaic_file import raster_of, write_mosaic
@@ -117,21 +117,21 @@ def on_the_flight() -> None:
 
 
 def in_the_browser(out: Path) -> None:
-    said = Said()
+    lines = ShownLines()
     config = {"title": "20 vehicles, 5,000 cells", "steers": True, "folder": str(out.resolve())}
-    with shown_on(said), serve_page(config, 0, "--page") as feed, browser() as driver:
+    with shown_on(lines), serve_page(config, 0, "--page") as feed, browser() as driver:
         team = Team()
         ground = grow_mosaic(out, team.setting, 0)
         scene = scene_of(team.setting, mosaic=ground)
         feed.put({"kind": "scene", "scene": scene}, wait_s=5.0)
-        version = told(team, feed, 0, 3.0, lambda: driver.get(said.page))
+        version = run_updates(team, feed, 0, 3.0, lambda: driver.get(lines.page))
         assert driver.execute_script("return flightMap.mosaic !== null")
         count = "window.ticks = 0; (function t() { ticks += 1; requestAnimationFrame(t) })();"
         driver.execute_script(count)
         read = "return [flightMap.frames, flightMap.drawn_ms, ticks, flightMap.board.cells.size]"
         before: list[Any] = driver.execute_script(read)
         begin_s = time.monotonic()
-        told(team, feed, version, SECONDS, lambda: None, out)
+        run_updates(team, feed, version, SECONDS, lambda: None, out)
         after = driver.execute_script(read)
         elapsed_s = time.monotonic() - begin_s
         drawn = after[0] - before[0]
@@ -157,7 +157,7 @@ def grow_mosaic(out: Path, setting: Setting, step: int) -> Raster:
     return raster
 
 
-def told(
+def run_updates(
     team: Team, feed: Feed, version: int, seconds: float, act: Any, out: Path | None = None
 ) -> int:
     """Fly and report for a while; call `act` at the beginning. `out` has the growing mosaic."""

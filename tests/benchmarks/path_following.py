@@ -70,12 +70,12 @@ class Followed:
     failed: bool = False
 
     @property
-    def late(self) -> float:
+    def delay_share(self) -> float:
         """Return the share by which the flight took longer than planned."""
         return self.flown_s / self.planned_s - 1.0
 
 
-def most(values: list[float]) -> float:
+def quantile_95(values: list[float]) -> float:
     """Return the value that 95 % of values do not exceed."""
     return sorted(values)[int(0.95 * len(values))]
 
@@ -141,10 +141,10 @@ def main() -> int:
         for wind_m_s in (0.0, 3.6) if speed_m_s == 6.0 else (0.0,):
             f = followed(autopilot, speed_m_s, wind_m_s)
             failed |= f.failed
-            errors = (f"{mean(m):.2f} / {most(m):.2f}" for m in (f.errors_m, f.beside_m))
-            late = f"{100.0 * f.late:+.1f} %{' FAILED' * f.failed}"
+            errors = (f"{mean(m):.2f} / {quantile_95(m):.2f}" for m in (f.errors_m, f.beside_m))
+            late = f"{100.0 * f.delay_share:+.1f} %{' FAILED' * f.failed}"
             measured = MEASURED.get((autopilot, speed_m_s, wind_m_s), "-")
-            tilt = f"{most(f.tilts_deg):.0f}"
+            tilt = f"{quantile_95(f.tilts_deg):.0f}"
             where = f"{speed_m_s:g}, {wind_m_s:g}"
             print(
                 row(autopilot, where, *errors, tilt, f"{f.planned_s:.1f}", late, measured),

@@ -12,7 +12,7 @@ def line(points: Iterable[tuple[float, float]], colour: str, width: float = 2.0)
     return f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="{width:g}"/>'
 
 
-def words(x: float, y: float, text: str, *, anchor: str = "middle", colour: str = INK) -> str:
+def label(x: float, y: float, text: str, *, anchor: str = "middle", colour: str = INK) -> str:
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{colour}">{text}</text>'
 
 

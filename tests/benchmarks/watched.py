@@ -28,12 +28,12 @@ from uavmap.ui.cli import main as uavmap_main
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class WatchedFlight:
     name: str
     code: int | None
     """Exit status; None after a traceback."""
     summary: Mapping[str, Any]
-    said: str
+    stderr: str
     """Text on standard error."""
     raised: str
     truth: Observer
@@ -80,17 +80,19 @@ def mission_text(name: str, faults: Iterable[Mapping[str, object]] = ()) -> str:
     return text
 
 
-def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None = None) -> Flown:
+def flown(
+    name: str, text: str, seed: int, *more: str, observer: Observer | None = None
+) -> WatchedFlight:
     """Fly a mission to its end; the observer may be one that interferes."""
     observer = Observer() if observer is None else observer
-    said, out = io.StringIO(), io.StringIO()
+    err, out = io.StringIO(), io.StringIO()
     code, raised = None, ""
     with tempfile.TemporaryDirectory() as below, observed(observer):
         mission, folder = Path(below) / "mission.toml", Path(below) / "out"
         mission.write_text(text, encoding="utf-8")
         arguments = ["fly", mission, "--sim", "--seed", seed, "--json", "--out", folder, *more]
         try:
-            with contextlib.redirect_stderr(said), contextlib.redirect_stdout(out):
+            with contextlib.redirect_stderr(err), contextlib.redirect_stdout(out):
                 code = uavmap_main([str(a) for a in arguments])
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
@@ -98,7 +100,7 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
             raised = "".join(traceback.format_exception(error))
         summary = json.loads(out.getvalue()) if out.getvalue() else {}
         texts = bodies(folder)
-        referee = observer.end(_said(observer, code, summary, raised, folder))
+        referee = observer.end(_reported(observer, code, summary, raised, folder))
     told = [json.loads(body) for body in texts]
     notes = tuple(
         f"{b['t_s']:.0f} s {b['kind']}: {b.get('order', b.get('action', b.get('mode', '')))}"
@@ -107,12 +109,12 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
         if b["kind"] in ("order_failed", "guarded", "crashed", "given_up", "overridden")
     )
     events, kinds = tuple(map(from_json, texts)), Counter(b["kind"] for b in told)
-    return Flown(
-        name, code, summary, said.getvalue(), raised, observer, referee, events, kinds, notes
+    return WatchedFlight(
+        name, code, summary, err.getvalue(), raised, observer, referee, events, kinds, notes
     )
 
 
-def _said(
+def _reported(
     observer: Observer, code: int | None, summary: Mapping[str, Any], raised: str, folder: Path
 ) -> ProductReport:
     """Return the report of the command, and the true ground."""

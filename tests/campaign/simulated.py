@@ -177,5 +177,5 @@ def fly(
     flown = watched.flown(str(flight), text, seed, observer=witness)
     if verbose:
         reported = (event for event in flown.events if event.kind not in ("tracked", "frame_seen"))
-        print(*reported, text, flown.said, flown.summary, flown.line(), sep="\n")
+        print(*reported, text, flown.stderr, flown.summary, flown.line(), sep="\n")
     return outcome(flight, flown.referee, completed=bool(flown.summary.get("completed")))

@@ -51,7 +51,7 @@ class Row:
     simulated: str = ""
     """Figures with `--sim`: makespan, IoU (medians of five seeds), most missed cells."""
 
-    def flown(self, summary: Mapping[str, Any], referee: Referee, score: Score | None) -> None:
+    def add_flight(self, summary: Mapping[str, Any], referee: Referee, score: Score | None) -> None:
         if summary.get("completed"):  # for a part of a mission they have no meaning
             self.makespan_s = summary["makespan_s"]
             self.iou = None if score is None else round(score.iou_cells, 3)
@@ -104,15 +104,15 @@ def table(rows: Iterable[Row]) -> str:
         outcome += f": {row.detail}" if row.detail else ""
         cells = (
             f"{NAMES[row.autopilot]} {row.version}", row.scenario, row.date,
-            f"{row.speed:g}x, {row.held:.2f}x", outcome, _shown(row.makespan_s, ".0f"),
+            f"{row.speed:g}x, {row.held:.2f}x", outcome, _text_of(row.makespan_s, ".0f"),
             "" if row.iou is None else f"{row.iou:.3f}, {row.missed}", row.simulated,
-            _shown(row.apart_m, ".1f"), _shown(row.outside, "d"), row.put_back,
+            _text_of(row.apart_m, ".1f"), _text_of(row.outside, "d"), row.put_back,
         )  # fmt: skip
         lines.append(f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |")
     return "\n".join(lines)
 
 
-def _shown(value: float | None, form: str) -> str:
+def _text_of(value: float | None, form: str) -> str:
     return "" if value is None else format(value, form)
 
 

@@ -55,7 +55,7 @@ class Pilot:
         self._in = mav.MAVLink(None)
         self._in.robust_parsing = True
         self._out = mav.MAVLink(None, srcSystem=SYSTEM, srcComponent=mav.MAV_COMP_ID_MISSIONPLANNER)
-        self._socket = Socket(self._hear)
+        self._socket = Socket(self._receive)
         self._tasks: list[asyncio.Task[None]] = []
 
     # --- the socket ------------------------------------------------------------------------------
@@ -73,13 +73,13 @@ class Pilot:
             task.cancel()
         self._socket.close()
 
-    def _hear(self, data: bytes, address: Address) -> None:
+    def _receive(self, data: bytes, address: Address) -> None:
         self._peer = address
         for message in self._in.parse_buffer(data) or ():
             if message.get_srcSystem() == self.system and message.get_srcComponent() == 1:
-                self._take(message)
+                self._handle(message)
 
-    def _take(self, message: Message) -> None:
+    def _handle(self, message: Message) -> None:
         kind = message.get_type()
         if hasattr(message, "time_boot_ms"):
             self.time_s = message.time_boot_ms / 1000.0
@@ -139,19 +139,19 @@ class Pilot:
         """Ask until a message of a kind has these values of its fields."""
         found: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
 
-        def look(told: Message) -> None:
+        def check(told: Message) -> None:
             so = told.get_type() == kind and not found.done()
             if so and all(getattr(told, key) == value for key, value in fields.items()):
                 found.set_result(told)
 
-        self.follow.append(look)
+        self.follow.append(check)
         try:
             for _ in range(_TRIES):
                 self.send(ask)
                 with contextlib.suppress(TimeoutError):
                     return await asyncio.wait_for(asyncio.shield(found), _ANSWER_S)
         finally:
-            self.follow.remove(look)
+            self.follow.remove(check)
         raise AssertionError(f"no {kind} {fields} after {ask.get_type()}")
 
     async def command(self, number: int, *params: float) -> int:
@@ -190,12 +190,12 @@ class Pilot:
         found: dict[int, tuple[str, float]] = {}
         count = [0]
 
-        def look(message: Message) -> None:
+        def check(message: Message) -> None:
             if message.get_type() == "PARAM_VALUE" and message.param_index != 0xFFFF:
                 count[0] = message.param_count
                 found[message.param_index] = message.param_id, self._value(message)
 
-        self.follow.append(look)
+        self.follow.append(check)
         try:
             self.send(mav.MAVLink_param_request_list_message(self.system, 1))
             async with asyncio.timeout(_LIST_S):
@@ -210,7 +210,7 @@ class Pilot:
                             )
                     known = len(found)
         finally:
-            self.follow.remove(look)
+            self.follow.remove(check)
         return dict(found.values())
 
     async def items(self, kind: int) -> list[Item]:

@@ -106,9 +106,9 @@ class Px4(Autopilot):
     def _see(self, data: bytes, address: Address) -> None:
         for told in self._in.parse_buffer(data) or ():
             if told.get_type() == "HIL_STATE_QUATERNION":
-                self._take(told)
+                self._receive_truth(told)
 
-    def _take(self, told: Message) -> None:
+    def _receive_truth(self, told: Message) -> None:
         w, x, y, z = told.attitude_quaternion
         roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))

@@ -118,7 +118,7 @@ class Relay:
         now_s = self._autopilot.pilot.time_s
         if now_s - self._beat_s >= _BEAT_S or now_s < self._beat_s:
             self._beat_s = now_s
-            self._say(self._payload.heartbeat())
+            self._send(self._payload.heartbeat())
         if (
             self._autopilot.truth is None
             or "GLOBAL_POSITION_INT" not in self._autopilot.pilot.latest
@@ -126,9 +126,9 @@ class Relay:
             return
         taken = self._payload.step(now_s)
         if taken is not None:
-            self._say(taken)
+            self._send(taken)
 
-    def _say(self, message: Message) -> None:
+    def _send(self, message: Message) -> None:
         signing = self._out.signing
         signing.timestamp = max(signing.timestamp, round((time.time() - _EPOCH_S) * _TICKS))
         frame = bytes(message.pack(self._out))
@@ -156,9 +156,9 @@ class Relay:
             built = payload.build(int(asked.param1), int(asked.param2))
             if built is not None:
                 result = mav.MAV_RESULT_ACCEPTED
-                self._say(built)
+                self._send(built)
         to = asked.get_srcSystem(), asked.get_srcComponent()
-        self._say(mav.MAVLink_command_ack_message(asked.command, result, 0, 0, *to))
+        self._send(mav.MAVLink_command_ack_message(asked.command, result, 0, 0, *to))
 
     def _exposure(self, index: int) -> Exposure:
         """Return the true pose and the estimated one, both as they are now."""

@@ -62,7 +62,7 @@ class Run:
         assert self.process.returncode is not None
         return self.process.returncode
 
-    def said(self, text: str) -> bool:
+    def has_line(self, text: str) -> bool:
         return any(text in line for line in self.lines)
 
     def interrupt(self) -> None:
@@ -178,12 +178,12 @@ class Rig:
     def _watch(self, number: int, one: Autopilot) -> Callable[[Message], None]:
         last: list[Truth | None] = [None]
 
-        def look(told: Message) -> None:
+        def observe(told: Message) -> None:
             if one.truth is not None and one.truth is not last[0]:
                 last[0] = one.truth
                 self.referee.watch(number, one.truth)
 
-        return look
+        return observe
 
     def _picture(self, path: str) -> bytes | None:
         url = f"http://127.0.0.1:{self._port}{path}"
@@ -313,7 +313,7 @@ class Rig:
         await self.rest(4.0)
 
     async def exploring(self, run: Run) -> None:
-        await self._fast(run, lambda: run.said(" s  exploring, "), "exploring")
+        await self._fast(run, lambda: run.has_line(" s  exploring, "), "exploring")
 
     async def _fast(self, run: Run, so: Callable[[], bool], what: str) -> None:
         least_m_s = 0.6 * self.mission.flight.speed_m_s
@@ -381,7 +381,7 @@ class Rig:
         self.row.code = code
         sim_s, wall_s = self.now_s - self._begun[0], time.monotonic() - self._begun[1]
         self.row.held = round(sim_s / wall_s, 2)
-        self.row.flown(summary, self.referee, scored(self.out, self.mission))
+        self.row.add_flight(summary, self.referee, scored(self.out, self.mission))
         await self.all_down()
         left = await self.not_put_back()
         self.row.put_back = left or "all"

@@ -39,7 +39,7 @@ def scenario(
             is flown at the height of the map.
     """
 
-    def made(flown: Callable[[Rig], Awaitable[None]]) -> Callable[[str, Path, Path], None]:
+    def decorated(flown: Callable[[Rig], Awaitable[None]]) -> Callable[[str, Path, Path], None]:
         def test(autopilot: str, program: Path, tmp_path: Path) -> None:
             if only not in (None, autopilot):
                 pytest.skip(f"only with {only}")
@@ -66,4 +66,4 @@ def scenario(
         test.__doc__ = flown.__doc__
         return test
 
-    return made
+    return decorated

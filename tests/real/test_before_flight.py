@@ -85,7 +85,7 @@ async def test_mission_that_leaves_its_owners_fence_is_refused(rig: Rig) -> None
     run = await rig.fly("--keep-fence")
     await rig.ends_well(run, 2)
     never_flown(rig)
-    assert run.said("outside"), run.lines
+    assert run.has_line("outside"), run.lines
 
 
 @scenario("no terminal, no --yes")
@@ -95,7 +95,7 @@ async def test_flight_without_a_terminal_is_refused(rig: Rig) -> None:
     never_flown(rig)
 
 
-def late(delay_s: float) -> object:
+def with_delay(delay_s: float) -> object:
     @scenario(f"dry run, {delay_s:g} s late each way")
     async def flown(rig: Rig) -> None:
         for relay in rig.relays:
@@ -107,6 +107,6 @@ def late(delay_s: float) -> object:
     return flown
 
 
-test_a_link_0_3_s_late_each_way = late(0.3)
-test_a_link_0_6_s_late_each_way = late(0.6)
-test_a_link_1_5_s_late_each_way = late(1.5)
+test_a_link_0_3_s_late_each_way = with_delay(0.3)
+test_a_link_0_6_s_late_each_way = with_delay(0.6)
+test_a_link_1_5_s_late_each_way = with_delay(1.5)

@@ -107,11 +107,11 @@ async def test_survey_begins_well(rig: Rig) -> None:
 class _GroundStation:
     def __init__(self) -> None:
         self.kinds: set[str] = set()
-        self.socket = Socket(self._hear)
+        self.socket = Socket(self._receive)
         self._in, self._out = mav.MAVLink(None), mav.MAVLink(None, srcSystem=250)
         self._in.robust_parsing = True
 
-    def _hear(self, data: bytes, address: Address) -> None:
+    def _receive(self, data: bytes, address: Address) -> None:
         for message in self._in.parse_buffer(data) or ():
             if message.get_type() not in self.kinds and message.get_type() == "HEARTBEAT":
                 ask = mav.MAVLink_param_request_list_message(message.get_srcSystem(), 1)

@@ -41,7 +41,7 @@ def left_to_the_pilot(what: str, mode: str, code: int) -> object:
         await rig.in_search(run)
         await rig.aircraft[0].set_mode(mode)
         await rig.ends_well(run, code)
-        assert run.said("uavmap resume")
+        assert run.has_line("uavmap resume")
 
     return flown
 

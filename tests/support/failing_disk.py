@@ -18,7 +18,7 @@ from unittest import mock
 
 How = Literal["EIO", "ENOSPC", "short", "killed"]
 HOWS: Final[tuple[How, ...]] = ("EIO", "ENOSPC", "short", "killed")
-"""How a call fails: with an error, after half of its bytes, or the process ends before it."""
+"""Faults of a call: an error, half of its bytes only, or an end of the process before it."""
 
 
 class Killed(BaseException):

@@ -16,7 +16,7 @@ from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sim_section import SimFault
 from sitl.vehicle import SimVehicle
 from tests.support.flights import small_mission
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from uavmap.base.clock import VirtualClock, run
 from uavmap.base.messages import shown_on
 from uavmap.mavlink.session import Session
@@ -44,7 +44,7 @@ class Field:
     def __init__(self, made: Mission) -> None:
         self.setting = setting_of(made)
         self.vehicles = make_vehicles(made, 1)
-        self.told = Said()
+        self.lines = ShownLines()
         self.lose: Callable[[], bool] = lambda: False
         self._codec = mav.MAVLink(None, srcSystem=255, srcComponent=190)
         self.links = [self._link(vehicle) for vehicle in self.vehicles]
@@ -125,6 +125,6 @@ def on_field(
             await body(field)
             world.cancel()
 
-    with shown_on(field.told):
+    with shown_on(field.lines):
         run(main(), VirtualClock())
     return Ran(field)

@@ -82,7 +82,7 @@ class Flight:
         self.vehicle = make_vehicles(made, seed)[0]
         self.events: list[Event] = []
         self.sent: list[tuple[float, Message]] = []
-        self.told: list[str] = []
+        self.lines: list[str] = []
         self.driving: asyncio.Task[None]
         """Task that runs as long as the service."""
         self.to_vehicle: Callable[[Message], bool] = lambda message: True
@@ -103,14 +103,14 @@ class Flight:
             self.setting,
             self.now_s,
             self._crew,
-            tell=self.told.append,
+            tell=self.lines.append,
             **patience,
         )
 
     @property
-    def said(self) -> list[str]:
+    def service_lines(self) -> list[str]:
         """Return the lines of the service, without the vehicle's own texts."""
-        return [line for line in self.told if not line.startswith("[vehicle ")]
+        return [line for line in self.lines if not line.startswith("[vehicle ")]
 
     @staticmethod
     def now_s() -> float:
@@ -172,7 +172,7 @@ class Flight:
             and getattr(message, "command", None) != mav.MAV_CMD_IMAGE_STOP_CAPTURE
         ]
 
-    async def hears_nothing(self, seconds: float) -> None:
+    async def sends_nothing(self, seconds: float) -> None:
         """Assert that only heartbeats and the camera's stop are sent for a time."""
         sent = len(self.sent)
         await asyncio.sleep(seconds)

@@ -22,7 +22,7 @@ from unittest import mock
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 import uavmap.runner.simulation
-from tests.benchmarks.watched import Flown, flown, mission_text
+from tests.benchmarks.watched import WatchedFlight, flown, mission_text
 from tests.support.hostile import Hostile
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 
@@ -115,15 +115,15 @@ def network() -> list[str]:
     """Return the connections that this process tries from now on; the recording never stops."""
     reached: list[str] = []
 
-    def heard(event: str, arguments: tuple[object, ...]) -> None:
+    def record(event: str, arguments: tuple[object, ...]) -> None:
         if event in ("socket.connect", "socket.getaddrinfo", "socket.sendto", "urllib.Request"):
             reached.append(f"{event} {arguments[-1]}")
 
-    sys.addaudithook(heard)
+    sys.addaudithook(record)
     return reached
 
 
-def fly(kind: str, seed: int, frames: int) -> tuple[Flown, tuple[str, ...]]:
+def fly(kind: str, seed: int, frames: int) -> tuple[WatchedFlight, tuple[str, ...]]:
     network().clear()
     with forging(kind, seed, frames):
         flight = flown(f"{kind} seed {seed}", mission_text(MISSION), seed)

@@ -15,20 +15,20 @@ Message = Any
 
 
 class Peer:
-    """A vehicle whose messages a test determines; `heard` holds (time, message)."""
+    """A vehicle whose messages a test determines; `received` holds (time, message)."""
 
     def __init__(self, system: int = 1, component: int = mav.MAV_COMP_ID_AUTOPILOT1) -> None:
-        self.heard: list[tuple[float, Message]] = []
+        self.received: list[tuple[float, Message]] = []
         self.frames: list[bytes] = []
         self.answer: Callable[[Message], None] = lambda message: None
-        self.session = Session(self._take, self.frames.append)
+        self.session = Session(self._handle, self.frames.append)
         self._component = component
         self._in = mav.MAVLink(None)
         self._out = mav.MAVLink(None, srcSystem=system, srcComponent=component)
 
-    def _take(self, frame: bytes) -> None:
+    def _handle(self, frame: bytes) -> None:
         for message in self._in.parse_buffer(frame) or []:
-            self.heard.append((asyncio.get_running_loop().time(), message))
+            self.received.append((asyncio.get_running_loop().time(), message))
             self.answer(message)
 
     def frame(self, message: Message, component: int | None = None) -> bytes:
@@ -37,7 +37,9 @@ class Peer:
         self._out.seq = (self._out.seq + 1) & 0xFF
         return data
 
-    def say(self, *messages: Message, after_s: float = 0.001, component: int | None = None) -> None:
+    def send(
+        self, *messages: Message, after_s: float = 0.001, component: int | None = None
+    ) -> None:
         """Send messages to the session a moment later, in one piece."""
         data = b"".join(self.frame(message, component) for message in messages)
         asyncio.get_running_loop().call_later(after_s, self.session.feed, data)
@@ -46,7 +48,7 @@ class Peer:
         """Return (time, command, confirmation) of every COMMAND_LONG and COMMAND_INT received."""
         return [
             (t_s, m.command, getattr(m, "confirmation", 0))
-            for t_s, m in self.heard
+            for t_s, m in self.received
             if m.get_type().startswith("COMMAND_")
         ]
 

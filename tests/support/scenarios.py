@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.flight.state import Setting
 from sitl.vehicle import SimVehicle
-from tests.benchmarks.watched import Flown, flown, mission_text
+from tests.benchmarks.watched import WatchedFlight, flown, mission_text
 from tests.support.sitl_truth import Observer
 
 FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb"})
@@ -43,7 +43,7 @@ def scenario(
     seed: int = 1,
     more: Sequence[str] = (),
     change: Callable[[str], str] = lambda text: text,
-) -> Flown:
+) -> WatchedFlight:
     def table(name: str, values: Mapping[str, Any]) -> str:
         lines = [
             f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
@@ -55,7 +55,7 @@ def scenario(
     text = text.replace("[sim]\n", f'[sim]\nautopilot = "{autopilot}"\n')
     text += table("parameters", parameters) + table("quirks", quirks)
     flight = flown(autopilot, text, seed, *more, observer=Meddler(acts=list(acts)))
-    assert not flight.columns & FORBIDDEN, flight.line() + flight.raised + flight.said
+    assert not flight.columns & FORBIDDEN, flight.line() + flight.raised + flight.stderr
     return flight
 
 

@@ -78,7 +78,7 @@ def errors_m(one: BaseGeometry, other: BaseGeometry) -> np.ndarray:
 
 
 # --- the simulator -------------------------------------------------------------------------------
-def flown(seeds: int) -> None:
+def print_flights(seeds: int) -> None:
     """Fly `runway`, seed by seed; print a line each."""
     setting = setting_of(load("runway"))
     truth = true_roi(setting.mission, setting.grid)
@@ -141,7 +141,7 @@ def main() -> None:
     if options.brighton:
         brighton_beach()
     else:
-        flown(options.seeds)
+        print_flights(options.seeds)
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ ALARM_LEAST_M = 0.6
 
 
 @dataclass(frozen=True)
-class Taken:
+class TruePicture:
     """A picture as the estimate sees it, and its true place."""
 
     t_s: float
@@ -95,7 +95,7 @@ def way(seconds: float, every_s: float) -> Iterator[tuple[float, float, float, f
 def flight(
     heading_bias_deg: float, height_bias: float, seed: int, every_s: float = EVERY_S,
     attitude_deg: float = 0.3,
-) -> tuple[Taken, ...]:  # fmt: skip
+) -> tuple[TruePicture, ...]:  # fmt: skip
     """Return the pictures of a flight; reported heading and height have these errors."""
     mission = load("runway")
     setup = setup_of(mission, seed)
@@ -117,13 +117,13 @@ def flight(
         image = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
         told = spec.attitude(float(told_lean[0]), float(told_lean[1]), told_heading)
         frame = Frame(image, Pose(LatLon(0.0, 0.0), told_height_m, told), t_s, camera)
-        taken.append(Taken(t_s, east_m, north_m, patch(frame, metres_per_pixel=0.2)))
+        taken.append(TruePicture(t_s, east_m, north_m, patch(frame, metres_per_pixel=0.2)))
     return tuple(taken)
 
 
 # --- what is told -------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Told:
+class Fault:
     """A fault and its time; `kind` is none, drift, jump or lost."""
 
     kind: str
@@ -132,7 +132,7 @@ class Told:
     gps_sigma_m: float
 
 
-def told_errors(told: Told, taken: tuple[Taken, ...]) -> np.ndarray:
+def position_errors(told: Fault, taken: tuple[TruePicture, ...]) -> np.ndarray:
     """Return the error of the reported position at each picture, shape (n, 2)."""
     rng = np.random.default_rng([told.seed, 7])
     noise = PositionError(np.random.default_rng([told.seed, 8]), told.gps_sigma_m, 60.0)
@@ -178,9 +178,9 @@ class Outcome:
     worst_lead: float = -math.inf
 
 
-def flown(told: Told, taken: tuple[Taken, ...], check_every: int = 5) -> Outcome:
+def fly_and_measure(told: Fault, taken: tuple[TruePicture, ...], check_every: int = 5) -> Outcome:
     """Do one flight; it ends at an alarm."""
-    errors = told_errors(told, taken)
+    errors = position_errors(told, taken)
     own = OwnMap(ReportedErrors(satellites_m=max(0.3, told.gps_sigma_m), pointing_m=0.08))
     tolerated_m = max(ALARM_LEAST_M, SIGMAS_PER_TOLERATED * told.gps_sigma_m)
     out = Outcome()
@@ -212,7 +212,7 @@ def _row(kind: str, sigma_m: float, bias: float, height: float, flights: int) ->
     for seed in range(flights):
         latest_s = 95.0 if kind == "lost" else 240.0
         begin_s = float(np.random.default_rng([seed, 9]).uniform(40.0, latest_s))
-        outs.append((begin_s, flown(Told(kind, begin_s, seed, sigma_m), taken)))
+        outs.append((begin_s, fly_and_measure(Fault(kind, begin_s, seed, sigma_m), taken)))
     took_s = time.perf_counter() - begin
     told = {"none": _undisturbed, "lost": _lost}.get(kind, _lied)
     cost = f"; ms {spread(np.concatenate([o.ms for _, o in outs]))} ({took_s:.0f} s)"

@@ -148,7 +148,7 @@ def survives(data: bytes, path: Path) -> str:
     return "used"
 
 
-def looked(gathered: Gathered, detector: Path, workers: int) -> tuple[float, float]:
+def seconds_of_passes(gathered: Gathered, detector: Path, workers: int) -> tuple[float, float]:
     """Return wall and CPU seconds of both passes."""
     text = derived(gathered, detector=detector_text(detector))
     setting = setting_of(mission_of_text(text, "derived"))
@@ -176,7 +176,7 @@ def _rate(folder: Path, refine: str, detector: Path) -> None:
             ):
                 pass
             wall, cpu = time.perf_counter() - begun, time.process_time() - used
-            ours_wall, ours_cpu = looked(gathered, detector, workers)
+            ours_wall, ours_cpu = seconds_of_passes(gathered, detector, workers)
             print(
                 f"{workers} workers: decoding {wall:.2f} s ({cpu:.2f} s CPU), replay "
                 f"{ours_wall:.2f} s ({ours_cpu:.2f} s CPU): {cpu / ours_cpu:.2f} of its rate by CPU"

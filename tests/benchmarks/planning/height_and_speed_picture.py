@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from missions.mission.checks import parse_mission
 from missions.mission.height_and_speed import speed_limits
 from missions.mission.schema import Mission
-from tests.benchmarks.svg import BLUE, GREEN, INK, PALE, RED, dot, drawing, line, words
+from tests.benchmarks.svg import BLUE, GREEN, INK, PALE, RED, dot, drawing, label, line
 from tests.support.plans import named_text
 
 WIDTH, HEIGHT = 900, 340
@@ -24,14 +24,14 @@ class Chart:
     def __init__(self, left: float, title: str, most: float, step: float) -> None:
         self.left, self.right, self.top, self.low = left, left + 240.0, 45.0, 285.0
         self.most = most
-        self.parts = [words((self.left + self.right) / 2, 25, title)]
+        self.parts = [label((self.left + self.right) / 2, 25, title)]
         for i in range(round(most / step) + 1):
             y = self.y(i * step)
             self.parts.append(line([(self.left, y), (self.right, y)], PALE, 1.0))
-            self.parts.append(words(self.left - 6, y + 4, f"{i * step:g}", anchor="end"))
+            self.parts.append(label(self.left - 6, y + 4, f"{i * step:g}", anchor="end"))
         for height_m in range(0, int(HIGHEST_M) + 1, 10):
-            self.parts.append(words(self.x(height_m), self.low + 18, f"{height_m}"))
-        self.parts.append(words((self.left + self.right) / 2, self.low + 38, "height, m"))
+            self.parts.append(label(self.x(height_m), self.low + 18, f"{height_m}"))
+        self.parts.append(label((self.left + self.right) / 2, self.low + 38, "height, m"))
 
     def x(self, height_m: float) -> float:
         """Return pixels from the left."""
@@ -56,13 +56,13 @@ class Chart:
         """Draw a point with its text to the right of it."""
         x, y = self.x(height_m), self.y(value)
         self.parts.append(dot(x, y, 4, colour))
-        self.parts.append(words(x + 10, y + 14 * below - 4, text, anchor="start", colour=colour))
+        self.parts.append(label(x + 10, y + 14 * below - 4, text, anchor="start", colour=colour))
 
 
 def side_view(mission: Mission, heights_m: Sequence[float]) -> list[str]:
     """Draw the view of a level camera from each height, from the side, over cells to scale."""
     scale, middle, ground = 6.4, 145.0, 285.0
-    parts = [words(middle, 25, "what a picture shows (short side)")]
+    parts = [label(middle, 25, "what a picture shows (short side)")]
     cell_px = mission.grid.cell_m * scale
     for i in range(-5, 5):
         x = middle + (i + 0.5) * cell_px
@@ -70,7 +70,7 @@ def side_view(mission: Mission, heights_m: Sequence[float]) -> list[str]:
             f'<rect x="{x - cell_px / 2:.1f}" y="{ground:.1f}" width="{cell_px:.1f}" height="8" '
             f'fill="none" stroke="{INK}"/>'
         )
-    parts.append(words(middle, ground + 38, f"cells of {mission.grid.cell_m:g} m"))
+    parts.append(label(middle, ground + 38, f"cells of {mission.grid.cell_m:g} m"))
     optics = mission.camera.optics
     for height_m, colour in zip(heights_m, (BLUE, RED), strict=True):
         half_px = optics.footprint(height_m).short_m / 2.0 * scale
@@ -78,7 +78,7 @@ def side_view(mission: Mission, heights_m: Sequence[float]) -> list[str]:
         parts.append(
             line([(middle - half_px, ground), (middle, top), (middle + half_px, ground)], colour)
         )
-        parts.append(words(middle, top + 38, f"{height_m:g} m", colour=colour))
+        parts.append(label(middle, top + 38, f"{height_m:g} m", colour=colour))
     return parts
 
 
@@ -97,7 +97,7 @@ def picture() -> str:
         line([(pixels.left, pixels.y(least)), (pixels.right, pixels.y(least))], GREEN, 1.5)
     )
     pixels.parts.append(
-        words(pixels.left + 4, pixels.y(least) + 16, "needed", anchor="start", colour=GREEN)
+        label(pixels.left + 4, pixels.y(least) + 16, "needed", anchor="start", colour=GREEN)
     )
     for height_m, colour in ((given_m, BLUE), (auto_m, RED)):
         found = optics.pixels_per_cell(height_m, cell_m)
@@ -105,11 +105,11 @@ def picture() -> str:
     speeds = Chart(645.0, "fastest without stopping, m/s", 40.0, 10.0)
     speeds.curve(lambda height_m: speed_limits(mission, height_m).frames_m_s, INK)
     speeds.curve(lambda height_m: speed_limits(mission, height_m).blur_m_s, GREEN)
-    speeds.parts.append(words(speeds.x(12), speeds.y(30), "blur", anchor="end", colour=GREEN))
+    speeds.parts.append(label(speeds.x(12), speeds.y(30), "blur", anchor="end", colour=GREEN))
     for height_m, colour in ((given_m, BLUE), (auto_m, RED)):
         found = speed_limits(mission, height_m).frames_m_s
         speeds.mark(height_m, found, f"{found:.1f}", colour, below=True)
-    speeds.parts.append(words(speeds.x(34), speeds.y(33), "frames", anchor="start"))
+    speeds.parts.append(label(speeds.x(34), speeds.y(33), "frames", anchor="start"))
     sides = side_view(mission, (given_m, auto_m))
     return drawing(WIDTH, HEIGHT, [*sides, *pixels.parts, *speeds.parts])
 

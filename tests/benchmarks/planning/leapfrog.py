@@ -80,7 +80,7 @@ def text_of(lost_s: float, layer_m: float) -> str:
     return text + faults
 
 
-def flown(job: Job, text: str) -> dict[str, Any]:
+def fly_and_measure(job: Job, text: str) -> dict[str, Any]:
     """Return the summary of a flight, and the errors of the mapper's positions."""
     # time, east and north of the mapper, and of its pictures
     true: list[tuple[float, float, float]] = []
@@ -88,7 +88,7 @@ def flown(job: Job, text: str) -> dict[str, Any]:
     reckoned: list[tuple[float, float, float]] = []
     placed = Navigation.placed
 
-    def look(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+    def record(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         truth = vehicles[MAPPER - 1].truth
         true.append((truth.t_s, *setting.grid.fixed(truth.position)))
 
@@ -103,7 +103,7 @@ def flown(job: Job, text: str) -> dict[str, Any]:
     changes: dict[str, Any] = {"placed": placing}
     if job.way == "alone":
         changes["_correct"] = lambda self, off: None
-    with frame.truth_shown(look), mock.patch.multiple(Navigation, **changes):
+    with frame.truth_shown(record), mock.patch.multiple(Navigation, **changes):
         found = frame.summary_of("box", text, seed=job.seed)
     off = {"frames": _off(frames, true), "reckoned": _off(reckoned, true)}
     for name, by in off.items():
@@ -155,7 +155,7 @@ def main() -> None:
     )
     seeds = range(options.first, options.first + options.seeds)
     jobs = [Job(way, seed) for way in options.only for seed in seeds]
-    work = partial(flown, text=text_of(options.lost_s, options.layer_m))
+    work = partial(fly_and_measure, text=text_of(options.lost_s, options.layer_m))
     ways: dict[str, list[dict[str, Any]]] = {}
     for job, found in frame.in_turn(work, jobs, options.workers):
         ways.setdefault(job.way, []).append(found)

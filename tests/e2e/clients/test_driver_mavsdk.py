@@ -26,7 +26,7 @@ def children_of(pid: int) -> list[int]:
     ]
 
 
-def gone(pid: int) -> bool:
+def has_ended(pid: int) -> bool:
     """Return whether it has ended; a dead process that has not been waited for counts as gone."""
     try:
         return Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()[0] == "Z"
@@ -42,7 +42,7 @@ def test_killed_aircraft_process_ends_its_mavsdk_and_the_next_continues(folder):
     ):
         (child,) = children_of(rig.aircraft_process(folder))
         os.kill(rig.aircraft_process(folder), signal.SIGKILL)
-        rig.wait_until(lambda: gone(child), "the end of MAVSDK")
+        rig.wait_until(lambda: has_ended(child), "the end of MAVSDK")
         done = rig.ended(process)
     done.completed()
     assert "spoken with by MAVSDK v" in done.err
@@ -65,11 +65,11 @@ def test_control_c_brings_the_vehicle_home_and_ends_all_processes(folder):
     assert "MAVSDK has ended" not in done.err
     assert "landed" in [event["kind"] for event in rig.events(folder)]
     assert json.loads(done.out)["completed"] is False
-    assert gone(child)
+    assert has_ended(child)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "expected"),
     [
         (("fly", "runway", "--sim", "--driver", "mavsdk"), ("virtual time", "uavmap sitl")),
         (("resume", "OVER", "--driver", "mavsdk"), ("virtual time",)),
@@ -77,11 +77,11 @@ def test_control_c_brings_the_vehicle_home_and_ends_all_processes(folder):
     ],
 )
 def test_driver_that_cannot_fly_a_mission_is_refused_with_the_remedy(
-    arguments, said, speck, tmp_path
+    arguments, expected, speck, tmp_path
 ):
     words = [speck.folder if word == "OVER" else word for word in arguments]
     out = [] if "OVER" in arguments else ["--out", tmp_path / "out"]
     done = rig.uavmap(*words, *out)
     assert done.code == 2
-    assert all(text in done.err for text in said)
+    assert all(text in done.err for text in expected)
     assert not (tmp_path / "out").exists()

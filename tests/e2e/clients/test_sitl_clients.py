@@ -120,7 +120,7 @@ class MavProxy:
             start_new_session=True,
         )
         self._lines = queue.Queue()
-        self.said = []
+        self.lines = []
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
 
@@ -129,11 +129,11 @@ class MavProxy:
             self._lines.put(line.rstrip())
         self._lines.put(None)
 
-    def say(self, text):
+    def type_line(self, text):
         self._process.stdin.write(text + "\n")
         self._process.stdin.flush()
 
-    def hear(self, text):
+    def wait_for(self, text):
         end_s = time.monotonic() + PATIENCE_S
         while True:
             try:
@@ -141,8 +141,8 @@ class MavProxy:
             except queue.Empty:
                 line = None
             if line is None:  # it has taken too long, or has ended
-                pytest.fail(f"MAVProxy did not say {text!r} but:\n" + "\n".join(self.said))
-            self.said.append(line)
+                pytest.fail(f"MAVProxy did not say {text!r} but:\n" + "\n".join(self.lines))
+            self.lines.append(line)
             if text in line:
                 return line
 
@@ -172,32 +172,32 @@ def test_mavproxy_flies_a_mission(tmp_path):
         vehicle(tcp=False, battery_wh=5000.0) as sitl,
         contextlib.closing(MavProxy(sitl.url, tmp_path)) as proxy,
     ):
-        proxy.hear("Detected vehicle 1:1")
-        proxy.hear("parameters to")  # all of them, saved
-        proxy.say("mode guided")
-        proxy.hear("Mode GUIDED")
-        proxy.say("arm throttle")
-        proxy.hear("ARMED")
-        proxy.say("takeoff 8")
-        proxy.hear("NAV_TAKEOFF: ACCEPTED")
+        proxy.wait_for("Detected vehicle 1:1")
+        proxy.wait_for("parameters to")  # all of them, saved
+        proxy.type_line("mode guided")
+        proxy.wait_for("Mode GUIDED")
+        proxy.type_line("arm throttle")
+        proxy.wait_for("ARMED")
+        proxy.type_line("takeoff 8")
+        proxy.wait_for("NAV_TAKEOFF: ACCEPTED")
         sitl.until(lambda: sitl.truth.height_m > 7.0)
-        proxy.say("param set RTL_ALT 1200")
+        proxy.type_line("param set RTL_ALT 1200")
         for _ in range(2000):  # it shows the old value until the new one is confirmed
-            proxy.say("param show RTL_ALT")
-            if "1200" in proxy.hear("RTL_ALT "):
+            proxy.type_line("param show RTL_ALT")
+            if "1200" in proxy.wait_for("RTL_ALT "):
                 break
         else:
             pytest.fail("the parameter was not set")
-        proxy.say("guided 47.397742 8.5457 10")
-        proxy.hear("DO_REPOSITION: ACCEPTED")
+        proxy.type_line("guided 47.397742 8.5457 10")
+        proxy.wait_for("DO_REPOSITION: ACCEPTED")
         sitl.until(lambda: abs(sitl.truth.position.lon_deg - 8.5457) < 3e-5)
-        proxy.say(f"wp load {tmp_path / 'mission.txt'}")
-        proxy.hear("MISSION_ACK: TYPE_MISSION: ACCEPTED")
-        proxy.say("wp list")
-        proxy.hear("Requesting 4 waypoints")
-        proxy.hear("Saved 4 waypoints")
-        proxy.say("mode rtl")
-        proxy.hear("Mode RTL")
-        proxy.hear("DISARMED")
+        proxy.type_line(f"wp load {tmp_path / 'mission.txt'}")
+        proxy.wait_for("MISSION_ACK: TYPE_MISSION: ACCEPTED")
+        proxy.type_line("wp list")
+        proxy.wait_for("Requesting 4 waypoints")
+        proxy.wait_for("Saved 4 waypoints")
+        proxy.type_line("mode rtl")
+        proxy.wait_for("Mode RTL")
+        proxy.wait_for("DISARMED")
         assert sitl.truth.landed
-        assert not any("breach" in line.lower() for line in proxy.said)
+        assert not any("breach" in line.lower() for line in proxy.lines)

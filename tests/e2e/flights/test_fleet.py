@@ -39,14 +39,14 @@ from uavmap.runner.simulated_fleet import SimulatedFleet, fly_fleet, prefixed_li
 TRUE = [(10.0, 18.0), (34.0, 16.0), (36.0, 28.0), (24.0, 31.0), (12.0, 29.0)]
 
 
-def made(tmp_path: Path, vehicles: int = 3) -> Path:
+def fleet_mission(tmp_path: Path, vehicles: int = 3) -> Path:
     text = field_text(vehicles, box=square(0.0, 14.0, 44.0, 20.0), region=TRUE)
     file = tmp_path / "field.toml"
     file.write_text(with_small_pictures(text), encoding="utf-8")
     return file
 
 
-def flown(file: Path, comms: str, out: Path) -> dict[str, Any]:
+def summary_of_flight(file: Path, comms: str, out: Path) -> dict[str, Any]:
     summary = rig.flown(file, out, "--comms", comms).complete()
     assert summary["false_positives"] == 0
     assert summary["min_separation_m"] > 3.0
@@ -69,7 +69,7 @@ def members(out: Path, count: int = 3) -> Sequence[Path]:
 
 def test_three_members_with_radio_map_a_region_together(tmp_path):
     out = tmp_path / "out"
-    summary = flown(made(tmp_path), "free,loss:0.1,delay:0.1", out)
+    summary = summary_of_flight(fleet_mission(tmp_path), "free,loss:0.1,delay:0.1", out)
     regions = [region(folder) for folder in (*members(out), out)]
     assert len(set(regions)) == 1, "the maps differ"
     assert len(regions[0]) == summary["cells_roi"]
@@ -91,7 +91,7 @@ def test_three_members_with_radio_map_a_region_together(tmp_path):
 def test_two_members_without_radio_map_the_whole_region_each(tmp_path):
     """Each keeps to its own air: they lose time, and no cells."""
     out = tmp_path / "out"
-    flown(made(tmp_path, 2), "range:0", out)
+    summary_of_flight(fleet_mission(tmp_path, 2), "range:0", out)
     regions = [region(folder) for folder in (*members(out, 2), out)]
     for folder, found in zip(members(out, 2), regions, strict=False):
         _, events = journal(folder)
@@ -102,13 +102,13 @@ def test_two_members_without_radio_map_the_whole_region_each(tmp_path):
 
 
 def test_invalid_radio_is_refused(tmp_path):
-    done = rig.flown(made(tmp_path), tmp_path / "out", "--comms", "range:x").done
+    done = rig.flown(fleet_mission(tmp_path), tmp_path / "out", "--comms", "range:x").done
     assert done.code == 2
     assert "--comms range:x" in done.err
 
 
 def test_pads_too_near_to_each_other_are_refused(tmp_path):
-    file = made(tmp_path)
+    file = fleet_mission(tmp_path)
     text = file.read_text()
     near = [place for line in text.splitlines() if (place := line).startswith("home = ")]
     file.write_text(text.replace(near[-1], near[-2]), encoding="utf-8")
@@ -189,7 +189,7 @@ def test_pads_without_a_place_lie_far_enough_apart():
 
 
 def test_summary_with_an_aircraft_down_is_not_complete(tmp_path):
-    file, out = made(tmp_path), tmp_path / "out"
+    file, out = fleet_mission(tmp_path), tmp_path / "out"
     fault = '[[sim.faults]]\nkind = "motor"\nvehicle = 3\nat_s = 40\nshare = 0.0\n'
     file.write_text(file.read_text("utf-8") + fault, "utf-8")
     done = rig.flown(file, out, "--comms", "free").done

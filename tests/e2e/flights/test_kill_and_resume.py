@@ -68,7 +68,7 @@ def test_resume_from_home_keeps_all_frames(speck, folder):
     assert rig.maps_alike(folder, speck.folder)
 
 
-def says_how_it_goes_on_and_leaves_a_map(stopped, folder):
+def assert_resumable_with_a_map(stopped, folder):
     assert f"to continue: uavmap resume {folder}" in stopped.err
     assert f"the map so far is in {folder}" in stopped.err
     assert {"map.geojson", "map.gpkg", "map.kml", "map.png", "report.html", "summary.json"} < {
@@ -85,7 +85,7 @@ def test_control_c_stops_a_simulated_flight_and_resume_continues(speck, folder):
     assert stopped.code == 130
     assert stopped.out == ""
     assert stopped.err.splitlines()[-1].startswith("uavmap: ")
-    says_how_it_goes_on_and_leaves_a_map(stopped, folder)
+    assert_resumable_with_a_map(stopped, folder)
     with rig.started("resume", folder, "--json") as process:
         done = rig.ended(process)
     assert done.code == 0
@@ -104,7 +104,7 @@ def test_simulated_flight_with_two_sigterms_leaves_its_map(folder):
         process.send_signal(signal.SIGTERM)
         stopped = rig.ended(process)
     assert (stopped.code, stopped.out) == (130, "")
-    says_how_it_goes_on_and_leaves_a_map(replace(stopped, err=said + stopped.err), folder)
+    assert_resumable_with_a_map(replace(stopped, err=said + stopped.err), folder)
 
 
 def test_resuming_a_finished_mission_writes_its_results_anew(speck, folder):

@@ -52,12 +52,12 @@ def test_vehicles_without_satellites_know_their_positions_by_leapfrog(attitude, 
     )
     errors: dict[int, list[tuple[float, float, float]]] = {1: [], 2: []}
 
-    def look(vehicles: Sequence[SimVehicle], _: Setting) -> None:
+    def record(vehicles: Sequence[SimVehicle], _: Setting) -> None:
         for vehicle in vehicles:
             truth = vehicle.truth
             errors[vehicle.spec.system_id].append((truth.t_s, *truth.estimate_error_m))
 
-    with truth_shown(look):
+    with truth_shown(record):
         flight = flown("leapfrog", text + TABLES + attitude, 3)
     assert (flight.code, flight.summary["cells_missed"]) == (0, 0), flight.line()
     assert set(flight.summary["navigation"]) == {"1", "2"}

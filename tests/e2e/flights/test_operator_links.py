@@ -35,7 +35,7 @@ def test_key_is_made_installed_and_used_beside_a_ground_station(tmp_path):
         forward = ("--forward", f"udpout://{rig.LOOPBACK}:{port}")
         words = rig.flying(speck, urls, folder, SPEEDUP, "--key", key, *forward)
         with rig.started(*words) as process:
-            ground.hears("GLOBAL_POSITION_INT")
+            ground.wait_for("GLOBAL_POSITION_INT")
             assert ground.signed
             done = rig.ended(process)
         assert done.code == 0
@@ -53,8 +53,8 @@ def test_ground_station_queries_the_vehicle_through_the_service(tmp_path):
         forward = ("--forward", f"udpout://{rig.LOOPBACK}:{port}")
         words = rig.flying(rig.mission("speck"), urls, tmp_path / "out", SPEEDUP, *forward)
         with rig.started(*words) as process:
-            ground.hears("HEARTBEAT")
-            ground.hears(
+            ground.wait_for("HEARTBEAT")
+            ground.wait_for(
                 "PARAM_VALUE", mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1)
             )
             assert rig.ended(process).code == 0
@@ -68,7 +68,7 @@ class Station:
         self._peer = None
         self.signed = False
 
-    def hears(self, kind: str, ask=None) -> None:
+    def wait_for(self, kind: str, ask=None) -> None:
         due_s = time.monotonic() + rig.PATIENCE_S
         while time.monotonic() < due_s:
             if ask is not None and self._peer is not None:

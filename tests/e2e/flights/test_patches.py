@@ -31,14 +31,14 @@ polygon = [
 """
 
 
-def made() -> str:
+def mission_with_two_patches() -> str:
     text = Path(rig.mission("windy")).read_text(encoding="utf-8")
     text = text.replace('strategy = "survey"', 'strategy = "swath"')
     return text.replace("48.0010072", "48.0007500") + SECOND
 
 
 def test_patches_are_all_mapped_if_all_are_requested(tmp_path):
-    text = made().replace("[search]", '[search]\nfind = "all"')
+    text = mission_with_two_patches().replace("[search]", '[search]\nfind = "all"')
     summary = rig.flown_text(text, tmp_path).complete()
     found = summary["patches"]
     assert [patch["cells"] for patch in found] == sorted(
@@ -68,7 +68,7 @@ def test_patches_are_all_mapped_if_all_are_requested(tmp_path):
 
 
 def test_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
-    text = made()
+    text = mission_with_two_patches()
     high = '[search]\nfind = "all"\naltitude_m = 30.0'
     text = text.replace("[search]", high).replace("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
     summary = rig.flown_text(text, tmp_path).complete()
@@ -99,7 +99,7 @@ def test_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
 def test_vehicles_climb_on_paths_to_drifting_lanes_and_share_layers(
     attitude, most_missed, tmp_path
 ):
-    text = made()
+    text = mission_with_two_patches()
     high = '[search]\nfind = "all"\naltitude_m = 30.0\nlayer_m = 0'
     text = text.replace("[search]", high)
     text = text.replace("[flight]", "[flight]\nclimb_m_s = 4.0\ndescent_m_s = 3.0")

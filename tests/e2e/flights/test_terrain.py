@@ -35,7 +35,7 @@ TOWARD_DEG = 225.0
 """Bearing towards which the ground falls from the start over the box, degrees."""
 
 
-class Flown:
+class TerrainFlight:
     def __init__(self, folder: Path, autopilot: str, strategy: str) -> None:
         text = mission_text(
             square(32, 35, 16, 9), square(-20, -20, 95, 95), altitude_m=ALTITUDE_M,
@@ -49,7 +49,7 @@ class Flown:
         self.heights_m: list[float] = []
         self.crashed = False
 
-        def look(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+        def record(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
             for vehicle in vehicles:
                 real = vehicle.truth
                 away_m = setting.grid.fixed(real.position).distance_to(GridPoint(0.0, 0.0))
@@ -58,7 +58,7 @@ class Flown:
                 self.crashed |= real.crashed
 
         arguments = ["fly", str(folder / "m.toml"), "--sim", "--seed", "1", "--json"]
-        with truth_shown(look):
+        with truth_shown(record):
             self.code = main([*arguments, "--out", str(folder / "out")])
         self.map = json.loads((folder / "out" / "map.geojson").read_text("utf-8"))
         self.mission = checked((folder / "m.toml").read_text("utf-8"))
@@ -91,7 +91,7 @@ class Flown:
 def test_flight_over_a_slope_has_right_cells_and_stays_clear_of_the_ground(
     autopilot, strategy, tmp_path
 ):
-    flown = Flown(tmp_path, autopilot, strategy)
+    flown = TerrainFlight(tmp_path, autopilot, strategy)
     assert flown.code == 0
     assert not flown.crashed
     assert min(flown.heights_m) >= ALTITUDE_M - FOLLOW_M

@@ -82,7 +82,7 @@ def _drag(page: Page) -> None:
 
     page.press(None, ".leaflet-draw-draw-rectangle")
     middle = ActionChains(page.driver).move_to_element_with_offset
-    drawn = middle(page.found(".app-leaflet"), -50, -40).click_and_hold()
+    drawn = middle(page.element(".app-leaflet"), -50, -40).click_and_hold()
     drawn.move_by_offset(100, 80).release().perform()
 
 
@@ -151,7 +151,7 @@ def _paint(page: Page, frame: Path) -> None:
     rig.wait_until(lambda: bool(page.driver.execute_script(ready)), frame.stem)
     page.press("polygon")
     page.driver.execute_script("window.scrollTo(0, 0)")
-    canvas = page.found("#shown")
+    canvas = page.element("#shown")
     size = canvas.size
     scale = size["width"] / cv2.imread(str(frame)).shape[1]
     clicks = ActionChains(page.driver, duration=0)
@@ -181,7 +181,7 @@ def _hand_on(page: Page, flown: Path) -> None:
         status = page.driver.execute_script(
             "const asked = new XMLHttpRequest(); asked.open('GET', arguments[0], false);"
             "asked.send(); return asked.status",
-            page.found("a", name).get_attribute("href"),
+            page.element("a", name).get_attribute("href"),
         )
         assert status == 200
     assert len(pypdfium2.PdfDocument(flown / "report.pdf")) == 2

@@ -122,11 +122,11 @@ def test_files_of_the_folder_run_nothing_and_files_elsewhere_are_refused(day: Da
     log.parent.mkdir(exist_ok=True)
     log.write_text("live page: http://127.0.0.1:1/?token=secret")
     driver.get(f"{day.root}file/{LOGS}/{log.name}")
-    assert not day.page.says("secret")
+    assert not day.page.shows("secret")
     log.unlink()
     driver.get_log("browser")
     driver.get(f"{day.root}file/..%2f..%2fetc/passwd")
-    assert not day.page.says("root:")
+    assert not day.page.shows("root:")
     driver.get_log("browser")
 
 

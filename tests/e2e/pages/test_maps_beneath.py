@@ -6,7 +6,7 @@ from missions.flight.setting_of import setting_of
 from tests.e2e import rig
 from tests.e2e.pages.test_page import Page
 from tests.support.page.browser import browser, need_browser
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from tests.unit.uavmap.ui.ground.test_layers import PITCH_M, cog, geotiff, mbtiles, mosaic, pmtiles
 from uavmap.base.messages import shown_on
 from uavmap.load.mission_source import load
@@ -26,7 +26,7 @@ SEEN = (
 
 def test_live_page_any_kind_of_map_file_shows_each_place_in_its_colour(tmp_path):
     need_browser()
-    setting, said = setting_of(load(rig.mission("speck"))), Said()
+    setting, said = setting_of(load(rig.mission("speck"))), ShownLines()
     config = {"title": "speck", "steers": False}
     with shown_on(said), serve_page(config, 0, "--page") as feed, browser() as driver:
         page = Page(driver)

@@ -148,10 +148,10 @@ def test_page_gives_the_pictures_of_the_documentation(tmp_path):
 
 
 def test_folder_that_cannot_be_watched_is_refused_in_a_line(tmp_path):
-    for folder, said in ((tmp_path / "none", "no such folder"), (tmp_path, "no journal")):
+    for folder, expected in ((tmp_path / "none", "no such folder"), (tmp_path, "no journal")):
         done = rig.uavmap("watch", folder, "--port", "0")
         assert (done.code, done.out) == (2, "")
-        assert said in done.err
+        assert expected in done.err
         assert len(done.err.splitlines()) == 1
     done = rig.uavmap(
         "fly", rig.mission("speck"), "--sim", "--tiles", "x.mbtiles", "--out", tmp_path / "a"

@@ -19,7 +19,7 @@ from tests.e2e.pages.test_page import Page
 from tests.golden.recording import STOPS
 from tests.support.page import accessibility
 from tests.support.page.browser import browser, keep_picture, need_browser
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from uavmap.base.messages import shown_on
 from uavmap.ui.page.feed import Feed, serve_page
 from uavmap.ui.page.page_scene import scene_of
@@ -29,7 +29,7 @@ ALARMS = ".flight-alarms li:not(.known)"
 SEEN = f"[...document.querySelectorAll('{ALARMS}')].map((e) => e.textContent).join('; ')"
 
 
-class Flown:
+class FlightOnPage:
     """The recorded flight on a page, up to the time that a test sets."""
 
     def __init__(self, feed: Feed) -> None:
@@ -62,19 +62,19 @@ class Flown:
 
 
 @contextlib.contextmanager
-def shown(width_px: int, height_px: int) -> Iterator[tuple[Page, Flown]]:
+def opened_page(width_px: int, height_px: int) -> Iterator[tuple[Page, FlightOnPage]]:
     need_browser()
-    said = Said()
+    lines = ShownLines()
     config = {"title": "speck", "steers": True}
     with (
-        shown_on(said),
+        shown_on(lines),
         serve_page(config, 0, "--page") as feed,
         browser(width_px, height_px) as driver,
     ):
-        flown = Flown(feed)
+        flown = FlightOnPage(feed)
         flown.go_on_to(40.0)
         flown.send()
-        driver.get(said.page)
+        driver.get(lines.page)
         page = Page(driver)
         page.wait("flightMap.frames && flightMap.board.vehicles[1]")
         yield page, flown
@@ -83,7 +83,7 @@ def shown(width_px: int, height_px: int) -> Iterator[tuple[Page, Flown]]:
 
 
 def test_alarm_that_is_acknowledged_shows_and_sounds_again_only_when_it_comes_anew():
-    with shown(1280, 800) as (page, flown):
+    with opened_page(1280, 800) as (page, flown):
         assert page.shows(SEEN) == ""
         last = flown.go_on_to(45.0)
         flown.happen(LinkLost(1, last.t_s))
@@ -125,7 +125,7 @@ def test_alarm_that_is_acknowledged_shows_and_sounds_again_only_when_it_comes_an
 
 
 def test_phone_shows_figures_legend_and_a_large_return_at_the_bottom():
-    with shown(390, 844) as (page, flown):
+    with opened_page(390, 844) as (page, flown):
         page.wait("document.querySelector('[data-order=return]')")
         rig.wait_until(
             lambda: page.driver.find_element("css selector", "[data-order=return]").is_displayed(),

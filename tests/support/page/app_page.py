@@ -31,7 +31,7 @@ class Page:
     def __init__(self, driver: Any) -> None:
         self.driver = driver
 
-    def found(self, selector: str, text: str | None = None) -> Any:
+    def element(self, selector: str, text: str | None = None) -> Any:
         """Return the first visible element; of those with a text the one that has it."""
         for each in self.driver.find_elements("css selector", selector):
             with contextlib.suppress(Exception):  # it moves, or is gone again
@@ -41,15 +41,15 @@ class Page:
 
     def see(self, selector: str, text: str | None = None) -> Any:
         rig.wait_until(
-            lambda: self.found(selector, text) is not None, f"{text or selector}", PATIENCE_S
+            lambda: self.element(selector, text) is not None, f"{text or selector}", PATIENCE_S
         )
-        return self.found(selector, text)
+        return self.element(selector, text)
 
     def press(self, text: str | None, selector: str = "button") -> None:
         rig.wait_until(lambda: self._pressed(selector, text), f"{text or selector} to press", 60.0)
 
     def _pressed(self, selector: str, text: str | None) -> bool:
-        button = self.found(selector, text)
+        button = self.element(selector, text)
         with contextlib.suppress(Exception):
             if button is not None and button.is_enabled():
                 button.click()
@@ -76,9 +76,11 @@ class Page:
 
         def pressed() -> bool:
             with contextlib.suppress(Exception):
-                item = self.found(".q-item", choice)
+                item = self.element(".q-item", choice)
                 (field() if item is None else item).click()
-                rig.wait_until(chosen if item else lambda: bool(self.found(".q-item")), label, 3.0)
+                rig.wait_until(
+                    chosen if item else lambda: bool(self.element(".q-item")), label, 3.0
+                )
             return chosen()
 
         rig.wait_until(lambda: chosen() or pressed(), f"{choice} of {label}", 60.0)
@@ -101,16 +103,16 @@ class Page:
         """Choose a file to import."""
         self.driver.find_element("css selector", "input[type=file]").send_keys(str(file))
 
-    def says(self, text: str) -> bool:
+    def shows(self, text: str) -> bool:
         return text in self.driver.execute_script("return document.body.innerText")
 
     def wait(self, text: str) -> None:
-        rig.wait_until(lambda: self.says(text), text, PATIENCE_S)
+        rig.wait_until(lambda: self.shows(text), text, PATIENCE_S)
 
     def ended(self, command: str) -> None:
         """Wait until a command is shown that has ended well."""
         rig.wait_until(
-            lambda: self.says(command) and self.says("done (exit code 0)"), command, PATIENCE_S
+            lambda: self.shows(command) and self.shows("done (exit code 0)"), command, PATIENCE_S
         )
 
     @contextlib.contextmanager

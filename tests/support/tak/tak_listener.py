@@ -153,15 +153,15 @@ class Listener:
         while piece := _received(connection):
             *whole, left = (left + piece).split(END)
             before = len(self.events)
-            self._take(*(part + END for part in whole))
+            self._keep(*(part + END for part in whole))
             if len(self.firsts) == number:
                 self.firsts += self.events[before : before + 1]
 
     def _datagrams(self, listening: socket.socket) -> None:
         while piece := _received(listening):
-            self._take(piece)
+            self._keep(piece)
 
-    def _take(self, *events: bytes) -> None:
+    def _keep(self, *events: bytes) -> None:
         for data in events:
             try:
                 found = checked(data)

@@ -28,20 +28,20 @@ def statustext(words, severity=WARNING, number=0, chunk=0):
 # --- putting together --------------------------------------------------------------------------
 def test_text_of_many_chunks_is_joined():
     words = b"PreArm: " + b"x" * 60 + b"y" * 60
-    texts, said = Texts(), []
+    texts, lines = Texts(), []
     for k in range(0, len(words), 50):
-        said += texts.add(1, statustext(words[k : k + 50], number=9, chunk=k // 50), 0.001 * k)
-    assert [text.words.encode() for text in said] == [words]
+        lines += texts.add(1, statustext(words[k : k + 50], number=9, chunk=k // 50), 0.001 * k)
+    assert [text.words.encode() for text in lines] == [words]
 
 
 def test_interleaved_chunks_of_texts_and_components_are_joined():
-    texts, said = Texts(), []
+    texts, lines = Texts(), []
     for component, number, chunk, words in (
         (1, 3, 0, b"a" * 50), (1, 4, 0, b"b" * 50), (100, 3, 0, b"c" * 50),
         (100, 3, 1, b"!"), (1, 3, 1, b"?"), (1, 4, 1, b""),
     ):  # fmt: skip
-        said += texts.add(component, statustext(words, number=number, chunk=chunk), 0.0)
-    assert [text.words for text in said] == ["c" * 50 + "!", "a" * 50 + "?", "b" * 50]
+        lines += texts.add(component, statustext(words, number=number, chunk=chunk), 0.0)
+    assert [text.words for text in lines] == ["c" * 50 + "!", "a" * 50 + "?", "b" * 50]
 
 
 def test_chunk_that_is_lost_leaves_a_gap():
@@ -64,7 +64,7 @@ def test_unfinished_texts_are_bounded():
 
 
 # --- told and kept -----------------------------------------------------------------------------
-def said_by(flight, *messages):
+def feed_messages(flight, *messages):
     codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     codec.seq = flight.session.losses._last[1, 1]  # the latest picture, which no other replaces
     for message in messages:
@@ -73,9 +73,9 @@ def said_by(flight, *messages):
 
 @by(fly)
 async def test_texts_are_shown_with_severity_and_recorded(flight, /):
-    said_by(flight, statustext(b"Compass not calibrated", WARNING), statustext(b"x", DEBUG))
+    feed_messages(flight, statustext(b"Compass not calibrated", WARNING), statustext(b"x", DEBUG))
     await asyncio.sleep(1.0)
-    assert "[vehicle 1, warning] Compass not calibrated" in flight.told
+    assert "[vehicle 1, warning] Compass not calibrated" in flight.lines
     told = [e for e in flight.seen(AutopilotText) if e.text in ("Compass not calibrated", "x")]
     assert [(e.severity, e.text) for e in told] == [(WARNING, "Compass not calibrated")]
 
@@ -83,7 +83,7 @@ async def test_texts_are_shown_with_severity_and_recorded(flight, /):
 @by(fly)
 async def test_repeated_text_is_counted(flight, /):
     for _ in range(140):
-        said_by(flight, statustext(b"PreArm: no"))
+        feed_messages(flight, statustext(b"PreArm: no"))
         await asyncio.sleep(1.0)
     kept = [event.times for event in flight.seen(AutopilotText) if event.text == "PreArm: no"]
     assert kept == [1, 60, 60]
@@ -92,13 +92,13 @@ async def test_repeated_text_is_counted(flight, /):
 @by(fly)
 async def test_flood_of_texts_fills_neither_screen_nor_disk(flight, /):
     for k in range(2000):
-        said_by(flight, statustext(f"flood {k}".encode(), k % 8))
+        feed_messages(flight, statustext(f"flood {k}".encode(), k % 8))
     await asyncio.sleep(10.0)
-    said_by(flight, statustext(b"after it", CRITICAL))
+    feed_messages(flight, statustext(b"after it", CRITICAL))
     kept = [event.text for event in flight.seen(AutopilotText)]
     assert len([text for text in kept if text.startswith("flood")]) == 2 * BURST
     assert kept[-1] == "after it"
-    assert any("17" in line and "not shown" in line for line in flight.told)
+    assert any("17" in line and "not shown" in line for line in flight.lines)
     assert len(kept) < MAX_RECORDED
 
 
@@ -145,17 +145,17 @@ def overridden(flight):
 
 @by(fly)
 async def test_failsafe_is_named_in_the_event(flight, /):
-    said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
-    said_by(flight, heartbeat(6, armed=True))
+    feed_messages(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
+    feed_messages(flight, heartbeat(6, armed=True))
     await asyncio.sleep(0.2)
     assert overridden(flight).cause == "battery failsafe: Battery 1 is low 9.90V"
 
 
 @by(fly)
 async def test_cause_of_a_failsafe_may_come_after_the_mode(flight, /):
-    said_by(flight, heartbeat(6, armed=True))
+    feed_messages(flight, heartbeat(6, armed=True))
     await asyncio.sleep(0.3)
-    said_by(flight, statustext(b"Fence Breached", CRITICAL))
+    feed_messages(flight, statustext(b"Fence Breached", CRITICAL))
     await asyncio.sleep(0.3)
     assert overridden(flight).cause is None
     assert [e.cause for e in flight.seen(AutopilotText) if e.cause] == ["fence breached"]
@@ -164,9 +164,9 @@ async def test_cause_of_a_failsafe_may_come_after_the_mode(flight, /):
 @pytest.mark.parametrize(("mode", "after_s"), [(5, 0.1), (6, 6.0)])
 @by(fly)
 async def test_pilot_and_old_texts_are_no_cause(flight, /, mode, after_s):
-    said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
+    feed_messages(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
     await asyncio.sleep(after_s)
-    said_by(flight, heartbeat(mode, armed=True))
+    feed_messages(flight, heartbeat(mode, armed=True))
     await asyncio.sleep(0.2)
     assert overridden(flight).cause is None
 
@@ -175,7 +175,7 @@ async def test_pilot_and_old_texts_are_no_cause(flight, /, mode, after_s):
 async def test_critical_state_is_an_override_without_a_cause(flight, /):
     beat = heartbeat(9, armed=True)
     beat.system_status = mav.MAV_STATE_CRITICAL
-    said_by(flight, beat)
+    feed_messages(flight, beat)
     await asyncio.sleep(0.2)
     assert overridden(flight).cause == CAUSE_NOT_REPORTED
 
@@ -196,7 +196,7 @@ async def test_px4_counts_the_service_as_a_ground_station(autopilot, onboard, ty
     mode = 4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 4 << 16 | 3 << 24
     peer.session.feed(peer.frame(heartbeat(mode, autopilot=autopilot)))
     peer.session.heartbeat()
-    assert [message.type for _, message in peer.heard] == [type_]
+    assert [message.type for _, message in peer.received] == [type_]
 
 
 OFFBOARD, HOLD, RTL, ALTITUDE = 6 << 16, 4 << 16 | 3 << 24, 4 << 16 | 5 << 24, 2 << 16

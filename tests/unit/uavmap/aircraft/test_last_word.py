@@ -48,7 +48,7 @@ async def fly_out(flight, height_m=UP_M):
 async def keeps(flight, mode, seconds=6.0):
     """Assert that the pilot's mode stays and that the service sends nothing from then on."""
     flight.pilot_mode(mode)
-    await flight.hears_nothing(seconds)
+    await flight.sends_nothing(seconds)
     if flight.session.view.armed:
         assert flight.session.view.mode == mode
     assert [event.mode for event in flight.seen(ev.Overridden)] == [Mode(mode).name]
@@ -135,13 +135,13 @@ async def test_link_back_and_pilot_has_it_guardian_reports_nothing(flight, /):
     flight.to_driver = lambda message: False
     await flight.sees(ev.LinkLost)
     flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, Mode.LOITER)
-    said = len(flight.said)
+    lines = len(flight.service_lines)
     flight.to_driver = lambda message: True
     connected = await flight.sees(ev.Connected, 2)
     await asyncio.sleep(3.0)
     assert not connected.ours
     assert len(flight.seen(ev.Guarded)) == 1
-    assert flight.said[said:] == []
+    assert flight.service_lines[lines:] == []
 
 
 # --- a PX4, which shows its mode only now and then -----------------------------------------------
@@ -240,7 +240,7 @@ async def test_px4_in_failsafe_when_link_is_back_is_not_put_into_hold(flight, /)
     flight.to_driver = lambda message: True
     connected = await flight.sees(ev.Connected, 2)
     assert (connected.ours, flight.vehicle.truth.mode) == (False, Px4Mode.RTL)
-    await flight.hears_nothing(3.0)
+    await flight.sends_nothing(3.0)
 
 
 # --- in the air from the first NAV_TAKEOFF on ----------------------------------------------------
@@ -327,8 +327,8 @@ async def test_crash_leaves_motors_running_they_are_stopped_by_force(flight, /):
     await asyncio.wait_for(flight.driver.guardian.bring_home("the mission failed"), 30.0)
     assert len(stops) == 2  # the request is repeated until it is disarmed
     assert not flight.session.view.armed
-    assert "vehicle 1: its motors still run; they are stopped by force" in flight.said
-    assert flight.said[-1] == "vehicle 1: its motors have stopped"
+    assert "vehicle 1: its motors still run; they are stopped by force" in flight.service_lines
+    assert flight.service_lines[-1] == "vehicle 1: its motors have stopped"
     assert "motors" not in flight.driver.guardian.fate()
 
 
@@ -343,7 +343,7 @@ async def test_crash_under_pilot_with_motors_running_is_reported_only(flight, /)
     await asyncio.sleep(5.0)
     assert flight.driver._monitor.control.holder is Holder.PILOT
     assert flight.commands_after(sent) == []
-    assert "vehicle 1: its motors still run; keep away" in flight.said
+    assert "vehicle 1: its motors still run; keep away" in flight.service_lines
     assert flight.driver.guardian.fate().endswith("and its motors still run")
 
 

@@ -97,7 +97,7 @@ def test_flag_that_flickers_restarts_the_wait():
 
 
 @pytest.mark.parametrize(
-    ("loss", "said", "airborne"),
+    ("loss", "fields", "airborne"),
     [
         # constant position mode of a filter is left to its autopilot
         ("map", {"ekf_flags": EKF_RELATIVE | EKF_CONSTANT}, True),
@@ -106,9 +106,9 @@ def test_flag_that_flickers_restarts_the_wait():
     ],
     ids=["a filter that holds still", "on the ground", "a receiver alone"],
 )
-def test_flag_without_a_loss_changes_nothing(loss, said, airborne):
+def test_flag_without_a_loss_changes_nothing(loss, fields, airborne):
     flown = craft(gnss_loss=loss)
-    for name, value in said.items():
+    for name, value in fields.items():
         setattr(flown.view, name, value)
     flown.pass_s(20.0, airborne=airborne)
     assert not flown.acts

@@ -49,13 +49,13 @@ class Wire:
         self.stream = PathStream(commands, self.reporter, by_places=by_places)
         self.mode = 0
         self.autopilot = mav.MAV_AUTOPILOT_PX4 if px4 else mav.MAV_AUTOPILOT_ARDUPILOTMEGA
-        self.tell(HOLD if px4 else 4)
+        self.report_mode(HOLD if px4 else 4)
 
     @staticmethod
     def now_s():
         return asyncio.get_running_loop().time()
 
-    def tell(self, mode, speed_m_s=0.0):
+    def report_mode(self, mode, speed_m_s=0.0):
         self.mode = mode
         here = GRID.position(GridPoint(0.0, 0.0))
         velocity = (round(100 * speed_m_s), 0, 0)
@@ -79,18 +79,18 @@ class Wire:
 
     def answers_twice(self, *, refused):
         """Have the PX4's receiver accept any mode, and its commander answer with the result."""
-        self.peer.say(ack(SET_MODE, mav.MAV_RESULT_ACCEPTED))
-        self.peer.say(ack(SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED * refused), after_s=0.02)
+        self.peer.send(ack(SET_MODE, mav.MAV_RESULT_ACCEPTED))
+        self.peer.send(ack(SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED * refused), after_s=0.02)
 
     def changes(self, mode, after_s):
         asyncio.get_running_loop().call_later(after_s, setattr, self, "mode", mode)
 
     def setpoints(self):
         kind = "SET_POSITION_TARGET_GLOBAL_INT"
-        return [(t_s, m) for t_s, m in self.peer.heard if m.get_type() == kind]
+        return [(t_s, m) for t_s, m in self.peer.received if m.get_type() == kind]
 
 
-def flown(body):
+def run_virtually(body):
     run(body(), VirtualClock())
 
 
@@ -103,7 +103,7 @@ def place_of(message):
     return GRID.fixed(LatLon(message.lat_int / 1e7, message.lon_int / 1e7))
 
 
-@by(flown)
+@by(run_virtually)
 async def test_stream_sends_places_and_velocities_ahead_ten_times_a_second():
     wire = Wire()
     wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))
@@ -134,7 +134,7 @@ async def test_stream_sends_places_and_velocities_ahead_ten_times_a_second():
     assert max(abs(b - a) for a, b in itertools.pairwise(steps)) / INTERVAL_S < 9.0
 
 
-@by(flown)
+@by(run_virtually)
 async def test_path_that_replaces_another_leaves_no_gap_and_no_jump():
     wire = Wire()
     first = plan()
@@ -177,17 +177,17 @@ def test_stream_depends_on_time_alone():
             for _ in range(40):
                 await asyncio.sleep(0.25)
                 if lies:
-                    wire.tell(4, speed_m_s=9.0)
+                    wire.report_mode(4, speed_m_s=9.0)
             streaming.cancel()
             frames.extend(bytes(m.get_payload()) for _, m in wire.setpoints())
 
-        flown(body)
+        run_virtually(body)
         return frames
 
     assert sent(lies=True) == sent(lies=False)
 
 
-@by(flown)
+@by(run_virtually)
 async def test_px4_sees_a_stream_first_and_then_changes_to_offboard():
     wire = Wire(px4=True)
     asked = []
@@ -217,7 +217,7 @@ async def test_px4_sees_a_stream_first_and_then_changes_to_offboard():
         assert place_of(m).distance_to(plan(2.0).at(t_s + 0.2).place) < 0.06
 
 
-@by(flown)
+@by(run_virtually)
 async def test_px4_that_does_not_change_its_mode_ends_the_order():
     wire = Wire(px4=True)
 
@@ -234,7 +234,7 @@ async def test_px4_that_does_not_change_its_mode_ends_the_order():
     assert wire.monitor.control.holder is Holder.OURS
 
 
-@by(flown)
+@by(run_virtually)
 async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots():
     """Seen over a link that lost 40 %: the second acknowledgement was lost.
 
@@ -243,7 +243,7 @@ async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots():
     """
     wire = Wire(px4=True)
     wire.peer.answer = lambda message: (
-        wire.peer.say(ack(SET_MODE, 0)) if getattr(message, "command", 0) == SET_MODE else None
+        wire.peer.send(ack(SET_MODE, 0)) if getattr(message, "command", 0) == SET_MODE else None
     )
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
     async with wire.beating():
@@ -252,7 +252,7 @@ async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots():
     assert [command for _, command, _ in wire.peer.commands()] == [SET_MODE]
 
 
-@by(flown)
+@by(run_virtually)
 async def test_mode_command_is_not_repeated_on_an_older_report():
     """In an earlier version another command delayed it, and copies followed each second."""
     wire, told_s = Wire(px4=True), []
@@ -261,7 +261,7 @@ async def test_mode_command_is_not_repeated_on_an_older_report():
     async def beat():
         while True:
             told_s.append(wire.now_s())
-            wire.tell(HOLD)
+            wire.report_mode(HOLD)
             await asyncio.sleep(0.7)
 
     beating = asyncio.create_task(beat())
@@ -276,11 +276,11 @@ async def test_mode_command_is_not_repeated_on_an_older_report():
         assert at_s - max(t_s for t_s in told_s if t_s <= at_s) <= MAX_MODE_AGE_S
 
 
-@by(flown)
+@by(run_virtually)
 async def test_take_off_refused_keeps_the_earlier_mode_requested():
     wire = Wire(px4=True)
     wire.peer.answer = lambda message: (
-        wire.peer.say(ack(message.command, mav.MAV_RESULT_DENIED))
+        wire.peer.send(ack(message.command, mav.MAV_RESULT_DENIED))
         if getattr(message, "command", 0) == mav.MAV_CMD_NAV_TAKEOFF
         else None
     )
@@ -294,16 +294,16 @@ async def test_take_off_refused_keeps_the_earlier_mode_requested():
 
 
 # --- leaving -------------------------------------------------------------------------------------
-@by(flown)
+@by(run_virtually)
 async def test_ardupilot_is_braked_by_a_velocity_of_zero():
     wire = Wire()
     assert await wire.stream.leave() is False
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-    wire.tell(4, speed_m_s=6.0)
+    wire.report_mode(4, speed_m_s=6.0)
     leaving = asyncio.create_task(wire.stream.leave())
     await asyncio.sleep(2.05)
     assert not leaving.done()
-    wire.tell(4, speed_m_s=0.4)
+    wire.report_mode(4, speed_m_s=0.4)
     await asyncio.sleep(0.2)
     assert leaving.result() is True
     sent = wire.setpoints()
@@ -314,11 +314,11 @@ async def test_ardupilot_is_braked_by_a_velocity_of_zero():
 
 
 @pytest.mark.parametrize("mode", [4, 5])
-@by(flown)
+@by(run_virtually)
 async def test_braking_ends_in_time_and_sends_nothing_to_a_pilot(mode):
     wire = Wire()
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-    wire.tell(mode, speed_m_s=6.0)
+    wire.report_mode(mode, speed_m_s=6.0)
     begin_s = wire.now_s()
     await wire.stream.leave()
     took_s = wire.now_s() - begin_s
@@ -326,16 +326,16 @@ async def test_braking_ends_in_time_and_sends_nothing_to_a_pilot(mode):
     assert len(wire.setpoints()) in ((60, 61) if mode == 4 else (0,))
 
 
-@by(flown)
+@by(run_virtually)
 async def test_px4_returns_to_hold_while_the_stream_continues():
     wire = Wire(px4=True)
     wire.monitor.control = wire.monitor.control.with_request(OFFBOARD, wire.now_s())
-    wire.tell(OFFBOARD, speed_m_s=6.0)
+    wire.report_mode(OFFBOARD, speed_m_s=6.0)
 
     def answer(message):
         if getattr(message, "command", None) == SET_MODE:
             assert (message.param2, message.param3) == (4.0, 3.0)
-            wire.peer.say(ack(SET_MODE, 0))
+            wire.peer.send(ack(SET_MODE, 0))
             wire.changes(HOLD, after_s=0.85)
 
     wire.peer.answer = answer
@@ -368,30 +368,30 @@ class Keeper:
         if message.get_type() == "PARAM_SET" and not self._stubborn:
             self.number = message.param_value
         if not (self._lossy and self._heard % 2):
-            self.wire.peer.say(value("SERIAL0_BAUD", 57.0), value("GUID_TIMEOUT", self.number))
+            self.wire.peer.send(value("SERIAL0_BAUD", 57.0), value("GUID_TIMEOUT", self.number))
 
 
 @pytest.mark.parametrize("lossy", [False, True])
-@by(flown)
+@by(run_virtually)
 async def test_timeout_is_shortened_once_for_the_flight(lossy):
     keeper = Keeper(3.0, lossy=lossy)
     await keeper.timeout.shorten()
     assert keeper.number == 1.0
-    heard = len(keeper.wire.peer.heard)
+    heard = len(keeper.wire.peer.received)
     await keeper.timeout.shorten()
-    assert len(keeper.wire.peer.heard) == heard
+    assert len(keeper.wire.peer.received) == heard
     assert not keeper.told
 
 
 @pytest.mark.parametrize(("found", "flown_with"), [(0.5, 0.5), (0.8, 0.8), (0.1, 1.0), (0.0, 1.0)])
-@by(flown)
+@by(run_virtually)
 async def test_timeout_short_enough_is_left_alone(found, flown_with):
     keeper = Keeper(found)
     await keeper.timeout.shorten()
     assert keeper.number == pytest.approx(flown_with)
 
 
-@by(flown)
+@by(run_virtually)
 async def test_timeout_that_cannot_be_set_is_reported_once_and_is_no_failure():
     keeper = Keeper(3.0, stubborn=True)
     await keeper.timeout.shorten()
@@ -406,15 +406,15 @@ async def test_timeout_that_cannot_be_set_is_reported_once_and_is_no_failure():
     assert "does not report its GUID_TIMEOUT" in mute.told[0]
 
 
-@by(flown)
+@by(run_virtually)
 async def test_px4_keeps_its_parameters():
     wire = Wire(px4=True)
     timeout = StreamTimeout("sim", wire.peer.session, lambda text: None)
     await timeout.shorten()
-    assert not wire.peer.heard
+    assert not wire.peer.received
 
 
-@by(flown)
+@by(run_virtually)
 async def test_impossible_place_is_not_sent():
     wire = Wire()
     lost = replace(plan(), drift_m_s=(math.nan, 0.0))
@@ -425,7 +425,7 @@ async def test_impossible_place_is_not_sent():
 
 # --- on a fast clock -----------------------------------------------------------------------------
 @pytest.mark.parametrize("px4", [False, True])
-@by(flown)
+@by(run_virtually)
 async def test_driver_without_a_stream_sends_places_ahead(px4):
     """A vehicle stops at the last of these places by itself: no velocity continues."""
     wire = Wire(px4=px4, by_places=True)
@@ -436,7 +436,7 @@ async def test_driver_without_a_stream_sends_places_ahead(px4):
     if px4:
         places = [
             (t_s, GRID.fixed(LatLon(m.x / 1e7, m.y / 1e7)))
-            for t_s, m in wire.peer.heard
+            for t_s, m in wire.peer.received
             if m.get_type() == "COMMAND_INT"
             and m.command == mav.MAV_CMD_DO_REPOSITION
             and m.param4 == pytest.approx(math.pi / 2)
@@ -449,7 +449,7 @@ async def test_driver_without_a_stream_sends_places_ahead(px4):
     lead_s = (PX4 if px4 else ARDUPILOT).places_lead_s
     for t_s, place in places:
         assert place.distance_to(plan().at(t_s + lead_s).place) < 0.05
-    modes = [m for _, m in wire.peer.heard if getattr(m, "command", 0) == SET_MODE]
+    modes = [m for _, m in wire.peer.received if getattr(m, "command", 0) == SET_MODE]
     assert not modes
     assert await wire.stream.leave()
     assert not await wire.stream.leave()

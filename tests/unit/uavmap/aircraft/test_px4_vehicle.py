@@ -130,7 +130,9 @@ async def test_prearm_wait_names_the_mode(flight, /, monkeypatch):
     monkeypatch.setattr(type(flight.vehicle._ap), "prearm_refusal", lambda ap: "a check fails")
     failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=150.0)
     assert "not ready to arm within 120 s, in HOLD" in failed.reason
-    assert any("waits for the checks before arming, in HOLD" in line for line in flight.said)
+    assert any(
+        "waits for the checks before arming, in HOLD" in line for line in flight.service_lines
+    )
 
 
 # --- who has the last word -----------------------------------------------------------------------
@@ -157,7 +159,7 @@ async def test_pilot_takes_over_in_every_phase(flight, /, phase, turned):
         flight.vehicle._ap.setpoints.note(flight.vehicle.t_s + 1e3)  # a stream without end
     pilot_mode(flight, turned)
     await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
-    await flight.hears_nothing(10.0)
+    await flight.sends_nothing(10.0)
     assert flight.vehicle.truth.mode == turned
     assert [e.mode for e in flight.seen(ev.Overridden)] == [turned.name]
     pilot_mode(flight, Px4Mode.HOLD)
@@ -176,7 +178,7 @@ async def test_pilots_mission_ending_in_hold_gives_nothing_back(flight, /):
     pilot_mode(flight, Px4Mode.MISSION)
     await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
     await flight.until(lambda: flight.vehicle.truth.mode == Px4Mode.HOLD)
-    await flight.hears_nothing(5.0)
+    await flight.sends_nothing(5.0)
     assert not flight.seen(ev.Released)
 
 

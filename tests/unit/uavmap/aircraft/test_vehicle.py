@@ -147,7 +147,7 @@ async def test_drifting_look_yields_to_a_pilot(flight, /):
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(ev.FrameSeen, 2)
     flight.pilot_mode(LOITER)
-    await flight.hears_nothing(10.0)
+    await flight.sends_nothing(10.0)
 
 
 @pytest.mark.parametrize("phase", [taking_off, flying, looking], ids=lambda f: f.__name__)
@@ -158,7 +158,7 @@ async def test_pilot_takes_over_while_an_ack_is_awaited(flight, /, phase):
     flight.to_vehicle = lambda message: not message.get_type().startswith("COMMAND_")
     await asyncio.sleep(1.5)
     flight.pilot_mode(RTL)
-    await flight.hears_nothing(10.0)
+    await flight.sends_nothing(10.0)
 
 
 @by(fly)
@@ -170,7 +170,7 @@ async def test_mode_that_changes_quickly_is_reported_each_time(flight, /):
     await asyncio.sleep(0.2)
     kinds = [type(e) for e in flight.events if isinstance(e, ev.Overridden | ev.Released)]
     assert kinds == [ev.Overridden, ev.Released] * 3
-    await flight.hears_nothing(5.0)  # no order was given since
+    await flight.sends_nothing(5.0)  # no order was given since
 
 
 @by(fly_up)
@@ -444,11 +444,11 @@ async def test_streams_with_a_refused_one_are_complete(field, /, autopilot):
 async def test_heartbeat_of_ardupilot_is_received_at_5_hz(field, /):
     session, beats = field.links[0].session, []
 
-    def hear(message):
+    def collect(message):
         if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == 1:
             beats.append(message)
 
     await Streams("sim", session).ask(lambda: True)
-    session.listen(hear)
+    session.listen(collect)
     await asyncio.sleep(4.0)
     assert len(beats) >= 18

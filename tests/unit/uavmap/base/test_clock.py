@@ -143,7 +143,7 @@ def test_run_cancels_remaining_tasks_and_raises_errors():
 
 
 # --- the pace of a vehicle's time ------------------------------------------------------------
-def said(rate: float, speedup: float = 1.0, seconds: int = 60) -> list[str]:
+def speed_lines(rate: float, speedup: float = 1.0, seconds: int = 60) -> list[str]:
     clock = ClockRate(10.0 * speedup, speedup)
     steps = range(int(seconds * speedup))
     return [text for t in steps if (text := clock.check(float(t), 1000.0 + rate * t))]
@@ -151,14 +151,14 @@ def said(rate: float, speedup: float = 1.0, seconds: int = 60) -> list[str]:
 
 @pytest.mark.parametrize("rate", [0.7, 0.8, 1.0, 1.3])
 def test_busy_machine_is_not_a_wrong_speedup(rate):
-    assert said(rate) == []
+    assert speed_lines(rate) == []
 
 
 @pytest.mark.parametrize(
     ("speedup", "rate", "meant"), [(1.0, 10.0, "10"), (10.0, 0.3, "3"), (10.0, 0.1, "1")]
 )
 def test_wrong_speedup_is_reported_once_with_the_right_one(speedup, rate, meant):
-    (text,) = said(rate, speedup)
+    (text,) = speed_lines(rate, speedup)
     assert f"--speedup {meant} meant" in text
 
 

@@ -6,14 +6,14 @@ import asyncio
 import logging
 import threading
 
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from uavmap.base.messages import bound, muted, prefixed, shown_on
 
 LOG = logging.getLogger("uavmap.flight")
 
 
 def test_lines_are_shown_as_they_are_while_a_display_is_there():
-    one, page = Said(), Said()
+    one, page = ShownLines(), ShownLines()
     LOG.info("before")
     with shown_on(one):
         LOG.info("100 % of the box\nsecond")
@@ -26,7 +26,7 @@ def test_lines_are_shown_as_they_are_while_a_display_is_there():
 
 
 def test_flights_in_threads_at_the_same_time_keep_their_lines_apart():
-    both, shown = threading.Barrier(3), {name: Said() for name in ("one", "other")}
+    both, shown = threading.Barrier(3), {name: ShownLines() for name in ("one", "other")}
 
     def fly(name: str) -> None:
         with shown_on(shown[name]):
@@ -50,7 +50,7 @@ def test_flights_in_threads_at_the_same_time_keep_their_lines_apart():
 
 
 def test_members_in_tasks_begin_their_lines_with_their_number():
-    said, made = Said(), {}
+    lines, made = ShownLines(), {}
 
     async def member(number: int) -> None:
         with prefixed(f"vehicle {number}: "):
@@ -65,18 +65,18 @@ def test_members_in_tasks_begin_their_lines_with_their_number():
         LOG.info("all are here")
         made[2].line("is heard by another")
 
-    with shown_on(said):
+    with shown_on(lines):
         asyncio.run(fleet())
-    assert said == [
+    assert lines == [
         "vehicle 1: is here", "vehicle 2: is here", "all are here",
         "vehicle 2: is heard by another",
     ]  # fmt: skip
 
 
 def test_thread_without_a_context_is_shown_by_all():
-    said = Said()
-    with shown_on(said):
+    lines = ShownLines()
+    with shown_on(lines):
         thread = threading.Thread(target=LOG.info, args=("from a driver's thread",))
         thread.start()
         thread.join()
-    assert said == ["from a driver's thread"]
+    assert lines == ["from a driver's thread"]

@@ -14,7 +14,7 @@ from missions.events import Continued, Event, Paused, Recalled, VehicleRecalled
 from missions.fleet_events import Fact
 from missions.units import Cell, GridPoint, PadHeight
 from tests.unit.missions.flight.test_facts import small_setting
-from tests.unit.uavmap.fleet.test_members_in_air import made
+from tests.unit.uavmap.fleet.test_members_in_air import setting_for
 from uavmap.base.clock import VirtualClock, run
 from uavmap.fleet.codec import Batch, Message, OperatorOrder, encode
 from uavmap.fleet.knowledge import Holding, Knowledge
@@ -52,7 +52,7 @@ class Station:
         """Return its mission time."""
         return asyncio.get_running_loop().time() - self.late_s
 
-    def told(self, *kinds: type) -> list[type]:
+    def reports(self, *kinds: type) -> list[type]:
         """Return the reports of some kinds that it got."""
         return [type(event) for event in self.events if isinstance(event, kinds)]
 
@@ -64,13 +64,13 @@ def together(
     """Let stations communicate during an action."""
 
     async def all_of_it() -> list[Station]:
-        made = stations()
-        talking = [asyncio.create_task(station.member.run()) for station in made]
-        await act(made)
+        those = stations()
+        talking = [asyncio.create_task(station.member.run()) for station in those]
+        await act(those)
         for task in talking:
             task.cancel()
         await asyncio.gather(*talking, return_exceptions=True)
-        return made
+        return those
 
     return run(all_of_it(), VirtualClock())
 
@@ -89,11 +89,11 @@ def test_command_of_the_station_is_relayed_to_members_out_of_range():
 
     stations = together(lambda: in_a_row(100.0, 150.0), recall_all)
     for station in stations:
-        assert station.told(Recalled) == [Recalled], station.number
+        assert station.reports(Recalled) == [Recalled], station.number
 
 
 def test_newest_command_holds_and_each_is_reported_once():
-    async def words(stations: list[Station]) -> None:
+    async def send_commands(stations: list[Station]) -> None:
         await asyncio.sleep(15.0)
         ground = stations[0].member
         ground.order(OperatorOrder(7, 0, "pause"))
@@ -103,9 +103,9 @@ def test_newest_command_holds_and_each_is_reported_once():
         ground.order(OperatorOrder(6, 0, "recall"))  # an older one, which was under way for long
         await asyncio.sleep(30.0)
 
-    stations = together(lambda: in_a_row(10.0, 100.0), words)
+    stations = together(lambda: in_a_row(10.0, 100.0), send_commands)
     for station in stations[1:]:
-        orders = station.told(Paused, Continued, Recalled, VehicleRecalled)
+        orders = station.reports(Paused, Continued, Recalled, VehicleRecalled)
         mine = [VehicleRecalled] if station.number == 2 else []
         assert [o for o in orders if o is not VehicleRecalled] == [Paused, Continued]
         assert [o for o in orders if o is VehicleRecalled] == mine
@@ -150,7 +150,7 @@ def test_communication_that_fails_is_reported_once_and_continues(said):
     stations = together(lambda: in_a_row(1.0, 100.0, 1), listen)
     assert len(said) == 1
     assert "internal error in fleet communication (ValueError" in said[0]
-    assert stations[1].told(Recalled) == [Recalled]
+    assert stations[1].reports(Recalled) == [Recalled]
 
 
 def test_ground_station_with_an_earlier_clock_is_obeyed(monkeypatch):
@@ -166,7 +166,7 @@ def test_ground_station_with_an_earlier_clock_is_obeyed(monkeypatch):
         await asyncio.sleep(30.0)
 
     for station in together(lambda: in_a_row(10.0, 100.0), two_stations):
-        assert station.told(Paused, Recalled) == [Paused, Recalled], station.number
+        assert station.reports(Paused, Recalled) == [Paused, Recalled], station.number
 
 
 def test_resumed_member_ignores_a_recall_that_it_obeyed_before():
@@ -187,7 +187,7 @@ def test_resumed_member_ignores_a_recall_that_it_obeyed_before():
             task.cancel()
 
     together(lambda: in_a_row(10.0, 100.0), resumed)
-    assert [one.told(Recalled) for one in again] == [[], [Recalled]]
+    assert [one.reports(Recalled) for one in again] == [[], [Recalled]]
 
 
 def test_members_know_the_heights_of_all_pads_before_they_fly():
@@ -220,7 +220,7 @@ def facts(first: int, end: int) -> list[Fact]:
     return [fact(k) for k in range(first, end)]
 
 
-def told(batches: tuple[Batch, ...]) -> list[tuple[int, int]]:
+def fact_numbers(batches: tuple[Batch, ...]) -> list[tuple[int, int]]:
     return [(b.origin, b.first + k) for b in batches for k in range(len(b.facts))]
 
 
@@ -232,13 +232,13 @@ def test_fact_under_way_is_not_sent_again_and_a_lost_one_is():
     peer, known = Peer(0.0), Knowledge()
     telling = FactSender(1, {2: peer})
     known.add(1, 0, facts(0, 6))
-    assert told(telling.batches(known, 10.0, ROOM)) == [(1, k) for k in range(6)]
+    assert fact_numbers(telling.batches(known, 10.0, ROOM)) == [(1, k) for k in range(6)]
     peer.have, peer.have_s = {}, 10.5  # sent before the fact could have arrived
     assert not telling.batches(known, 12.0, ROOM)
     peer.have, peer.have_s = {1: Holding(1, ((3, 4), (5, 6)))}, 13.0
     known.add(1, 6, facts(6, 8))
     again = telling.batches(known, 14.0, ROOM)
-    assert told(again) == [(1, 1), (1, 2), (1, 4), (1, 6), (1, 7)]
+    assert fact_numbers(again) == [(1, 1), (1, 2), (1, 4), (1, 6), (1, 7)]
 
 
 def test_lost_facts_take_half_of_the_room_while_there_is_news():
@@ -249,7 +249,7 @@ def test_lost_facts_take_half_of_the_room_while_there_is_news():
     peer.have_s = 5.0
     known.add(1, 60, facts(60, 120))
     said = telling.batches(known, 6.0, 200)
-    numbers = {number for _, number in told(said)}
+    numbers = {number for _, number in fact_numbers(said)}
     assert size(said) <= 200
     assert 60 in numbers
     assert 0 in numbers
@@ -262,7 +262,7 @@ def test_facts_of_others_are_relayed_to_a_member_that_lacks_them():
     known.add(3, 0, facts(0, 4))
     peer.have, peer.have_s, peer.lacks_since_s = {3: Holding(1)}, 20.0, {3: 20.0}
     assert not telling.batches(known, 20.0 + RELAY_S - 0.1, ROOM)
-    assert told(telling.batches(known, 20.0 + RELAY_S, ROOM)) == [(3, 1), (3, 2), (3, 3)]
+    assert fact_numbers(telling.batches(known, 20.0 + RELAY_S, ROOM)) == [(3, 1), (3, 2), (3, 3)]
     peer.apart = True
     assert not telling.batches(known, 60.0, ROOM)
 
@@ -271,7 +271,7 @@ def test_restarted_member_sends_only_facts_that_another_lacks():
     peer, known = Peer(0.0), Knowledge()
     peer.have, peer.have_s = {1: Holding(5)}, 3.0
     known.add(1, 0, facts(0, 7))
-    assert told(FactSender(1, {2: peer}).batches(known, 4.0, ROOM)) == [(1, 5), (1, 6)]
+    assert fact_numbers(FactSender(1, {2: peer}).batches(known, 4.0, ROOM)) == [(1, 5), (1, 6)]
 
 
 @dataclass(slots=True)
@@ -282,7 +282,7 @@ class Talk:
     late_s: list[float] = field(default_factory=list)
     known: Counter[tuple[int, int]] = field(default_factory=Counter)
 
-    def look(self, now_s: float) -> None:
+    def record(self, now_s: float) -> None:
         for ours in self.members:
             for origin in range(1, len(self.members) + 1):
                 have = ours.knowledge.facts.get(origin, {})
@@ -301,7 +301,7 @@ def test_news_is_sent_soon_and_once_and_lost_facts_again(loss):
         for number in (1, 2, 3):
             radio = air.radio(number, lambda: (GridPoint(0.0, 0.0), 0.0))
             seal = Seal(KEY, number, 1)
-            member = Member(made(number), seal, radio, loop.time, lambda event: None)
+            member = Member(setting_for(number), seal, radio, loop.time, lambda event: None)
             member.clock_moved(0.0)
             members.append(member)
         said = Counter[tuple[int, int]]()
@@ -310,7 +310,7 @@ def test_news_is_sent_soon_and_once_and_lost_facts_again(loss):
 
             def counted(known, now_s, room, tell=tell):
                 batches = tell(known, now_s, room)
-                said.update(told(batches))
+                said.update(fact_numbers(batches))
                 return batches
 
             member._telling.batches = counted
@@ -321,7 +321,7 @@ def test_news_is_sent_soon_and_once_and_lost_facts_again(loss):
                 for member in members:
                     member.knowledge.add(member._number, k, [fact(k)])
             await asyncio.sleep(1.0)
-            found.look(float(k + 1))
+            found.record(float(k + 1))
         for task in tasks:
             task.cancel()
         return found, said.total(), air.sent_bytes

@@ -39,12 +39,12 @@ CLIMB_S = 12.0
 
 
 @lru_cache
-def made(member: int) -> Setting:
+def setting_for(member: int) -> Setting:
     return setting_of(parse_mission(field_text(high=True), "test"), member)
 
 
 @dataclass(slots=True)
-class Mind:
+class WanderingMember:
     """A member with a vehicle in the air that moves at random and sometimes changes its layer."""
 
     number: int
@@ -62,7 +62,7 @@ class Mind:
     """True once its service accepts reports."""
 
     def __post_init__(self) -> None:
-        self.setting = made(self.number)
+        self.setting = setting_for(self.number)
         state = self.setting.initial_state()
         place = GridPoint(4.0 + 12.0 * self.number, 40.0)
         low_m = self.setting.mission.altitude_m(self.number - 1)
@@ -143,12 +143,12 @@ class Mind:
 
 def too_near(one: Column, other: Column) -> bool:
     """Return whether two vehicles are nearer than allowed, with half a metre for rounded places."""
-    team = made(0).mission.team
+    team = setting_for(0).mission.team
     air, there = (Volume((c.place,), c.low_m, c.high_m) for c in (one, other))
     return air.meets(there, team.separation_m + SEPARATION_BUFFER_M - 0.5, team.layer_m)
 
 
-async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
+async def history(seed: int) -> tuple[list[str], int, list[WanderingMember]]:
     """Run three members for some minutes; return the faults and the number of changes of layer."""
     chance = random.Random(seed)
     groups = chance.choice([(frozenset({1}), frozenset({2, 3})), (), (frozenset({1, 2}),)])
@@ -159,7 +159,9 @@ async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
     )  # fmt: skip
     air = Air(model, seed)
     ahead = {chance.randint(1, 3): chance.choice([0.0, 30.0, 3_600.0])}
-    minds = [Mind(n, air, random.Random(10 * seed + n), ahead.get(n, 0.0)) for n in (1, 2, 3)]
+    minds = [
+        WanderingMember(n, air, random.Random(10 * seed + n), ahead.get(n, 0.0)) for n in (1, 2, 3)
+    ]
     dies, dies_s = chance.choice(minds), chance.uniform(30.0, 200.0)
     wrong, fact = list[str](), 0
     for k in range(480):
@@ -201,7 +203,7 @@ def test_reserved_air_has_one_member_and_facts_reach_all():
 def test_member_without_a_message_grants_no_air():
     async def asked(says: bool) -> float:
         air = Air(LinkModel())
-        minds = [Mind(number, air, random.Random(number)) for number in (1, 2, 3)]
+        minds = [WanderingMember(number, air, random.Random(number)) for number in (1, 2, 3)]
         first = minds[0]
         column = Column(GridPoint(-10.0, 30.0), 12.0, 30.0, 0.0, 60.0)
         mine = replace(first.vehicle, position=column.place, asks=column)
@@ -221,10 +223,10 @@ def test_member_without_a_message_grants_no_air():
 
 
 def test_message_that_was_overtaken_opens_no_air():
-    async def told() -> list[AirRequested]:
+    async def received_asks() -> list[AirRequested]:
         ours, theirs, found = Seal(KEY, 1, 1), Seal(KEY, 2, 1), list[Event]()
         radio = Air(LinkModel()).radio(1, lambda: (GridPoint(0.0, 0.0), 0.0))
-        member = Member(made(1), ours, radio, lambda: 5.0, found.append)
+        member = Member(setting_for(1), ours, radio, lambda: 5.0, found.append)
         member.clock_moved(0.0)
         met(ours, theirs)
         ask = AirRequest(7, GridPoint(4.0, 40.0), 12.0, 30.0, 3_640.0)
@@ -234,5 +236,5 @@ def test_message_that_was_overtaken_opens_no_air():
         member.end()
         return [event for event in found if isinstance(event, AirRequested)]
 
-    (only,) = run(told(), VirtualClock())
+    (only,) = run(received_asks(), VirtualClock())
     assert only.until_s == 5.0 + 38.0

@@ -29,12 +29,12 @@ PATIENCE_S = 30.0
 LOOK_S = 0.02
 
 
-class Ear:
+class Receiver:
     """A receiver that keeps all messages."""
 
     def __init__(self, radio: ZenohRadio | MulticastRadio | Radios) -> None:
-        self.heard: set[bytes] = set()
-        radio.listen(self.heard.add)
+        self.received: set[bytes] = set()
+        radio.listen(self.received.add)
 
 
 async def until(condition: Callable[[], bool], meanwhile: Callable[[], None]) -> None:
@@ -47,7 +47,7 @@ async def until(condition: Callable[[], bool], meanwhile: Callable[[], None]) ->
 
 
 async def exchanged(
-    one: ZenohRadio, at_one: Ear, other: ZenohRadio, at_other: Ear, word: bytes
+    one: ZenohRadio, at_one: Receiver, other: ZenohRadio, at_other: Receiver, word: bytes
 ) -> None:
     """Have two radios send to each other until both have received."""
 
@@ -55,7 +55,7 @@ async def exchanged(
         one.send(b"to other")
         other.send(word)
 
-    await until(lambda: word in at_one.heard and b"to other" in at_other.heard, speak)
+    await until(lambda: word in at_one.received and b"to other" in at_other.received, speak)
 
 
 @contextlib.asynccontextmanager
@@ -76,12 +76,12 @@ async def test_radio_that_was_gone_and_returns_is_received_again(kind, said):
     type_ = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
     endpoint = f"{kind}/127.0.0.1:{free_port(type_)}"
     async with over_zenoh(listen=endpoint) as one:
-        at_one = Ear(one)
+        at_one = Receiver(one)
         for word in (b"first", b"second"):
             async with over_zenoh(peers=endpoint) as other:
-                await exchanged(one, at_one, other, Ear(other), word)
+                await exchanged(one, at_one, other, Receiver(other), word)
         assert one.opened == 1
-        assert b"to other" not in at_one.heard  # no radio receives its own messages
+        assert b"to other" not in at_one.received  # no radio receives its own messages
         one.send(bytes(2000))  # larger than any message: left out
     assert said == []
 
@@ -111,19 +111,19 @@ def group(interface: str) -> MulticastRadio:
 async def test_message_to_a_group_reaches_all_of_it():
     one = group("lo")
     others = [MulticastRadio(one._endpoint) for _ in range(2)]
-    ears = [Ear(radio) for radio in (one, *others)]
+    ears = [Receiver(radio) for radio in (one, *others)]
     for radio in (one, *others):
         radio.open()
     try:
         await until(
-            lambda: all(b"to all" in ear.heard for ear in ears[1:]),
+            lambda: all(b"to all" in ear.received for ear in ears[1:]),
             lambda: Radios((one,)).send(b"to all"),
         )
         one.send(bytes(2000))
     finally:
         for radio in (one, *others):
             radio.close()
-    assert all(ear.heard <= {b"to all"} for ear in ears)
+    assert all(ear.received <= {b"to all"} for ear in ears)
 
 
 @by(in_real_time)
@@ -149,7 +149,7 @@ async def test_two_radios_exchange_messages_by_a_router():
     async with over_zenoh(routers=endpoint) as one:
         with zenoh.open(config):  # it starts after the first has called
             async with over_zenoh(routers=endpoint) as other:
-                await exchanged(one, Ear(one), other, Ear(other), b"word")
+                await exchanged(one, Receiver(one), other, Receiver(other), b"word")
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_link_model_on_the_grid_is_read_from_its_text(text, links):
 
 @pytest.mark.parametrize("read", [in_flight, on_the_grid])
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("", "'' is none of"),
         ("near", "'near' is none of"),
@@ -252,13 +252,13 @@ def test_link_model_on_the_grid_is_read_from_its_text(text, links):
         ("free,loss:0.1,loss:0.2", "loss stands there twice"),
     ],
 )
-def test_invalid_link_model_is_refused_with_a_reason(read, text, said):
-    with pytest.raises(ValueError, match=re.escape(said)):
+def test_invalid_link_model_is_refused_with_a_reason(read, text, expected):
+    with pytest.raises(ValueError, match=re.escape(expected)):
         read(text)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("meeting,loss:0.1", "write meeting alone"),
         ("meeting,apart:1-2", "write meeting alone"),
@@ -273,8 +273,8 @@ def test_invalid_link_model_is_refused_with_a_reason(read, text, said):
         ("free,apart:1-2:1+2/2", "robot 2 stands there twice"),
     ],
 )
-def test_invalid_link_model_on_the_grid_is_refused_with_a_reason(text, said):
-    with pytest.raises(ValueError, match=re.escape(said)):
+def test_invalid_link_model_on_the_grid_is_refused_with_a_reason(text, expected):
+    with pytest.raises(ValueError, match=re.escape(expected)):
         on_the_grid(text)
 
 

@@ -71,10 +71,10 @@ def test_ten_thousand_strange_datagrams_are_refused():
 
 def test_ten_thousand_replayed_datagrams_are_refused():
     one, other = pair()
-    said = [one.sealed(bytes([k % 256])) for k in range(500)]
-    assert sum(other.opened(datagram) is not None for datagram in said) == 500
+    datagrams = [one.sealed(bytes([k % 256])) for k in range(500)]
+    assert sum(other.opened(datagram) is not None for datagram in datagrams) == 500
     chance = random.Random(2)
-    assert not any(other.opened(chance.choice(said)) for _ in range(10_000))
+    assert not any(other.opened(chance.choice(datagrams)) for _ in range(10_000))
     assert other.refused["heard before"] == 10_000
 
 
@@ -117,11 +117,11 @@ def test_second_member_with_the_same_number_is_reported():
 @given(st.lists(st.integers(0, 120), max_size=200))
 def test_counter_is_accepted_once_in_any_order(order):
     one, other = pair()
-    said = [one.sealed(bytes([k])) for k in range(121)]
+    datagrams = [one.sealed(bytes([k])) for k in range(121)]
     taken: list[int] = []
     newest = -1
     for k in order:
-        opened = other.opened(said[k])
+        opened = other.opened(datagrams[k])
         fresh = k not in taken and newest - k <= WINDOW
         assert (opened is not None) == fresh, k
         if opened is not None:
@@ -142,7 +142,7 @@ PEER = "tcp/127.0.0.1:7447"
 GROUP = "udp/224.0.0.224:7447#iface=lo"
 
 
-def flown(**how: Any) -> Any:
+def fleet_mission(**how: Any) -> Any:
     box, fence = square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0)
     pads = [(0.0, 0.0), (16.0, 0.0)]
     return mission(box, fence, vehicles=2, homes=pads, strategy="swath", **how)
@@ -156,9 +156,9 @@ def network(tmp_path: Path, **where: Any) -> FleetNetwork:
 
 
 def test_key_depends_on_the_meaning_of_facts_alone():
-    secret, one = bytes(range(32)), flown()
-    assert fleet_key(secret, one) == fleet_key(secret, flown(capacity_wh=90.0))
-    others = [flown(drift_m_s=0.1), flown(frames=7), flown(altitude_m=13.0)]
+    secret, one = bytes(range(32)), fleet_mission()
+    assert fleet_key(secret, one) == fleet_key(secret, fleet_mission(capacity_wh=90.0))
+    others = [fleet_mission(drift_m_s=0.1), fleet_mission(frames=7), fleet_mission(altitude_m=13.0)]
     assert len({fleet_key(secret, each) for each in (one, *others)}) == 4
     assert fleet_key(bytes(32), one) != fleet_key(secret, one) != secret
     slick = load("slick")
@@ -173,7 +173,7 @@ def test_start_number_rises_with_each_start(tmp_path):
     where, starts = network(tmp_path, peers=(PEER,)), []
     with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
         for now_utc_s in (1000.0, 1000.5, 10.0, 5000.0):  # twice in a second; a clock set back
-            seal = member_seal(where, flown(), 2, journal, lambda now_s=now_utc_s: now_s)
+            seal = member_seal(where, fleet_mission(), 2, journal, lambda now_s=now_utc_s: now_s)
             assert journal.meta[START] == seal.start
             starts.append(seal.start)
     assert starts == [1000, 1001, 1002, 5000]

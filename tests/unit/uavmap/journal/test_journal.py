@@ -198,12 +198,12 @@ def test_killed_process_loses_nothing_that_it_acknowledged(tmp_path):
         )
         assert process.stdout is not None
         with process.stdout:
-            said = [int(process.stdout.readline()) for _ in range(after)]
+            lines = [int(process.stdout.readline()) for _ in range(after)]
             process.send_signal(signal.SIGKILL)
-            said += [int(line) for line in process.stdout.read().split("\n")[:-1]]
+            lines += [int(line) for line in process.stdout.read().split("\n")[:-1]]
         assert process.wait() == -signal.SIGKILL
-        assert said[0] > acknowledged
-        acknowledged = said[-1]
+        assert lines[0] > acknowledged
+        acknowledged = lines[-1]
         found = [event.t_s for event in JournalReader(path).events()]
         assert found == [float(n) for n in range(len(found))]
         assert acknowledged < len(found) <= acknowledged + 2

@@ -25,19 +25,19 @@ class Usage(NamedTuple):
 
 @pytest.mark.skipif(not FULL.exists(), reason="a device that is always full")
 def test_picture_without_a_written_pose_is_not_kept(tmp_path):
-    said: list[str] = []
+    lines: list[str] = []
     (tmp_path / FRAMES).mkdir()
     (tmp_path / FRAMES / POSES).symlink_to(FULL)
-    keeper = FrameKeeper(tmp_path, said.append)
+    keeper = FrameKeeper(tmp_path, lines.append)
     for t_s in (1.0, 2.0, 3.0):
         keeper.keep(frame(t_s), PICTURE)
-    assert said == [f"pictures are kept no longer: {tmp_path / FRAMES}: No space left on device"]
+    assert lines == [f"pictures are kept no longer: {tmp_path / FRAMES}: No space left on device"]
     assert [path.name for path in (tmp_path / FRAMES).iterdir()] == [POSES]
 
 
 def test_picture_that_cannot_be_written_leaves_the_others_whole(tmp_path, monkeypatch):
-    said: list[str] = []
-    keeper = FrameKeeper(tmp_path, said.append)
+    lines: list[str] = []
+    keeper = FrameKeeper(tmp_path, lines.append)
     keeper.keep(frame(1.0), PICTURE)
     whole = (tmp_path / FRAMES / POSES).read_bytes()
     note = FrameKeeper._note
@@ -51,21 +51,21 @@ def test_picture_that_cannot_be_written_leaves_the_others_whole(tmp_path, monkey
     monkeypatch.setattr(FrameKeeper, "_note", half)
     keeper.keep(frame(2.0), PICTURE)
     keeper.keep(frame(3.0), PICTURE)
-    assert len(said) == 1
+    assert len(lines) == 1
     assert (tmp_path / FRAMES / POSES).read_bytes() == whole
     assert len(list((tmp_path / FRAMES).glob("*.jpg"))) == 1
     monkeypatch.undo()
-    FrameKeeper(tmp_path, said.append).keep(frame(2.0), PICTURE)  # as after a resume, with room
+    FrameKeeper(tmp_path, lines.append).keep(frame(2.0), PICTURE)  # as after a resume, with room
     assert [kept.t_s for kept in read_kept(tmp_path) if isinstance(kept, KeptFrame)] == [1.0, 2.0]
-    assert len(said) == 1
+    assert len(lines) == 1
 
 
 def test_list_of_poses_that_is_damaged_stops_no_resume(tmp_path):
-    said: list[str] = []
+    lines: list[str] = []
     (tmp_path / FRAMES).mkdir()
     (tmp_path / FRAMES / POSES).write_bytes(b"\xff\xfe\x00garbage")
-    FrameKeeper(tmp_path, said.append).keep(frame(1.0), PICTURE)
-    (line,) = said
+    FrameKeeper(tmp_path, lines.append).keep(frame(1.0), PICTURE)
+    (line,) = lines
     assert line.endswith(f"{POSES} cannot be read; move {tmp_path / FRAMES} away")
     assert len(list((tmp_path / FRAMES).iterdir())) == 1
 
@@ -73,10 +73,10 @@ def test_list_of_poses_that_is_damaged_stops_no_resume(tmp_path):
 def test_last_room_on_the_disk_is_left_to_the_journal(tmp_path, monkeypatch):
     left = iter(range(ROOM_MIB * 2**20 + 100_000, 0, -20_000))  # each of them takes some room
     monkeypatch.setattr(shutil, "disk_usage", lambda path: Usage(next(left)))
-    said: list[str] = []
-    keeper = FrameKeeper(tmp_path, said.append)
+    lines: list[str] = []
+    keeper = FrameKeeper(tmp_path, lines.append)
     for second in range(9):
         keeper.keep(frame(float(second)), PICTURE)
-    (line,) = said
+    (line,) = lines
     assert line.endswith(f"less than {ROOM_MIB} MiB are left on the disk")
     assert len(list((tmp_path / FRAMES).glob("*.jpg"))) == 5

@@ -105,39 +105,39 @@ class FullDisk:
 
 @pytest.mark.parametrize("torn", [0, 1, 9, 20])
 def test_full_disk_is_reported_once_and_stops_nothing(tmp_path, monkeypatch, torn):
-    path, peer, said = tmp_path / "flight.tlog", Peer(), []
+    path, peer, lines = tmp_path / "flight.tlog", Peer(), []
     frames = [peer.frame(heartbeat()) for _ in range(40)]
     record = len(frames[0]) + 8
     disk = FullDisk(monkeypatch, 10 * record + torn)
     now_s = EPOCH_S
-    with TlogWriter(path, lambda: now_s, say=said.append) as log:
+    with TlogWriter(path, lambda: now_s, say=lines.append) as log:
         for n, frame in enumerate(frames):
             if n == 30:
                 disk.room = 10**6
             log.record(frame)
             now_s += 1.0
-        assert len(said) == 1
+        assert len(lines) == 1
         assert log.lost == 20
-        assert "cannot be written (No space left on device); the flight goes on" in said[0]
-    assert said[1:] == [f"{path} lacks 20 frames"]
+        assert "cannot be written (No space left on device); the flight goes on" in lines[0]
+    assert lines[1:] == [f"{path} lacks 20 frames"]
     numbers = [number for *_, number in read(path)]
     assert numbers == [*range(10), *range(30, 40)]
 
 
 def test_log_that_cannot_be_opened_or_is_closed_stops_nothing(tmp_path):
-    said: list[str] = []
+    lines: list[str] = []
     now_s = EPOCH_S
     path = tmp_path / "flight.tlog"
     path.mkdir()
     frame = Peer().frame(heartbeat())
-    with TlogWriter(path, lambda: now_s, say=said.append) as log:
+    with TlogWriter(path, lambda: now_s, say=lines.append) as log:
         log.record(frame)
         path.rmdir()
         now_s += 10.0
         log.record(frame)
     log.record(frame)
     assert log.lost == 2
-    assert said == [
+    assert lines == [
         f"{path} cannot be written (Is a directory); the flight goes on",
         f"{path} lacks 1 frames",
     ]

@@ -31,7 +31,7 @@ def block(east_m: float, north_m: float, width_m: float, height_m: float) -> lis
     return [[LON + (east_m + e) * M_EAST, LAT + (north_m + n) * M_NORTH] for e, n in corners]
 
 
-def told(folder: Path, value: object, **options: Any) -> str:
+def refusal(folder: Path, value: object, **options: Any) -> str:
     path = written(folder, value)
     with pytest.raises(RoiError) as caught:
         load_rois(path, **options)
@@ -204,7 +204,7 @@ SHAPES: dict[str, tuple[object, str]] = {
 @pytest.mark.parametrize(("value", "words"), [*FAULTS.values(), *SHAPES.values()],
                          ids=[*FAULTS, *SHAPES])  # fmt: skip
 def test_faults_are_reported_with_their_place(tmp_path, value, words):
-    text = told(tmp_path, value)
+    text = refusal(tmp_path, value)
     assert words in text
     assert len(text) < 200
 
@@ -217,7 +217,7 @@ def test_faults_are_reported_with_their_place(tmp_path, value, words):
     ],
 )
 def test_invalid_start_is_refused(tmp_path, value, words):
-    assert words in told(tmp_path, value, start=LatLon(LAT, LON))
+    assert words in refusal(tmp_path, value, start=LatLon(LAT, LON))
 
 
 # --- growths ---------------------------------------------------------------------------------

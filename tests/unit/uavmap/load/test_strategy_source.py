@@ -27,10 +27,10 @@ TINY = Path(__file__).parents[3] / "data" / "tiny.toml"
 def test_fly_and_resume_without_numba_warn_once(
     strategy, compiled, told, tmp_path, monkeypatch, capsys
 ):
-    def flown(self: flight.Flight) -> dict[str, Any]:
+    def no_flight(self: flight.Flight) -> dict[str, Any]:
         return {"completed": False}
 
-    monkeypatch.setattr(flight.Flight, "run", flown)
+    monkeypatch.setattr(flight.Flight, "run", no_flight)
     monkeypatch.setattr(jit, "COMPILED", compiled)
     out = str(tmp_path / "out")
     for command in (["fly", str(TINY), "--sim", "--strategy", strategy], ["resume"]):
@@ -53,9 +53,9 @@ def test_resume_refuses_another_planner(
     out = str(tmp_path / "out")
     assert main(["fly", str(TINY), "--sim", "--strategy", strategy, "--out", out, "--json"]) == 3
     assert main(["resume", out, "--json"]) == code
-    said = capsys.readouterr().err
-    assert (f"the {before} planner, and here it is {here}" in said) == (code == 2)
-    assert (remedy in said) == (code == 2)
+    output = capsys.readouterr().err
+    assert (f"the {before} planner, and here it is {here}" in output) == (code == 2)
+    assert (remedy in output) == (code == 2)
     assert main(["resume", out, "--from-home", "--json"]) == 3
 
 
@@ -78,9 +78,9 @@ def test_compilation_of_the_planner_is_announced(strategy, kept, told, tmp_path,
     monkeypatch.setattr(memo, "warm_up", lambda: made.append("plan"))
     planner = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
     monkeypatch.setattr(swath, "improve", planner)
-    said: list[str] = []
-    ready_planner(strategy, said.append)
-    assert len(said) == told
+    lines: list[str] = []
+    ready_planner(strategy, lines.append)
+    assert len(lines) == told
     assert len(made) == (strategy != "rdfs")
 
 

@@ -62,17 +62,17 @@ def captured(t_s, index=0, lat=LAT):
 class Vehicle:
     def __init__(self, first=None):
         self.view = VehicleView()
-        self.said = []
-        self.view.gate.say = self.said.append
-        self.hear(first or heartbeat(), 0.0)
+        self.lines = []
+        self.view.gate.say = self.lines.append
+        self.receive(first or heartbeat(), 0.0)
 
-    def hear(self, message, now_s, component=1, system=1):
+    def receive(self, message, now_s, component=1, system=1):
         out = mav.MAVLink(None, srcSystem=system, srcComponent=component)
         (decoded,) = mav.MAVLink(None).parse_buffer(message.pack(out))
         return update(self.view, decoded, now_s)
 
     def at(self, t_s, north_m=0.0, **how):
-        return self.hear(position(LAT + north_m / M_PER_DEG, t_s=t_s, **how), t_s)
+        return self.receive(position(LAT + north_m / M_PER_DEG, t_s=t_s, **how), t_s)
 
 
 # --- ranges ----------------------------------------------------------------------------------
@@ -116,10 +116,10 @@ class Vehicle:
 def test_impossible_message_changes_nothing(message):
     vehicle = Vehicle()
     assert vehicle.at(1.0)
-    assert vehicle.hear(home(), 1.0)
-    assert vehicle.hear(battery(60), 1.0)
+    assert vehicle.receive(home(), 1.0)
+    assert vehicle.receive(battery(60), 1.0)
     before = seen(vehicle.view)
-    assert not vehicle.hear(message, 2.0)
+    assert not vehicle.receive(message, 2.0)
     assert seen(vehicle.view) == before
     ((kind, _), count) = vehicle.view.gate.refused.most_common(1)[0]
     assert (kind, count) == (message.get_type(), 1)
@@ -145,7 +145,7 @@ def test_second_component_does_not_report_for_the_autopilot():
         mav.MAVLink_ekf_status_report_message(0x33F, 0, 0, 0, 0, 0),
     ):
         before = seen(vehicle.view)
-        assert not vehicle.hear(message, 1.1, component=180)
+        assert not vehicle.receive(message, 1.1, component=180)
         assert seen(vehicle.view) == before
     assert set(vehicle.view.gate.refused) == {
         (kind, "not sent by the autopilot")
@@ -159,14 +159,14 @@ def test_second_component_does_not_report_for_the_autopilot():
 def test_pictures_are_announced_by_the_first_camera_only():
     vehicle = Vehicle()
     beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_CAMERA, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
-    assert vehicle.hear(captured(1.0), 1.0, component=100)
-    assert not vehicle.hear(captured(1.0), 1.0, component=1)
-    vehicle.hear(beat, 2.0, component=101)
+    assert vehicle.receive(captured(1.0), 1.0, component=100)
+    assert not vehicle.receive(captured(1.0), 1.0, component=1)
+    vehicle.receive(beat, 2.0, component=101)
     assert vehicle.view.camera_component == 101
-    vehicle.hear(beat, 3.0, component=102)
+    vehicle.receive(beat, 3.0, component=102)
     assert vehicle.view.camera_component == 101
-    assert not vehicle.hear(captured(3.0), 3.0, component=102)
-    vehicle.hear(beat, 13.5, component=102)  # the other has been silent for long
+    assert not vehicle.receive(captured(3.0), 3.0, component=102)
+    vehicle.receive(beat, 13.5, component=102)  # the other has been silent for long
     assert vehicle.view.camera_component == 102
 
 
@@ -184,9 +184,9 @@ def test_home_height_of_px4_in_air_is_known_in_any_order(order):
         home(amsl_m=536.0),
     )
     for index in order:
-        assert vehicle.hear(messages[index], 1.0)
+        assert vehicle.receive(messages[index], 1.0)
     assert (vehicle.view.home_amsl_m, vehicle.view.height_m) == (536.0, 12.0)
-    vehicle.hear(position(t_s=1.1, up_m=11.0, amsl_m=548.0), 1.1)  # a PX4 corrects its home
+    vehicle.receive(position(t_s=1.1, up_m=11.0, amsl_m=548.0), 1.1)  # a PX4 corrects its home
     assert (vehicle.view.home_amsl_m, vehicle.view.height_m) == (536.0, 12.0)
 
 
@@ -196,19 +196,19 @@ def test_home_height_of_px4_that_stands_is_the_height_at_which_it_stands():
     Its own height changed by 0.1 m; then it flew 1.5 m lower than ordered.
     """
     vehicle = Vehicle(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4))
-    vehicle.hear(mav.MAVLink_extended_sys_state_message(0, mav.MAV_LANDED_STATE_ON_GROUND), 1.0)
+    vehicle.receive(mav.MAVLink_extended_sys_state_message(0, mav.MAV_LANDED_STATE_ON_GROUND), 1.0)
     for second, above_home_m in enumerate((0.8, -0.6, 1.4), start=1):
-        vehicle.hear(position(t_s=second, up_m=above_home_m, amsl_m=536.1), float(second))
+        vehicle.receive(position(t_s=second, up_m=above_home_m, amsl_m=536.1), float(second))
         assert vehicle.view.home_amsl_m == pytest.approx(536.1)
         assert vehicle.view.height_m == pytest.approx(0.0)
     # on a slope below its home it does not stand at the height of its home
-    vehicle.hear(position(t_s=4.0, up_m=-9.0, amsl_m=527.1), 4.0)
+    vehicle.receive(position(t_s=4.0, up_m=-9.0, amsl_m=527.1), 4.0)
     assert vehicle.view.home_amsl_m == pytest.approx(536.1)
 
 
 # --- the battery -----------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    "told",
+    "charges",
     [
         [(battery(12), 7.8), (battery(97, number=1), 7.8)],
         [(battery(97, number=2, consumed_hj=36), 58.8), (battery(12, number=0), 7.8)],
@@ -216,37 +216,37 @@ def test_home_height_of_px4_that_stands_is_the_height_at_which_it_stands():
     ],
     ids=["a second one", "the lowest number", "two messages"],
 )
-def test_charge_is_that_of_the_battery_it_flies_on(told):
+def test_charge_is_that_of_the_battery_it_flies_on(charges):
     vehicle = Vehicle()
-    for second, (message, left_wh) in enumerate(told):
-        vehicle.hear(message, 1.0 + second)
+    for second, (message, left_wh) in enumerate(charges):
+        vehicle.receive(message, 1.0 + second)
         assert vehicle.view.remaining_wh(60.0) == pytest.approx(left_wh)
-    assert (vehicle.view.battery_percent is None) == (len(told) == 3)
+    assert (vehicle.view.battery_percent is None) == (len(charges) == 3)
 
 
 def test_message_without_a_charge_does_not_renew_an_old_one():
     vehicle = Vehicle()
-    vehicle.hear(battery(-1, consumed_hj=1080), 1.0)
+    vehicle.receive(battery(-1, consumed_hj=1080), 1.0)
     assert vehicle.view.remaining_wh(60.0) == pytest.approx(30.0)
-    vehicle.hear(sys_status(-1), 300.0)
-    vehicle.hear(battery(-1), 300.0)
+    vehicle.receive(sys_status(-1), 300.0)
+    vehicle.receive(battery(-1), 300.0)
     assert vehicle.view.battery_s == 1.0
     assert vehicle.view.remaining_wh(60.0) is None
 
 
 def test_two_messages_that_round_differently_are_one_battery():
     """A real PX4 sent 78 % in BATTERY_STATUS and 79 % in SYS_STATUS for seconds at each percent."""
-    vehicle, told = Vehicle(), []
+    vehicle, percents = Vehicle(), []
     for n in range(100):
         left = 90.0 - 0.08 * n
-        vehicle.hear(battery(math.floor(left)), 1.0 + 0.5 * n)
-        told.append(vehicle.view.battery_percent)
-        vehicle.hear(sys_status(math.ceil(left)), 1.3 + 0.5 * n)
-        told.append(vehicle.view.battery_percent)
-    assert told == sorted(told, reverse=True)
-    assert told[-1] == 82
+        vehicle.receive(battery(math.floor(left)), 1.0 + 0.5 * n)
+        percents.append(vehicle.view.battery_percent)
+        vehicle.receive(sys_status(math.ceil(left)), 1.3 + 0.5 * n)
+        percents.append(vehicle.view.battery_percent)
+    assert percents == sorted(percents, reverse=True)
+    assert percents[-1] == 82
     for n in range(10):  # BATTERY_STATUS falls silent: the other counts before the charge is stale
-        vehicle.hear(sys_status(80), 51.0 + n)
+        vehicle.receive(sys_status(80), 51.0 + n)
     assert vehicle.view.battery_percent == 80
     assert vehicle.view.battery_s == 60.0
 
@@ -254,9 +254,9 @@ def test_two_messages_that_round_differently_are_one_battery():
 @pytest.mark.parametrize(("charge", "reported"), [(0, ""), (1, ""), (2, "low"), (7, "")])
 def test_charge_state_of_the_flown_battery_is_read(charge, reported):
     vehicle = Vehicle()
-    vehicle.hear(battery(64, number=1, charge=4), 0.5)
-    vehicle.hear(battery(64, charge=charge), 1.0)
-    vehicle.hear(battery(64, number=1, charge=4), 1.5)  # of the camera
+    vehicle.receive(battery(64, number=1, charge=4), 0.5)
+    vehicle.receive(battery(64, charge=charge), 1.0)
+    vehicle.receive(battery(64, number=1, charge=4), 1.5)  # of the camera
     assert vehicle.view.battery_low == reported
     assert vehicle.view.grounded_by == (reported and "its autopilot reports its battery as low")
 
@@ -265,7 +265,7 @@ def test_critical_state_of_an_ardupilot_is_reported_and_grounds_no_vehicle():
     vehicle = Vehicle()
     beat = heartbeat(armed=True)
     beat.system_status = mav.MAV_STATE_CRITICAL
-    vehicle.hear(beat, 1.0)
+    vehicle.receive(beat, 1.0)
     assert vehicle.view.grounded_by == ""
     assert vehicle.view.texts_since(0.0) == ["system status CRITICAL"]
 
@@ -287,7 +287,7 @@ def test_leap_that_stays_is_believed_and_reported():
     assert taken == [False] * 30 + [True] * 10
     assert round(30 * 0.1, 3) == JUMP_CONFIRMED_S
     assert vehicle.view.gate.track.jumps == 1
-    assert any("jumped by 500 m" in line for line in vehicle.said)
+    assert any("jumped by 500 m" in line for line in vehicle.lines)
 
 
 def test_stranger_between_the_true_positions_never_wins():
@@ -326,9 +326,9 @@ def test_old_message_is_refused():
     vehicle = Vehicle()
     for t_s in (5.0, 5.1):
         assert vehicle.at(t_s)
-    assert not vehicle.hear(position(t_s=3.0), 5.15)
-    assert vehicle.said == []  # links that change the order of frames are common
-    assert vehicle.hear(position(t_s=5.1), 5.15)  # the same twice, as radios do
+    assert not vehicle.receive(position(t_s=3.0), 5.15)
+    assert vehicle.lines == []  # links that change the order of frames are common
+    assert vehicle.receive(position(t_s=5.1), 5.15)  # the same twice, as radios do
     assert vehicle.view.position_s == 5.15
     assert vehicle.view.boot_offset_s == pytest.approx(0.0)
 
@@ -336,24 +336,24 @@ def test_old_message_is_refused():
 def test_message_repeated_for_ever_is_no_news():
     vehicle = Vehicle()
     for n in range(100):
-        vehicle.hear(position(t_s=5.0), 5.0 + 0.1 * n)
+        vehicle.receive(position(t_s=5.0), 5.0 + 0.1 * n)
     assert vehicle.view.position_s == pytest.approx(7.0)
 
 
 def test_restart_is_recognised_after_a_second():
     vehicle = Vehicle()
     assert vehicle.at(500.0)
-    taken = [vehicle.hear(position(t_s=1.0 + 0.1 * n), 510.0 + 0.1 * n) for n in range(20)]
+    taken = [vehicle.receive(position(t_s=1.0 + 0.1 * n), 510.0 + 0.1 * n) for n in range(20)]
     assert taken == [False] * 10 + [True] * 10
     assert vehicle.view.gate.clock.reboots == 1
     assert vehicle.view.boot_offset_s == pytest.approx(509.0)
-    assert any("restarted" in line for line in vehicle.said)
+    assert any("restarted" in line for line in vehicle.lines)
 
 
 def test_clock_that_leaps_ahead_once_is_not_followed():
     vehicle = Vehicle()
     assert vehicle.at(1.0)
-    assert not vehicle.hear(position(t_s=4_000_000.0), 1.1)
+    assert not vehicle.receive(position(t_s=4_000_000.0), 1.1)
     assert vehicle.at(1.2)
     assert vehicle.view.boot_offset_s == pytest.approx(0.0)
 
@@ -372,10 +372,10 @@ def test_clock_of_another_speed_is_followed(rate):
 def test_backlog_of_seconds_is_no_change_of_the_clock():
     vehicle = Vehicle()
     for n in range(600):
-        assert vehicle.hear(position(t_s=100.0 + 0.1 * n), 0.02 + 0.1 * n)
+        assert vehicle.receive(position(t_s=100.0 + 0.1 * n), 0.02 + 0.1 * n)
     for n in range(120):  # 12 s, read with a growing delay
         late_s = min(0.05 * n, 3.4)
-        assert vehicle.hear(position(t_s=160.0 + 0.1 * n), 60.02 + 0.1 * n + late_s)
+        assert vehicle.receive(position(t_s=160.0 + 0.1 * n), 60.02 + 0.1 * n + late_s)
         assert vehicle.view.age_s(60.02 + 0.1 * n + late_s) == pytest.approx(late_s, abs=0.1)
     assert vehicle.view.boot_offset_s == pytest.approx(-99.98, abs=0.1)
 
@@ -384,7 +384,7 @@ def test_backlog_of_seconds_is_no_change_of_the_clock():
 def test_age_is_right_where_a_simulator_runs_a_little_slower(rate):
     vehicle = Vehicle()
     for n in range(1, 1200):
-        assert vehicle.hear(position(t_s=rate * 0.1 * n), 0.1 * n)
+        assert vehicle.receive(position(t_s=rate * 0.1 * n), 0.1 * n)
         assert vehicle.view.age_s(0.1 * n) < 0.95
     assert vehicle.view.age_s(119.9) < 0.1
 
@@ -394,14 +394,14 @@ def test_clock_that_stood_still_is_followed_within_two_minutes():
     vehicle = Vehicle()
     for n in range(2400):
         stopped_s = 3.0 if n >= 600 else 0.0
-        vehicle.hear(position(t_s=1.0 + 0.1 * n), 0.1 * n + stopped_s)
+        vehicle.receive(position(t_s=1.0 + 0.1 * n), 0.1 * n + stopped_s)
     assert vehicle.view.age_s(0.1 * 2399 + 3.0) < 0.1
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 1e6), st.floats(0.0, 100.0)), max_size=60))
-def test_clock_never_lies_in_the_future(told):
+def test_clock_never_lies_in_the_future(times):
     clock, now_s = BootClock(), 0.0
-    for boot_s, step_s in told:
+    for boot_s, step_s in times:
         now_s += step_s
         if clock.add(boot_s, now_s) is None:
             assert clock.offset_s is not None
@@ -416,7 +416,7 @@ def test_camera_with_its_own_clock_is_dated_right(ahead_s):
         vehicle.at(0.1 * n)
     for n in range(5):
         taken_s = 10.0 + n
-        assert vehicle.hear(captured(taken_s + ahead_s, n), taken_s + 0.05, component=100)
+        assert vehicle.receive(captured(taken_s + ahead_s, n), taken_s + 0.05, component=100)
         boot_ms = round((taken_s + ahead_s) * 1000)
         assert vehicle.view.captured_s(boot_ms, taken_s + 0.1) == pytest.approx(taken_s, abs=0.06)
 
@@ -425,12 +425,12 @@ def test_cameras_clock_that_leaps_costs_at_most_one_stamp():
     vehicle = Vehicle()
     vehicle.at(5.0)
     for taken_s, boot_s in ((6.0, 6.0), (7.0, 900_000.0), (8.0, 8.0)):
-        vehicle.hear(captured(boot_s), taken_s, component=100)
+        vehicle.receive(captured(boot_s), taken_s, component=100)
         stamp_s = vehicle.view.captured_s(round(boot_s * 1000), taken_s + 0.1, since_s=5.9)
         assert 5.4 <= stamp_s <= taken_s + 0.1
     assert stamp_s == pytest.approx(8.0)
     for taken_s in (20.0, 21.0, 22.0):  # a restart: the second frame makes it certain
-        vehicle.hear(captured(taken_s - 2000.0 + 4000.0), taken_s, component=100)
+        vehicle.receive(captured(taken_s - 2000.0 + 4000.0), taken_s, component=100)
     assert vehicle.view.captured_s(2022_000, 22.1) == pytest.approx(22.0)
 
 
@@ -445,53 +445,57 @@ def test_stamp_lies_between_order_and_now(boot_ms, now_s, ago_s):
 def test_refused_kind_is_reported_once_in_ten_seconds():
     vehicle = Vehicle()
     for n in range(300):
-        vehicle.hear(position(214.7, t_s=1.0 + 0.1 * n), 1.0 + 0.1 * n)
-    assert len(vehicle.said) == math.ceil(30.0 / LOG_INTERVAL_S)
-    assert vehicle.said[0] == "GLOBAL_POSITION_INT refused: lat is out of range"
+        vehicle.receive(position(214.7, t_s=1.0 + 0.1 * n), 1.0 + 0.1 * n)
+    assert len(vehicle.lines) == math.ceil(30.0 / LOG_INTERVAL_S)
+    assert vehicle.lines[0] == "GLOBAL_POSITION_INT refused: lat is out of range"
     assert vehicle.view.gate.figures() == {"GLOBAL_POSITION_INT: lat is out of range": 300}
 
 
 def test_position_without_a_fix_is_counted_and_not_reported():
     vehicle = Vehicle()
-    vehicle.hear(position(0.0, 0.0, t_s=1.0), 1.0)
-    assert vehicle.said == []
+    vehicle.receive(position(0.0, 0.0, t_s=1.0), 1.0)
+    assert vehicle.lines == []
     assert vehicle.view.boot_offset_s == pytest.approx(0.0)  # its clock is right nevertheless
 
 
 def test_texts_are_made_printable_and_old_ones_left_out():
     vehicle = Vehicle()
-    vehicle.hear(text("\x1b]0;owned\x07\x1b[31mPreArm: bad\x1b[0m\r\x08"), 1.0)
+    vehicle.receive(text("\x1b]0;owned\x07\x1b[31mPreArm: bad\x1b[0m\r\x08"), 1.0)
     assert vehicle.view.recent_texts(2.0) == " (vehicle: PreArm: bad)"
     assert vehicle.view.recent_texts(6.5) == ""  # seconds from now, not from the latest
 
 
 # --- two links to one aircraft ---------------------------------------------------------------
-def told(uid=0, uid2=0, system=1, north_m=0.0, boot_s=1.0):
+def identified(uid=0, uid2=0, system=1, north_m=0.0, boot_s=1.0):
     vehicle = Vehicle()
     if system != 1:
         vehicle.view = VehicleView()
-        vehicle.hear(heartbeat(), 0.0, system=system)
+        vehicle.receive(heartbeat(), 0.0, system=system)
     version = mav.MAVLink_autopilot_version_message(
         0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, uid, [uid2] * 18
     )
-    vehicle.hear(version, 1.0, system=system)
-    vehicle.hear(position(LAT + north_m / M_PER_DEG, t_s=boot_s), 1.0, system=system)
+    vehicle.receive(version, 1.0, system=system)
+    vehicle.receive(position(LAT + north_m / M_PER_DEG, t_s=boot_s), 1.0, system=system)
     return vehicle.view
 
 
 @pytest.mark.parametrize(
     ("a", "b", "same"),
     [
-        (told(uid2=5), told(uid2=5), True),
-        (told(uid2=5), told(uid2=6), False),
-        (told(uid=7), told(uid=7), True),
-        (told(uid=7), told(uid=8), False),
-        (told(), told(), True),
-        (told(), told(uid=7), True),
-        (told(), told(north_m=2.0), False),
-        (told(), told(boot_s=4.0), False),
-        (told(), told(system=2), False),
-        (told(uid2=5), told(uid2=5, system=2), False),  # simulators share a made-up number
+        (identified(uid2=5), identified(uid2=5), True),
+        (identified(uid2=5), identified(uid2=6), False),
+        (identified(uid=7), identified(uid=7), True),
+        (identified(uid=7), identified(uid=8), False),
+        (identified(), identified(), True),
+        (identified(), identified(uid=7), True),
+        (identified(), identified(north_m=2.0), False),
+        (identified(), identified(boot_s=4.0), False),
+        (identified(), identified(system=2), False),
+        (
+            identified(uid2=5),
+            identified(uid2=5, system=2),
+            False,
+        ),  # simulators share a made-up number
         (VehicleView(), VehicleView(), False),
     ],
 )

@@ -31,7 +31,7 @@ def utm(lat_deg=47.31, lon_deg=8.5, *, flags=UTM_ALL, state=3, ident=7):
     )  # fmt: skip
 
 
-def hear(peer, *messages, system=1):
+def receive(peer, *messages, system=1):
     sender = mav.MAVLink(None, srcSystem=system, srcComponent=156)
     peer.session.feed(peer.frame(position(HERE, t_s=1.0)))
     for message in messages:
@@ -41,7 +41,7 @@ def hear(peer, *messages, system=1):
 
 @by(conversation)
 async def test_adsb_report_has_place_height_name_and_velocity(peer, /):
-    (heard,) = hear(peer, adsb()).values()
+    (heard,) = receive(peer, adsb()).values()
     assert (heard.ident, heard.name, heard.position) == ("3C6444 DLH1", "DLH1", LatLon(47.31, 8.5))
     assert (heard.amsl_m, heard.error_m) == (650.0, GEOID_ERROR_M)
     assert heard.velocity_m_s == pytest.approx((50.0, 0.0))
@@ -50,7 +50,7 @@ async def test_adsb_report_has_place_height_name_and_velocity(peer, /):
 
 @by(conversation)
 async def test_adsb_report_without_flags_has_unknown_fields(peer, /):
-    (heard,) = hear(peer, adsb(flags=1, altitude_type=0)).values()
+    (heard,) = receive(peer, adsb(flags=1, altitude_type=0)).values()
     assert (heard.name, heard.amsl_m, heard.velocity_m_s) == ("3C6444", None, None)
     assert heard.error_m == PRESSURE_ERROR_M
 
@@ -58,7 +58,7 @@ async def test_adsb_report_without_flags_has_unknown_fields(peer, /):
 @by(conversation)
 async def test_fields_that_make_no_sense_are_unknown_and_the_aircraft_is_seen(peer, /):
     wild = adsb(altitude=-2_000_000_000, heading=65535, callsign=b"\xff\x1b[2J\0")
-    (heard,) = hear(peer, wild).values()
+    (heard,) = receive(peer, wild).values()
     assert (heard.amsl_m, heard.velocity_m_s) == (None, None)
     assert heard.name.isprintable()
 
@@ -73,13 +73,13 @@ async def test_reports_without_a_place_near_the_vehicle_are_no_traffic(peer, /):
         utm(flags=2),
         utm(state=2),
     ]
-    assert hear(peer, *messages) == {}
+    assert receive(peer, *messages) == {}
     assert peer.session.view.gate.refused["ADSB_VEHICLE", "lat is out of range"] == 1
 
 
 @by(conversation)
 async def test_utm_report_of_another_system_is_accepted(peer, /):
-    heard, other = hear(peer, utm(), utm(flags=4), system=77).values()
+    heard, other = receive(peer, utm(), utm(flags=4), system=77).values()
     assert (heard.ident, heard.amsl_m) == ("07" * 18, 650.0)
     assert heard.velocity_m_s == (4.0, 3.0)
     assert (other.ident, other.amsl_m, other.velocity_m_s) == ("system 77", None, None)
@@ -97,12 +97,12 @@ async def test_traffic_before_the_vehicle_has_a_place_is_left_out(peer, /):
 async def test_flood_keeps_the_nearest_and_no_more(peer, /):
     near = adsb(47.3001, icao=1)
     flood = [adsb(47.32 + k * 1e-5, icao=0x1000 + k) for k in range(4 * MAX_AIRCRAFT)]
-    aircraft = hear(peer, near, *flood)
+    aircraft = receive(peer, near, *flood)
     assert len(aircraft) <= MAX_AIRCRAFT
     assert "000001 DLH1" in aircraft
 
 
 @by(conversation)
 async def test_older_report_does_not_replace_a_newer_one(peer, /):
-    (heard,) = hear(peer, adsb(47.31, tslc=1), adsb(47.35, tslc=20)).values()
+    (heard,) = receive(peer, adsb(47.31, tslc=1), adsb(47.35, tslc=20)).values()
     assert heard.position == LatLon(47.31, 8.5)

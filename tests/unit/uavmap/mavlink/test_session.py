@@ -40,7 +40,7 @@ def script(peer, *replies):
 
     def answer(message):
         if message.get_type().startswith("COMMAND_") and rest and (reply := rest.pop(0)):
-            peer.say(*reply, component=message.target_component)
+            peer.send(*reply, component=message.target_component)
 
     peer.answer = answer
 
@@ -49,7 +49,7 @@ def script(peer, *replies):
 async def test_accepted_command_is_sent_once(peer, /):
     script(peer, [ack(ARM, OK)])
     await peer.session.command(ARM, 1)
-    ((_, message),) = peer.heard
+    ((_, message),) = peer.received
     assert (message.target_system, message.target_component) == (1, 1)
     assert (message.param1, message.param2, message.confirmation) == (1.0, 0.0, 0)
     assert (message.get_srcSystem(), message.get_srcComponent()) == (GROUND_SYSTEM_ID, 191)
@@ -76,8 +76,8 @@ async def test_command_without_any_answer_is_a_link_error(peer, /):
 async def test_command_in_progress_extends_the_wait(peer, /):
     def answer(message):
         for at_s in (0.1, 0.9, 1.7, 2.5):
-            peer.say(ack(ARM, UNDER_WAY), after_s=at_s)
-        peer.say(ack(ARM, OK), after_s=3.3)
+            peer.send(ack(ARM, UNDER_WAY), after_s=at_s)
+        peer.send(ack(ARM, OK), after_s=3.3)
 
     peer.answer = answer
     await peer.session.command(ARM, 1)
@@ -113,8 +113,8 @@ async def test_command_rejected_for_ever_is_an_error(peer, /):
 @by(conversation)
 async def test_refusal_carries_the_text_that_follows(peer, /, result, name):
     def answer(message):
-        peer.say(ack(ARM, result), after_s=0.001)
-        peer.say(text("PreArm: GPS 1: Bad fix"), after_s=0.2)
+        peer.send(ack(ARM, result), after_s=0.001)
+        peer.send(text("PreArm: GPS 1: Bad fix"), after_s=0.2)
 
     peer.answer = answer
     with pytest.raises(CommandRefusedError) as caught:
@@ -151,8 +151,8 @@ async def test_component_that_was_asked_acknowledges_alone(peer, /):
     """An ArduPilot with a camera of its own accepts a command that went to another camera."""
 
     def answer(message):
-        peer.say(ack(message.command, OK), after_s=0.1, component=1)
-        peer.say(ack(message.command, DENIED), after_s=0.2, component=180)
+        peer.send(ack(message.command, OK), after_s=0.1, component=1)
+        peer.send(ack(message.command, DENIED), after_s=0.2, component=180)
 
     peer.answer = answer
     await peer.session.command(ARM, 1)
@@ -168,7 +168,7 @@ def test_autopilot_that_is_not_component_1_is_asked_at_its_own():
         peer.session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
 
     peer = conversation(body, component=42)
-    assert {message.target_component for _, message in peer.heard} == {42}
+    assert {message.target_component for _, message in peer.received} == {42}
 
 
 @by(conversation)
@@ -200,7 +200,7 @@ async def test_feed_returns_whether_the_vehicle_sent_a_frame():
 async def test_commands_at_the_same_time_get_their_own_acks(peer, /):
     def answer(message):
         result = OK if message.command == ARM else DENIED
-        peer.say(ack(message.command, result), after_s=0.3)
+        peer.send(ack(message.command, result), after_s=0.3)
 
     peer.answer = answer
     results = await asyncio.gather(
@@ -218,7 +218,7 @@ async def test_commands_at_the_same_time_get_their_own_acks(peer, /):
 @by(conversation)
 async def test_landing_does_not_wait_for_a_camera_that_does_not_answer(peer, /):
     """Each command of the camera delayed the autopilot's commands by 5 s."""
-    peer.answer = lambda message: peer.say(ack(LAND, OK)) if message.command == LAND else None
+    peer.answer = lambda message: peer.send(ack(LAND, OK)) if message.command == LAND else None
     camera = asyncio.create_task(peer.session.command(CAPTURE, component=100))
     await asyncio.sleep(0.5)
     await peer.session.command(LAND)
@@ -245,7 +245,7 @@ async def test_place_is_sent_as_command_int(peer, /):
     nan = float("nan")
     place = LatLon(-33.8567844, 151.2152967)
     await peer.session.command_at(mav.MAV_CMD_DO_REPOSITION, 3, (-1.0, 0.0, 0.0, nan), place, 12.5)
-    ((_, message),) = peer.heard
+    ((_, message),) = peer.received
     assert message.get_type() == "COMMAND_INT"
     assert (message.x, message.y, message.z) == (-338567844, 1512152967, 12.5)
     assert np.isnan(message.param4)
@@ -258,7 +258,7 @@ async def test_until_waits_for_a_condition_or_the_timeout(peer, /):
     assert await session.until(lambda: True)
     assert not await session.until(lambda: session.view.armed, timeout_s=2.0)
     assert loop.time() == pytest.approx(2.0)
-    peer.say(heartbeat(armed=True), after_s=1.0)
+    peer.send(heartbeat(armed=True), after_s=1.0)
     assert await session.until(lambda: session.view.armed, timeout_s=2.0)
     assert loop.time() == pytest.approx(3.0)
     waiting = asyncio.create_task(session.until(lambda: False))

@@ -61,29 +61,29 @@ class FarArduPilot:
 
     def __init__(self, there_s):
         self.peer = Peer()
-        self.peer.answer = self.hear
+        self.peer.answer = self.receive
         self.items = []
         self.refused = 0
         self._there_s = there_s
         self._count = None
         self._asking = None
 
-    def hear(self, message):
+    def receive(self, message):
         """Send a frame of the client towards it."""
-        asyncio.get_running_loop().call_later(self._there_s, self._take, message)
+        asyncio.get_running_loop().call_later(self._there_s, self._handle, message)
 
-    def _say(self, *messages):
-        self.peer.say(*messages, after_s=self._there_s)
+    def _reply(self, *messages):
+        self.peer.send(*messages, after_s=self._there_s)
 
-    def _take(self, message):
+    def _handle(self, message):
         kind = message.get_type()
         if kind == "MISSION_COUNT":
             self.items, self._count = [], message.count
             self._ask()
         elif kind == "MISSION_REQUEST_LIST":
-            self._say(mav.MAVLink_mission_count_message(245, 191, len(self.items), 1))
+            self._reply(mav.MAVLink_mission_count_message(245, 191, len(self.items), 1))
         elif kind == "MISSION_REQUEST_INT":
-            self._say(self.items[message.seq])
+            self._reply(self.items[message.seq])
         elif kind == "MISSION_ITEM_INT" and self._count is None:
             self._result(mav.MAV_MISSION_ERROR)
         elif kind == "MISSION_ITEM_INT" and message.seq != len(self.items):
@@ -100,7 +100,7 @@ class FarArduPilot:
                 self._result(mav.MAV_MISSION_ACCEPTED)
 
     def _result(self, result):
-        self._say(mav.MAVLink_mission_ack_message(245, 191, result, 1))
+        self._reply(mav.MAVLink_mission_ack_message(245, 191, result, 1))
 
     def _stop(self):
         if self._asking is not None:
@@ -109,7 +109,7 @@ class FarArduPilot:
     def _ask(self):
         """Request the next item now, and again after a second."""
         self._stop()
-        self._say(mav.MAVLink_mission_request_message(245, 191, len(self.items), 1))
+        self._reply(mav.MAVLink_mission_request_message(245, 191, len(self.items), 1))
         self._asking = asyncio.get_running_loop().call_later(1.0, self._ask)
 
 
@@ -136,14 +136,14 @@ async def test_upload_refused_sequence_while_vehicle_asks_continues():
     far.peer.session.feed(far.peer.frame(heartbeat()))
 
     def doubled(message):
-        far.hear(message)
+        far.receive(message)
         if message.get_type() == "MISSION_ITEM_INT":
-            far.hear(message)
+            far.receive(message)
 
     far.peer.answer = doubled
     await MissionTransfer(far.peer.session).upload(Kind.FENCE, ring(5))
     assert far.refused >= 4
-    counts = [m for _, m in far.peer.heard if m.get_type() == "MISSION_COUNT"]
+    counts = [m for _, m in far.peer.received if m.get_type() == "MISSION_COUNT"]
     assert len(counts) == 1
 
 
@@ -162,19 +162,19 @@ async def test_rally_point_of_integer_frame_gets_known_frame(sent_frame, kept_fr
     def answer(message):
         match message.get_type():
             case "MISSION_REQUEST_LIST":
-                peer.say(mav.MAVLink_mission_count_message(245, 191, 1, 2))
+                peer.send(mav.MAVLink_mission_count_message(245, 191, 1, 2))
             case "MISSION_REQUEST_INT":
-                peer.say(mav.MAVLink_mission_item_int_message(*point, *place))
+                peer.send(mav.MAVLink_mission_item_int_message(*point, *place))
             case "MISSION_COUNT":
-                peer.say(mav.MAVLink_mission_request_int_message(245, 191, 0, 2))
+                peer.send(mav.MAVLink_mission_request_int_message(245, 191, 0, 2))
             case "MISSION_ITEM_INT":
-                peer.say(mav.MAVLink_mission_ack_message(245, 191, mav.MAV_MISSION_ACCEPTED, 2))
+                peer.send(mav.MAVLink_mission_ack_message(245, 191, mav.MAV_MISSION_ACCEPTED, 2))
 
     peer.answer = answer
     transfer = MissionTransfer(peer.session)
     owners = await transfer.download(Kind.RALLY)
     await transfer.upload(Kind.RALLY, owners)
-    (sent,) = [m for _, m in peer.heard if m.get_type() == "MISSION_ITEM_INT"]
+    (sent,) = [m for _, m in peer.received if m.get_type() == "MISSION_ITEM_INT"]
     assert (sent.frame, sent.z) == (kept_frame, 30.0)
     (item,) = owners
     assert not same_items(owners, [replace(item, height_m=20.0)])
@@ -214,11 +214,11 @@ async def test_parameter_reported_twice_old_copy_is_no_answer():
         if message.get_type() == "PARAM_SET":
             told = mav.MAVLink_param_value_message(b"GF_MAX_VER_DIST", message.param_value, 9, 1, 0)
             value.param_value = message.param_value
-            peer.say(told, after_s=2.0 * there_s)
+            peer.send(told, after_s=2.0 * there_s)
             for copy in (1, 2, 3):
-                peer.say(told, after_s=2.0 * there_s + copy * again_s)
+                peer.send(told, after_s=2.0 * there_s + copy * again_s)
         elif message.get_type() == "PARAM_REQUEST_READ":
-            peer.say(value, after_s=2.0 * there_s)
+            peer.send(value, after_s=2.0 * there_s)
 
     peer.answer = answer
     parameters = Parameters(peer.session)
@@ -236,7 +236,7 @@ async def test_parameter_that_vehicle_does_not_keep_is_not_written():
 
     def answer(message):
         kept = message.param_value if message.get_type() == "PARAM_SET" else 3.0
-        peer.say(mav.MAVLink_param_value_message(b"GUID_TIMEOUT", kept, 9, 1, 0))
+        peer.send(mav.MAVLink_param_value_message(b"GUID_TIMEOUT", kept, 9, 1, 0))
 
     peer.answer = answer
     assert not await Parameters(peer.session).write("GUID_TIMEOUT", Parameter(1.0, 9))

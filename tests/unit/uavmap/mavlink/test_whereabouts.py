@@ -40,7 +40,7 @@ def north_of_home(metres):
     return LatLon(HOME.lat_deg + metres / M_PER_DEG, HOME.lon_deg)
 
 
-def flown(rate_hz, speed_m_s, last_s=20.0, first_s=10.0):
+def track_of_a_flight(rate_hz, speed_m_s, last_s=20.0, first_s=10.0):
     track = Whereabouts()
     for i in range(round((last_s - first_s) * rate_hz) + 1):
         t_s = first_s + i / rate_hz
@@ -53,7 +53,7 @@ def flown(rate_hz, speed_m_s, last_s=20.0, first_s=10.0):
 @FAST
 @given(st.floats(5.0, 25.0), st.sampled_from([1.0, 4.0, 5.0, 10.0]), st.floats(0.0, 15.0))
 def test_straight_flight_is_placed_exactly(t_s, rate_hz, speed_m_s):
-    place = flown(rate_hz, speed_m_s).at(t_s)
+    place = track_of_a_flight(rate_hz, speed_m_s).at(t_s)
     assert distance_m(place.position, north_of_home(speed_m_s * (t_s - 10.0))) < 0.01
     assert place.height_m == pytest.approx(12.0 + 0.5 * (t_s - 10.0))
     outside_s = max(10.0 - t_s, t_s - 20.0, 0.0)
@@ -65,7 +65,7 @@ def test_vehicle_without_a_report_has_no_place():
 
 
 def test_clock_that_restarts_clears_the_track():
-    track = flown(5.0, 8.0)
+    track = track_of_a_flight(5.0, 8.0)
     track.add(Fix(1.0, north_of_home(500.0), 0.0, STILL))
     place = track.at(15.0)
     assert distance_m(place.position, north_of_home(500.0)) < 0.01
@@ -73,7 +73,7 @@ def test_clock_that_restarts_clears_the_track():
 
 
 def test_old_positions_are_forgotten():
-    track = flown(5.0, 8.0, last_s=100.0)
+    track = track_of_a_flight(5.0, 8.0, last_s=100.0)
     place = track.at(100.0 - HISTORY_S - 10.0)
     assert place.gap_s == pytest.approx(10.0)
 
@@ -92,7 +92,7 @@ DOWN = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
 SPEED_M_S = 8.0
 
 
-def told(t_s, metres, height_m=12.0):
+def announcement(t_s, metres, height_m=12.0):
     place = north_of_home(metres)
     return mav.MAVLink_camera_image_captured_message(
         round(t_s * 1000), 0, 0, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), 512_000,
@@ -119,8 +119,13 @@ def fault_of(message, heard_s=10.0, last_s=10.0):
         await asyncio.sleep(heard_s - loop.time())
         view = peer.session.view
         taken_s = view.captured_s(message.time_boot_ms, loop.time())
-        told = reported_pose(message, view)
-        return pose_fault(Pose(told.position, told.height_m, told.attitude), view, GRID, taken_s)
+        reported = reported_pose(message, view)
+        return pose_fault(
+            Pose(reported.position, reported.height_m, reported.attitude),
+            view,
+            GRID,
+            taken_s,
+        )
 
     return run(main(), VirtualClock())
 
@@ -128,28 +133,32 @@ def fault_of(message, heard_s=10.0, last_s=10.0):
 @pytest.mark.parametrize("age_s", [0.0, 0.1, 1.0, 3.0, 8.0])
 def test_picture_judged_late_is_held_against_place_of_then(age_s):
     taken_s = 10.0 - age_s
-    assert fault_of(told(taken_s, SPEED_M_S * taken_s)) is None
-    assert fault_of(told(taken_s, SPEED_M_S * taken_s + 14.0)) is None
+    assert fault_of(announcement(taken_s, SPEED_M_S * taken_s)) is None
+    assert fault_of(announcement(taken_s, SPEED_M_S * taken_s + 14.0)) is None
     for off_m in (16.0, -16.0):
-        fault = fault_of(told(taken_s, SPEED_M_S * taken_s + off_m))
+        fault = fault_of(announcement(taken_s, SPEED_M_S * taken_s + off_m))
         assert fault == "the position is not where the vehicle was"
 
 
 def test_camera_place_that_lags_by_seconds_is_refused():
     """It reports the vehicle's place of three seconds before: 24 m behind the picture."""
-    assert fault_of(told(10.0, SPEED_M_S * 7.0)) == "the position is not where the vehicle was"
+    assert (
+        fault_of(announcement(10.0, SPEED_M_S * 7.0)) == "the position is not where the vehicle was"
+    )
 
 
 def test_height_of_a_picture_is_that_of_its_exposure():
-    assert fault_of(told(7.0, 56.0, height_m=28.0)) == "the height is not that of the vehicle"
-    assert fault_of(told(7.0, 56.0, height_m=26.0)) is None
+    assert (
+        fault_of(announcement(7.0, 56.0, height_m=28.0)) == "the height is not that of the vehicle"
+    )
+    assert fault_of(announcement(7.0, 56.0, height_m=26.0)) is None
 
 
 def test_picture_without_telemetry_may_be_farther_on():
     """Two seconds after its last position the limit is 50 m wider: it may have turned."""
-    assert fault_of(told(12.0, 96.0), heard_s=12.0) is None
-    assert fault_of(told(12.0, 96.0 - 60.0), heard_s=12.0) is None
-    assert fault_of(told(12.0, 96.0 - 70.0), heard_s=12.0) is not None
+    assert fault_of(announcement(12.0, 96.0), heard_s=12.0) is None
+    assert fault_of(announcement(12.0, 96.0 - 60.0), heard_s=12.0) is None
+    assert fault_of(announcement(12.0, 96.0 - 70.0), heard_s=12.0) is not None
 
 
 # --- in flight -------------------------------------------------------------------------------
@@ -176,8 +185,8 @@ def strip():
 
 def path(flight, *points):
     begin_s = flight.now_s() + 0.5
-    flown = rounded_path([GridPoint(*p) for p in points], begin_s, speed_m_s=8.0)
-    return FlyPath(flown, UP_M, None, 0.2)
+    planned = rounded_path([GridPoint(*p) for p in points], begin_s, speed_m_s=8.0)
+    return FlyPath(planned, UP_M, None, 0.2)
 
 
 @pytest.mark.parametrize("towards", ["east", "west"])
@@ -224,7 +233,7 @@ async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap():
     def answer(message):
         if getattr(message, "command", None) == ESTIMATE:
             taken_s.append(loop.time() + 0.05)
-            peer.say(ack(ESTIMATE, mav.MAV_RESULT_ACCEPTED), after_s=0.05)
+            peer.send(ack(ESTIMATE, mav.MAV_RESULT_ACCEPTED), after_s=0.05)
 
     peer.answer = answer
     places = []
@@ -234,8 +243,8 @@ async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap():
         for n in range(60):
             true = LAT + 0.6 / 111_195.0 * n
             leapt = bool(taken_s) and loop.time() > taken_s[0]
-            told = true + (0.1 * OFF if leapt else OFF)
-            message = position(LatLon(told, LON), t_s=loop.time(), velocity=(600, 0, 0))
+            lat_deg = true + (0.1 * OFF if leapt else OFF)
+            message = position(LatLon(lat_deg, LON), t_s=loop.time(), velocity=(600, 0, 0))
             peer.session.feed(peer.frame(message))
             assert view.position is not None
             places.append(distance_m(view.position, LatLon(true, LON)))

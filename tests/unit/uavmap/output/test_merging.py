@@ -43,7 +43,7 @@ def votes(number):
     return [*frames, Tracked(number, 10.0 * number + 9.0, GridPoint(1.0, 2.0), 10.0, 20.0)]
 
 
-def told(number):
+def shared_fact(number):
     facts = [Fact(10.0 * number + 2.0, ((CELLS[number], True),))]
     return FactsShared(number, 40.0, 0, tuple(facts))
 
@@ -55,7 +55,7 @@ def written(folder, by, events):
 @pytest.fixture
 def pair(tmp_path):
     return [
-        written(tmp_path / "one", plan(member=1), [*votes(1), told(2)]),
+        written(tmp_path / "one", plan(member=1), [*votes(1), shared_fact(2)]),
         written(tmp_path / "two", plan(member=2, epoch_utc_s=1003.0), [*votes(2)]),
     ]
 
@@ -70,9 +70,9 @@ def events_in(folder):
 
 
 def test_order_of_the_folders_changes_nothing(pair, tmp_path):
-    said = []
-    summary = merged_results(pair, tmp_path / "a", said.append)
-    merged_results(pair[::-1], tmp_path / "b", said.append)
+    lines = []
+    summary = merged_results(pair, tmp_path / "a", lines.append)
+    merged_results(pair[::-1], tmp_path / "b", lines.append)
     assert summary["cells_roi"] == 2
     assert summary["vehicles"] == 2
     assert [patch["root"]["column"] for patch in summary["patches"]] == [0, 2]
@@ -105,16 +105,16 @@ def test_frames_of_a_lost_vehicle_count_as_far_as_others_received_them(pair, tmp
 
 def test_map_has_the_classes_in_frames_of_others(tmp_path):
     of_classes = plan(TEXT + CLASSES)
-    heard = told(2)
-    (fact,) = heard.frames
+    shared = shared_fact(2)
+    (fact,) = shared.frames
     classes = (ClassShare(CELLS[2], 2, 0.3), ClassShare(CELLS[2], 4, 0.6))
-    heard = replace(heard, frames=(fact._replace(classes=classes),))
+    shared = replace(shared, frames=(fact._replace(classes=classes),))
     seen = [
         replace(event, classes=(ClassShare(CELLS[1], 2, 0.9),)) if event.kind == "frame_seen"
         else event
         for event in votes(1)
     ]  # fmt: skip
-    folder = written(tmp_path / "one", of_classes, [*seen, heard])
+    folder = written(tmp_path / "one", of_classes, [*seen, shared])
     merged_results([folder], tmp_path / "all", print)
     for flown in (flown_of(folder), flown_of(tmp_path / "all")):
         rest, wet = flown.data.class_areas
@@ -139,15 +139,15 @@ def test_unsure_cells_are_those_of_all_vehicles_on_every_map(
             frames.append(FrameSeen(number, 10.0 * number + k, None, said, unsure=unsure))
         return [*frames, *votes(number)[3:]]
 
-    def heard(number):
+    def shared_frames(number):
         own = facts_of(plan().known_setting())
         facts = [fact for event in seen(number) for fact in own.add(event)]
         assert bytes_to_facts(facts_to_bytes(facts)) == tuple(facts)
         return FactsShared(number, 40.0, 0, tuple(facts))
 
-    one = written(tmp_path / "one", plan(member=1), [*seen(1), heard(2)])
-    two = written(tmp_path / "two", plan(member=2), [*seen(2), heard(1)])
-    station = written(tmp_path / "station", plan(member=0), [heard(2), heard(1)])
+    one = written(tmp_path / "one", plan(member=1), [*seen(1), shared_frames(2)])
+    two = written(tmp_path / "two", plan(member=2), [*seen(2), shared_frames(1)])
+    station = written(tmp_path / "station", plan(member=0), [shared_frames(2), shared_frames(1)])
     merged_results([one, two], tmp_path / "all", print)
     for folder in (one, two, station, tmp_path / "all"):
         flown = flown_of(folder)
@@ -164,19 +164,19 @@ def test_good_beginning_of_a_damaged_journal_counts(pair, tmp_path):
     third = data.index(b'{"seq":4,')
     data = data[:third] + data[third:].replace(b'"kind"', b'"KIND"', 1)
     journal.write_bytes(data)
-    said = []
-    summary = merged_results(pair, tmp_path / "out", said.append)
+    lines = []
+    summary = merged_results(pair, tmp_path / "out", lines.append)
     assert summary["cells_roi"] == 2  # the first has received the rest
-    assert f"{pair[1]}: its journal is damaged; 2 events are merged, the last of" in said[0]
+    assert f"{pair[1]}: its journal is damaged; 2 events are merged, the last of" in lines[0]
     assert journal.read_bytes() == data
 
 
 def test_flight_under_way_is_read_as_far_as_it_is(pair, tmp_path):
-    said = []
+    lines = []
     with Journal.open(pair[1] / JOURNAL) as journal:
-        merged_results(pair, tmp_path / "out", said.append)
+        merged_results(pair, tmp_path / "out", lines.append)
         journal.append(LiftedOff(2, 50.0))
-    assert any("is still under way; 4 events are merged" in line for line in said)
+    assert any("is still under way; 4 events are merged" in line for line in lines)
 
 
 def test_flights_over_one_grid_make_one_map(tmp_path):

@@ -104,13 +104,13 @@ def test_votes_are_those_of_a_belief(seed: int) -> None:
     votes, belief = Votes(3, 2), Belief(3, 2)
     for number in range(60):
         vantage = Cell(int(rng.integers(0, 2)), 0)
-        said = [
+        votes_of_one = [
             Vote(Cell(int(east), int(north)), bool(rng.random() < 0.4), 0.5)
             for east, north in {tuple(rng.integers(0, 5, 2)) for _ in range(8)}
         ]
-        votes.add(vantage, said)
+        votes.add(vantage, votes_of_one)
         frame = FrameId(1, float(number))
-        belief = belief.with_frame(vantage, frame, {v.cell: v.positive for v in said})
+        belief = belief.with_frame(vantage, frame, {v.cell: v.positive for v in votes_of_one})
     assert votes.roi == set(belief.roi)
     found, _ = votes.counted()
     counts = {Cell(*cell): (yes, count) for cell, _, yes, count, _ in found.values()}
@@ -192,7 +192,7 @@ def traced() -> Iterator[Callable[[], tuple[int, int]]]:
         tracemalloc.stop()
 
 
-def looked_at(folder: Path, spool: Spool) -> JudgedPictures:
+def judged_pictures(folder: Path, spool: Spool) -> JudgedPictures:
     gathered = gather(open_source(folder))
     setting = setting_of(mission_of_text(derived(gathered), "derived"))
     return judge_pictures(gathered, setting, spool, Threads(1))
@@ -205,7 +205,7 @@ def test_pictures_leave_little_in_memory(tmp_path: Path) -> None:
         folder.mkdir(exist_ok=True)
         write_survey(folder, count, around=6)
         with Spool() as spool, traced() as memory:
-            looked = looked_at(folder, spool)
+            looked = judged_pictures(folder, spool)
             held[count] = memory()[0]
             assert len(looked.footings()) == count
     assert (held[22] - held[6]) / 16 < PICTURE_BYTES

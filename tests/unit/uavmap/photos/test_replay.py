@@ -21,7 +21,7 @@ from missions.mission.checks import parse_mission
 from missions.units import Cell, GridPoint
 from tests.support.journals import META
 from tests.support.photographs import dji, write_photo
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from tests.support.small_missions import CELL_M, START, Points, ring, square
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
@@ -201,7 +201,7 @@ def test_replay_that_judged_nothing_is_not_complete(tmp_path: Path) -> None:
 
 
 def test_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
-    tmp_path: Path, said: Said
+    tmp_path: Path, said: ShownLines
 ) -> None:
     good = paint(16.0, 12.0, 0.0, seed=1)
     cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))

@@ -57,7 +57,7 @@ class Mission:
         )  # fmt: skip
         self.port.connect(self.sent.append)
 
-    def take_in(self) -> list[Event]:
+    def accept_reports(self) -> list[Event]:
         """Accept the posted reports, as the service does."""
         found = []
         while not self.posted.empty():
@@ -80,7 +80,7 @@ def listening() -> Iterator[tuple[socket.socket, Address]]:
 
 
 @contextmanager
-def found(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket.socket]]:
+def running_process(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket.socket]]:
     """Find a process of the aircraft as the mission does; yield it, the other end, and its
     listener.
     """
@@ -88,8 +88,8 @@ def found(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket
         line = socket.create_connection(("127.0.0.1", address.port))
         other, _ = server.accept()
         with other:
-            found = Attachment(address, line)
-            yield AircraftProcess(plan(), folder, found, append=False), other, server
+            attachment = Attachment(address, line)
+            yield AircraftProcess(plan(), folder, attachment, append=False), other, server
 
 
 @pytest.mark.parametrize("reset", [False, True])
@@ -103,7 +103,7 @@ async def test_aircraft_that_cannot_restart_end_the_mission(*, reset, tmp_path, 
 
     monkeypatch.setattr(AircraftProcess, "_begun", start)
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
-    with found(tmp_path) as (process, other, server):
+    with running_process(tmp_path) as (process, other, server):
         server.close()
         port = Mission().port
         port.receive(msg.Beat(fates={1: "left to its autopilot in GUIDED at here", 2: ""}))
@@ -150,7 +150,7 @@ async def test_third_control_c_still_reports_the_state_of_the_aircraft(tmp_path,
         over.wait()
 
     monkeypatch.setattr(AircraftProcess, "_ended", ends_slowly)
-    with found(tmp_path) as (process, _, _):
+    with running_process(tmp_path) as (process, _, _):
 
         async def left_at_once() -> None:
             async with process.connected(Mission().port, lambda: BEGIN):
@@ -168,7 +168,7 @@ async def test_third_control_c_still_reports_the_state_of_the_aircraft(tmp_path,
 @pytest.mark.parametrize("state", ["returning", "refused"])
 @by(in_real_time)
 async def test_aircraft_that_another_process_brings_home_are_not_reported_as_left(state, tmp_path):
-    with found(tmp_path) as (process, other, server):
+    with running_process(tmp_path) as (process, other, server):
         port = Mission().port
         port.receive(msg.Beat(fates={1: "left to its autopilot in GUIDED at here"}))
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
@@ -183,7 +183,7 @@ async def test_aircraft_that_another_process_brings_home_are_not_reported_as_lef
 @by(in_real_time)
 async def test_aircraft_that_send_no_message_end_the_mission_with_a_line(tmp_path, monkeypatch):
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
-    with found(tmp_path) as (process, other, _):
+    with running_process(tmp_path) as (process, other, _):
         port = Mission().port
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
             other.sendall(b"\xff" * 8)
@@ -223,13 +223,13 @@ async def test_aircraft_know_the_events_in_the_journal():
     assert mission.port.kept == 0
     mission.port.receive(msg.EventReport(FIRST, 1))  # from the record, after a stall
     mission.port.receive(msg.EventReport(SECOND, 2))
-    assert mission.take_in() == [FIRST, SECOND]
+    assert mission.accept_reports() == [FIRST, SECOND]
     await asyncio.sleep(0.01)
     assert mission.port.kept == 2
     mission.port.lost()
-    mission.take_in()
+    mission.accept_reports()
     mission.port.receive(msg.EventReport(FIRST, 1))  # another process counts from the beginning
-    assert mission.take_in() == [FIRST]
+    assert mission.accept_reports() == [FIRST]
 
 
 class Falling:
@@ -324,10 +324,10 @@ async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(tmp
         side.host.receive(msg.Fly(0.0))
         await side.host.fly({1: Flying()}, msg.Ready(None))
         child._stopped()
-        assert mission.take_in() == [Recalled(0.0)]
+        assert mission.accept_reports() == [Recalled(0.0)]
         assert not side.host.end.done()
         child._stopped()
-    assert mission.take_in() == []
+    assert mission.accept_reports() == []
     assert side.host.end.result() == msg.Finish(END_REQUESTED)
 
 

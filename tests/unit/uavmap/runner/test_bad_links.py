@@ -12,7 +12,7 @@ from missions.errors import LinkError
 from missions.events import Airborne, Guarded, LinkLost, OrderFailed
 from missions.orders import FlyTo, Hold, TakeOff
 from missions.units import GridPoint
-from tests.benchmarks.watched import Flown, flown, mission_text
+from tests.benchmarks.watched import WatchedFlight, flown, mission_text
 from tests.support.flights import Flight, fly, small_mission, under_way
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.guardian.last_watch import Guardians, run_with_keeper
@@ -21,7 +21,7 @@ UP_M = 12.0
 FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb", "reserve", "breach"})
 
 
-def flown_with_loss(loss: float, seed: int) -> Flown:
+def flown_with_loss(loss: float, seed: int) -> WatchedFlight:
     """Fly over a link that loses a share of all frames, in both directions."""
     fault = {"kind": "link", "at_s": 0.0, "loss": loss}
     return flown(f"loss {loss} seed {seed}", mission_text("speck", [fault]), seed)
@@ -43,7 +43,7 @@ def test_mission_with_most_frames_lost_leaves_no_vehicle_in_the_air():
 def test_vehicle_that_cannot_connect_is_reported_with_the_reason():
     flight = flown_with_loss(0.8, 1)
     assert flight.code == 2, flight.line()
-    assert "the link loses too much" in flight.said
+    assert "the link loses too much" in flight.stderr
 
 
 def commands(flight: Flight, number: int) -> list[Any]:

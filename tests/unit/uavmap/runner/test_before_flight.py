@@ -43,9 +43,9 @@ def fault_of(kind: str) -> SimFault:
     return SimFault.model_validate({"vehicle": 1, "at_s": 0.0, "kind": kind})
 
 
-def told(field: Field, what: str) -> str:
+def finding_of(field: Field, what: str) -> str:
     """Return the last finding about a subject."""
-    lines = [x for text in field.told for x in text.split("\n") if f" 1 {what}: " in x]
+    lines = [x for text in field.lines for x in text.split("\n") if f" 1 {what}: " in x]
     return lines[-1]
 
 
@@ -56,7 +56,7 @@ def test_vehicle_that_was_just_switched_on_is_waited_for(autopilot, tmp_path):
         assert field.links[0].session.view.ekf_flags & EKF_ABSOLUTE == 0
         with pytest.raises(NotFlownError) as dry:
             await before(field, tmp_path, dry=True).prepare()
-        assert dry.value.could_fly, field.told
+        assert dry.value.could_fly, field.lines
         await flight.restore()
 
     on_field(body, mission_of(autopilot), ready_s=0.0)
@@ -67,13 +67,13 @@ def test_vehicle_that_was_just_switched_on_is_waited_for(autopilot, tmp_path):
 async def test_simulator_is_shown_and_set_up_without_a_question(field, /, autopilot, tmp_path):
     flight = before(field, tmp_path)
     await flight.prepare()
-    assert "a box of about" in field.told[0]
+    assert "a box of about" in field.lines[0]
     name = {"ardupilot": "ArduPilot 4.6.0", "px4": "PX4 1.15.4"}[autopilot]
-    assert f"{name}, the bundled simulator" in told(field, "autopilot")
-    assert told(field, "GPS") == "ok    1 GPS: a 3D fix, 10 satellites, HDOP 1.2"
-    assert "0.0 % lost" in told(field, "link")
-    assert "ready to arm" in told(field, "EKF")
-    assert "set and read back" in told(field, "fence")
+    assert f"{name}, the bundled simulator" in finding_of(field, "autopilot")
+    assert finding_of(field, "GPS") == "ok    1 GPS: a 3D fix, 10 satellites, HDOP 1.2"
+    assert "0.0 % lost" in finding_of(field, "link")
+    assert "ready to arm" in finding_of(field, "EKF")
+    assert "set and read back" in finding_of(field, "fence")
     picture = cv2.imread(str(tmp_path / "test-picture-1.png"))
     assert picture is not None
     assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
@@ -109,7 +109,7 @@ async def test_dry_run_sets_all_and_arms_nothing(field, /, vehicles, tmp_path):
     with pytest.raises(NotFlownError) as over:
         await flight.prepare()
     assert over.value.could_fly
-    assert sum("set and read back" in text for text in field.told) == 1
+    assert sum("set and read back" in text for text in field.lines) == 1
     assert not (tmp_path / FILE).exists()
     assert not any(vehicle.truth.armed for vehicle in field.vehicles)
 
@@ -156,7 +156,7 @@ async def test_camera_without_pictures_refuses_the_flight(field, /, kind, why, t
     with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
         await before(field, tmp_path, yes=True).prepare()
     assert why in str(error.value)
-    assert not any("bad   1 camera" in text for text in field.told), "it is told once"
+    assert not any("bad   1 camera" in text for text in field.lines), "it is told once"
     flight = before(field, tmp_path, dry=True)
     with pytest.raises(NotFlownError) as over:
         await flight.prepare()
@@ -167,7 +167,7 @@ async def test_camera_without_pictures_refuses_the_flight(field, /, kind, why, t
 async def test_kept_fence_that_the_mission_leaves_is_refused(field, /, tmp_path):
     field.put(0, "FENCE_ENABLE", 1)
     await before(field, tmp_path, keep=True).prepare()
-    assert "kept: 0 items" in told(field, "fence")
+    assert "kept: 0 items" in finding_of(field, "fence")
     assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
     field.put(0, "FENCE_RADIUS", 15)
     with pytest.raises(PreflightError, match="leaves the one that is set: search"):
@@ -179,8 +179,10 @@ async def test_vehicle_without_a_fix_has_findings_that_name_it(field, /, tmp_pat
     with pytest.raises(NotFlownError) as over:
         await before(field, tmp_path, dry=True).prepare()
     assert not over.value.could_fly
-    assert told(field, "GPS").startswith("bad   1 GPS: no fix, 0 satellites (wanted: a 3D fix")
-    assert told(field, "EKF").startswith("bad   1 EKF: no position yet")
+    assert finding_of(field, "GPS").startswith(
+        "bad   1 GPS: no fix, 0 satellites (wanted: a 3D fix"
+    )
+    assert finding_of(field, "EKF").startswith("bad   1 EKF: no position yet")
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
@@ -192,9 +194,9 @@ async def test_resumed_flight_asks_no_question(field, /, tmp_path, monkeypatch):
     await goes_on.restore()
     (tmp_path / FILE).write_text("damaged", "utf-8")
     await goes_on.prepare()
-    assert field.told[-1].startswith(f"{tmp_path / FILE} cannot be read")
+    assert field.lines[-1].startswith(f"{tmp_path / FILE} cannot be read")
     await goes_on.restore()
-    assert "what was set for the mission stays set" in field.told[-1]
+    assert "what was set for the mission stays set" in field.lines[-1]
 
 
 # --- the question ----------------------------------------------------------------------------
@@ -230,7 +232,7 @@ def line_of(mission: Mission, given_m: float, folder: Path) -> str:
         with pytest.raises(NotFlownError):
             await before(field, folder, dry=True).prepare()
 
-    lines = "\n".join(on_field(body, mission).field.told).split("\n")
+    lines = "\n".join(on_field(body, mission).field.lines).split("\n")
     (found,) = [line for line in lines if "home height: " in line]
     return found
 

@@ -10,12 +10,14 @@ from missions.errors import StrategyError
 from missions.planning.stepwise.interface import Decision, Situation
 from missions.planning.stepwise.rdfs import Rdfs
 from missions.units import Cell
-from tests.benchmarks.watched import Flown, flown, mission_text
+from tests.benchmarks.watched import WatchedFlight, flown, mission_text
 
 FAR = Cell(40, 40)
 
 
-def flight_with(monkeypatch: pytest.MonkeyPatch, failing: Callable[[Situation], Decision]) -> Flown:
+def flight_with(
+    monkeypatch: pytest.MonkeyPatch, failing: Callable[[Situation], Decision]
+) -> WatchedFlight:
     """Fly with a strategy that decides correctly until four cells are known."""
     decide = Rdfs.decide
 
@@ -41,26 +43,26 @@ def test_strategy_that_raises_its_error_ends_the_mission_with_it(monkeypatch):
     flight = flight_with(monkeypatch, raises(StrategyError("rdfs: the stack is empty")))
     assert flight.code == 2
     assert flight.raised == ""
-    home, *_, last = (line for line in flight.said.splitlines() if "the stack is empty" in line)
+    home, *_, last = (line for line in flight.stderr.splitlines() if "the stack is empty" in line)
     assert home == (
         "vehicle 1: the mission failed (rdfs: the stack is empty); it is commanded to return (RTL)"
     )
     assert last == "uavmap: rdfs: the stack is empty"
-    assert "to continue: uavmap resume" in flight.said
+    assert "to continue: uavmap resume" in flight.stderr
 
 
 def test_strategy_with_a_defect_returns_the_vehicle(monkeypatch):
     flight = flight_with(monkeypatch, raises(ZeroDivisionError("division by zero")))
     assert flight.code is None
     assert "ZeroDivisionError: division by zero" in flight.raised
-    assert "the mission failed (division by zero); it is commanded to return" in flight.said
+    assert "the mission failed (division by zero); it is commanded to return" in flight.stderr
 
 
 def test_strategy_that_moves_to_an_unknown_cell_ends_the_mission(monkeypatch):
     flight = flight_with(monkeypatch, lambda s: Decision(dict.fromkeys(s.robots, FAR)))
     assert flight.code == 2
-    assert flight.said.splitlines()[-1].startswith("uavmap: rdfs: robot 1 moves from (")
-    assert flight.said.splitlines()[-1].endswith("to (40, 40), which is not known")
+    assert flight.stderr.splitlines()[-1].startswith("uavmap: rdfs: robot 1 moves from (")
+    assert flight.stderr.splitlines()[-1].endswith("to (40, 40), which is not known")
 
 
 @pytest.mark.parametrize("says", [True, False], ids=["wait", "nothing"])

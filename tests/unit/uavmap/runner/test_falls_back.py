@@ -27,12 +27,12 @@ def plan(folder: Path) -> FlightPlan:
 def test_mission_that_falls_back_maps_the_whole_region(tmp_path, monkeypatch):
     fallen: list[float] = []
 
-    def told(state: State) -> State:
+    def recorded_fall_back(state: State) -> State:
         fallen.append(state.t_s)
         return fallback.fall_back(state)
 
     monkeypatch.setattr(passes, "patience_s", lambda state: 0.5)
-    monkeypatch.setattr(passes, "fall_back", told)
+    monkeypatch.setattr(passes, "fall_back", recorded_fall_back)
     summary = fly(plan(tmp_path), tmp_path)
     assert fallen
     assert summary["completed"]

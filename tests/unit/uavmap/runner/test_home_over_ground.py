@@ -48,7 +48,7 @@ async def test_return_down_a_steep_slope_goes_around_a_hole(flight, /):
     await homeward
     assert flight.driver.guardian.fate() == ""
     assert min(nearest_m) > 0.5
-    assert [line.rpartition("; ")[2] for line in flight.said] == [
+    assert [line.rpartition("; ")[2] for line in flight.service_lines] == [
         "it is flown home around the fence",
         "it is commanded to return (RTL)",
     ]

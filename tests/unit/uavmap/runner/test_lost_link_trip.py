@@ -41,14 +41,14 @@ def test_lost_link_is_shown_within_few_files_of_where_it_is_noticed(tmp_path, mo
         sys.setprofile(trip.profile)
         return silent_s(view, now_s)
 
-    def shown(terminal: Terminal, text: str) -> None:
+    def recording_show(terminal: Terminal, text: str) -> None:
         show(terminal, text)
         if "link lost" in text:
             sys.setprofile(None)
             trip.line = text
 
     monkeypatch.setattr(VehicleView, "silent_s", watched)
-    monkeypatch.setattr(Terminal, "show", shown)
+    monkeypatch.setattr(Terminal, "show", recording_show)
     path = tmp_path / "lost.toml"
     path.write_text(mission_text("speck", [SILENT]), encoding="utf-8")
     code = main(["fly", str(path), "--sim", "--out", str(tmp_path / "out")])

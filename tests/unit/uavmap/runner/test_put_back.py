@@ -70,7 +70,7 @@ def dry_run(field: Field, folder: Path) -> int:
     options = FlightOptions(mission_source="small", urls=(URL,))
     plan = FlightPlan.make(options, mission, 0.0)
     company = Company(preflight=Preflight(yes=True, dry_run=True))
-    with shown_on(field.told), pytest.raises(ExceptionGroup) as over:
+    with shown_on(field.lines), pytest.raises(ExceptionGroup) as over:
         flight.fly(plan, folder, company)
     return not_flown(over.value)
 
@@ -79,15 +79,15 @@ def test_dry_run_that_cannot_restore_fails_and_resume_restores(field, tmp_path, 
     """A real PX4 kept the mission's fence after two of six dry runs; no command restored it."""
     folder = tmp_path / "flight"
     field.put(0, "FENCE_ALT_MAX", 77.0)
-    field.lose = lambda: any("set and read back" in text for text in field.told)
+    field.lose = lambda: any("set and read back" in text for text in field.lines)
     assert dry_run(field, folder) == 3
     assert "what was set is not put back" in capsys.readouterr().err
-    assert f"`uavmap resume {folder}` puts it back" in field.told[-1]
+    assert f"`uavmap resume {folder}` puts it back" in field.lines[-1]
     assert (folder / JOURNAL).exists()
     assert field.parameter(0, "FENCE_ALT_MAX") == 25.0
 
     def resumed() -> int:
-        with shown_on(field.told), pytest.raises(flight.NotFlownError) as over:
+        with shown_on(field.lines), pytest.raises(flight.NotFlownError) as over:
             flight.resume(folder)
         return not_flown(over.value)
 
@@ -121,8 +121,8 @@ def test_resume_without_an_answer_names_the_last_place_of_the_aircraft(field, tm
         journal.append(Airborne(1, 9.0, home=home))
         journal.append(Tracked(1, 30.0, GridPoint(20.0, 10.0), 12.0, 24.0))
     field.lose = lambda: True
-    with shown_on(field.told), pytest.raises(ExceptionGroup, match="unhandled"):
+    with shown_on(field.lines), pytest.raises(ExceptionGroup, match="unhandled"):
         flight.resume(tmp_path)
-    (line,) = [text for text in field.told if "no contact in this run" in text]
+    (line,) = [text for text in field.lines if "no contact in this run" in text]
     place = field.setting.grid.position(GridPoint(20.0, 10.0))
     assert f"at 30 s of the mission: vehicle 1 near {place.lat_deg:.6f}, " in line

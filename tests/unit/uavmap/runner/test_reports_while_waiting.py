@@ -26,7 +26,7 @@ async def test_reasons_of_the_arming_checks_are_shown_as_they_come(flight, /):
     message = mav.MAVLink_param_set_message(1, 1, b"BATT_ARM_VOLT", 99.0, 9)
     flight.vehicle.receive(message.pack(mav.MAVLink(None, 255, 190)))
     await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
-    told = flight.told
+    told = flight.lines
     reason = "[vehicle 1, critical] PreArm: Battery 1 below minimum arming voltage"
     assert told.count(reason) >= 1
 
@@ -40,7 +40,7 @@ async def test_wait_for_a_position_is_shown():
         with pytest.raises(LinkError, match="did not report its position"):
             await flight.driver.connect()
         world.cancel()
-    waits = [line for line in flight.told if "waits for its position, for " in line]
+    waits = [line for line in flight.lines if "waits for its position, for " in line]
     assert len(waits) >= 4
 
 
@@ -50,7 +50,7 @@ async def test_wait_for_the_arming_checks_is_shown(flight, /):
     await asyncio.sleep(10.0)
     assert not flight.session.view.ready_to_arm
     await flight.after(TakeOff(UP_M), Airborne)
-    told = flight.told
+    told = flight.lines
     assert "[vehicle 1, critical] PreArm: GPS 1: Bad fix" in told
     assert "sim: waits for the checks before arming, in STABILIZE, for 10 s by now" in told
 
@@ -64,7 +64,7 @@ async def test_enter_without_a_new_battery_is_answered(flight, /, monkeypatch):
     await asyncio.sleep(45.0)
     flight.to_driver = lambda message: True
     await flight.sees(BatterySwapped)
-    waits = [line for line in flight.said if "waits for a fresh battery" in line]
+    waits = [line for line in flight.service_lines if "waits for a fresh battery" in line]
     assert [line.partition("(")[2].partition(")")[0] for line in waits] == [
         "42% reported, 90% wanted",
         "no charge reported, 90% wanted",
@@ -83,10 +83,10 @@ async def test_speed_changed_by_another_is_restored_and_reported(flight, /):
     flight.driver.give(FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M))
     await flight.until(lambda: view.ground_speed_m_s > 3.5)
     flight.pilot(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.5, -1)
-    await flight.until(lambda: any("instead of the 4 m/s" in line for line in flight.told))
+    await flight.until(lambda: any("instead of the 4 m/s" in line for line in flight.lines))
     await flight.until(lambda: view.ground_speed_m_s > 3.5, within_s=20.0)
     await flight.sees(Arrived)
-    assert sum("the speed is sent again" in line for line in flight.told) == 1
+    assert sum("the speed is sent again" in line for line in flight.lines) == 1
 
 
 @by(fly, long_mission)
@@ -94,18 +94,18 @@ async def test_ordered_speed_is_not_reported(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     there = FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M)
     await flight.after(there, Arrived)
-    assert flight.said == []
+    assert flight.service_lines == []
 
 
 @by(fly)
 async def test_clock_that_runs_fast_is_reported(flight, /):
     flight.driver._clock_rate = ClockRate(10.0, 0.2)
     await asyncio.sleep(30.0)
-    assert not [line for line in flight.told if "speedup" in line]
+    assert not [line for line in flight.lines if "speedup" in line]
     vehicle, step = flight.vehicle, flight.vehicle.step
     flight.vehicle = _Faster(vehicle, step)
     await asyncio.sleep(30.0)
-    assert [line for line in flight.told if "vehicle 1: its clock runs 3.0 times" in line]
+    assert [line for line in flight.lines if "vehicle 1: its clock runs 3.0 times" in line]
 
 
 class _Faster:

@@ -23,7 +23,7 @@ BY_FAILSAFE = {"ardupilot": "RTL", "px4": "HOLD by a failsafe"}
 both = pytest.mark.parametrize("autopilot", BOTH)
 
 
-def gone_on_with(said):
+def names_resume(said):
     """Return whether the ending names the command that resumes the flight."""
     return "to continue: uavmap resume" in said
 
@@ -42,7 +42,7 @@ def test_link_gone_for_40_seconds_on_a_lane_is_reconnected(autopilot):
     flight = scenario(autopilot, gone)
     assert flight.code == 0
     assert (flight.kinds["link_lost"], flight.kinds["order_failed"]) == (1, 0)
-    assert "answers, in the air and under our control" in flight.said
+    assert "answers, in the air and under our control" in flight.stderr
 
 
 @both
@@ -54,10 +54,10 @@ def test_vehicle_without_our_frames_for_30_seconds_returns(autopilot):
     deaf = once(flying, lambda v: v.fail.link(silent=True, way="up", after_s=3.0, for_s=30.0))
     flight = scenario(autopilot, deaf, parameters=own)
     assert flight.code == 3
-    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control (" in flight.said
-    assert "): hands off until" in flight.said
+    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control (" in flight.stderr
+    assert "): hands off until" in flight.stderr
     assert flight.columns >= {"home"}
-    assert gone_on_with(flight.said)
+    assert names_resume(flight.stderr)
 
 
 def test_ardupilot_does_not_count_the_service_as_its_ground_station():
@@ -76,9 +76,9 @@ def test_pilot_landing_gets_a_line_on_how_to_resume(autopilot):
     lands = once(after(3.0), lambda v: into(v, LAND[autopilot]))
     flight = scenario(autopilot, once(flying, lambda v: None), lands)
     assert flight.code in (3, 4)  # 4: it landed away from its pad, and a line reports it
-    assert "is in LAND, not under our control: hands off" in flight.said
-    assert "has landed, not under our control" in flight.said
-    assert gone_on_with(flight.said)
+    assert "is in LAND, not under our control: hands off" in flight.stderr
+    assert "has landed, not under our control" in flight.stderr
+    assert names_resume(flight.stderr)
 
 
 @both
@@ -101,9 +101,9 @@ def test_battery_failsafe_keeps_the_vehicle(autopilot):
         autopilot, once(flying, lambda v: v.fail.battery_sag(9.0, after_s=3.0)), parameters=own
     )
     assert flight.code in (3, 4)
-    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.said
-    assert "landed without an order" not in flight.said
-    assert gone_on_with(flight.said)
+    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.stderr
+    assert "landed without an order" not in flight.stderr
+    assert names_resume(flight.stderr)
 
 
 def test_landing_interrupted_by_a_failsafe_over_the_pad_is_no_failure():
@@ -124,9 +124,9 @@ def test_landing_interrupted_by_a_failsafe_over_the_pad_is_no_failure():
 def test_satellites_gone_in_the_air_land_the_vehicle(autopilot):
     flight = scenario(autopilot, once(flying, lambda v: v.fail.gps(after_s=3.0)))
     assert flight.code == 4  # it landed where it was, and a line reports it
-    assert "is in LAND" in flight.said
-    assert "from its pad" in flight.said
-    assert gone_on_with(flight.said)
+    assert "is in LAND" in flight.stderr
+    assert "from its pad" in flight.stderr
+    assert names_resume(flight.stderr)
 
 
 @both
@@ -134,8 +134,8 @@ def test_position_that_leaps_by_55_m_is_noticed(autopilot):
     leaps = {"kind": "gps_glitch", "at_s": 25.0, "metres": 55.0, "for_s": 10.0}
     flight = scenario(autopilot, faults=[leaps])
     assert flight.code in (3, 4)  # 4: it landed at once, and a line reports it
-    assert "satellite navigation cannot be trusted" in flight.said
-    assert gone_on_with(flight.said)
+    assert "satellite navigation cannot be trusted" in flight.stderr
+    assert names_resume(flight.stderr)
 
 
 @both
@@ -148,9 +148,9 @@ def test_altitude_fence_below_the_layer_is_a_failsafe(autopilot):
     }[autopilot]  # fmt: skip
     flight = scenario(autopilot, parameters=own)
     assert flight.code == 3
-    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.said
+    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.stderr
     assert flight.columns >= {"home"}
-    assert gone_on_with(flight.said)
+    assert names_resume(flight.stderr)
 
 
 def test_circular_fence_smaller_than_the_box_fails_the_order():
@@ -169,7 +169,7 @@ def test_radio_control_lost_is_a_failsafe(autopilot):
         autopilot, once(flying, lambda v: v.fail.rc(after_s=3.0)), parameters=FS_RADIO[autopilot]
     )
     assert flight.code == 3
-    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.said
+    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.stderr
 
 
 FS_RADIO = {"ardupilot": {"FS_THR_ENABLE": 1}, "px4": {"NAV_RCL_ACT": 2}}
@@ -180,7 +180,7 @@ def test_motor_that_fails_is_a_crash_and_the_flight_ends(autopilot):
     flight = scenario(autopilot, once(flying, lambda v: v.fail.motor(after_s=3.0)))
     assert flight.code == 4
     assert flight.columns >= {"crash", "down"}
-    assert "vehicle 1 is down" in flight.said
+    assert "vehicle 1 is down" in flight.stderr
     assert flight.truth.t_s < 60.0
 
 
@@ -220,7 +220,7 @@ def test_camera_of_the_autopilot_without_pictures_searches_nothing():
 def test_camera_with_corrupt_pictures_only_ends_incomplete(autopilot):
     flight = scenario(autopilot, faults=[{"kind": "camera_corrupt", "at_s": 0.0}])
     assert (flight.code, flight.summary["completed"]) == (3, False)
-    assert "not a readable picture" in flight.said
+    assert "not a readable picture" in flight.stderr
     assert flight.kinds["frame_lost"] <= 12
 
 
@@ -265,14 +265,14 @@ def camera(vehicle, number, *p):
 def test_arming_that_is_refused_is_explained_by_the_vehicle():
     flight = scenario("ardupilot", parameters={"BATT_ARM_VOLT": 30.0})
     assert flight.code == 3
-    assert "Battery 1 below minimum arming voltage" in flight.said
+    assert "Battery 1 below minimum arming voltage" in flight.stderr
     assert flight.kinds["lifted_off"] == 0
 
 
 def test_vehicle_without_satellites_at_the_start_reports_the_reason():
     flight = scenario("ardupilot", faults=[{"kind": "gps", "at_s": 0.0}])
     assert flight.code == 3
-    assert "PreArm: GPS 1: Bad fix" in flight.said
+    assert "PreArm: GPS 1: Bad fix" in flight.stderr
     assert flight.kinds["lifted_off"] == 0
 
 
@@ -304,4 +304,4 @@ def test_link_lost_at_take_off_ends_the_flight_when_the_battery_must_be_empty(au
     """An earlier version gave it up after 120 s, "on the ground", while it hovered."""
     flight = scenario(autopilot, cut_at_take_off)
     assert flight.code == 4, flight.line()
-    assert "longer than its battery can have lasted" in flight.said
+    assert "longer than its battery can have lasted" in flight.stderr

@@ -222,11 +222,17 @@ def test_report_after_a_failure_is_recorded_and_not_acted_on(journal, monkeypatc
 async def test_aircraft_know_the_events_recorded_after_the_end(journal):
     service = service_of(journal, Played())
 
-    async def nobody(_: object) -> None:
+    async def unexpected(_: object) -> None:
         raise AssertionError
 
     port = Port(
-        (1,), lambda: 0.0, PictureJudge({}), service.post, service._reports.join, nobody, nobody
+        (1,),
+        lambda: 0.0,
+        PictureJudge({}),
+        service.post,
+        service._reports.join,
+        unexpected,
+        unexpected,
     )
     service.stop()
     await service.fly()

@@ -136,7 +136,7 @@ async def test_pilot_on_the_ground_keeps_the_vehicle(flight, service, /, mode, a
 
 
 @pytest.mark.parametrize(
-    ("fault", "code", "home", "said"),
+    ("fault", "code", "home", "expected"),
     [
         ({"kind": "gps_glitch", "metres": 50.0}, 3, False, ""),
         ({"kind": "motor", "share": 0.0}, 4, False, ""),
@@ -155,12 +155,12 @@ async def test_pilot_on_the_ground_keeps_the_vehicle(flight, service, /, mode, a
     ],
     ids=lambda value: value["kind"] if isinstance(value, dict) else "",
 )
-def test_flight_with_a_fault_ends_with_its_exit_code(fault, code, home, said):
+def test_flight_with_a_fault_ends_with_its_exit_code(fault, code, home, expected):
     flight = flown(fault["kind"], mission_text("speck", [{**fault, "at_s": 18.0}]), 1)
     assert not flight.columns & FORBIDDEN, flight.line()
     assert flight.code == code, flight.line()
     assert ("home" in flight.columns) is home
-    assert said in flight.said
+    assert expected in flight.stderr
 
 
 def test_leaning_camera_searches_no_lane_that_it_does_not_show():
@@ -180,12 +180,12 @@ def test_leaning_camera_searches_no_lane_that_it_does_not_show():
 async def test_camera_answers_that_are_lost_for_6_seconds_cost_nothing(
     flight, service, /, tmp_path
 ):
-    def heard(message: Any) -> bool:
+    def passes(message: Any) -> bool:
         camera = getattr(message, "command", None) == mav.MAV_CMD_IMAGE_START_CAPTURE
         return not (message.get_type() == "COMMAND_ACK" and camera)
 
     await flight.until(lambda: service.state.vehicles[1].phase is Phase.AIRBORNE)
-    flight.to_driver = heard
+    flight.to_driver = passes
     await flight.until(lambda: service.state.vehicles[1].on_lane)
     await asyncio.sleep(6.0)
     flight.to_driver = lambda message: True

@@ -35,8 +35,8 @@ kind = "utm"
 def test_intruder_that_passes_delays_a_flight_and_no_more(autopilot, intruder, answer):
     flight = scenario(autopilot, change=lambda text: text + intruder)
     assert flight.code == 0
-    assert answer in flight.said
-    assert "no traffic is near any more" in flight.said
+    assert answer in flight.stderr
+    assert "no traffic is near any more" in flight.stderr
     assert flight.kinds["traffic_seen"] > 5
     assert flight.columns >= {"home"}
     assert (flight.kinds["order_failed"], flight.kinds["guarded"]) == (0, 0)

@@ -31,11 +31,11 @@ LOST = '[[sim.faults]]\nkind = "gps"\nat_s = 25\n'
 
 
 @dataclass(slots=True)
-class Flown:
+class SatelliteFlight:
     """A flight, and the truth about it."""
 
     summary: dict[str, Any]
-    told: str
+    shown: str
     navigated: list[Navigated]
     tracked: list[Tracked]
     true: list[tuple[float, GridPoint]] = field(default_factory=list)
@@ -57,7 +57,7 @@ class Flown:
 def flown(tmp_path, monkeypatch, said):
     """Fly the small box with more keys in its file."""
 
-    def flying(navigation: str, faults: str, sim: str = "") -> Flown:
+    def flying(navigation: str, faults: str, sim: str = "") -> SatelliteFlight:
         true: list[tuple[float, GridPoint]] = []
         modes: set[str] = set()
         watch = Truth.watch
@@ -78,7 +78,7 @@ def flown(tmp_path, monkeypatch, said):
         summary = fly(plan, tmp_path / "out")
         with Journal.open(tmp_path / "out" / JOURNAL) as journal:
             events = list(journal.events())
-        return Flown(
+        return SatelliteFlight(
             summary,
             "\n".join(said),
             [event for event in events if isinstance(event, Navigated)],
@@ -97,7 +97,7 @@ def test_satellites_that_are_lost_end_no_flight_led_by_its_map(flown, attitude, 
     assert flight.summary["fence_breaches"] == 0
     assert flight.summary["iou_cells"] > 0.6
     assert flight.pad_m < 3.0
-    assert "satellite navigation is lost; it continues by its own map" in flight.told
+    assert "satellite navigation is lost; it continues by its own map" in flight.shown
     known = flight.summary["navigation"]["1"]
     assert known["noticed_s"] == flight.navigated[0].t_s
     assert known["lost_s"] > 20.0
@@ -108,7 +108,7 @@ def test_satellites_that_are_lost_end_no_flight_led_by_its_map(flown, attitude, 
 
 def test_mission_that_requires_a_return_without_satellites_returns(flown):
     flight = flown('gnss_loss = "rtl"', LOST, FLOW)
-    assert "satellite navigation is lost; it is commanded to return (RTL)" in flight.told
+    assert "satellite navigation is lost; it is commanded to return (RTL)" in flight.shown
     assert "RTL" in flight.modes
     assert not flight.summary["completed"]
     assert flight.summary["notes"]["1"].startswith("returning by its guardian: satellite")
@@ -117,7 +117,7 @@ def test_mission_that_requires_a_return_without_satellites_returns(flown):
 
 def test_vehicle_without_flow_is_left_to_its_autopilot(flown):
     flight = flown('gnss_loss = "map"', LOST)
-    assert "taken by a pilot or a failsafe" in flight.told or flight.summary["notes"]
+    assert "taken by a pilot or a failsafe" in flight.shown or flight.summary["notes"]
     assert not flight.summary["completed"]
     assert flight.modes >= {"GUIDED", "LAND"}
     assert "RTL" not in flight.modes
@@ -130,7 +130,7 @@ def test_satellites_that_drift_are_noticed_before_they_are_off_by_a_cell(flown, 
     assert flight.navigated
     assert flight.navigated[0].gnss == "wrong"
     assert flight.off_m(flight.navigated[0].t_s - 0.5) < most_m
-    assert "satellite navigation gives a wrong position" in flight.told
+    assert "satellite navigation gives a wrong position" in flight.shown
     assert flight.summary["fence_breaches"] == 0
 
 

@@ -45,7 +45,7 @@ class Bench:
     source: FrameSource
     hardware: object
     told: list[str]
-    heard: list[Announcement] = field(default_factory=list)
+    announced: list[Announcement] = field(default_factory=list)
 
     async def shoot(self, count, interval_s=1.0, first=0):
         """Take pictures at an interval; return the time of each exposure."""
@@ -58,7 +58,7 @@ class Bench:
 
     async def load(self):
         good = []
-        for picture in self.heard:
+        for picture in self.announced:
             try:
                 await picture.load()
                 good.append(True)
@@ -118,7 +118,7 @@ async def folder_bench(tmp_path):
     source = FolderSource(folder, LATENCY_S, told.append, inline)
     await source.begin()
     bench = Bench(source, FolderHardware(folder), told)
-    source.listen(bench.heard.append)
+    source.listen(bench.announced.append)
     async with running(source.run):
         yield bench
 
@@ -172,7 +172,7 @@ async def stream_bench(tmp_path):
     source = StreamSource("the test's camera", hardware, LATENCY_S, SIZE_PX, told.append)
     await source.begin()
     bench = Bench(source, hardware, told)
-    source.listen(bench.heard.append)
+    source.listen(bench.announced.append)
     async with running(source.run):
         yield bench
 
@@ -215,7 +215,7 @@ class Ordered:
         self._ack(message.command, mav.MAV_RESULT_ACCEPTED)
 
     def _ack(self, command, result):
-        self.peer.say(
+        self.peer.send(
             mav.MAVLink_command_ack_message(command, result, 0, 0, 245, 191),
             component=self.component,
         )
@@ -258,12 +258,12 @@ class ComponentHardware(Ordered):
         return self.pictures[url]
 
     async def expose(self, number):
-        self._take(number, there=True)
+        self._announce(number, there=True)
 
     async def spoil(self, number):
-        self._take(number, there=False)
+        self._announce(number, there=False)
 
-    def _take(self, number, there):
+    def _announce(self, number, there):
         if not self.due():
             return
         index, self.taken = self.taken, self.taken + 1
@@ -275,7 +275,7 @@ class ComponentHardware(Ordered):
             boot_ms, 0, 0, 480_000_000, 110_000_000, 500_000, 12_000,
             [0.7071068, 0.0, -0.7071068, 0.0], index, 1, url.encode(),
         )  # fmt: skip
-        self.peer.say(message, after_s=0.1, component=self.component)
+        self.peer.send(message, after_s=0.1, component=self.component)
 
 
 class TriggerHardware(Ordered):
@@ -296,7 +296,7 @@ class TriggerHardware(Ordered):
             return False
         self.taken += 1
         utc_s = EPOCH_S + asyncio.get_running_loop().time()
-        self.peer.say(
+        self.peer.send(
             mav.MAVLink_camera_feedback_message(
                 round(utc_s * 1e6), 0, 0, self.taken, 480_000_000, 110_000_000, 500.0, 12.0,
                 0.0, 0.0, 90.0, 0.0, 0, self.taken,
@@ -319,7 +319,7 @@ async def mavlink_bench(tmp_path):
     hardware = ComponentHardware()
     source = MavlinkSource(hardware.peer.session, hardware.fetch)
     bench = Bench(source, hardware, [])
-    source.listen(bench.heard.append)
+    source.listen(bench.announced.append)
     async with running(hardware.telemetry):
         await asyncio.sleep(0.5)
         yield bench
@@ -335,7 +335,7 @@ async def triggered_bench(tmp_path):
     source = TriggeredSource(session, Mount(), folder, LATENCY_S, told.append, inline)
     await source.begin()
     bench = Bench(source, hardware, told)
-    source.listen(bench.heard.append)
+    source.listen(bench.announced.append)
     async with running(hardware.telemetry), running(source.run):
         await asyncio.sleep(0.5)
         yield bench

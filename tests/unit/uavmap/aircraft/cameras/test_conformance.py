@@ -29,16 +29,16 @@ def on_each_bench(body):
 async def test_camera_before_start_and_after_stop_gives_no_picture(bench):
     await bench.shoot(3)
     await asyncio.sleep(3.0)
-    assert bench.heard == []
+    assert bench.announced == []
     await bench.source.start(1.0, 0)
     await bench.shoot(3, first=3)
     await asyncio.sleep(3.0)
-    assert len(bench.heard) == 3
+    assert len(bench.announced) == 3
     bench.source.stop()
     await asyncio.sleep(0.5)
     await bench.shoot(3, first=6)
     await asyncio.sleep(3.0)
-    assert len(bench.heard) == 3
+    assert len(bench.announced) == 3
 
 
 @on_each_bench
@@ -46,8 +46,8 @@ async def test_picture_is_dated_by_its_exposure(bench):
     await bench.source.start(0.7, 0)
     times = await bench.shoot(12, 0.73)
     await asyncio.sleep(3.0)
-    assert len(bench.heard) == 12
-    for picture, exposed_s in zip(bench.heard, times, strict=True):
+    assert len(bench.announced) == 12
+    for picture, exposed_s in zip(bench.announced, times, strict=True):
         assert picture.taken_s == pytest.approx(exposed_s, abs=RIGHT_S)
 
 
@@ -56,10 +56,10 @@ async def test_pictures_come_in_order_and_can_be_fetched(bench):
     await bench.source.start(0.5, 0)
     await bench.shoot(5, 0.5)
     await asyncio.sleep(2.0)
-    stamps = [picture.taken_s for picture in bench.heard]
+    stamps = [picture.taken_s for picture in bench.announced]
     assert stamps == sorted(stamps)
     assert await bench.load() == [True] * 5
-    names = [picture.name for picture in bench.heard]
+    names = [picture.name for picture in bench.announced]
     assert len(set(names)) == 5
 
 
@@ -69,7 +69,7 @@ async def test_count_of_pictures_is_kept(bench):
         await bench.source.start(0.5, 3)
         await bench.shoot(6, 0.5, first=6 * burst)
         await asyncio.sleep(2.0)
-        assert len(bench.heard) == 3 * (burst + 1)
+        assert len(bench.announced) == 3 * (burst + 1)
         bench.source.ended()
 
 
@@ -78,7 +78,7 @@ async def test_interval_is_kept_by_a_camera_that_takes_more(bench):
     await bench.source.start(1.0, 0)
     await bench.shoot(40, 0.1)
     await asyncio.sleep(2.0)
-    stamps = [picture.taken_s for picture in bench.heard]
+    stamps = [picture.taken_s for picture in bench.announced]
     assert 4 <= len(stamps) <= 5
     steps = [b - a for a, b in itertools.pairwise(stamps)]
     assert all(0.7 <= step <= 1.4 for step in steps)
@@ -91,7 +91,7 @@ async def test_start_while_pictures_are_taken_restarts_them(bench):
     await bench.source.start(0.5, 0)
     await bench.shoot(4, 0.5, first=2)
     await asyncio.sleep(2.0)
-    assert len(bench.heard) == 5
+    assert len(bench.announced) == 5
 
 
 @on_each_bench
@@ -113,7 +113,7 @@ async def test_camera_that_vanishes_and_returns_continues(bench):
     await asyncio.sleep(1.0)
     bench.hardware.vanish()
     await asyncio.sleep(20.0)
-    before = len(bench.heard)
+    before = len(bench.announced)
     assert before == 2
     bench.hardware.come_back()
     bench.source.uncertain()
@@ -121,7 +121,7 @@ async def test_camera_that_vanishes_and_returns_continues(bench):
     await bench.source.start(1.0, 0)
     await bench.shoot(3, first=5)
     await asyncio.sleep(3.0)
-    assert len(bench.heard) == 5
+    assert len(bench.announced) == 5
     assert await bench.load() == [True] * 5
 
 
@@ -131,20 +131,20 @@ def test_picture_without_feedback_gets_no_neighbours_place(tmp_path):
     async def main():
         async with triggered_bench(tmp_path) as bench:
             hardware = bench.hardware
-            say, lost = hardware.peer.say, 7
+            say, lost = hardware.peer.send, 7
 
             def lossy(*messages, **how):
                 if not any(getattr(message, "img_idx", 0) == lost for message in messages):
                     say(*messages, **how)
 
-            hardware.peer.say = lossy
+            hardware.peer.send = lossy
             later, loop = hardware.card.later, asyncio.get_running_loop()
             # the card takes 0.05 s longer than `camera.latency_s` states
             hardware.card.later = lambda *how: loop.call_later(0.05, later, *how)
             await bench.source.start(0.2, 0)
             times = await bench.shoot(15, 0.2)
             await asyncio.sleep(8.0)
-            had = [p for p, good in zip(bench.heard, await bench.load(), strict=True) if good]
+            had = [p for p, good in zip(bench.announced, await bench.load(), strict=True) if good]
             assert len(had) == 14
             assert any("no CAMERA_FEEDBACK of its time" in line for line in bench.told)
             for picture in had:

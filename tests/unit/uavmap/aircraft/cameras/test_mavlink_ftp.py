@@ -25,9 +25,9 @@ class Server:
         self.files = {b"/DCIM/1.jpg": PICTURE, b"/empty.jpg": b""}
         self.peer, self.loses = peer, loses
         self.open = {}
-        peer.answer = self.take
+        peer.answer = self.receive
 
-    def take(self, message):
+    def receive(self, message):
         if message.get_type() != "FILE_TRANSFER_PROTOCOL" or self.loses():
             return
         assert (message.target_system, message.target_component) == (1, 100)
@@ -37,25 +37,25 @@ class Server:
         sequence += 1
         if opcode == ftp.OPEN:
             if data not in self.files:
-                self.say(sequence, 0, ftp.NAK, opcode, b"\x0a", 0)
+                self.reply(sequence, 0, ftp.NAK, opcode, b"\x0a", 0)
                 return
             self.open = {7: self.files[data]}
             size_of = len(self.files[data]).to_bytes(4, "little")
-            self.say(sequence, 7, ACK, opcode, size_of, 0)
+            self.reply(sequence, 7, ACK, opcode, size_of, 0)
         elif opcode == ftp.BURST:
             content = self.open[session]
             for packet in range(BURST_PACKETS):
                 part = content[offset : offset + 239]
                 if not part:
-                    self.say(sequence, session, ftp.NAK, opcode, b"\x06", offset)
+                    self.reply(sequence, session, ftp.NAK, opcode, b"\x06", offset)
                     return
                 last = packet == BURST_PACKETS - 1
-                self.say(sequence + packet, session, ACK, opcode, part, offset, last)
+                self.reply(sequence + packet, session, ACK, opcode, part, offset, last)
                 offset += len(part)
         elif opcode == ftp.TERMINATE:
             self.open.clear()
 
-    def say(
+    def reply(
         self, sequence, session, opcode, of, data, offset,
         last = False
     ):  # fmt: skip
@@ -63,7 +63,7 @@ class Server:
             return
         head = ftp._HEAD.pack(sequence & 0xFFFF, session, opcode, len(data), of, last, offset)
         payload = list((head + data).ljust(251, b"\0"))
-        self.peer.say(
+        self.peer.send(
             mav.MAVLink_file_transfer_protocol_message(0, 245, 191, payload), component=100
         )
 

@@ -45,7 +45,7 @@ def truth(t_s):
     return place, 12.0 + 0.2 * t_s, Quaternion.from_euler(BANK_RAD, 0.05, angle)
 
 
-def told_at(t_s, peer, *, attitude_off_s=0.0):
+def report_at(t_s, peer, *, attitude_off_s=0.0):
     place, height_m, _ = truth(t_s)
     heading = math.remainder(TURN_RAD_S * t_s, 2.0 * math.pi)
     velocity = (round(800 * math.cos(heading)), round(800 * math.sin(heading)), -20)
@@ -59,7 +59,7 @@ def told_at(t_s, peer, *, attitude_off_s=0.0):
         peer.session.feed(peer.frame(message))
 
 
-def flown(body, *, attitude_off_s=0.0):
+def beside_a_circling_vehicle(body, *, attitude_off_s=0.0):
     """Run a test beside a vehicle that flies circles and reports ten times a second."""
     peers = []
 
@@ -70,7 +70,7 @@ def flown(body, *, attitude_off_s=0.0):
 
         async def telemetry():
             while True:
-                told_at(loop.time(), peer, attitude_off_s=attitude_off_s)
+                report_at(loop.time(), peer, attitude_off_s=attitude_off_s)
                 await asyncio.sleep(0.1)
 
         poses = Poses(peer.session, Mount(yaw_deg=90.0), GRID)
@@ -100,12 +100,12 @@ def test_pose_in_a_turn_lies_between_its_messages():
             assert pose.height_m == pytest.approx(height_m, abs=0.02)
             errors_deg.append(angle_deg(pose.attitude, Mount(yaw_deg=90.0).attitude(turned)))
 
-    flown(body)
+    beside_a_circling_vehicle(body)
     assert max(errors_m) < 0.05
     assert max(errors_deg) < 0.1
 
 
-@by(flown)
+@by(beside_a_circling_vehicle)
 async def test_pose_reported_by_the_camera_has_precedence(peer, poses, /):
     place, height_m, turned = truth(2.0)
     told = ReportedPose(place, height_m, turned)
@@ -132,7 +132,7 @@ def test_impossible_time_is_refused(late_s, fault):
         with pytest.raises(ImageError, match="reports no usable pose"):
             await poses.pose_of(Announcement("a", taken_s, nothing, fault=said))
 
-    peer = flown(body)
+    peer = beside_a_circling_vehicle(body)
     assert sum(peer.session.view.gate.refused.values()) == 1
 
 
@@ -142,7 +142,7 @@ def test_attitude_of_another_clock_is_refused_and_counted():
         with pytest.raises(ImageError, match="the vehicle's own at that time is unknown"):
             await poses.pose_of(Announcement("a", taken_s, nothing))
 
-    peer = flown(body, attitude_off_s=-30.0)
+    peer = beside_a_circling_vehicle(body, attitude_off_s=-30.0)
     refused = peer.session.view.gate.refused
     assert refused["ATTITUDE", "its time is not that of the vehicle's position"] > 10
 
@@ -187,6 +187,6 @@ async def test_camera_that_writes_irregularly_keeps_its_own_times(tmp_path):
             loop.call_later(LATENCY_S + late_s, path.write_bytes, jpeg(number, exif))
             await asyncio.sleep(1.0)
         await asyncio.sleep(2.0)
-        assert len(bench.heard) == 6
-        for picture, exposed_s in zip(bench.heard, times, strict=True):
+        assert len(bench.announced) == 6
+        for picture, exposed_s in zip(bench.announced, times, strict=True):
             assert picture.taken_s == pytest.approx(exposed_s, abs=0.05)

@@ -13,7 +13,7 @@ from missions.events import FrameLost, FrameSeen
 from missions.flight.setting_of import setting_of
 from tests.support.flights import small_mission
 from tests.support.plans import plan_of
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from tests.unit.uavmap.aircraft.cameras.conformance import inline, running
 from uavmap.aircraft.cameras.folder import FolderSource
 from uavmap.aircraft.cameras.pose import Mount
@@ -93,14 +93,14 @@ class RiggedFlight(Flight):
         return simulation.truth
 
 
-def flown(rig, made, folder):
+def fly_mission(rig, made, folder):
     plan = plan_of("m.toml", made, None, None, 1, (), None, SIM_EPOCH_UTC_S)
-    setting, said = setting_of(made), Said()
+    setting, lines = setting_of(made), ShownLines()
     folder.mkdir()
     with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
-        flight = RiggedFlight(rig, said, plan, folder, journal, setting.initial_state())
-        with shown_on(said):
-            return flight.run(), list(journal.events()), said
+        flight = RiggedFlight(rig, lines, plan, folder, journal, setting.initial_state())
+        with shown_on(lines):
+            return flight.run(), list(journal.events()), lines
 
 
 def mission(latency_s=LATENCY_S, **how):
@@ -132,7 +132,7 @@ async def triggered(simulation, session, card, said):
 @pytest.mark.parametrize("rig", [folder, triggered], ids=lambda rig: rig.__name__)
 def test_flight_without_stopping_maps_the_region(rig, tmp_path):
     """The moving camera tilts: poses of another moment would shift the map."""
-    summary, events, said = flown(rig, mission(strategy="swath"), tmp_path / "flight")
+    summary, events, said = fly_mission(rig, mission(strategy="swath"), tmp_path / "flight")
     assert summary["completed"], said
     assert summary["cells_missed"] == 0
     assert summary["iou_cells"] == 1.0

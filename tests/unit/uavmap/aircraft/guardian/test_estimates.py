@@ -29,7 +29,7 @@ LEGS = [(0.0, 0.0), (6.0, 0.0), (0.0, 0.0), (-6.0, 0.0), (0.0, 4.0), (0.0, -6.0)
 # --- wind: airframes of other drag, in winds from all sides, through legs and hovers -----------
 
 
-def flown(wind, factor, legs, leg_s=20.0, gust_m_s=0.0):
+def wind_estimates(wind, factor, legs, leg_s=20.0, gust_m_s=0.0):
     """Return the estimates along legs (velocity north, east) of an airframe.
 
     A gust to the north fills the first 6 s of every minute but the first. The attitude controller
@@ -68,22 +68,22 @@ def flown(wind, factor, legs, leg_s=20.0, gust_m_s=0.0):
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (4.0, 0.0), (-3.0, 3.0), (0.0, -9.0)])
 def test_quadcopter_estimates_its_wind(wind):
-    for measured in flown(wind, 1.0, LEGS):
+    for measured in wind_estimates(wind, 1.0, LEGS):
         assert measured == pytest.approx(math.hypot(*wind), rel=0.25, abs=1.3)
 
 
 @pytest.mark.parametrize("factor", [0.6, 2.0, 4.0])
 def test_estimate_of_another_airframe_is_learned_from_its_legs(factor):
     """Without learning, four times the drag would count as a wind of 7 m/s in still air."""
-    assert max(flown((0.0, 0.0), factor, LEGS)[1:]) < 3.0
-    assert flown((0.0, 6.0), factor, LEGS * 2)[-1] == pytest.approx(6.0, abs=2.0)
+    assert max(wind_estimates((0.0, 0.0), factor, LEGS)[1:]) < 3.0
+    assert wind_estimates((0.0, 6.0), factor, LEGS * 2)[-1] == pytest.approx(6.0, abs=2.0)
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_gusts_leave_the_airframe_estimate_and_are_no_gale(factor):
     """Gusts of 10 m/s for 6 s a minute, on legs of 5 s: no estimate may reach 12 m/s."""
     legs = [(6.0 * math.cos(1.1 * k), 6.0 * math.sin(1.1 * k)) for k in range(48)]
-    found = flown((3.6, 0.0), factor, legs, leg_s=5.0, gust_m_s=6.4)
+    found = wind_estimates((3.6, 0.0), factor, legs, leg_s=5.0, gust_m_s=6.4)
     assert 4.0 < max(found) < 9.0  # 8.4 is the mean of 8 s with a gust in them
     assert found[-1] == pytest.approx(3.6, abs=1.5)
 
@@ -208,7 +208,7 @@ async def test_gust_is_no_leap(flight, /, gust_m_s):
 G_M_S2 = 9.81
 
 
-def told(speeds, *, every_s=0.1, impact=None):
+def impact_after(speeds, *, every_s=0.1, impact=None):
     impact = Impact() if impact is None else impact
     begin_s = impact._descent[-1][0] if impact._descent else 0.0
     for count, sink_m_s in enumerate(speeds, start=1):
@@ -226,43 +226,43 @@ def fall(height_m, every_s):
 def test_motors_that_stop_in_the_last_metre_are_an_impact():
     """Reports of a fall of 0.8 m: only its last message is faster than a hard landing."""
     end = [0.78, 1.25, 1.79, 2.33, 2.87]
-    assert told([*[0.48] * 20, *end, 0.0, 0.0]).speed_m_s > HARD_LANDING_M_S
+    assert impact_after([*[0.48] * 20, *end, 0.0, 0.0]).speed_m_s > HARD_LANDING_M_S
     # the same last message without the messages before it
-    assert told([*[0.48] * 24, 2.87, 0.0, 0.0]).speed_m_s == 0.48
+    assert impact_after([*[0.48] * 24, 2.87, 0.0, 0.0]).speed_m_s == 0.48
 
 
 @pytest.mark.parametrize("fast_m_s", [0.7, 1.5, 2.4])
 def test_landing_is_no_impact(fast_m_s):
-    impact = told([*[fast_m_s] * 50, *[0.5] * 60, 0.1, 0.0])
+    impact = impact_after([*[fast_m_s] * 50, *[0.5] * 60, 0.1, 0.0])
     assert impact.speed_m_s == 0.5
-    assert told([*[fast_m_s] * 50, 0.0]).speed_m_s <= HARD_LANDING_M_S
+    assert impact_after([*[fast_m_s] * 50, 0.0]).speed_m_s <= HARD_LANDING_M_S
 
 
 @pytest.mark.parametrize(
     ("height_m", "every_s"), [(1.5, 0.1), (3.0, 0.1), (10.0, 0.1), (3.0, 0.2), (10.0, 0.2)]
 )
 def test_fall_is_an_impact(height_m, every_s):
-    assert told(fall(height_m, every_s), every_s=every_s).speed_m_s > HARD_LANDING_M_S
+    assert impact_after(fall(height_m, every_s), every_s=every_s).speed_m_s > HARD_LANDING_M_S
 
 
 def test_bounce_does_not_hide_an_impact():
-    impact = told(fall(3.0, 0.1))
-    told([-1.0, -0.5, 0.5, 1.0, 0.0, 0.0], impact=impact)
+    impact = impact_after(fall(3.0, 0.1))
+    impact_after([-1.0, -0.5, 0.5, 1.0, 0.0, 0.0], impact=impact)
     assert impact.speed_m_s > HARD_LANDING_M_S
 
 
 def test_stop_in_the_air_is_forgotten_before_the_landing():
-    impact = told([4.0, 4.0, 4.0, 0.0])
-    told([0.0] * round(IMPACT_KEPT_S / 0.1 + 1), impact=impact)
+    impact = impact_after([4.0, 4.0, 4.0, 0.0])
+    impact_after([0.0] * round(IMPACT_KEPT_S / 0.1 + 1), impact=impact)
     assert impact.speed_m_s == 0.0
 
 
 def test_braking_as_an_autopilot_brakes_is_no_impact():
     """Braking from 4 m/s with 2.5 m/s2 ends slowly."""
-    assert told([4.0 - 0.25 * n for n in range(17)]).speed_m_s < HARD_LANDING_M_S
+    assert impact_after([4.0 - 0.25 * n for n in range(17)]).speed_m_s < HARD_LANDING_M_S
 
 
 def test_clock_that_restarts_resets_the_impact():
-    impact = told(fall(3.0, 0.1))
+    impact = impact_after(fall(3.0, 0.1))
     impact.add(0.0, 0.0)
     assert impact.speed_m_s == 0.0

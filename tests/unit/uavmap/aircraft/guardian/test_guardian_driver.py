@@ -68,7 +68,7 @@ async def test_guardian_mission_fails_flies_around_hole(flight, /, autopilot, on
     await lands_without_touching_the_house(flight)
     await homeward
     assert flight.driver.guardian.fate() == ""
-    assert flight.said == [
+    assert flight.service_lines == [
         "vehicle 1: the disk is full; it is flown home around the fence",
         "vehicle 1: the disk is full; it is commanded to return (RTL)",
     ]
@@ -81,7 +81,7 @@ async def test_return_order_is_flown_around_hole(flight, /, autopilot):
     await behind_the_house(flight)
     flight.driver.give(ReturnToLaunch())
     await lands_without_touching_the_house(flight)
-    assert [line.rpartition("; ")[2] for line in flight.said] == [
+    assert [line.rpartition("; ")[2] for line in flight.service_lines] == [
         "it is flown home around the fence",
         "it is commanded to return (RTL)",
     ]
@@ -91,10 +91,10 @@ async def test_return_order_is_flown_around_hole(flight, /, autopilot):
 async def test_guardian_terminal_is_gone_lands_the_vehicle(flight, /):
     await out(flight)
 
-    def gone(text):
+    def broken(text):
         raise BrokenPipeError(text)
 
-    flight.driver._reporter.operator = gone
+    flight.driver._reporter.operator = broken
     await flight.driver.guardian.bring_home("the terminal was closed")
     assert flight.vehicle.truth.landed
 
@@ -104,7 +104,7 @@ async def test_guardian_on_the_ground_sends_nothing(flight, /):
     sent = len(flight.sent)
     await flight.driver.guardian.bring_home("the mission failed")
     assert flight.commands_after(sent) == []
-    assert flight.told == []
+    assert flight.lines == []
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -116,7 +116,7 @@ async def test_guardian_link_loses_half_comes_home(flight, /, seed):
     await flight.driver.guardian.bring_home("the mission failed (disk full)")
     assert flight.vehicle.truth.landed
     assert flight.driver.guardian.fate() == ""
-    assert flight.said[0] == (
+    assert flight.service_lines[0] == (
         "vehicle 1: the mission failed (disk full); it is commanded to return (RTL)"
     )
 
@@ -138,7 +138,7 @@ async def test_guardian_pilot_selects_loiter_stops_sending(flight, /):
     await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
     flight.pilot_mode(Mode.LOITER)
     await asyncio.wait_for(home, 5.0)
-    await flight.hears_nothing(10.0)
+    await flight.sends_nothing(10.0)
     assert "flown by a pilot or a failsafe" in flight.driver.guardian.fate()
     assert len(flight.seen(ev.Overridden)) == 1
 
@@ -266,7 +266,7 @@ async def test_motors_stop_over_pad_is_a_crash(flight, /, autopilot, height_m):
     assert not flight.driver.guardian.responsible
     assert len(flight.seen(ev.Crashed)) == 1
     assert not flight.seen(ev.Landed)
-    assert any("is down near" in text for text in flight.told)
+    assert any("is down near" in text for text in flight.lines)
 
 
 @both

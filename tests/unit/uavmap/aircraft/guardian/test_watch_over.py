@@ -12,7 +12,7 @@ from uavmap.base.clock import VirtualClock, run
 
 class Kept:
     def __init__(self, *, takes_s=30.0, fate=""):
-        self.said = []
+        self.commands = []
         self.home = False
         self.running = False
         self._takes_s = takes_s
@@ -27,13 +27,13 @@ class Kept:
 
     async def bring_home(self, reason):
         assert self.running
-        self.said.append(("home", reason, asyncio.get_running_loop().time()))
+        self.commands.append(("home", reason, asyncio.get_running_loop().time()))
         await asyncio.sleep(self._takes_s)
         self.home = True
 
     async def leave(self, reason):
         assert self.running
-        self.said.append(("leave", reason, asyncio.get_running_loop().time()))
+        self.commands.append(("leave", reason, asyncio.get_running_loop().time()))
 
     def fate(self):
         return self._fate
@@ -57,7 +57,7 @@ async def test_mission_that_fails_ends_when_all_vehicles_are_home():
     assert loop.time() == pytest.approx(60.0)
     assert len(asyncio.all_tasks()) == 1
     assert all(k.home and not k.running for k in kept)
-    assert all("disk is full" in reason for k in kept for _, reason, _ in k.said)
+    assert all("disk is full" in reason for k in kept for _, reason, _ in k.commands)
 
 
 def test_vehicle_not_at_home_at_the_end_is_named():
@@ -79,7 +79,7 @@ async def test_watched_over_one_guardian_fails_others_come_home():
     with pytest.raises(ExceptionGroup) as failed:
         await watched(kept, failing(1.0, RuntimeError("a defect of a strategy")), leave=True)
     assert kept[1].home
-    assert [word for word, _, _ in kept[0].said] == ["leave"]
+    assert [word for word, _, _ in kept[0].commands] == ["leave"]
     assert failed.group_contains(RuntimeError)
     assert failed.group_contains(ValueError)
     assert failed.value.__notes__ == ["vehicle 1: left to its autopilot in RTL"]
@@ -101,7 +101,7 @@ async def test_interrupt_leaves_the_return_to_the_autopilot():
     flying.cancel()
     with pytest.raises(AircraftError, match="left to its autopilot in RTL"):
         await flying
-    assert [what for what, _, _ in kept[0].said] == ["leave"]
+    assert [what for what, _, _ in kept[0].commands] == ["leave"]
 
 
 @by(on_virtual_time)
@@ -114,7 +114,7 @@ async def test_interrupt_during_the_return_leaves_it_to_the_autopilot():
     with pytest.raises(AircraftError):
         await flying
     assert asyncio.get_running_loop().time() == pytest.approx(5.0)
-    assert [what for what, _, _ in kept[0].said] == ["home", "leave"]
+    assert [what for what, _, _ in kept[0].commands] == ["home", "leave"]
 
 
 def test_guardian_that_fails_ends_the_mission_loudly():

@@ -71,7 +71,7 @@ class Verdicts:
         self._last = self._judge.verdict(taken)
         return isinstance(self._last, FrameSeen)
 
-    async def of(self, driver, picture):
+    async def event_of(self, driver, picture):
         try:
             await driver.judged(picture, None, anywhere=False)
         except (ImageError, LinkError) as error:
@@ -93,7 +93,7 @@ def judged(*messages, fetch=served, peers=lambda peer: None):
         poses = Poses(peer.session, mount_of(CAMERA), SETTING.grid)
         judge = Verdicts()
         driver = CameraDriver(1, source, poses, MISSION, judge.judge, loop.time)
-        peer.answer = lambda message: peer.say(
+        peer.answer = lambda message: peer.send(
             mav.MAVLink_command_ack_message(message.command, 0, 0, 0, 245, 191), component=100
         )
         await source.start(1.0, 1)
@@ -103,7 +103,7 @@ def judged(*messages, fetch=served, peers=lambda peer: None):
         source.listen(heard.append)
         for message in messages:
             peer.session.feed(peer.frame(message, 100))
-        events = [await judge.of(driver, picture) for picture in heard]
+        events = [await judge.event_of(driver, picture) for picture in heard]
         assert all(math.isfinite(event.t_s) for event in events)
         return events
 
@@ -202,7 +202,7 @@ async def small(url):
     return picture(64, 64)
 
 
-async def gone(url):
+async def unreachable(url):
     raise LinkError(f"{url}: \x1b[2Jgone")
 
 
@@ -214,7 +214,10 @@ def forget(peer):
     ("how", "reason"),
     [
         ({"fetch": small}, f"picture is 64 x 64 px, the camera {WIDTH_PX} x {HEIGHT_PX} px"),
-        ({"fetch": gone}, "^http://127.0.0.1/0.jpg: gone$"),  # text from outside is made printable
+        (
+            {"fetch": unreachable},
+            "^http://127.0.0.1/0.jpg: gone$",
+        ),  # text from outside is made printable
         ({"peers": forget}, "the vehicle has not reported where it is"),
     ],
 )

@@ -26,7 +26,7 @@ class SlowCamera:
         raise AssertionError(f"picture {index} is asked for again")
 
 
-def taken(anywhere):
+def take_pictures(anywhere):
     """Take ten pictures a second for ten seconds; judging them takes thirty."""
     camera = SlowCamera()
     events = []
@@ -52,7 +52,7 @@ def taken(anywhere):
 
 
 def test_newest_waiting_picture_is_judged_next():
-    camera, events = taken(anywhere=True)
+    camera, events = take_pictures(anywhere=True)
     assert camera.indices == sorted(camera.indices)
     assert camera.indices[-1] == 99
     # each is judged soon after its exposure: the queue never grows
@@ -64,6 +64,6 @@ def test_newest_waiting_picture_is_judged_next():
 
 
 def test_pictures_of_a_lane_are_all_judged():
-    camera, events = taken(anywhere=False)
+    camera, events = take_pictures(anywhere=False)
     assert camera.indices == list(range(len(camera.indices)))
     assert not events

@@ -89,7 +89,7 @@ def test_cooperation_writes_its_files_and_a_film(hall, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "expected"),
     [
         (["--range", "9"], "--polygon needs --cooperate"),
         (["--cooperate", "column"], "--polygon needs --range"),
@@ -112,10 +112,10 @@ def test_cooperation_writes_its_files_and_a_film(hall, tmp_path, capsys):
         (["--cooperate", "trapezoid", "--range", "9", "--start", "x"], "EAST,NORTH in metres"),
     ],
 )
-def test_options_that_do_not_go_together_are_refused(hall, capsys, options, said):
+def test_options_that_do_not_go_together_are_refused(hall, capsys, options, expected):
     assert run(hall, *options) == 2
     error = capsys.readouterr().err
-    assert said in error
+    assert expected in error
     assert error.count("\n") == 1
 
 
@@ -158,7 +158,7 @@ def test_geojson_file_keeps_its_hole_and_keep_out_zone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("POLYGON ((0 0, 1 0", "not WKT"),
         ("POLYGON EMPTY", "no polygon"),
@@ -171,10 +171,10 @@ def test_geojson_file_keeps_its_hole_and_keep_out_zone(tmp_path):
         ("nothing", "not a kind of file"),
     ],
 )
-def test_file_that_is_no_polygon_is_named(tmp_path, text, said):
+def test_file_that_is_no_polygon_is_named(tmp_path, text, expected):
     path = tmp_path / "a.wkt"
     path.write_text(text)
-    with pytest.raises(AreaError, match=said) as raised:
+    with pytest.raises(AreaError, match=expected) as raised:
         read_polygon_file(str(path))
     assert str(raised.value).startswith(str(path))
 

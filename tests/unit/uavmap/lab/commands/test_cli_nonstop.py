@@ -97,7 +97,7 @@ def test_offline_reference_is_within_the_bounds(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "expected"),
     [
         (["--strategy", "swath,rdfs"], "cannot be compared in one table"),
         (["--strategy", "rdfs", "--accel", "2"], "--accel is for --strategy swath or survey"),
@@ -112,8 +112,8 @@ def test_offline_reference_is_within_the_bounds(tmp_path, capsys):
         (["--strategy", "swat"], "survey"),
     ],
 )
-def test_impossible_options_are_refused_in_a_line(arguments, said, refused):
-    assert said in refused("simulate", "--roi", "eden:9:1", *arguments)
+def test_impossible_options_are_refused_in_a_line(arguments, expected, refused):
+    assert expected in refused("simulate", "--roi", "eden:9:1", *arguments)
 
 
 def test_film_of_a_survey_is_a_gif(tmp_path, capsys):

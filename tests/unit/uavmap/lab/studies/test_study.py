@@ -210,17 +210,17 @@ def test_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("address", "said"),
+    ("address", "expected"),
     [
         ("tcp://127.0.0.1:1", "uavmap: --scheduler tcp://127.0.0.1:1: no Dask scheduler"),
         *((a, "expected tcp://HOST:PORT") for a in ("", "here", "tcp://h", ":8786")),
         *((a, "expected tcp://HOST:PORT") for a in ("http://h:1", "tcp://h:70000")),
     ],
 )
-def test_invalid_scheduler_is_named(address, said, tmp_path, capsys, monkeypatch):
+def test_invalid_scheduler_is_named(address, expected, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(command, "ANSWER_S", 0.3)
     assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", address]) == 2
-    assert said in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
 
 
 def test_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):

@@ -281,7 +281,7 @@ def test_two_vehicles_on_one_port_need_system_numbers(urls):
 
 
 # --- a second process of ours ------------------------------------------------------------------
-def ours_says(process):
+def own_heartbeat(process):
     message = mav.MAVLink_heartbeat_message(18, 8, 0, process, 4, 3)
     return bytes(message.pack(mav.MAVLink(None, srcSystem=GROUND_SYSTEM_ID, srcComponent=191)))
 
@@ -292,10 +292,10 @@ async def test_another_uavmap_on_the_vehicle_is_refused(heard, refused):
     peer = Peer()
     peer.session.process_number = 7
     link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures)
-    peer.say(heartbeat())
+    peer.send(heartbeat())
     await asyncio.sleep(0.1)
     if heard is not None:
-        asyncio.get_running_loop().call_later(0.5, peer.session.feed, ours_says(heard))
+        asyncio.get_running_loop().call_later(0.5, peer.session.feed, own_heartbeat(heard))
     if refused:
         with pytest.raises(LinkError, match="another uavmap flies this vehicle"):
             await reject_other_controllers([link], 1.5)

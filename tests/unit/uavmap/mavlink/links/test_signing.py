@@ -104,12 +104,12 @@ def test_ten_thousand_forged_frames_are_refused():
 
 @by(on_virtual_time)
 async def test_refused_signature_is_reported_once():
-    said = []
+    lines = []
     session = Session(lambda frame: None, lambda frame: None)
-    session.signing, session.view.gate.say = signing(), said.append
+    session.signing, session.view.gate.say = signing(), lines.append
     for _ in range(50):
         session.feed(beat())
-    assert said == ["frames refused: not signed; further ones are counted, and not logged"]
+    assert lines == ["frames refused: not signed; further ones are counted, and not logged"]
 
 
 def test_stream_may_begin_a_minute_ago_and_not_earlier():

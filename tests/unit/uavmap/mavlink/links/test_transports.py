@@ -32,7 +32,7 @@ class Collected:
                 await self._more.wait()
 
 
-class Ear(Collected):
+class Receiver(Collected):
     """A receiver of a transport; bytes that do not begin with a "?" are the vehicle's."""
 
     data = b""
@@ -42,11 +42,11 @@ class Ear(Collected):
         self._more.set()
         return not data.startswith(b"?")
 
-    async def hears(self, expected):
+    async def receives(self, expected):
         await self.until(lambda: expected in self.data)
 
 
-class Told(Collected):
+class ShownLines(Collected):
     def __init__(self):
         super().__init__()
         self.lines = []
@@ -55,7 +55,7 @@ class Told(Collected):
         self.lines.append(line)
         self._more.set()
 
-    async def tells(self, part):
+    async def shows(self, part):
         await self.until(lambda: any(part in line for line in self.lines))
 
 
@@ -85,7 +85,7 @@ async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn():
 
     "12 m off its path by now" ended a mission whose vehicle was 2.6 m off.
     """
-    port, ear = free_port(socket.SOCK_DGRAM), Ear()
+    port, ear = free_port(socket.SOCK_DGRAM), Receiver()
     async with open_transport(at("udpin", port), ear):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
             for number in range(100):
@@ -101,23 +101,23 @@ async def test_udp_socket_with_backlog_is_read_until_empty_in_one_turn():
 @by(on_loop)
 async def test_listener_and_caller_exchange_bytes(there, kind):
     port = free_port(kind)
-    at_home, outside = Ear(), Ear()
+    at_home, outside = Receiver(), Receiver()
     listening = at(f"{there}in", port)
     calling = at(f"{there}out", port)
     async with open_transport(listening, at_home) as server:
         server.send(b"nobody is there yet")
         async with open_transport(calling, outside) as client:
             client.send(b"hello")
-            await at_home.hears(b"hello")
+            await at_home.receives(b"hello")
             server.send(b"and hello")
-            await outside.hears(b"and hello")
+            await outside.receives(b"and hello")
             assert b"nobody" not in outside.data
 
 
 @by(on_loop)
 async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
     port = free_port(socket.SOCK_DGRAM)
-    ear, told, first, second = Ear(), Told(), Ear(), Ear()
+    ear, told, first, second = Receiver(), ShownLines(), Receiver(), Receiver()
     url = at("udpout", port)
     listening = at("udpin", port)
     async with (
@@ -126,29 +126,29 @@ async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
         open_transport(url, second) as two,
     ):
         two.send(b"?noise")  # a sender that is no vehicle
-        await ear.hears(b"?noise")
+        await ear.receives(b"?noise")
         assert server.peer_host is None
         one.send(b"one")
-        await ear.hears(b"one")
+        await ear.receives(b"one")
         assert server.peer_host == "127.0.0.1"
         for _ in range(3):
             two.send(b"stranger")
-        await told.tells("is ignored")
+        await told.shows("is ignored")
         one.send(b"again")
-        await ear.hears(b"again")
+        await ear.receives(b"again")
         assert b"stranger" not in ear.data
         server.send(b"answer")
-        await first.hears(b"answer")
+        await first.receives(b"answer")
         monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)  # as if the first fell silent
         two.send(b"?no vehicle of ours")
-        await ear.hears(b"of ours")
+        await ear.receives(b"of ours")
         server.send(b"still")
-        await first.hears(b"still")
+        await first.receives(b"still")
         two.send(b"successor")
-        await ear.hears(b"successor")
-        await told.tells("the vehicle is received from")
+        await ear.receives(b"successor")
+        await told.shows("the vehicle is received from")
         server.send(b"more")
-        await second.hears(b"more")
+        await second.receives(b"more")
         assert first.data == b"answerstill"
     assert len(told.lines) == 2  # a stranger is named once
 
@@ -156,7 +156,7 @@ async def test_udp_listener_keeps_to_its_vehicle(monkeypatch):
 @by(on_loop)
 async def test_named_udp_peer_is_never_replaced(monkeypatch):
     monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)
-    ear, told, loop = Ear(), Told(), asyncio.get_running_loop()
+    ear, told, loop = Receiver(), ShownLines(), asyncio.get_running_loop()
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
@@ -169,9 +169,9 @@ async def test_named_udp_peer_is_never_replaced(monkeypatch):
             ours.send(b"hello")
             _, address = await loop.sock_recvfrom(peer, 64)
             stranger.sendto(b"I am your vehicle", address)
-            await told.tells("sends as well, and is ignored")
+            await told.shows("sends as well, and is ignored")
             peer.sendto(b"and here I am", address)
-            await ear.hears(b"and here I am")
+            await ear.receives(b"and here I am")
             ours.send(b"a command")
             assert await loop.sock_recv(peer, 64) == b"a command"
             with pytest.raises(BlockingIOError):
@@ -183,28 +183,31 @@ async def test_named_udp_peer_is_never_replaced(monkeypatch):
 @by(on_loop)
 async def test_many_strangers_are_not_all_reported():
     port = free_port(socket.SOCK_DGRAM)
-    ear, told = Ear(), Told()
+    ear, told = Receiver(), ShownLines()
     url = at("udpin", port)
-    async with open_transport(url, ear, told), open_transport(at("udpout", port), Ear()) as vehicle:
+    async with (
+        open_transport(url, ear, told),
+        open_transport(at("udpout", port), Receiver()) as vehicle,
+    ):
         vehicle.send(b"vehicle")
-        await ear.hears(b"vehicle")
+        await ear.receives(b"vehicle")
         for _ in range(transports.MOST_STRANGERS + 20):
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
                 stranger.sendto(b"stranger", ("127.0.0.1", port))
         vehicle.send(b"last")
-        await ear.hears(b"last")
+        await ear.receives(b"last")
         assert 10 <= len(told.lines) <= transports.MOST_STRANGERS
 
 
 @by(on_loop)
 async def test_tcp_server_refuses_a_second_client_while_it_has_one():
     port = free_port(socket.SOCK_STREAM)
-    ear, told, first = Ear(), Told(), Ear()
+    ear, told, first = Receiver(), ShownLines(), Receiver()
     calling = at("tcpout", port)
     async with open_transport(at("tcpin", port), ear, told) as server:
         async with open_transport(calling, first) as one:
             one.send(b"one")
-            await ear.hears(b"one")
+            await ear.receives(b"one")
             for _ in range(3):
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
                 writer.write(b"stranger")
@@ -215,23 +218,23 @@ async def test_tcp_server_refuses_a_second_client_while_it_has_one():
                     pass  # reset: refused as well
                 writer.close()
             server.send(b"answer")
-            await first.hears(b"answer")
+            await first.receives(b"answer")
             one.send(b"again")
-            await ear.hears(b"again")
+            await ear.receives(b"again")
         assert b"stranger" not in ear.data
         assert len(told.lines) == 1
         assert "127.0.0.1 tries to connect as well, and is refused" in told.lines[0]
-        await taken(port, ear)  # the first has gone: the next is welcome
+        await reconnect(port, ear)  # the first has gone: the next is welcome
         assert server.peer_host is None or server.peer_host == "127.0.0.1"
 
 
-async def taken(port, ear):
+async def reconnect(port, ear):
     """Connect until the server has noticed that its client is gone."""
     async with asyncio.timeout(SOON_S):
         while b"the next" not in ear.data:
             with contextlib.suppress(ConnectionError, LinkError):
                 url = at("tcpout", port)
-                async with open_transport(url, Ear()) as client:
+                async with open_transport(url, Receiver()) as client:
                     client.send(b"the next")
                     await asyncio.sleep(0.01)
 
@@ -239,17 +242,17 @@ async def taken(port, ear):
 @by(on_loop)
 async def test_sending_without_a_listener_is_no_error():
     udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-    async with open_transport(at("udpout", udp), Ear()) as transport:
+    async with open_transport(at("udpout", udp), Receiver()) as transport:
         for _ in range(5):
             transport.send(b"anybody?")
             await asyncio.sleep(0.005)
-    heard, ear = Ear(), Ear()
+    heard, ear = Receiver(), Receiver()
     async with (
         open_transport(at("tcpin", tcp), heard),
         open_transport(at("tcpout", tcp), ear) as transport,
     ):
         transport.send(b"x")
-        await heard.hears(b"x")
+        await heard.receives(b"x")
     for _ in range(5):  # its end is gone
         transport.send(b"anybody?")
         await asyncio.sleep(0.005)
@@ -268,7 +271,7 @@ async def test_sending_without_a_listener_is_no_error():
 @by(on_loop)
 async def test_link_that_cannot_be_opened_is_an_error_that_names_it(url):
     with pytest.raises(LinkError) as caught:
-        async with open_transport(parse_url(url), Ear()):
+        async with open_transport(parse_url(url), Receiver()):
             pass
     assert url in str(caught.value)
     assert "cannot be opened" in str(caught.value)
@@ -279,9 +282,9 @@ async def test_link_that_cannot_be_opened_is_an_error_that_names_it(url):
 async def test_second_listener_on_a_port_is_refused():
     port = free_port(socket.SOCK_DGRAM)
     url = at("udpin", port)
-    async with open_transport(url, Ear()):
+    async with open_transport(url, Receiver()):
         with pytest.raises(LinkError, match=f"{port}.*another program listens there.*--forward"):
-            async with open_transport(url, Ear()):
+            async with open_transport(url, Receiver()):
                 pass
 
 
@@ -296,12 +299,12 @@ def pseudo_terminal():
 @by(on_loop)
 async def test_serial_port_carries_every_byte_both_ways():
     master, name = pseudo_terminal()
-    ear, loop = Ear(), asyncio.get_running_loop()
+    ear, loop = Receiver(), asyncio.get_running_loop()
     every_byte = bytes(range(256))
     try:
         async with open_transport(Endpoint("serial", name, 57600), ear) as port:
             os.write(master, every_byte)
-            await ear.hears(every_byte)
+            await ear.receives(every_byte)
             port.send(every_byte)
             got = b""
             while len(got) < 256:
@@ -314,10 +317,10 @@ async def test_serial_port_carries_every_byte_both_ways():
 @by(on_loop)
 async def test_serial_port_that_is_unplugged_raises_nothing():
     master, name = pseudo_terminal()
-    ear = Ear()
+    ear = Receiver()
     async with open_transport(Endpoint("serial", name, 57600), ear) as port:
         os.write(master, b"frame")
-        await ear.hears(b"frame")
+        await ear.receives(b"frame")
         os.close(master)
         for _ in range(5):
             port.send(b"anybody?")
@@ -329,16 +332,16 @@ async def test_serial_port_that_is_unplugged_raises_nothing():
 async def test_tcp_connection_that_ends_is_made_again(monkeypatch):
     monkeypatch.setattr(transports, "REOPEN_S", 0.01)
     port = free_port(socket.SOCK_STREAM)
-    ear, vehicle, loop = Ear(), Ear(), asyncio.get_running_loop()
+    ear, vehicle, loop = Receiver(), Receiver(), asyncio.get_running_loop()
     listening = at("tcpin", port)
     async with contextlib.AsyncExitStack() as stack:
         server = contextlib.AsyncExitStack()
         one = await server.enter_async_context(open_transport(listening, vehicle))
         link = await stack.enter_async_context(open_transport(at("tcpout", port), ear))
         link.send(b"before")
-        await vehicle.hears(b"before")
+        await vehicle.receives(b"before")
         one.send(b"here")
-        await ear.hears(b"here")
+        await ear.receives(b"here")
         await server.aclose()  # the autopilot's end restarts
         due_s = loop.time() + SOON_S
         while link.peer_host is not None:
@@ -350,21 +353,21 @@ async def test_tcp_connection_that_ends_is_made_again(monkeypatch):
             assert loop.time() < due_s
             await asyncio.sleep(0.005)
         link.send(b"after")
-        await vehicle.hears(b"beforeafter")
+        await vehicle.receives(b"beforeafter")
         again.send(b"too")
-        await ear.hears(b"heretoo")
+        await ear.receives(b"heretoo")
 
 
 @by(on_loop)
 async def test_serial_port_that_is_plugged_in_again_continues(monkeypatch, tmp_path):
     monkeypatch.setattr(serial_port, "REOPEN_S", 0.01)
     plug = tmp_path / "ttyACM0"
-    ear, loop = Ear(), asyncio.get_running_loop()
+    ear, loop = Receiver(), asyncio.get_running_loop()
     master, name = pseudo_terminal()
     plug.symlink_to(name)
     async with open_transport(Endpoint("serial", str(plug), 57600), ear) as port:
         os.write(master, b"frame")
-        await ear.hears(b"frame")
+        await ear.receives(b"frame")
         plug.unlink()
         os.close(master)
         await asyncio.sleep(0.05)  # several failed attempts
@@ -386,7 +389,7 @@ async def test_impossible_baud_rate_is_a_link_error():
     master, name = pseudo_terminal()
     try:
         with pytest.raises(LinkError, match="cannot be opened"):
-            async with open_transport(Endpoint("serial", name, 10**12), Ear()):
+            async with open_transport(Endpoint("serial", name, 10**12), Receiver()):
                 pass
     finally:
         os.close(master)
@@ -399,5 +402,5 @@ async def test_closing_frees_the_port_at_once_also_on_an_error(transport):
     port = free_port(kind)
     for _ in range(3):
         with pytest.raises(ZeroDivisionError):
-            async with open_transport(at(transport, port), Ear()):
+            async with open_transport(at(transport, port), Receiver()):
                 raise ZeroDivisionError

@@ -56,11 +56,11 @@ def fit_of(positive, frames=LEAST_FRAMES):
 def test_detector_fit_after_the_first_frames_reports_once(positive, expected, warns):
     fit = DetectorFit()
     news = [fit.note(frame(number, positive)) for number in range(3 * FIRST_FRAMES)]
-    said = [(number, one) for number, one in enumerate(news, 1) if one is not None]
+    lines = [(number, one) for number, one in enumerate(news, 1) if one is not None]
     if expected is None:
-        assert not said
+        assert not lines
         return
-    ((number, one),) = said
+    ((number, one),) = lines
     assert number == FIRST_FRAMES
     assert expected.replace("0 %", "0%") in one.text
     assert one.warns == warns

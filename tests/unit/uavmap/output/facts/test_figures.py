@@ -32,7 +32,7 @@ def track(vehicle, t_s, east_m, north_m, up_m):
     return ev.Tracked(vehicle, t_s, GridPoint(east_m, north_m), up_m, 20.0)
 
 
-def of(events, vehicles=1):
+def figures_of(events, vehicles=1):
     return figures(setting(vehicles), events)[1]
 
 
@@ -86,13 +86,15 @@ NIGHT = [ev.Resumed(80_000.0), connected(1, 80_001.0)]  # a failsafe landed the 
     ids=["one sortie", "a swap", "two vehicles", "a way that nobody saw", "a night on the ground"],
 )
 def test_flight_has_its_figures(events, distance_m, flight_s, makespan_s, sorties, swaps):
-    found = of(events, vehicles=max(event.vehicle for event in events if event.kind == "tracked"))
+    found = figures_of(
+        events, vehicles=max(event.vehicle for event in events if event.kind == "tracked")
+    )
     assert (found.distance_m, found.flight_time_s) == (distance_m, flight_s)
     assert found.makespan_s == makespan_s
     assert (found.sorties, found.battery_swaps) == (sorties, swaps)
     assert (found.bound_makespan_s, found.bound_held) == (None, None)
     assert (found.lower_bound_s, found.ratio) == (0.0, None)
-    assert len(of(SORTIE).tracks[1]) == 5
+    assert len(figures_of(SORTIE).tracks[1]) == 5
 
 
 def test_search_that_finds_the_region_has_a_bound():
@@ -144,7 +146,7 @@ def test_flight_without_events_has_figures_of_zero():
 
 
 # --- the certificate -------------------------------------------------------------------------
-def flown(seed, strategy):
+def summary_and_figures(seed, strategy):
     scenario = random_scenario(seed, drift=bool(seed % 2))
     flight = fleet(scenario.mission.model_copy(update={"strategy": strategy}), scenario.roi)
     flight.start()
@@ -155,7 +157,7 @@ def flown(seed, strategy):
 
 @pytest.mark.parametrize("seed", [1, 2, 9])
 def test_exploration_lies_between_its_bounds(seed):
-    values, found = flown(seed, "rdfs")
+    values, found = summary_and_figures(seed, "rdfs")
     assert found.bound_makespan_s is not None
     assert 0.0 < found.lower_bound_s <= found.exploration_s <= found.bound_makespan_s
     assert found.ratio == pytest.approx(found.exploration_s / found.lower_bound_s, abs=1e-3)
@@ -167,13 +169,13 @@ def test_exploration_lies_between_its_bounds(seed):
 @pytest.mark.parametrize(("strategy", "seed"), [("rdfs-paper", 2), ("greedy", 5), ("bfdn", 2)])
 def test_bound_that_does_not_hold_in_flight_is_left_out(strategy, seed):
     """`rdfs-paper` has no bound; `greedy` alone flies straight; no team flies in rounds."""
-    values, found = flown(seed, strategy)
+    values, found = summary_and_figures(seed, strategy)
     assert found.lower_bound_s > 0.0
     assert (values["bound_makespan_s"], values["bound_held"]) == (None, None)
 
 
 def test_single_vehicle_keeps_the_bound_of_bfdn():
-    assert flown(5, "bfdn")[0]["bound_held"] is True
+    assert summary_and_figures(5, "bfdn")[0]["bound_held"] is True
 
 
 def test_flight_that_falls_back_on_stopping_has_a_lower_bound(monkeypatch):

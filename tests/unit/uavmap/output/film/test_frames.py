@@ -161,7 +161,7 @@ def test_missing_codec_is_an_output_error(tmp_path, monkeypatch):
 def test_film_that_takes_long_reports_its_progress(tmp_path, monkeypatch):
     ticks = iter(range(10_000))
     monkeypatch.setattr(writers.time, "monotonic", lambda: float(next(ticks)))
-    said = []
-    write_film(small_film(cells=4), tmp_path / "film.gif", said.append)
-    assert said
-    assert all(line.startswith("film.gif: frame ") for line in said)
+    lines = []
+    write_film(small_film(cells=4), tmp_path / "film.gif", lines.append)
+    assert lines
+    assert all(line.startswith("film.gif: frame ") for line in lines)

@@ -353,7 +353,7 @@ def test_csv_has_a_row_a_cell_with_degrees(folder, tmp_path):
 def test_export_of_options_that_do_not_fit_is_refused_in_a_line(folder, tmp_path, refused):
     there = tmp_path / "there.kml"
     there.write_text("mine")
-    for options, said in (
+    for options, expected in (
         (["--to", "kml", "--out", there], "already exists"),
         (["--to", "shp", "--out", there], "is a file; give a folder"),
         (["--to", "shp", "--out", there / "below"], "below: cannot be written"),
@@ -362,6 +362,6 @@ def test_export_of_options_that_do_not_fit_is_refused_in_a_line(folder, tmp_path
         (["--to", "kml", "--above-sea"], "--above-sea is for a plan"),
         (["--out", there], "--out needs --to FORMAT"),
     ):
-        assert said in refused("export", folder, *options)
+        assert expected in refused("export", folder, *options)
     assert "which --to needs" in refused("export", "runway", "--to", "gpkg")
     assert there.read_text() == "mine"

@@ -162,9 +162,9 @@ def test_wpml_of_results_flies_over_the_whole_region_and_its_margin(folder, tmp_
     lanes = [LineString([path[first], path[last]]) for first, last, _ in spans_of(waylines)]
     seen = shapely.union_all([lane.buffer(rows * grid.cell_m / 2.0) for lane in lanes])
     assert seen.covers(flown.extent.outline)
-    said = capsys.readouterr().err
-    assert "a picture each" in said
-    assert "% sideways" in said
+    output = capsys.readouterr().err
+    assert "a picture each" in output
+    assert "% sideways" in output
 
 
 @pytest.mark.parametrize("member", [2, None])

@@ -40,7 +40,7 @@ def report_of(folder):
 def test_report_of_a_flight_answers_a_customers_questions(tmp_path):
     folder = folder_of(tmp_path)
     text = report_of(folder).text
-    for said in (
+    for expected in (
         "golden",
         "The region is mapped to its edge all around.",
         "Unseen ground: 16 m² (0.002 ha) of the search area (8 %) have no verdict: 1 cell",
@@ -67,7 +67,7 @@ def test_report_of_a_flight_answers_a_customers_questions(tmp_path):
         "battery.capacity_wh 9.0",
         "Strategy rdfs, 1 vehicle, driver pymavlink, seed 11",
     ):
-        assert said in text, said
+        assert expected in text, expected
 
 
 def test_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_path):

@@ -107,7 +107,7 @@ def test_pdf_of_a_flight_has_two_pages_with_unknowns_first(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("events", "plan", "said"),
+    ("events", "plan", "expected"),
     [
         (EVENTS[:HALF], PLAN, "The flight is not complete: this is the map at mission time 0:49"),
         ([], PLAN, "No region is found so far."),
@@ -122,11 +122,11 @@ def test_pdf_of_a_flight_has_two_pages_with_unknowns_first(tmp_path: Path) -> No
     ],
 )
 def test_pdf_of_any_flight_has_two_pages(
-    events: Sequence[Event], plan: FlightPlan, said: str, tmp_path: Path
+    events: Sequence[Event], plan: FlightPlan, expected: str, tmp_path: Path
 ) -> None:
     flown = flown_of(folder_of(tmp_path, list(events), plan))
     data = encoded(flown)
-    assert said in texts(data)[0]
+    assert expected in texts(data)[0]
     assert encoded(flown) == data
 
 
@@ -193,9 +193,9 @@ def test_report_without_reportlab_writes_the_page_and_names_the_extra(
     assert main(["report", str(folder)]) == 0
     assert "no report.pdf: it needs reportlab: " in capsys.readouterr().err.splitlines()[-1]
     assert "a PDF needs reportlab: " in refused("report", folder, "--out", out)
-    said: list[str] = []
-    write_documents(flown_of(folder), said.append)
-    assert not said
+    lines: list[str] = []
+    write_documents(flown_of(folder), lines.append)
+    assert not lines
     assert not {REPORT_PDF, "field.pdf"} & {path.name for path in folder.rglob("*")}
 
 

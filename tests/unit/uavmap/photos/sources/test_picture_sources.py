@@ -228,26 +228,26 @@ def frame_at(t_s: float) -> KeptFrame:
 
 @pytest.mark.parametrize("aside", [False, True])
 def test_picture_is_kept_once_and_a_refusal_reported_once(aside: bool, tmp_path: Path) -> None:
-    said: list[str] = []
+    lines: list[str] = []
 
     def keep() -> None:
-        with FrameKeeper(tmp_path, said.append, aside=aside) as keeper:
+        with FrameKeeper(tmp_path, lines.append, aside=aside) as keeper:
             for t_s in (1.0, 2.0):
                 keeper.keep(frame_at(t_s), b"a picture")
 
     keep()
     keep()  # the same flight, resumed
     assert [f.t_s for f in read_kept(tmp_path) if isinstance(f, KeptFrame)] == [1.0, 2.0]
-    assert said == []
+    assert lines == []
     shutil.rmtree(tmp_path / "frames")
     (tmp_path / "frames").write_text("in the way")
     keep()
-    assert len(said) == 1
-    assert said[0].startswith(f"pictures are kept no longer: {tmp_path / 'frames'}")
+    assert len(lines) == 1
+    assert lines[0].startswith(f"pictures are kept no longer: {tmp_path / 'frames'}")
 
 
 def test_disk_that_hangs_delays_no_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    said: list[str] = []
+    lines: list[str] = []
     free = threading.Event()
     write_bytes = Path.write_bytes
 
@@ -256,12 +256,12 @@ def test_disk_that_hangs_delays_no_flight(tmp_path: Path, monkeypatch: pytest.Mo
         return write_bytes(self, data)
 
     monkeypatch.setattr(Path, "write_bytes", slowly)
-    with FrameKeeper(tmp_path, said.append, aside=True) as keeper:
+    with FrameKeeper(tmp_path, lines.append, aside=True) as keeper:
         for number in range(WAITING + 7):
             keeper.keep(frame_at(float(number)), b"a picture")
         free.set()
     assert len(list(read_kept(tmp_path))) == WAITING
-    assert said[0].startswith("7 pictures were not kept: ")
+    assert lines[0].startswith("7 pictures were not kept: ")
 
 
 # --- geo.txt -------------------------------------------------------------------------------------

@@ -188,8 +188,8 @@ def test_bad_picture_is_named_and_the_others_make_their_map(
     assert [rows[f"{n}.jpg"]["used"] for n in range(3)] == ["yes"] * 3
     assert (summary["photographs_judged"], summary["photographs_refused"]) == (3, 1)
     assert (tmp_path / "out" / "map.geojson").read_bytes() == alone
-    said = capsys.readouterr().err
-    assert [line for line in said.splitlines() if line.startswith("bad.jpg: ")]
+    output = capsys.readouterr().err
+    assert [line for line in output.splitlines() if line.startswith("bad.jpg: ")]
 
 
 @pytest.mark.parametrize("case", GOOD)

@@ -33,7 +33,7 @@ def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def where(tmp_path: Path) -> Path:
+def mask_folder(tmp_path: Path) -> Path:
     folder = tmp_path / "painted"
     folder.mkdir()
     return folder
@@ -57,10 +57,10 @@ def palette(array: np.ndarray) -> Image.Image:
     ],
 )
 def test_mask_in_any_format_is_read(
-    name: str, picture: Image.Image, images: Path, where: Path
+    name: str, picture: Image.Image, images: Path, mask_folder: Path
 ) -> None:
-    picture.save(where / name)
-    (example,) = load_examples(images, where, WIDE)
+    picture.save(mask_folder / name)
+    (example,) = load_examples(images, mask_folder, WIDE)
     assert example.name == "1"
     assert example.known.all()
     assert abs(example.region.mean() - 40 / 90) < 0.01
@@ -81,11 +81,11 @@ def half_grey(mask: np.ndarray, grey: int) -> np.ndarray:
     ],
 )
 def test_grey_part_of_a_mask_is_undecided(
-    picture: np.ndarray, known: float, region: float, images: Path, where: Path
+    picture: np.ndarray, known: float, region: float, images: Path, mask_folder: Path
 ) -> None:
-    Image.fromarray(picture).save(where / "1.png")
-    Image.fromarray(MASK).save(where / "2.png")
-    one, _ = load_examples(images, where, WIDE)
+    Image.fromarray(picture).save(mask_folder / "1.png")
+    Image.fromarray(MASK).save(mask_folder / "2.png")
+    one, _ = load_examples(images, mask_folder, WIDE)
     assert one.known.mean() == pytest.approx(known, abs=0.01)
     assert one.region[one.known].mean() == pytest.approx(region, abs=0.01)
 
@@ -109,19 +109,19 @@ def red(mask: np.ndarray) -> np.ndarray:
     ],
 )
 def test_mask_that_means_nothing_is_refused(
-    name: str, picture: Image.Image, why: str, images: Path, where: Path
+    name: str, picture: Image.Image, why: str, images: Path, mask_folder: Path
 ) -> None:
-    picture.save(where / name)
+    picture.save(mask_folder / name)
     with pytest.raises(ImageError, match=why):
-        load_examples(images, where, WIDE)
+        load_examples(images, mask_folder, WIDE)
 
 
 def test_two_masks_of_one_picture_are_refused_in_a_line(
-    images: Path, where: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    images: Path, mask_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("1.png", "1.jpg.png"):
-        Image.fromarray(MASK).save(where / name)
-    line = ["tune", str(images), "--examples", str(where), "--out", str(tmp_path / "eyes")]
+        Image.fromarray(MASK).save(mask_folder / name)
+    line = ["tune", str(images), "--examples", str(mask_folder), "--out", str(tmp_path / "eyes")]
     assert main([*line, *SMALL]) == 2
     (told,) = capsys.readouterr().err.splitlines()
     assert told.startswith("uavmap: ")
@@ -308,11 +308,11 @@ def indexed(numbers: np.ndarray) -> Image.Image:
     ],
 )
 def test_mask_beside_classes_has_numbers_in_any_format(
-    picture: Image.Image, images: Path, where: Path
+    picture: Image.Image, images: Path, mask_folder: Path
 ) -> None:
-    (where / "classes.toml").write_text(TWO)
-    picture.save(where / "1.png")
-    (example,) = load_examples(images, where, WIDE)
+    (mask_folder / "classes.toml").write_text(TWO)
+    picture.save(mask_folder / "1.png")
+    (example,) = load_examples(images, mask_folder, WIDE)
     parts = [float((example.painted == number).mean()) for number in (7, 0, 2, 255)]
     assert parts == pytest.approx([40 / 90, 20 / 90, 20 / 90, 10 / 90], abs=0.01)
     assert example.known.mean() == pytest.approx(80 / 90, abs=0.01)
@@ -330,12 +330,12 @@ def test_mask_beside_classes_has_numbers_in_any_format(
     ],
 )
 def test_mask_or_table_of_classes_that_means_nothing_is_refused(
-    toml: str, picture: Image.Image, why: str, images: Path, where: Path
+    toml: str, picture: Image.Image, why: str, images: Path, mask_folder: Path
 ) -> None:
-    (where / "classes.toml").write_text(toml)
-    picture.save(where / "1.png")
+    (mask_folder / "classes.toml").write_text(toml)
+    picture.save(mask_folder / "1.png")
     with pytest.raises(ImageError, match=why):
-        load_examples(images, where, WIDE)
+        load_examples(images, mask_folder, WIDE)
 
 
 @pytest.mark.parametrize("told", ["oil", 2])
@@ -357,12 +357,12 @@ def test_polygon_has_a_class_by_name_or_number(
 
 
 def test_class_that_one_picture_shows_is_refused(
-    images: Path, where: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    images: Path, mask_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (where / "classes.toml").write_text(TWO)
-    Image.fromarray(NUMBERS).save(where / "1.png")
-    Image.fromarray(NUMBERS * (NUMBERS != 2)).save(where / "2.png")
-    line = ["tune", str(images), "--examples", str(where), "--out", str(tmp_path / "eyes")]
+    (mask_folder / "classes.toml").write_text(TWO)
+    Image.fromarray(NUMBERS).save(mask_folder / "1.png")
+    Image.fromarray(NUMBERS * (NUMBERS != 2)).save(mask_folder / "2.png")
+    line = ["tune", str(images), "--examples", str(mask_folder), "--out", str(tmp_path / "eyes")]
     assert main([*line, *SMALL]) == 2
     assert "1 of 2 painted pictures shows oil (2); paint at least two" in capsys.readouterr().err
 

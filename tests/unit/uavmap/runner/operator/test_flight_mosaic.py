@@ -36,7 +36,7 @@ def frame(east_m: float, north_m: float, height_m: float = 12.0, vehicle: int = 
     return KeptFrame("", vehicle, 1.0, pose, 80.0)
 
 
-def flown(folder: Path, *pictures: tuple[KeptFrame, int], again: bool = False) -> None:
+def fly(folder: Path, *pictures: tuple[KeptFrame, int], again: bool = False) -> None:
     mosaic = FlightMosaic(folder, SETTING, waits=True)
     mosaic.begin(SETTING, again=again)
     for kept, level in pictures:
@@ -57,7 +57,7 @@ def near(level: int) -> list[object]:
 
 
 def test_mosaic_shows_pictures_of_all_vehicles_where_they_were_taken(tmp_path):
-    flown(tmp_path, (frame(10.0, 20.0), 100), (frame(-30.0, 60.0, vehicle=2), 200))
+    fly(tmp_path, (frame(10.0, 20.0), 100), (frame(-30.0, 60.0, vehicle=2), 200))
     assert at(tmp_path, 10.0, 20.0) == near(100)
     assert at(tmp_path, -30.0, 60.0) == near(200)
     assert at(tmp_path, 40.0, -40.0)[3] == 0
@@ -65,7 +65,7 @@ def test_mosaic_shows_pictures_of_all_vehicles_where_they_were_taken(tmp_path):
 
 
 def test_mosaic_lies_for_gdal_where_the_grid_has_it(tmp_path):
-    flown(tmp_path, (frame(10.0, 20.0), 100))
+    fly(tmp_path, (frame(10.0, 20.0), 100))
     place = GRID.zone.lon_lat
     with rasterio.open(tmp_path / MOSAIC) as file:
         assert file.crs.to_epsg() == GRID.zone.epsg
@@ -80,21 +80,21 @@ def test_mosaic_lower_picture_shows_in_any_order(tmp_path):
     low, high = (frame(10.0, 20.0), 100), (frame(12.0, 20.0, 40.0), 200)
     for folder, order in (("a", (low, high)), ("b", (high, low))):
         (tmp_path / folder).mkdir()
-        flown(tmp_path / folder, *order)
+        fly(tmp_path / folder, *order)
         assert at(tmp_path / folder, 10.0, 20.0) == near(100)
         assert at(tmp_path / folder, 30.0, 20.0) == near(200)
 
 
 def test_mosaic_of_a_resumed_flight_continues_and_of_a_repeated_one_restarts(tmp_path):
-    flown(tmp_path, (frame(10.0, 20.0), 100))
-    flown(tmp_path, (frame(-30.0, 60.0), 200))
+    fly(tmp_path, (frame(10.0, 20.0), 100))
+    fly(tmp_path, (frame(-30.0, 60.0), 200))
     assert (at(tmp_path, 10.0, 20.0), at(tmp_path, -30.0, 60.0)) == (near(100), near(200))
-    flown(tmp_path, (frame(-30.0, 60.0), 200), again=True)
+    fly(tmp_path, (frame(-30.0, 60.0), 200), again=True)
     assert at(tmp_path, 10.0, 20.0)[3] == 0
 
 
 def test_mosaic_leaves_out_pictures_of_the_same_ground(tmp_path):
-    flown(tmp_path, (frame(10.0, 20.0), 100), (frame(10.5, 20.0), 200))
+    fly(tmp_path, (frame(10.0, 20.0), 100), (frame(10.5, 20.0), 200))
     assert at(tmp_path, 10.0, 20.0) == near(100)
 
 
@@ -116,7 +116,7 @@ class Usage(NamedTuple):
 def test_mosaic_leaves_the_last_room_to_the_journal(tmp_path, caplog, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda path: Usage(ROOM_MIB * 2**20 - 1))
     with caplog.at_level("INFO", LOG):
-        flown(tmp_path, (frame(10.0, 20.0), 100), (frame(40.0, 20.0), 100))
+        fly(tmp_path, (frame(10.0, 20.0), 100), (frame(40.0, 20.0), 100))
     (line,) = caplog.messages
     assert f"({ROOM_MIB} MiB are needed for the journal)" in line
     assert list(tmp_path.iterdir()) == []
@@ -125,7 +125,7 @@ def test_mosaic_leaves_the_last_room_to_the_journal(tmp_path, caplog, monkeypatc
 @pytest.mark.parametrize("fails_at", [1, 7])  # in the first file, and in the last one
 def test_mosaic_disk_refuses_once_is_reported_and_written_the_next_time(fails_at, tmp_path, caplog):
     with failing_disk(tmp_path, fails_at) as disk, caplog.at_level("INFO", LOG):
-        flown(tmp_path, *((frame(10.0 * k, 20.0), 100) for k in range(4)))
+        fly(tmp_path, *((frame(10.0 * k, 20.0), 100) for k in range(4)))
     assert disk.failed
     (line,) = caplog.messages
     assert line == f"{tmp_path / MOSAIC} cannot be written (Input/output error); it is tried again"
@@ -143,12 +143,12 @@ def test_mosaic_picture_that_cannot_be_decoded_costs_the_mosaic_only(tmp_path, c
 
 
 def test_mosaic_that_is_damaged_or_has_no_place_is_none(tmp_path):
-    flown(tmp_path, (frame(10.0, 20.0), 100))
+    fly(tmp_path, (frame(10.0, 20.0), 100))
     place = next(tmp_path.glob("*.xml"))
     for text in ("", "<GeoTransform>1, 2</GeoTransform>", "<GeoTransform>0, -1, 0, 0, 0, 0"):
         place.write_text(text)
         assert Ground.read(tmp_path, GRID) is None
-    flown(tmp_path, (frame(10.0, 20.0), 100))
+    fly(tmp_path, (frame(10.0, 20.0), 100))
     (tmp_path / MOSAIC).write_bytes(b"no picture")
     assert Ground.read(tmp_path, GRID) is None
 

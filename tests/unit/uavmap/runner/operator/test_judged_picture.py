@@ -33,7 +33,9 @@ def seen(t_s: float, *, region: bool) -> FrameSeen:
     return FrameSeen(1, t_s, None, (Vote(Cell(0, 0), region, float(region)),))
 
 
-def shown(keeper: JudgedPicture, t_s: float, image: np.ndarray | bytes, *, region: bool) -> None:
+def show_picture(
+    keeper: JudgedPicture, t_s: float, image: np.ndarray | bytes, *, region: bool
+) -> None:
     keeper.keep(KeptFrame(f"{t_s}.png", 1, t_s, POSE, 80.0), image)
     keeper.update(seen(t_s, region=region), STATE, 0)
 
@@ -46,11 +48,11 @@ def red(path: Path) -> np.ndarray:
 
 def test_judged_picture_is_the_first_with_region_and_has_its_outline(tmp_path):
     keeper = JudgedPicture(tmp_path, SETTING)
-    shown(keeper, 1.0, picture(0, 180), region=False)
+    show_picture(keeper, 1.0, picture(0, 180), region=False)
     good, data = cv2.imencode(".png", picture(100))
     assert good
-    shown(keeper, 2.0, data.tobytes(), region=True)
-    shown(keeper, 3.0, picture(200), region=True)
+    show_picture(keeper, 2.0, data.tobytes(), region=True)
+    show_picture(keeper, 3.0, picture(200), region=True)
     keeper.end()
     rows, columns = np.nonzero(red(tmp_path / FILE))
     # the region less the dilations of the surround
@@ -60,8 +62,8 @@ def test_judged_picture_is_the_first_with_region_and_has_its_outline(tmp_path):
 
 def test_judged_picture_without_region_is_the_first_one(tmp_path):
     keeper = JudgedPicture(tmp_path, SETTING)
-    shown(keeper, 1.0, picture(0, 180), region=False)
-    shown(keeper, 2.0, picture(0, 240), region=False)
+    show_picture(keeper, 1.0, picture(0, 180), region=False)
+    show_picture(keeper, 2.0, picture(0, 240), region=False)
     keeper.end()
     assert not red(tmp_path / FILE).any()
     with Image.open(tmp_path / FILE) as found:
@@ -72,7 +74,7 @@ def test_judged_picture_stays_after_a_resume(tmp_path):
     for found in (True, False):  # a picture without region makes room for one with it
         (tmp_path / FILE).write_bytes(b"of before")
         keeper = JudgedPicture(tmp_path, SETTING, found=found)
-        shown(keeper, 1.0, picture(100), region=True)
+        show_picture(keeper, 1.0, picture(100), region=True)
         keeper.end()
         assert ((tmp_path / FILE).read_bytes() == b"of before") is found
 
@@ -80,7 +82,7 @@ def test_judged_picture_stays_after_a_resume(tmp_path):
 def test_judged_picture_that_cannot_be_read_is_left_out_with_a_line(tmp_path, caplog):
     keeper = JudgedPicture(tmp_path, SETTING)
     with caplog.at_level("INFO", "uavmap.flight"):
-        shown(keeper, 1.0, b"no picture", region=True)
+        show_picture(keeper, 1.0, b"no picture", region=True)
         keeper.end()
     assert "judged.jpg: the judged picture is left out (1.0.png: not a readable" in caplog.text
     assert not (tmp_path / FILE).exists()

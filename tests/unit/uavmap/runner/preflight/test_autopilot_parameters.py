@@ -37,7 +37,7 @@ GOOD_PX4 = {
 }  # fmt: skip
 
 
-def found(
+def findings_of(
     kind: Autopilot,
     values: dict[str, Any],
     volts: float | None = 24.9,
@@ -56,7 +56,7 @@ def not_ok(findings: list[Finding]) -> list[str]:
 @pytest.mark.parametrize(("kind", "good"), [(ARDUPILOT, GOOD_ARDUPILOT), (PX4, GOOD_PX4)])
 def test_autopilot_that_is_set_well_has_no_findings(kind, good):
     assert set(good) == set(names_of(kind))
-    assert not_ok(found(kind, good)) == []
+    assert not_ok(findings_of(kind, good)) == []
     rows = PX4_CHECKS if kind is PX4 else ARDUPILOT_CHECKS
     assert all(row.wanted and row.why for row in rows if row.name not in
                ("WPNAV_SPEED", "MPC_XY_CRUISE"))  # fmt: skip
@@ -86,7 +86,7 @@ def test_autopilot_that_is_set_well_has_no_findings(kind, good):
 )
 def test_unsuitable_parameter_is_a_finding_with_a_reason(kind, name, value):
     good = GOOD_PX4 if kind is PX4 else GOOD_ARDUPILOT
-    findings = found(kind, good | {name: value})
+    findings = findings_of(kind, good | {name: value})
     assert not_ok(findings) == [name]
     (finding,) = [f for f in findings if f.what == name]
     assert finding.wanted
@@ -95,13 +95,13 @@ def test_unsuitable_parameter_is_a_finding_with_a_reason(kind, name, value):
 
 def test_parameter_that_the_autopilot_does_not_report_is_a_finding():
     values = {name: value for name, value in GOOD_ARDUPILOT.items() if name != "BATT_LOW_MAH"}
-    findings = found(ARDUPILOT, values)
+    findings = findings_of(ARDUPILOT, values)
     assert not_ok(findings) == ["BATT_LOW_MAH"]  # a voltage limit needs no second limit
-    assert [f.level for f in found(ARDUPILOT, {})] == [Level.BAD]
+    assert [f.level for f in findings_of(ARDUPILOT, {})] == [Level.BAD]
 
 
 def test_return_height_of_a_team_is_no_finding():
-    assert not_ok(found(ARDUPILOT, GOOD_ARDUPILOT | {"RTL_ALT": 5000}, vehicles=2)) == []
+    assert not_ok(findings_of(ARDUPILOT, GOOD_ARDUPILOT | {"RTL_ALT": 5000}, vehicles=2)) == []
 
 
 class Numbered:
@@ -154,9 +154,9 @@ def test_mission_that_continues_without_satellites_needs_flow(kind):
     good = GOOD_PX4 if kind is PX4 else GOOD_ARDUPILOT
     flow = {"FLOW_TYPE": 6, "EK3_SRC_OPTIONS": 1, "EKF2_OF_CTRL": 1, "COM_POS_FS_EPH": -1}
     with_flow = {**good, **{name: flow[name] for name in more}}
-    assert not_ok(found(kind, with_flow, setting=on)) == []
+    assert not_ok(findings_of(kind, with_flow, setting=on)) == []
     without = {**good, **dict.fromkeys(more, 0)}
-    assert set(not_ok(found(kind, without, setting=on))) == more
+    assert set(not_ok(findings_of(kind, without, setting=on))) == more
 
 
 @pytest.mark.parametrize(
@@ -178,5 +178,5 @@ def test_autopilot_with_slower_climb_than_the_mission_is_a_finding(kind, good, n
         else {"MPC_Z_V_AUTO_UP": 5, "MPC_TKO_SPEED": 5, "MPC_Z_V_AUTO_DN": 3}
     )
     assert set(names_of(kind, setting)) == {*good, *rates}
-    assert not_ok(found(kind, {**good, **rates}, setting=setting)) == []
-    assert not_ok(found(kind, {**good, **rates, name: value / 2}, setting=setting)) == [name]
+    assert not_ok(findings_of(kind, {**good, **rates}, setting=setting)) == []
+    assert not_ok(findings_of(kind, {**good, **rates, name: value / 2}, setting=setting)) == [name]

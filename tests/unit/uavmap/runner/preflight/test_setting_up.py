@@ -60,7 +60,7 @@ async def test_fence_is_set_around_the_mission_and_restored(field, /, autopilot,
     assert field.parameter(0, CEILING[autopilot]) >= 22.0
     (rally,) = await transfer.download(Kind.RALLY)
     assert field.setting.grid.fixed(rally.position).distance_to(GridPoint(0.0, 0.0)) < 3.0
-    assert "is put back at the end" in field.told[0]
+    assert "is put back at the end" in field.lines[0]
     plan = json.loads((tmp_path / "fence-before-1.plan").read_text("utf-8"))
     (polygon,) = plan["geoFence"]["polygons"]
     assert polygon["polygon"] == [[i.position.lat_deg, i.position.lon_deg] for i in OLD]
@@ -119,7 +119,7 @@ async def test_guid_timeout_of_a_killed_flight_is_restored_by_resume(field, /, t
     """A real ArduCopter kept 1 s for ever after a kill, even if the flight was resumed."""
     assert could_fly(await field.setup(1, tmp_path).apply())
     session = field.links[0].session
-    await StreamTimeout("sim", session, field.told.append).shorten()
+    await StreamTimeout("sim", session, field.lines.append).shorten()
     assert field.parameter(0, "GUID_TIMEOUT") == 1.0
     later = field.setup(1, tmp_path)
     assert could_fly(await later.apply())
@@ -166,7 +166,7 @@ def test_another_aircraft_keeps_its_own_settings(tmp_path):
         assert not await setup.restore()
         assert [field.parameter(0, name) for name in names] == [1.0, 5000.0, 120.0]
         assert field.count(0, RALLY) == 0
-        assert "keeps the settings of an aircraft that is not connected" in field.told[-1]
+        assert "keeps the settings of an aircraft that is not connected" in field.lines[-1]
 
     async def is_mended(field: Field) -> None:
         has_uid(field, 1)
@@ -188,7 +188,7 @@ async def test_settings_are_not_restored_on_an_armed_vehicle(field, /, tmp_path)
     await session.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     await session.until(lambda: session.view.armed, 5.0)
     await setup.restore()
-    assert "stays set (its motors are armed)" in field.told[-1]
+    assert "stays set (its motors are armed)" in field.lines[-1]
     assert field.count(0, FENCE) == 4
     assert (tmp_path / FILE).exists()
 
@@ -203,7 +203,7 @@ async def test_restore_motors_off_and_no_landing_reported_leaves_the_settings(fi
     await session.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, stream, -1)
     session.view.landed_state = mav.MAV_LANDED_STATE_IN_AIR
     assert not await setup.restore()
-    assert "stays set (it has not reported that it is on the ground)" in field.told[-1]
+    assert "stays set (it has not reported that it is on the ground)" in field.lines[-1]
     assert field.count(0, FENCE) == 4
 
 

@@ -172,7 +172,7 @@ def test_strategies_are_compared_without_flight():
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "expected"),
     [
         ({"strategy": "rdsf"}, "'rdsf' is not known"),
         ({"strategy": ["rdfs", "swath"]}, "cannot be compared"),
@@ -183,8 +183,8 @@ def test_strategies_are_compared_without_flight():
         ({"strategy": []}, "strategy is empty"),
     ],
 )
-def test_impossible_simulation_is_an_error(options, said):
-    with pytest.raises(uavmap.UavmapError, match=said):
+def test_impossible_simulation_is_an_error(options, expected):
+    with pytest.raises(uavmap.UavmapError, match=expected):
         uavmap.simulate("eden:30:1", **options)
     with pytest.raises(uavmap.RoiError, match="roi is empty"):
         uavmap.simulate([])

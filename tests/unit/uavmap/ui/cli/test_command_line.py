@@ -12,7 +12,7 @@ import pytest
 
 from missions.planning.stepwise import EXPLORERS
 from tests.e2e.rig import ROOT, command, environment
-from tests.support.said import Gone
+from tests.support.shown_lines import BrokenStream
 from uavmap import __main__ as door
 from uavmap.mavlink.vehicle_view import SIMULATOR_IDENTITY
 from uavmap.ui import cli
@@ -56,16 +56,16 @@ def test_misspelt_command_is_guessed(wrong, meant, capsys):
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "said"),
+    ("error", "code", "expected"),
     [
         (BrokenPipeError(errno.EPIPE, "Broken pipe"), 141, ""),
         (OSError(errno.ENOSPC, "No space left on device"), 2, "cannot be written: No space left"),
     ],
 )
-def test_output_that_is_gone_is_no_defect(error, code, said, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "stdout", Gone(error))
+def test_output_that_is_gone_is_no_defect(error, code, expected, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdout", BrokenStream(error))
     assert main(["check", "runway"]) == code
-    assert said in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
 
 
 def test_broken_pipe_elsewhere_is_not_hidden(monkeypatch):

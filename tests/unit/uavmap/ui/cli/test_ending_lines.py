@@ -13,7 +13,7 @@ from missions.flight.vehicle_state import Phase
 from missions.mapping.tree import Tree
 from missions.orders import AwaitBattery, StandDown, TakeOff
 from missions.units import Cell, GridPoint
-from tests.support.said import Gone
+from tests.support.shown_lines import BrokenStream
 from tests.support.small_missions import mission, square
 from tests.unit.missions.flight.test_step import HOME, Service
 from uavmap.base.terminal import Terminal
@@ -43,7 +43,7 @@ def airborne(made):
     return made
 
 
-def told(made, event):
+def shown_line(made, event):
     made.post(event)
     out = io.StringIO()
     terminal = ProgressTable(Terminal(out))
@@ -56,7 +56,7 @@ def told(made, event):
 # --- a pilot keeps it on the ground ----------------------------------------------------------
 def test_vehicle_kept_on_the_ground_does_not_end_the_flight_of_the_others():
     made = service(2)
-    line = told(made, Overridden(1, 3.0, "LOITER"))
+    line = shown_line(made, Overridden(1, 3.0, "LOITER"))
     assert "vehicle 1 is in LOITER on the ground, not under our control" in line
     assert "it takes off at once" in line
     assert not made.state.is_over
@@ -67,14 +67,14 @@ def test_vehicle_kept_on_the_ground_does_not_end_the_flight_of_the_others():
 
 
 @pytest.mark.parametrize(
-    ("cleared", "said", "order"),
+    ("cleared", "expected", "order"),
     [(True, "it takes off at once", TakeOff), (False, "it waits for its crew", AwaitBattery)],
     ids=["before its first flight", "after a flight"],
 )
-def test_vehicle_given_back_does_as_the_line_announced(cleared, said, order):
+def test_vehicle_given_back_does_as_the_line_announced(cleared, expected, order):
     made = service(2)
     made.state = made.state.with_vehicle(replace(made.state.vehicles[1], cleared=cleared))
-    assert said in told(made, Overridden(1, 3.0, "LOITER"))
+    assert expected in shown_line(made, Overridden(1, 3.0, "LOITER"))
     made.track(1, HOME, 0.0)
     made.post(Released(1, 9.0, HOME, 0.0))
     assert isinstance(made.order(1), order)
@@ -82,16 +82,16 @@ def test_vehicle_given_back_does_as_the_line_announced(cleared, said, order):
 
 def test_flight_without_another_vehicle_ends_with_the_reason():
     made = service(1)
-    line = told(made, Overridden(1, 3.0, "LOITER"))
+    line = shown_line(made, Overridden(1, 3.0, "LOITER"))
     assert made.state.is_over
     assert "no other vehicle flies: the flight ends" in line
 
 
 def test_flight_after_a_pilots_landing_ends_with_the_reason():
     made = airborne(service(1))
-    assert "hands off until" in told(made, Overridden(1, 3.0, "LOITER"))
+    assert "hands off until" in shown_line(made, Overridden(1, 3.0, "LOITER"))
     assert not made.state.is_over
-    line = told(made, Landed(1, 30.0, 40.0, position=HOME))
+    line = shown_line(made, Landed(1, 30.0, 40.0, position=HOME))
     assert (
         "vehicle 1 has landed, not under our control; no other vehicle flies: the flight ends"
         in line
@@ -136,7 +136,7 @@ def test_change_of_mode_is_shown_once_with_the_cause_that_follows(after, line):
 
 def test_commanded_mode_selected_by_others_is_not_under_our_control():
     made = airborne(service(2))
-    line = told(made, Overridden(1, 3.0, "GUIDED"))
+    line = shown_line(made, Overridden(1, 3.0, "GUIDED"))
     assert "vehicle 1 is in GUIDED, not under our control: its pilot or its autopilot" in line
 
 
@@ -230,7 +230,7 @@ FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed fi
 @pytest.mark.parametrize("failure", FAILURES, ids=repr)
 def test_progress_without_an_output_continues_in_silence(failure, terminal):
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
-    state, stream = setting.initial_state(), Gone(failure, terminal=terminal)
+    state, stream = setting.initial_state(), BrokenStream(failure, terminal=terminal)
     terminal_ = Terminal(stream)
     progress = ProgressTable(terminal_)
     progress.begin(setting, again=False)
@@ -246,8 +246,8 @@ def test_progress_without_an_output_continues_in_silence(failure, terminal):
 @pytest.mark.parametrize("as_json", [False, True])
 @pytest.mark.parametrize("failure", FAILURES[:2], ids=repr)
 def test_exit_code_is_that_of_the_flight(failure, as_json, monkeypatch):
-    monkeypatch.setattr("sys.stdout", Gone(failure))
-    monkeypatch.setattr("sys.stderr", Gone(failure))
+    monkeypatch.setattr("sys.stdout", BrokenStream(failure))
+    monkeypatch.setattr("sys.stderr", BrokenStream(failure))
     folder = Path("results/field-1")
     assert report(SUMMARY, folder, as_json=as_json) == 0
     assert report({**SUMMARY, "completed": False}, folder, as_json=as_json) == INCOMPLETE

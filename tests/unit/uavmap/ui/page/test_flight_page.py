@@ -77,7 +77,7 @@ BROKEN = (
 )
 
 
-class Heard:
+class LineQueue:
     def __init__(self):
         self.lines = asyncio.Queue()
 
@@ -118,7 +118,7 @@ def test_flight_is_the_same_beside_a_page_that_works_or_breaks(tmp_path, said):
     assert vehicle["mode"] in ("GUIDED", "LAND", "RTL")
 
 
-def told_of(feed):
+def show_flight(feed):
     setting, page = STOPS.setting(), FlightPage(feed, simulated=True, now_s=ticking())
     state = setting.initial_state()
     page.begin(setting, again=False)
@@ -175,7 +175,7 @@ def _parts(part):
 
 @pytest.mark.parametrize("breaks_at", [0, 1, 2, 90])
 def test_page_that_fails_at_any_time_is_reported_once(breaks_at, said):
-    page = told_of(Feed(breaks_at))
+    page = show_flight(Feed(breaks_at))
     page.show("something else")
     page.close("the flight is over")
     assert said == [BROKEN]
@@ -186,13 +186,13 @@ def test_page_that_never_reads_gets_no_more():
         idle = property(lambda self: False)
 
     feed = Full()
-    told_of(feed)
+    show_flight(feed)
     assert feed.kinds == ["scene", "delta"]  # the last one, at the end
 
 
 def test_simulated_flight_takes_no_orders():
     feed = Feed()
-    told_of(feed)
+    show_flight(feed)
     assert feed.deltas[0]["fields"]["hands_off"] == SIMULATED
 
 
@@ -220,7 +220,7 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said):
 
     async def flight():
         ask("pause")  # before any vehicle could fly: dropped
-        heard = Heard()
+        heard = LineQueue()
         with shown_on(heard), page.steering(service):
             await asyncio.sleep(0.01)
             assert service.mock_calls == []

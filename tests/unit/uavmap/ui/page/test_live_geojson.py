@@ -7,7 +7,7 @@ import pytest
 from shapely.geometry import shape
 
 from tests.support.page.board_flight import RING, BoardFlight, record
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from uavmap.base.messages import shown_on
 from uavmap.ui.page.feed import serve_page
 from uavmap.ui.page.live_geojson import geojson, part_of
@@ -77,9 +77,9 @@ def test_part_beyond_the_end_is_refused():
 def test_map_is_read_by_gdal_whole_and_in_parts():
     pytest.importorskip("nicegui", reason="the live page needs the extra page")
     pyogrio = pytest.importorskip("pyogrio")
-    said, flight = Said(), seen()
-    with shown_on(said), serve_page({"title": "x", "steers": False}, 0, "--page") as feed:
-        url = said[1].removeprefix("map for a GIS: ")
+    lines, flight = ShownLines(), seen()
+    with shown_on(lines), serve_page({"title": "x", "steers": False}, 0, "--page") as feed:
+        url = lines[1].removeprefix("map for a GIS: ")
         assert httpx.get(url).json()["features"] == []
         feed.put({"kind": "scene", "scene": flight.scene}, wait_s=PATIENCE_S)
         feed.put({"kind": "delta", "delta": flight.board.since(0)}, wait_s=PATIENCE_S)

@@ -76,7 +76,7 @@ def test_points_of_the_ground_are_where_the_tiles_have_them(setting, tmp_path):
 
 def test_unusable_tiles_are_refused_in_a_line(setting, tmp_path):
     home = setting.mission.home
-    for name, said, make in (
+    for name, expected, make in (
         ("vector", "vector tiles", lambda p: written(p, home, "pbf")),
         ("far", "no tile at the place", lambda p: written(p, LatLon(-30.0, 100.0))),
         ("text", "cannot be read", lambda p: p.write_text("no tiles")),
@@ -84,7 +84,7 @@ def test_unusable_tiles_are_refused_in_a_line(setting, tmp_path):
     ):
         path = tmp_path / f"{name}.mbtiles"
         make(path)
-        with pytest.raises(OutputError, match=said) as refusal:
+        with pytest.raises(OutputError, match=expected) as refusal:
             background_from_tiles(path, setting)
         assert str(path) in str(refusal.value)
         assert "\n" not in str(refusal.value)

@@ -17,7 +17,7 @@ import pytest
 from missions.errors import OutputError, UavmapError
 from tests.support.page.page_tab import PATIENCE_S, Tab
 from tests.support.running import by, in_real_time
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from uavmap.base.messages import shown_on
 from uavmap.ui.page import feed
 from uavmap.ui.page.board import Board
@@ -30,7 +30,7 @@ SCENE = {"mission": "a <field>", "states": [["explored", "#00ff00"]], "box": [],
 
 class Flight:
     def __init__(self, feed, said):
-        self.feed, self.said = feed, said
+        self.feed, self.lines = feed, said
         self.url = said.page
         self.board = Board()
         self.version = 0
@@ -40,9 +40,9 @@ class Flight:
     def set(self, **fields):
         for name, value in fields.items():
             self.board.set_field(name, value)
-        self.tell()
+        self.send_delta()
 
-    def tell(self):
+    def send_delta(self):
         delta = self.board.since(self.version)
         assert self.feed.put({"kind": "delta", "delta": delta}, wait_s=PATIENCE_S)
         self.version = delta["v"]
@@ -56,7 +56,7 @@ class Flight:
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    said = Said()
+    lines = ShownLines()
     folder = tmp_path_factory.mktemp("results")
     frames = folder / "frames"
     frames.mkdir()
@@ -64,8 +64,8 @@ def flight(tmp_path_factory):
     cv2.imwrite(str(frames / "1-000001.000.jpg"), np.full((90, 1280, 3), 80, np.uint8))
     (frames.parent / "secret.jpg").write_bytes((frames / "1-000001.000.jpg").read_bytes())
     config = {"title": "a <field>", "steers": True, "timeline": True, "folder": str(folder)}
-    with shown_on(said), serve_page(config, 0, "--page") as feed:
-        yield Flight(feed, said)
+    with shown_on(lines), serve_page(config, 0, "--page") as feed:
+        yield Flight(feed, lines)
 
 
 @contextlib.contextmanager
@@ -84,14 +84,14 @@ def shows(page, flight):
 def test_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight):
     for code in range(20):
         flight.board.set_cell((code, -code), code % 3)
-    flight.tell()
+    flight.send_delta()
     with tab(flight) as one, tab(flight) as two:
         one.wait(lambda: shows(one, flight))
         assert one.scene["mission"] == "a <field>"
         flight.board.set_cell((0, 0), 5)
         flight.board.set_vehicle(2, {"e": 1.0, "n": 2.0, "doing": "flying"})
         flight.board.set_vehicle(1, {"e": 0.0, "n": 2.0, "doing": "flying"})
-        flight.tell()
+        flight.send_delta()
         for page in (one, two):
             page.wait(lambda page=page: shows(page, flight))
             assert page.board.since(0) == flight.board.since(0)
@@ -235,5 +235,5 @@ def test_page_that_is_killed_is_reported_once_and_orders_nothing(flight):
         assert feed.orders() == []
     assert not feed.idle
     assert not any(feed.put({"kind": "delta"}) for _ in range(3))
-    assert len(flight.said) == 4
-    assert flight.said[3].startswith("the live page has ended")
+    assert len(flight.lines) == 4
+    assert flight.lines[3].startswith("the live page has ended")

@@ -11,7 +11,7 @@ from tests.golden.recording import PASSES, STOPS
 from uavmap.ui.page.watching import Watcher
 
 
-class Flown:
+class RecordedFlight:
     def __init__(self, recording):
         self.state = recording.setting().initial_state()
         self.watcher = Watcher(self.state, now_s=lambda: 0.0)
@@ -28,7 +28,7 @@ class Flown:
                 return event
         raise AssertionError
 
-    def shown(self):
+    def figures_and_alarms(self):
         self.watcher.refresh()
         board = self.watcher.board.since(0)
         return board["vehicles"]["1"], [words for _, words in board["fields"]["alarms"]]
@@ -36,7 +36,7 @@ class Flown:
 
 @pytest.mark.parametrize("recording", [STOPS, PASSES])
 def test_flight_without_trouble_has_no_alarms(recording):
-    flown = Flown(recording)
+    flown = RecordedFlight(recording)
     for event in flown.events:
         flown.happen(event)
         flown.watcher.refresh()
@@ -44,9 +44,9 @@ def test_flight_without_trouble_has_no_alarms(recording):
 
 
 def test_figures_of_a_vehicle_in_the_air_are_those_of_its_events():
-    flown = Flown(STOPS)
+    flown = RecordedFlight(STOPS)
     last = flown.until(40.0)
-    record, _ = flown.shown()
+    record, _ = flown.figures_and_alarms()
     json.dumps(record)
     places = [event for event in flown.events if isinstance(event, Tracked)]
     before = [event for event in places if event.t_s <= last.t_s - 2.0][-1]
@@ -57,25 +57,25 @@ def test_figures_of_a_vehicle_in_the_air_are_those_of_its_events():
     assert (record["control"], record["low"], record["lost"]) == ("uavmap", False, 0)
     assert 0.2 < record["rate_hz"] < 20.0
     flown.happen(FrameLost(1, last.t_s, "no answer"))
-    assert flown.shown()[0]["lost"] == 1
+    assert flown.figures_and_alarms()[0]["lost"] == 1
 
 
 def test_alarms_follow_link_pilot_battery_and_fence():
-    flown = Flown(STOPS)
+    flown = RecordedFlight(STOPS)
     last = flown.until(40.0)
     flown.happen(LinkLost(1, last.t_s))
-    record, alarms = flown.shown()
+    record, alarms = flown.figures_and_alarms()
     assert (record["control"], alarms) == ("no contact", ["vehicle 1: link lost"])
     home = flown.state.vehicles[1].home
     flown.happen(Connected(1, last.t_s, home, last.position, 12.0, True, True, 40.0))
-    assert flown.shown()[1] == []
+    assert flown.figures_and_alarms()[1] == []
     flown.happen(Overridden(1, last.t_s, "LOITER"))
-    record, alarms = flown.shown()
+    record, alarms = flown.figures_and_alarms()
     assert record["control"] == "pilot or failsafe"
     assert alarms == ["vehicle 1: a pilot or a failsafe flies it"]
     flown.happen(Tracked(1, last.t_s + 2.0, last.position, 12.0, 4.0))
-    record, alarms = flown.shown()
+    record, alarms = flown.figures_and_alarms()
     assert record["low"]
     assert "vehicle 1: battery below what the path home needs" in alarms
     flown.happen(Tracked(1, last.t_s + 4.0, GridPoint(900.0, 0.0), 12.0, 40.0))
-    assert "vehicle 1: outside of the fence" in flown.shown()[1]
+    assert "vehicle 1: outside of the fence" in flown.figures_and_alarms()[1]

@@ -12,7 +12,7 @@ import pytest
 
 from missions.errors import OutputError, UavmapError
 from tests.support.page.board_flight import RING, BoardFlight, record
-from tests.support.said import Said
+from tests.support.shown_lines import ShownLines
 from tests.support.tak.tak_listener import PATIENCE_S, Listener, until
 from uavmap.base.messages import shown_on
 from uavmap.ui.tak.tak_feed import open_tak_link
@@ -255,12 +255,12 @@ def test_link_without_pytak_names_the_command_that_installs_it(monkeypatch):
 
 
 def test_link_that_is_killed_is_logged_once_and_the_flight_continues():
-    said = Said()
-    with Listener() as listener, shown_on(said), flying(listener.url) as flight:
+    lines = ShownLines()
+    with Listener() as listener, shown_on(lines), flying(listener.url) as flight:
         flight.update(0)
         listener.wait(lambda: listener.events)
         os.kill(flight.feed._child.process.pid, signal.SIGKILL)
         until(lambda: flight.feed.orders() == [] and flight.feed.dead)
         for _ in range(3):
             assert not flight.feed.put({"kind": "delta"})
-    assert len([line for line in said if "the TAK link has ended" in line]) == 1
+    assert len([line for line in lines if "the TAK link has ended" in line]) == 1

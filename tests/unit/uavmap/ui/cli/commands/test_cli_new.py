@@ -69,9 +69,9 @@ def test_kml_becomes_a_mission_that_check_takes(field, capsys):
     with Image.open("field.png") as picture:
         assert picture.size[0] > 800
     assert main(["check", "field.toml"]) == 0
-    said = capsys.readouterr().out
-    assert "no fault" in said
-    assert "region = darker than 150 of 255" in said
+    output = capsys.readouterr().out
+    assert "no fault" in output
+    assert "region = darker than 150 of 255" in output
     mission = load("field.toml")
     assert (mission.name, mission.battery.capacity_wh, mission.wind.speed_m_s) == ("field", 74, 5)
 

@@ -161,7 +161,7 @@ def test_mission_planner_reads_the_waypoints(tmp_path):
 
 # --- what cannot be written ---------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "expected"),
     [
         ([], "no format"),
         (["--plan", "x.plan", "--waypoints", "x.plan"], "give each format its own file"),
@@ -170,10 +170,12 @@ def test_mission_planner_reads_the_waypoints(tmp_path):
         (["--plan", "missing/x.plan"], "cannot be written"),
     ],
 )
-def test_impossible_export_is_refused_in_a_line(tmp_path, monkeypatch, refused, arguments, said):
+def test_impossible_export_is_refused_in_a_line(
+    tmp_path, monkeypatch, refused, arguments, expected
+):
     file, _ = mission_file(tmp_path)
     monkeypatch.chdir(tmp_path)
-    assert said in refused("export", file, *arguments)
+    assert expected in refused("export", file, *arguments)
     assert [path.name for path in tmp_path.iterdir()] == ["field.toml"]
 
 

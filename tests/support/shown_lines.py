@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 
 
-class Said(list[str]):
+class ShownLines(list[str]):
     def show(self, text: str) -> None:
         self.append(text)
 
@@ -16,7 +16,7 @@ class Said(list[str]):
         return next(line.removeprefix(named) for line in self if line.startswith(named))
 
 
-class Gone(io.StringIO):
+class BrokenStream(io.StringIO):
     """A terminal, a pipe or a disk that accepts no more data."""
 
     def __init__(self, failure: Exception, *, terminal: bool = False) -> None:
