@@ -2,14 +2,18 @@
 
     python -m tests.benchmarks.live_page [--out FOLDER]
 
-20 vehicles, 5,000 cells, and beneath them a mosaic that is written again each second. A picture of
-the page is left in the folder. The browser is a Chromium without a graphics card.
+20 vehicles, 5,000 cells, and beneath them map tiles and a mosaic that is written anew each second:
+first the page by itself, then within the page of `uavmap app`. A picture of each is left in the
+folder. The browser is a Chromium without a graphics card.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,14 +31,17 @@ from missions.mapping.tree import Tree, Vertex
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint
 from tests.benchmarks.frame import asked, cpu_ms, spread
+from tests.support.page.app_page import app
 from tests.support.page.browser import browser
 from tests.support.plans import named_text, plan_of
 from tests.support.shown_lines import ShownLines
 from tests.support.small_missions import first_patch
+from tests.unit.uavmap.ui.page.test_page_scene import written
+from uavmap.base.framing import SHOWN_IN
 from uavmap.base.messages import shown_on
 from uavmap.output.drawing.mosaic_file import raster_of, write_mosaic
 from uavmap.ui.page.feed import Feed, serve_page
-from uavmap.ui.page.page_scene import scene_of
+from uavmap.ui.page.page_scene import background_from_tiles, scene_of
 from uavmap.ui.page.watching import Watcher
 from vision.raster import Raster
 
@@ -116,16 +123,43 @@ def on_the_flight() -> None:
     print(f"telling the page, ten times a second, ms: {spread(spent_ms)}; {share:.1%} of a core")
 
 
-def in_the_browser(out: Path) -> None:
+@contextlib.contextmanager
+def day_page(out: Path) -> Iterator[str]:
+    """The page of `uavmap app`; live pages that begin meanwhile may be shown within it."""
+    folder = out / "fields"
+    folder.mkdir(exist_ok=True)
+    with app(folder) as (_, url):
+        os.environ[SHOWN_IN] = url.partition("/?")[0]
+        try:
+            yield url
+        finally:
+            del os.environ[SHOWN_IN]
+
+
+def open_within(driver: Any, url: str) -> None:
+    """Show a page over the page of the day, as that does it."""
+    frame = driver.find_element("css selector", ".app-frame-page")
+    show = "arguments[0].closest('.app-frame').classList.remove('hidden');"
+    driver.execute_script(show + "arguments[0].src = arguments[1]", frame, url)
+    driver.switch_to.frame(frame)
+
+
+def in_the_browser(out: Path, day_url: str = "") -> None:
     lines = ShownLines()
     config = {"title": "20 vehicles, 5,000 cells", "steers": True, "folder": str(out.resolve())}
     with shown_on(lines), serve_page(config, 0, "--page") as feed, browser() as driver:
         team = Team()
         ground = grow_mosaic(out, team.setting, 0)
-        scene = scene_of(team.setting, mosaic=ground)
+        tiles = out / "field.mbtiles"
+        tiles.unlink(missing_ok=True)
+        beneath = background_from_tiles(written(tiles, team.setting.mission.home), team.setting)
+        scene = scene_of(team.setting, beneath, ground)
+        feed.put({"kind": "background"}, beneath.jpeg, wait_s=5.0)
         feed.put({"kind": "scene", "scene": scene}, wait_s=5.0)
-        version = run_updates(team, feed, 0, 3.0, lambda: driver.get(lines.page))
-        assert driver.execute_script("return flightMap.mosaic !== null")
+        driver.get(day_url or lines.page)
+        begin = (lambda: open_within(driver, lines.page)) if day_url else lambda: None
+        version = run_updates(team, feed, 0, 4.0, begin)
+        assert driver.execute_script("return !!flightMap.mosaic && !!flightMap.background")
         count = "window.ticks = 0; (function t() { ticks += 1; requestAnimationFrame(t) })();"
         driver.execute_script(count)
         read = "return [flightMap.frames, flightMap.drawn_ms, ticks, flightMap.board.cells.size]"
@@ -136,12 +170,13 @@ def in_the_browser(out: Path) -> None:
         elapsed_s = time.monotonic() - begin_s
         drawn = after[0] - before[0]
         print(
-            f"{after[3]} cells, {VEHICLES} vehicles, a mosaic of {ground.columns} x "
+            f"{'within the app' if day_url else 'alone'}: {after[3]} cells, {VEHICLES} vehicles, "
+            f"tiles, a mosaic of {ground.columns} x "
             f"{ground.rows} px: drawn {drawn / elapsed_s:.0f} times a second, "
             f"{(after[1] - before[1]) / max(drawn, 1):.1f} ms each; the browser's own frames: "
             f"{(after[2] - before[2]) / elapsed_s:.0f} a second"
         )
-        driver.save_screenshot(str(out / "live-page-20.png"))
+        driver.save_screenshot(str(out / f"live-page-20{'-app' if day_url else ''}.png"))
 
 
 def grow_mosaic(out: Path, setting: Setting, step: int) -> Raster:
@@ -178,4 +213,7 @@ def run_updates(
 
 if __name__ == "__main__":
     on_the_flight()
-    in_the_browser(asked(__doc__, out=Path()).out)
+    folder = asked(__doc__, out=Path()).out
+    in_the_browser(folder)
+    with day_page(folder) as day_url:
+        in_the_browser(folder, day_url)
