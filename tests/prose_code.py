@@ -121,8 +121,8 @@ CHECKED: Final = (
     )),
     "uavmap/*.py",
     *(f"uavmap/{folder}/**/*.py" for folder in (
-        "aircraft", "base", "fleet", "journal", "lab", "mavlink", "photos", "runner", "ui/api",
-        "ui/app", "ui/cli", "ui/ground", "ui/page", "ui/tak",
+        "aircraft", "base", "fleet", "journal", "lab", "load", "mavlink", "output", "photos",
+        "runner", "ui/api", "ui/app", "ui/cli", "ui/ground", "ui/page", "ui/tak",
     )),
     "vision/**/*.py",
     *(f"tests/{folder}/**/*.py" for folder in (

@@ -22,7 +22,7 @@ from uavmap.base.arguments import choice, number, whole
 from uavmap.base.version import __version__
 from uavmap.journal.event_log import PLAN, JournalReader
 from uavmap.load.detector_source import refuse_undecided, with_kept_detector
-from uavmap.load.strategy_source import ready_planner, tell_if_uncompiled
+from uavmap.load.strategy_source import compile_planner, warn_if_uncompiled
 
 Driver = Literal["pymavlink", "mavsdk"]
 PYMAVLINK: Final = "pymavlink"
@@ -210,8 +210,8 @@ class FlightPlan(FlightOptions):
     def setting(self, say: Callable[[str], None]) -> Setting:
         """Return the mission, ready to be flown, its planner compiled; log if it will be slow."""
         setting = self.known_setting()
-        tell_if_uncompiled([setting.mission.strategy], say)
-        ready_planner(setting.mission.strategy, say)
+        warn_if_uncompiled([setting.mission.strategy], say)
+        compile_planner(setting.mission.strategy, say)
         return setting
 
     def as_json(self) -> dict[str, Any]:

@@ -1,1 +1,1 @@
-"""A mission file with its references becomes a Mission."""
+"""Loading: a mission file, with all files that it names, becomes a Mission."""

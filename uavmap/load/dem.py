@@ -1,7 +1,7 @@
 """The ground from the GeoTIFF that `terrain.dem` names, as a lattice that a mission holds.
 
-A model has any coordinate system and sea level. So its heights are sampled along the mission's
-grid, relative to the start, and kept with the mission.
+A model may have any coordinate system and sea level. So its heights are sampled along the mission's
+grid, relative to the start, and stored in the mission.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from missions.units import GridPoint, LatLon
 from uavmap.base.extras import install_command
 
 LEAST_STEP_M: Final = 2.0
-"""Least step of the lattice: what is finer is no ground that a vehicle follows."""
+"""Minimum step of the lattice, m: a vehicle does not follow finer ground."""
 MOST_STEP_M: Final = 100.0
-"""Of an elevation model: what is coarser does not know the ground between."""
+"""Maximum step of an elevation model, m: a coarser one misses the ground between its heights."""
 AROUND_M: Final = 40.0
-"""Width of ground outside of the fence that pictures show, and gusts carry to."""
+"""Width of the ground outside of the fence that is sampled, m: pictures show it, gusts reach it."""
 STEEPEST: Final = 4.0
 LEAST_JUMP_M: Final = 8.0
-"""Rise from one height to the next from which on steep ground is a mistake in the file."""
+"""Minimum rise between two heights that counts as a mistake in the file if it is steep, m."""
 _HIGHEST_M: Final = 9000.0
 _LOWEST_M: Final = -500.0
-_ELSEWHERE: Final = "no height at start.position; take a model that covers it"
+_ELSEWHERE: Final = "no height at start.position; use a model that covers it"
 LEVEL: Final = {
     "west_m": 0.0, "south_m": 0.0, "step_m": 1.0, "columns": 2, "rows": 2,
     "heights": encoded(np.zeros((2, 2))),
 }  # fmt: skip
-"""The lattice of a mission until its ground is read."""
+"""The lattice of a mission before its ground is read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class FenceLattice:
 
     @classmethod
     def around(cls, mission: Mission, fine_m: float, most: float) -> FenceLattice:
-        """Return points `fine_m` apart, or farther apart where they would be more than `most`."""
+        """Return points `fine_m` apart; farther apart if they would be more than `most`."""
         grid = Grid.at(mission.home, mission.grid.cell_m)
         fence = drawn(mission.fence.polygon, grid)
         west, south, east, north = fence.buffer(AROUND_M).bounds
@@ -81,7 +81,7 @@ class FenceLattice:
         return across, along
 
     def utm(self) -> tuple[Floats, Floats]:
-        """The same in the grid's UTM zone, and the start behind them."""
+        """Return the points, and after them the start, in the grid's UTM zone."""
         grid, (east, north) = self.grid, self.points
         return (
             np.append(grid.origin.east_m + east.ravel() * grid.scale, grid.origin.east_m),
@@ -89,17 +89,17 @@ class FenceLattice:
         )
 
     def at(self, row: int, column: int) -> LatLon:
-        """Where a point is."""
+        """Return the position of a point."""
         east_m, north_m = self.west_m + column * self.step_m, self.south_m + row * self.step_m
         return self.grid.position(GridPoint(east_m, north_m))
 
     def place(self, index: Sequence[int]) -> str:
-        """The same in degrees."""
+        """Write the position of a point in degrees, for messages."""
         place = self.at(index[0], index[1])
         return f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
 
     def table(self, heights_m: Floats) -> dict[str, Any]:
-        """The ground of a mission, of the height of each point above the start."""
+        """Return the ground of a mission from the height of each point above the start."""
         return {
             "west_m": self.west_m, "south_m": self.south_m, "step_m": self.step_m,
             "columns": self.columns, "rows": self.rows, "heights": encoded(heights_m),
@@ -109,7 +109,7 @@ class FenceLattice:
 def with_ground(mission: Mission, path: Path, where: str) -> Mission:
     """Return the mission with the ground of a GeoTIFF, in and around its fence.
 
-    A mission with misplaced positions comes back as it is: its check reports them. Raises
+    A mission with misplaced positions is returned unchanged: its check reports them. Raises
     `MissionFileError`, which begins with `where`: the mission file, the key and the value.
     """
     if any(positions_near(mission)):
@@ -124,15 +124,15 @@ def with_lattice(mission: Mission, table: Mapping[str, Any]) -> Mission:
 
 
 def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
-    with opened(path, where) as model:
+    with open_model(path, where) as model:
         metres, fine_m = metres_a_unit(model, where), spacing_m(model, mission.home)
         if not math.isfinite(fine_m):
             raise MissionFileError(f"{where}: {_ELSEWHERE}")
         lattice = FenceLattice.around(mission, max(fine_m, LEAST_STEP_M), MOST_POINTS / 1.1)
         if lattice.step_m > MOST_STEP_M:
             raise MissionFileError(
-                f"{where}: its heights, or those that can be kept of a fence so large, lie "
-                f"{lattice.step_m:.0f} m apart, more than {MOST_STEP_M:g}; take a finer model, or "
+                f"{where}: its heights, or as many as fit a fence of this size, are "
+                f"{lattice.step_m:.0f} m apart, more than {MOST_STEP_M:g} m; use a finer model, or "
                 "a smaller fence"
             )
         step = max(1, math.floor(lattice.step_m / fine_m + 0.1))
@@ -148,7 +148,7 @@ def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
 # --- what cannot be ground ----------------------------------------------------------------------
 def _refuse_gaps(ground: Floats, lattice: FenceLattice, where: str) -> None:
     east, north = lattice.points
-    # an autopilot that returns crosses what lies between two arms of the fence
+    # an autopilot that returns crosses the ground between two arms of the fence
     near = lattice.fence.convex_hull.buffer(lattice.step_m)
     shapely.prepare(near)
     inside = shapely.contains_xy(near, east, north)
@@ -157,20 +157,20 @@ def _refuse_gaps(ground: Floats, lattice: FenceLattice, where: str) -> None:
         share = missing.sum() / inside.sum()
         raise MissionFileError(
             f"{where}: it has no height in {share:.1%} of fence.polygon, for example at "
-            f"{lattice.place(np.argwhere(missing)[0])}; take a model that covers the fence "
+            f"{lattice.place(np.argwhere(missing)[0])}; use a model that covers the fence "
             "without gaps, or draw the fence smaller"
         )
     wrong = np.isfinite(ground) & ((ground > _HIGHEST_M) | (ground < _LOWEST_M))
     if wrong.any():
         at = tuple(np.argwhere(wrong)[0])
         raise MissionFileError(
-            f"{where}: a height of {ground[at]:.0f} m at {lattice.place(at)}: no ground of this "
-            "Earth; are these heights in metres, and is the file's value for no data set?"
+            f"{where}: a height of {ground[at]:.0f} m at {lattice.place(at)}: not possible on "
+            "Earth; check that heights are in metres, and that the file's no-data value is set"
         )
 
 
 def _refuse_jumps(ground: Floats, lattice: FenceLattice, where: str) -> None:
-    """Raise where the ground rises as no ground does: a height that was set to 0, or a spike."""
+    """Raise `MissionFileError` for an implausible rise: a gap that was set to 0, or a spike."""
     most_m = max(LEAST_JUMP_M, STEEPEST * lattice.step_m)
     for axis in (0, 1):
         jumps = np.abs(np.diff(ground, axis=axis))
@@ -180,13 +180,13 @@ def _refuse_jumps(ground: Floats, lattice: FenceLattice, where: str) -> None:
             after = (at[0] + (axis == 0), at[1] + (axis == 1))
             raise MissionFileError(
                 f"{where}: {ground[at]:.1f} m and {ground[after]:.1f} m above the start lie only "
-                f"{lattice.step_m:g} m apart at {lattice.place(at)}: no ground rises so; mend the "
-                "file (a spike, or a gap that was filled with 0?)"
+                f"{lattice.step_m:g} m apart at {lattice.place(at)}: an implausible slope; check "
+                "the file for spikes, or gaps that were filled with 0"
             )
 
 
 def _filled(ground: Floats) -> Floats:
-    """Heights that are missing outside of the fence, taken from the nearest that is known."""
+    """Return the ground with each missing height, outside of the fence, from the nearest known."""
     missing = ~np.isfinite(ground)
     if not missing.any():
         return ground
@@ -211,15 +211,15 @@ _METRES: Final = {
     **dict.fromkeys(("ft", "foot", "feet", "international foot", "international feet"), _FOOT_M),
     **dict.fromkeys(("us-ft", "us_ft", "ftus", "us survey foot", "us survey feet"), _SURVEY_FOOT_M),
 }
-"""How many metres a unit has that a band names."""
+"""Metres in each unit that a band may name."""
 _WGS84: Final = pyproj.CRS.from_epsg(4326)
 
 Floats = NDArray[np.float64]
 
 
 @contextlib.contextmanager
-def opened(path: Path, where: str) -> Iterator[Any]:
-    """The model, open. Raises `MissionFileError` where it is none."""
+def open_model(path: Path, where: str) -> Iterator[Any]:
+    """Open an elevation model. Raises `MissionFileError` for any other file."""
     try:
         import rasterio  # noqa: PLC0415 - an extra
         from rasterio.errors import NotGeoreferencedWarning, RasterioError  # noqa: PLC0415
@@ -235,18 +235,18 @@ def opened(path: Path, where: str) -> Iterator[Any]:
             with rasterio.open(path, driver="GTiff") as model:
                 if model.crs is None:
                     raise MissionFileError(
-                        f"{where}: it does not say its coordinate system; write it into the file "
+                        f"{where}: it names no coordinate system; write it into the file "
                         "(gdal_edit.py -a_srs EPSG:...)"
                     )
                 if model.count != 1:
                     raise MissionFileError(
-                        f"{where}: it has {model.count} bands, where a model has one, of heights; "
-                        "is it a picture?"
+                        f"{where}: it has {model.count} bands; a model has one band of heights; "
+                        "check that it is not a picture"
                     )
                 if not (_crs(model).is_geographic or _crs(model).is_projected):
                     raise MissionFileError(
-                        f"{where}: its coordinate system, {_crs(model).name!r}, is tied to no "
-                        "place; write the right one into the file (gdal_edit.py -a_srs EPSG:...)"
+                        f"{where}: its coordinate system, {_crs(model).name!r}, has no place on "
+                        "Earth; write the right one into the file (gdal_edit.py -a_srs EPSG:...)"
                     )
                 yield model
     except RasterioError as error:
@@ -258,23 +258,22 @@ def _crs(model: Any) -> pyproj.CRS:
 
 
 def metres_a_unit(model: Any, where: str) -> float:
-    """How many metres a unit of the heights has: by the band, by the vertical system, or one."""
+    """Return the metres in a unit of the heights: by the band, by the vertical system, or 1."""
     unit = model.units[0]
     if unit:
         if unit.casefold() not in _METRES:
             raise MissionFileError(
-                f"{where}: its heights are in {unit!r}, which is no unit that is known here; "
-                "convert them to metres"
+                f"{where}: its heights are in {unit!r}, an unknown unit; convert them to metres"
             )
         return _METRES[unit.casefold()]
     vertical = [axis for axis in _crs(model).axis_info if axis.direction in ("up", "down")]
     if any(axis.direction == "down" for axis in vertical):
-        raise MissionFileError(f"{where}: it holds depths; take a model of heights")
+        raise MissionFileError(f"{where}: it holds depths; use a model of heights")
     return vertical[0].unit_conversion_factor if vertical else 1.0
 
 
 def spacing_m(model: Any, start: LatLon) -> float:
-    """Return the distance of two heights near the start, m; infinite for one outside."""
+    """Return the distance of two heights near the start, m; infinite if the start is outside."""
     crs = _crs(model)
     to_model = pyproj.Transformer.from_crs(_WGS84, crs, always_xy=True)
     back = pyproj.Transformer.from_crs(crs, _WGS84, always_xy=True)
@@ -302,8 +301,8 @@ def heights_at(
 ) -> Floats:
     """Return the model's heights at places in a system, east and north; NaN where it has none.
 
-    They are bilinear between means of `step` x `step` pixels: a model of centimetres holds stones,
-    and more pixels than memory.
+    They are interpolated between means of `step` x `step` pixels: a model with pixels of
+    centimetres shows stones, and does not fit into memory.
     """
     system = pyproj.CRS.from_epsg(epsg)
     to_model = pyproj.Transformer.from_crs(system, _crs(model), always_xy=True)
@@ -326,7 +325,7 @@ def heights_at(
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """The columns, or rows, of a model that are read: from `first` to before `end`, as `count`."""
+    """The columns, or rows, of a model that are read: `count` means from `first` up to `end`."""
 
     first: int
     end: int
@@ -334,19 +333,19 @@ class _Stretch:
 
     @classmethod
     def around(cls, edges: Floats, step: int, size: int) -> _Stretch:
-        """All that lie around these coordinates, `step` of them as one."""
+        """Return the stretch around these coordinates, with a mean of each `step` pixels."""
         first = max(math.floor(edges.min()) - step, 0)
         end = min(math.ceil(edges.max()) + step, size)
         return cls(first, end, math.ceil((end - first) / step))
 
     def at(self, edges: Floats) -> Floats:
-        """Where a coordinate lies between the middles of what is read, the first being 0."""
+        """Return coordinates in steps of the means, from the middle of the first one."""
         each = (self.end - self.first) / self.count
         return (edges - self.first) / each - 0.5
 
 
 def _means(model: Any, along: _Stretch, across: _Stretch) -> Floats:
-    """The heights in two stretches of rows and columns; NaN where there is none."""
+    """Read the heights in two stretches of rows and columns; NaN where there is none."""
     from rasterio.enums import Resampling  # noqa: PLC0415 - an extra
 
     band = model.read(

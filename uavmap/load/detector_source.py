@@ -1,7 +1,7 @@
-"""Detectors as missions name them: their parameters, their files, and those of plug-ins.
+"""The detectors that missions name: their parameters, their files, and those of plug-ins.
 
 A mission holds path and checksum of its model, so a resumed flight is judged by the same model.
-Results hold a copy of it, as a folder that `--detector` takes.
+The results hold a copy of it, in a folder that `--detector` accepts.
 """
 
 from __future__ import annotations
@@ -37,31 +37,31 @@ from vision.detectors import (
 )
 
 GROUP: Final = "uavmap.detectors"
-"""The entry points that plug-ins have: a name, and what makes the detector of its parameters."""
+"""The entry points of plug-ins: a name, and a function from parameters to a detector."""
 DETECTOR_TOML: Final = "detector.toml"
 OVERLAYS: Final = "overlays"
-"""Judged pictures beside a detector that `uavmap tune` has learned."""
-SIMULATORS: Final = "threshold"
-"""The detector of a simulated flight whose mission has none yet: it fits the painted ground."""
+"""Folder of judged pictures beside a detector that `uavmap tune` has learned."""
+SIMULATOR_DETECTOR: Final = "threshold"
+"""The detector of a simulated flight without a chosen one: it fits the painted ground."""
 _LARGEST_MODEL: Final = 500_000_000
 
 
 def known_detectors() -> tuple[str, ...]:
-    """The names of all detectors that are installed, sorted."""
+    """Return the names of all installed detectors, sorted."""
     return tuple(sorted({*detector_names(), *_plugins()}))
 
 
-def finds() -> Mapping[str, str]:
-    """What each installed detector finds, by name, in a sentence; ours come first."""
-    return {**FINDS, **dict.fromkeys(sorted(_plugins()), "What this plug-in marks.")}
+def detector_descriptions() -> Mapping[str, str]:
+    """Return a sentence on each installed detector, by name; built-in ones come first."""
+    return {**FINDS, **dict.fromkeys(sorted(_plugins()), "A detector of a plug-in.")}
 
 
 def refuse_undecided(section: DetectorSection, source: str) -> None:
-    """Raise `MissionFileError` where real pictures would be judged by no detector."""
+    """Raise `MissionFileError` if no detector is chosen for real pictures."""
     if section.name == LATER:
         raise MissionFileError(
             f'{source}: detector.name = "{LATER}": no detector is chosen, and only the simulator '
-            "goes without; set one of "
+            "works without one; set one of "
             f"{', '.join(FINDS)}, or fly with --detector NAME (or a folder of `uavmap tune`)"
         )
 
@@ -71,14 +71,14 @@ def check_detector(section: DetectorSection) -> None:
     for name in section.tables:
         if name not in known_detectors():
             raise MissionFileError(
-                f"detector.{name}: a table of no detector; known: {', '.join(known_detectors())}"
+                f"detector.{name}: unknown detector; known: {', '.join(known_detectors())}"
             )
     name = section.name
     if name in FROM_FILES:
         if section.model is None:
             raise MissionFileError(
-                f"detector.model is missing: the detector {name!r} is made of a file; name it, "
-                "or give --detector"
+                f"detector.model is missing: the detector {name!r} needs the file of a model; name "
+                "it, or give --detector"
             )
         check_keys(name, section.parameters)
     elif section.model is not None:
@@ -86,27 +86,27 @@ def check_detector(section: DetectorSection) -> None:
             f"detector.model = {section.model!r}: the detector {name!r} has no file; leave it out"
         )
     else:
-        _made(SIMULATORS if name == LATER else name, section.parameters)
+        _made(SIMULATOR_DETECTOR if name == LATER else name, section.parameters)
 
 
 def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> Detector:
-    """Return the detector of a mission. Raises `MissionFileError` for a model unreadable or
-    changed.
+    """Return the detector of a mission.
 
-    Dilations are counted in pixels at the lowest layer; from `height_ratio` times that height fewer
-    bridge the same gap.
+    Dilations are counted in pixels at the lowest layer. From `height_ratio` times that height,
+    fewer dilations close the same gap. Raises `MissionFileError` for a model that is unreadable or
+    has changed.
     """
     parameters = section.parameters
     if "dilations" in parameters:
         parameters["dilations"] = round(parameters["dilations"] / height_ratio)
     if section.name not in FROM_FILES:
-        return _made(SIMULATORS if section.name == LATER else section.name, parameters)
+        return _made(SIMULATOR_DETECTOR if section.name == LATER else section.name, parameters)
     path = Path(section.model or "")
     kept = section.model_sha256
     data = _model(path, "" if kept is None else f"put it back: its SHA-256 is {kept}")
     if kept not in (None, _sha256(data)):
         raise MissionFileError(
-            f"detector.model = {str(path)!r}: the file has changed since the mission was begun; "
+            f"detector.model = {str(path)!r}: the file has changed since the mission began; "
             f"put the old one back: its SHA-256 is {kept}"
         )
     try:
@@ -119,7 +119,7 @@ def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> 
 
 
 def region_in_words(section: DetectorSection) -> str:
-    """Return what the detector of a mission takes for region, in words; reads no model.
+    """Describe what the detector of a mission marks as region; read no model.
 
     >>> region_in_words(DetectorSection())
     'darker than 150 of 255 (fits the simulator; for real ground see uavmap tune)'
@@ -128,30 +128,32 @@ def region_in_words(section: DetectorSection) -> str:
     """
     if section.classes is not None:
         names = [section.classes.names[number] for number in section.explored]
-        return f"{', '.join(names)}: {_looks(section)}"
-    return _looks(section)
+        return f"{', '.join(names)}: {_detector_in_words(section)}"
+    return _detector_in_words(section)
 
 
-def _looks(section: DetectorSection) -> str:
+def _detector_in_words(section: DetectorSection) -> str:
     if section.model is not None:
         model = Path(section.model)
-        return f"what the model {model.parent.name}/{model.name} was made to find"
+        return f"what the model {model.parent.name}/{model.name} was trained to find"
     words: str | None = getattr(detector_of_section(section), "words", None)
     if words is None:
         return f"what the plug-in {section.name} marks"
     if section.name == LATER:
-        return f"not chosen yet; the simulator takes {SIMULATORS}: {words}"
+        return f"not chosen yet; the simulator takes {SIMULATOR_DETECTOR}: {words}"
     simulated = section.name == "threshold"
     return f"{words} (fits the simulator; for real ground see uavmap tune)" if simulated else words
 
 
 def region_lines(section: DetectorSection, folder: Path = Path()) -> Iterator[str]:
-    """Report what a mission's detector takes for region, and which pictures show it, if any.
-    `folder` is that from which the mission names its model."""
+    """Yield lines on what a mission's detector marks as region, and on pictures that show it.
+
+    The mission names its model relative to `folder`.
+    """
     yield f"region = {region_in_words(section)}"
     overlays = None if section.model is None else (folder / section.model).parent / OVERLAYS
     if overlays is not None and overlays.is_dir():
-        yield f"look at what it marks: {overlays} (red: marked, green: painted)"
+        yield f"check what it marks: {overlays} (red: marked, green: painted)"
 
 
 def resolved_section(
@@ -174,7 +176,7 @@ def resolved_section(
         return None
     beside: Mapping[str, Any] = {}
     if isinstance(model := found.get("model"), str) and model:
-        path = _whole(folder, model)
+        path = _absolute(folder, model)
         found |= {"model": str(path), "model_sha256": _sha256(_model(path))}
         beside = _classes_beside(path, found.get("name"))
     classes = {**beside, **_classes_in(found)}
@@ -219,7 +221,7 @@ def _given(detector: Path) -> dict[str, Any]:
     name = str(detector)
     if name in known_detectors() and not detector.exists():
         if name in FROM_FILES:
-            raise MissionFileError(f"--detector {name}: is made of a file; give its folder")
+            raise MissionFileError(f"--detector {name}: it needs a file; give its folder")
         return {"name": name, name: {}}
     path = detector / DETECTOR_TOML if detector.is_dir() else detector
     try:
@@ -228,7 +230,7 @@ def _given(detector: Path) -> dict[str, Any]:
         raise MissionFileError(
             f"--detector {detector}: {path.name} cannot be read ({error.strerror}); give a folder "
             "that `uavmap tune` has written, such a file, or one of the names "
-            f"{', '.join(finds())}"
+            f"{', '.join(detector_descriptions())}"
         ) from None
     except ValueError as error:
         raise MissionFileError(f"--detector {detector}: {path}: not a TOML file: {error}") from None
@@ -239,19 +241,19 @@ def _given(detector: Path) -> dict[str, Any]:
         )
     if isinstance(section.get("model"), str):
         try:
-            section["model"] = str(_whole(path.parent, section["model"]))
+            section["model"] = str(_absolute(path.parent, section["model"]))
         except MissionFileError as error:
             raise MissionFileError(f"--detector {detector}: {path}: {error}") from None
     return section
 
 
 # --- files and plug-ins ------------------------------------------------------------------------
-def _whole(folder: Path, model: str) -> Path:
+def _absolute(folder: Path, model: str) -> Path:
     try:
         return (folder / model).resolve()
-    except (OSError, ValueError, RuntimeError) as error:  # no name of a file; links in a circle
+    except (OSError, ValueError, RuntimeError) as error:  # invalid name, or links in a circle
         raise MissionFileError(
-            f"detector.model = {model!r}: no path of a file ({error}); name the model's file"
+            f"detector.model = {model!r}: not the path of a file ({error}); name the model's file"
         ) from None
 
 
@@ -283,15 +285,15 @@ def _made(name: str, parameters: Mapping[str, Any]) -> Detector:
     made = build_detector(name, _loaded(name, plugins[name]), parameters)
     if not isinstance(made, Detector):
         raise MissionFileError(
-            f"detector.name = {name!r}: the plug-in {plugins[name].value} makes no detector: it "
-            "needs name, calibrated, probability and mask"
+            f"detector.name = {name!r}: the plug-in {plugins[name].value} returns no detector: a "
+            "detector has name, calibrated, probability and mask"
         )
     return made
 
 
 @lru_cache(maxsize=1)
 def _plugins() -> Mapping[str, EntryPoint]:
-    """The plug-ins by name; a name of ours stays ours."""
+    """Return the plug-ins by name; none replaces a built-in detector."""
     found = {point.name: point for point in entry_points(group=GROUP)}
     return {name: point for name, point in found.items() if name not in detector_names()}
 
@@ -299,7 +301,7 @@ def _plugins() -> Mapping[str, EntryPoint]:
 def _loaded(name: str, point: EntryPoint) -> Callable[..., Detector]:
     try:
         build: Callable[..., Detector] = point.load()
-    except Exception as error:  # a plug-in is somebody else's code
+    except Exception as error:  # a plug-in may raise any error
         raise MissionFileError(
             f"detector.name = {name!r}: the plug-in {point.value} cannot be loaded "
             f"({type(error).__name__}: {error}); install it again, or remove it"
@@ -309,13 +311,15 @@ def _loaded(name: str, point: EntryPoint) -> Callable[..., Detector]:
 
 # --- the copy with the results --------------------------------------------------------------------
 KEPT: Final = "detector"
-"""The folder, in that of the results."""
+"""Folder of the copy, in the folder of the results."""
 _BESIDE: Final = ".toml"  # settings of a segmentation model, under its name
 
 
 def keep_detector(section: DetectorSection, folder: Path) -> None:
-    """Copy the model of a mission, if any, into the folder of its results. Raises `OutputError`,
-    and leaves nothing, where the disk refuses, or the model has changed."""
+    """Copy the model of a mission, if any, into the folder of its results.
+
+    Raises `OutputError`, and leaves no copy, if writing fails or the model has changed.
+    """
     if section.model is None:
         return
     model, kept = Path(section.model), folder / KEPT
@@ -330,7 +334,7 @@ def keep_detector(section: DetectorSection, folder: Path) -> None:
     except OSError as error:
         drop_detector(folder)
         raise OutputError(
-            f"{kept}: the detector's model cannot be kept ({error.strerror}); make room, or give "
+            f"{kept}: the detector's model cannot be copied ({error.strerror}); make room, or give "
             "another --out"
         ) from None
     if section.model_sha256 not in (None, _sha256((kept / model.name).read_bytes())):
@@ -339,7 +343,7 @@ def keep_detector(section: DetectorSection, folder: Path) -> None:
 
 
 def drop_detector(folder: Path) -> None:
-    """Remove what `keep_detector` has made, for a mission that has not begun."""
+    """Remove the copy of `keep_detector`, for a mission that has not begun."""
     shutil.rmtree(folder / KEPT, ignore_errors=True)
 
 
@@ -366,7 +370,7 @@ def with_relative_model(text: str) -> str:
 
 
 def _copied(source: Path, target: Path) -> None:
-    """A copy that is whole or not there."""
+    """Copy a file whole or not at all."""
     temporary = target.with_name(f".{target.name}")
     try:
         shutil.copyfile(source, temporary)

@@ -1,7 +1,7 @@
 """Tiles of an online map for the field: fetched once, one after the other, into an MBTiles file.
 
-Web Mercator tiles of 256 px and more, by MBTiles 1.3: rows are counted from the south. A file that
-is there already gets the tiles that it lacks.
+Web Mercator tiles of at least 256 px, by MBTiles 1.3: rows are counted from the south. An existing
+file receives the tiles that it lacks.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from uavmap.load.mbtiles import kind_of
 
 AROUND: Final = 0.2
 LEAST_AROUND_M: Final = 150.0
-"""Ground around an area that is fetched, too: a share of its extent, and at least so much, m."""
+"""Ground around an area that is fetched as well: a share of its extent, and its minimum, m."""
 FINEST: Final = 22
 MOST_TILES: Final = 5000
 MOST_BYTES: Final = 1 << 20
@@ -56,7 +56,7 @@ class Bounds:
 
     @classmethod
     def around(cls, places: Sequence[LatLon]) -> Bounds:
-        """Return what holds some places and the ground around them.
+        """Return the rectangle around some places and the ground around them.
 
         >>> found = Bounds.around([LatLon(47.0, 8.0), LatLon(47.01, 8.01)])
         >>> round(found.south, 3), round(found.north, 3)
@@ -83,9 +83,9 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """An XYZ source of tiles, and what its map says of where they come from.
+    """An XYZ source of tiles, and the attribution that its map shows.
 
-    Raises `LinkError` for a URL that names no tile.
+    Raises `LinkError` for a URL without the places of a tile.
     """
 
     url: str
@@ -101,7 +101,7 @@ class Source:
             )
 
     def fetched(self, tile: Tile) -> bytes:
-        """Return a tile. Raises `LinkError` where the source does not give it."""
+        """Fetch a tile. Raises `LinkError` if the source does not send it."""
         url = self.url.replace("{z}", str(tile.zoom)).replace("{x}", str(tile.x))
         url = url.replace("{y}", str(tile.y)).replace("{s}", "a")
         asked = urllib.request.Request(url, headers={"User-Agent": f"uavmap/{__version__}"})
@@ -116,31 +116,31 @@ class Source:
                 why = str(getattr(error, "reason", error))
                 continue
             if len(data) > MOST_BYTES or kind_of(data) is None:
-                raise LinkError(f"{url}: is no picture of a tile (PNG, JPEG or WebP)")
+                raise LinkError(f"{url}: is not a picture (PNG, JPEG or WebP)")
             return data
         raise LinkError(f"{url}: cannot be fetched: {why}")
 
 
-def wanted(bounds: Bounds, zooms: range) -> list[Tile]:
+def tiles_in(bounds: Bounds, zooms: range) -> list[Tile]:
     """Return the tiles of an area, coarse ones first. Raises `OutputError` for too many."""
     counts = {zoom: len(bounds.tiles(zoom)) for zoom in zooms}
     if (total := sum(counts.values())) > MOST_TILES:
         fits = [z for z in zooms if sum(counts[k] for k in zooms if k <= z) <= MOST_TILES]
         remedy = f"--zoom {zooms[0]}-{fits[-1]} has fewer" if fits else "name a smaller area"
         raise OutputError(
-            f"--zoom {zooms[0]}-{zooms[-1]}: {total} tiles, at most {MOST_TILES} are fetched; "
+            f"--zoom {zooms[0]}-{zooms[-1]}: {total} tiles; at most {MOST_TILES} are fetched; "
             f"{remedy}"
         )
     return [tile for zoom in zooms for tile in bounds.tiles(zoom)]
 
 
 def fetch(
-    source: Source, tiles: Sequence[Tile], bounds: Bounds, out: Path, say: Callable[[int], None]
+    source: Source, tiles: Sequence[Tile], bounds: Bounds, out: Path, report: Callable[[int], None]
 ) -> int:
-    """Fetch what a file lacks; `say` hears how many tiles it has. Return how many were fetched.
+    """Fetch the tiles that a file lacks; return their number.
 
-    Each tile is in the file once it is fetched. Raises `LinkError`, and `OutputError` for a file
-    that is no MBTiles, or of another source.
+    Each tile is written as soon as it is fetched; then `report` receives the number of tiles in the
+    file. Raises `LinkError`; `OutputError` for a file that is not MBTiles, or of another source.
     """
     try:
         with closing(sqlite3.connect(out)) as database:
@@ -150,7 +150,7 @@ def fetch(
                 data = source.fetched(tile)
                 with database:
                     _insert(database, tile, data)
-                say(len(tiles) - len(missing) + number)
+                report(len(tiles) - len(missing) + number)
             return len(missing)
     except sqlite3.Error as error:
         raise OutputError(f"{out}: cannot be written as MBTiles: {error}") from None
@@ -159,23 +159,23 @@ def fetch(
 def _begun(
     database: sqlite3.Connection, source: Source, tiles: Sequence[Tile], bounds: Bounds, out: Path
 ) -> set[Tile]:
-    """Create the tables where they are not there; return the tiles that are."""
+    """Create the tables that do not exist; return the tiles in the file."""
     with database:
         database.execute("CREATE TABLE IF NOT EXISTS metadata (name TEXT PRIMARY KEY, value TEXT)")
         database.execute(
             "CREATE TABLE IF NOT EXISTS tiles (zoom_level INTEGER, tile_column INTEGER, "
             "tile_row INTEGER, tile_data BLOB, PRIMARY KEY (zoom_level, tile_column, tile_row))"
         )
-        said = dict(database.execute("SELECT name, value FROM metadata"))
-        if said.get("source", source.url) != source.url:
-            raise OutputError(f"{out}: holds tiles of {said['source']}; choose another file")
+        metadata = dict(database.execute("SELECT name, value FROM metadata"))
+        if metadata.get("source", source.url) != source.url:
+            raise OutputError(f"{out}: holds tiles of {metadata['source']}; choose another file")
         low, high = tiles[0].zoom, tiles[-1].zoom
         rows = {
             "name": out.stem, "type": "baselayer", "version": "1", "source": source.url,
             "description": f"tiles of {source.url}", "attribution": source.attribution,
             "bounds": f"{bounds.west:.6f},{bounds.south:.6f},{bounds.east:.6f},{bounds.north:.6f}",
-            "minzoom": str(min(low, int(said.get("minzoom", low)))),
-            "maxzoom": str(max(high, int(said.get("maxzoom", high)))),
+            "minzoom": str(min(low, int(metadata.get("minzoom", low)))),
+            "maxzoom": str(max(high, int(metadata.get("maxzoom", high)))),
         }  # fmt: skip
         database.executemany("INSERT OR REPLACE INTO metadata VALUES (?, ?)", rows.items())
     asked = database.execute("SELECT zoom_level, tile_column, tile_row FROM tiles")

@@ -1,4 +1,4 @@
-"""Tiles of a map from an MBTiles file, of pictures; rows are counted from the north here."""
+"""Pictures of a map from an MBTiles file; here rows are counted from the north."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from missions.errors import OutputError
 from missions.geo.web_mercator import lat_lon_of
 
 KINDS: Final = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpg", b"RIFF": "webp"}
-"""Formats by MBTiles' names."""
+"""Formats of pictures, by the first bytes, with MBTiles' names."""
 MOST_BYTES: Final = 8 << 20
 MOST_ZOOM: Final = 30
 
 
 def kind_of(data: bytes) -> str | None:
-    """Return the format of a tile; None for no picture."""
+    """Return the format of a tile; None if it is not a picture."""
     return next((kind for head, kind in KINDS.items() if data.startswith(head)), None)
 
 
@@ -28,21 +28,21 @@ class Tiles:
         try:
             uri = f"{path.absolute().as_uri()}?mode=ro"
             self._database = sqlite3.connect(uri, uri=True, check_same_thread=False)
-            said = dict(self._database.execute("SELECT name, value FROM metadata"))
-            low, high = (  # apart: either is at an end of the index, both together read it all
+            metadata = dict(self._database.execute("SELECT name, value FROM metadata"))
+            low, high = (  # two queries: each reads one end of the index, one query reads it all
                 self._database.execute(f"SELECT {end}(zoom_level) FROM tiles").fetchone()[0]
                 for end in ("min", "max")
             )
         except (sqlite3.Error, UnicodeError, ValueError) as error:
             raise OutputError(f"{path}: cannot be read as MBTiles: {error}") from None
-        if said.get("format") == "pbf":
-            raise OutputError(f"{path}: holds vector tiles; tiles of pictures are shown")
+        if metadata.get("format") == "pbf":
+            raise OutputError(f"{path}: holds vector tiles; use a file with tiles of pictures")
         if low is None:
             raise OutputError(f"{path}: holds no tile")
         if not (isinstance(low, int) and isinstance(high, int) and 0 <= low <= high <= MOST_ZOOM):
             raise OutputError(f"{path}: has tiles of levels {low} to {high}; at most {MOST_ZOOM}")
         self.zooms = range(low, high + 1)
-        self.attribution = str(said.get("attribution", ""))
+        self.attribution = str(metadata.get("attribution", ""))
 
     def close(self) -> None:
         """Close the file."""
@@ -50,7 +50,7 @@ class Tiles:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Latitude and longitude of the middle of its finest tiles, degrees."""
+        """Return latitude and longitude of the middle of its finest tiles, degrees."""
         zoom = self.zooms[-1]
         column, row = self._database.execute(
             "SELECT avg(tile_column), avg(tile_row) FROM tiles WHERE zoom_level = ?", (zoom,)
@@ -60,7 +60,7 @@ class Tiles:
         return float(lat), float(lon)
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
-        """Return a tile; None where there is none that is a picture."""
+        """Return a tile; None if the file has none there, or one that is not a picture."""
         asked = (
             "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
         )

@@ -1,4 +1,4 @@
-"""A mission, loaded once: its file is parsed, what it names is read, and all is checked."""
+"""A mission, loaded once: its file and the files that it names are read and checked."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ DRAWINGS: Final = (
     ".kml", ".kmz", ".geojson", ".geojsonl", ".geojsons", ".json", ".shp", ".zip", ".gpkg", ".gpx",
     ".csv", ".txt", ".plan", ".waypoints", ".poly", ".fen",
 )  # fmt: skip
-"""Endings of the files of which `uavmap new` makes missions."""
-_MOST_LOOKED_AT: Final = 1000
+"""Endings of the files from which `uavmap new` makes missions."""
+_MOST_NAMES: Final = 1000
 
 
 def shipped_missions() -> list[str]:
-    """The names of the missions that are shipped."""
+    """Return the names of the shipped missions."""
     files = (resources.files("missions") / "shipped").iterdir()
     return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
 
@@ -46,16 +46,21 @@ def shipped_missions() -> list[str]:
 def load(name: str, detector: str | None = None) -> Mission:
     """Load a mission by its path, or by the name of a shipped one.
 
-    What the file names becomes a part of the mission: the places of `search.prior` (GeoJSON), the
-    zones of `fence.zones`, the ground of `terrain.dem` (GeoTIFF), the checksum of `detector.model`.
-    A `detector` (a folder of `uavmap tune`) replaces its own. Raises `MissionFileError` with file,
-    line, key, value, remedy.
+    The mission holds the content of the files that it names: `search.prior` (GeoJSON),
+    `fence.zones`, `terrain.dem` (GeoTIFF). It has the checksum of `detector.model`.
+
+    Args:
+        name: Path of a mission file, or name of a shipped mission.
+        detector: A folder of `uavmap tune` that replaces the mission's detector.
+
+    Raises:
+        MissionFileError: The mission has a fault; the message has file, line, key, value, remedy.
     """
     text, folder = _read(name)
     try:
         mission = _resolved(parse_toml(text, name), name, folder, detector)
         _check(mission, name)
-        if mission.detector.model is not None:  # a fault of it is reported before anything begins
+        if mission.detector.model is not None:  # report a faulty model before anything begins
             with _named(name):
                 detector_of_section(mission.detector)
     except MissionFileError as error:
@@ -64,8 +69,10 @@ def load(name: str, detector: str | None = None) -> Mission:
 
 
 def mission_of_text(text: str, source: str, *, zones: Sequence[str] = ()) -> Mission:
-    """Check a mission whose text is no file of a user, and names none; `zones` are files of zones
-    that it is to name. Raises as `load`."""
+    """Check a mission from a text that is not a user's file and names no files.
+
+    `zones` are files of zones for `fence.zones`. Raises as `load`.
+    """
     mission = parse_fields(text, source)
     if zones:
         mission = with_zones(mission, zones, Path(), "--zones")
@@ -81,7 +88,7 @@ def _check(mission: Mission, source: str) -> None:
 
 @contextlib.contextmanager
 def _named(source: str) -> Iterator[None]:
-    """Name the file in messages of the block that do not name it."""
+    """Add the name of the file to messages of the block that lack it."""
     try:
         yield
     except MissionFileError as error:
@@ -91,7 +98,7 @@ def _named(source: str) -> Iterator[None]:
 
 
 def _resolved(tables: dict[str, Any], source: str, folder: Path, detector: str | None) -> Mission:
-    """The mission of these tables, with what they name by a path in the place of that path."""
+    """Create the mission of these tables, with the content of files in place of their paths."""
     prior, dem = _path_at(tables, "search", "prior"), _path_at(tables, "terrain", "dem")
     if prior is not None:
         where = f"{source}: search.prior = {prior!r}"
@@ -117,7 +124,7 @@ def _resolved(tables: dict[str, Any], source: str, folder: Path, detector: str |
 
 
 def _zone_files(tables: Mapping[str, Any]) -> list[str]:
-    """Take the files of zones out of the tables of a mission file."""
+    """Remove the paths of zone files from the tables of a mission file, and return them."""
     fence = tables.get("fence")
     named = fence.get("zones") if isinstance(fence, dict) else None
     files = [named] if isinstance(named, str) else named
@@ -140,7 +147,7 @@ def _read(name: str) -> tuple[str, Path]:
         return (folder / f"{name}.toml").read_text("utf-8"), folder
     if path.suffix.lower() in DRAWINGS and path.is_file():
         raise MissionFileError(
-            f"{name}: a drawing, not a mission; make one of it: uavmap new {shlex.quote(name)}"
+            f"{name}: a drawing, not a mission; make one from it: uavmap new {shlex.quote(name)}"
         )
     try:
         return read_text(path, LARGEST_BYTES), path.parent
@@ -156,7 +163,7 @@ def _read(name: str) -> tuple[str, Path]:
 def _guess(path: Path) -> str:
     known = {} if path.parent != Path() else {name: name for name in shipped_missions()}
     with contextlib.suppress(OSError):
-        files = itertools.islice(path.parent.glob("*.toml"), _MOST_LOOKED_AT)
+        files = itertools.islice(path.parent.glob("*.toml"), _MOST_NAMES)
         known |= {file.name: str(file) for file in files}
     near = difflib.get_close_matches(path.name, known, n=1)
     return f"did you mean {known[near[0]]!r}? " if near else ""
@@ -166,13 +173,13 @@ def _guess(path: Path) -> str:
 _HEADER: Final = re.compile(r"""\[\[?(\s*[A-Za-z_"'][\w."' -]*)\]\]?""")
 _KEY: Final = re.compile(r"""[\w."' -]+""")
 _LONGEST: Final = 500
-"""Characters of a line that are read for its key: values may be long."""
+"""Maximum characters of a line that are searched for a key: values may be long."""
 _NAMED: Final = re.compile(r"[\w-]+(?:\[\d+\]|\.[\w-]+)*")
 _QUOTES: Final = re.compile(r"""[\s"']""")
 
 
 def with_lines(message: str, source: str, text: str) -> str:
-    """Return the message with the key's line behind the source's name, where the text has one.
+    """Return the message with the key's line after the source's name, if the text has the key.
 
     A key within a value on several lines has the line on which that value begins.
 
@@ -192,7 +199,7 @@ def _with_line(fault: str, source: str, lines: dict[str, int]) -> str:
 
 
 def _lines_of_keys(text: str) -> dict[str, int]:
-    """The first line of every key, with its tables: `grid.cell_m`, `vehicles[1].url`."""
+    """Return the first line of every key with its tables: `grid.cell_m`, `vehicles[1].url`."""
     lines: dict[str, int] = {}
     counts: dict[str, int] = {}
     table = ""
@@ -217,8 +224,10 @@ _NUMBERS = ("weight", "spread_m")
 
 
 def prior_places(path: Path, where: str) -> list[dict[str, Any]]:
-    """Read the places of a file, as `search.prior` holds them. Raises `MissionFileError`, which
-    begins with `where`: mission file, key and value."""
+    """Read the places of a file for `search.prior`.
+
+    Raises `MissionFileError`, which begins with `where`: mission file, key and value.
+    """
     try:
         content = read_text(path, LARGEST_BYTES)
     except OSError as error:
@@ -240,12 +249,12 @@ def _places(content: str, where: str) -> Iterator[dict[str, Any]]:
     collection = isinstance(root, dict) and root.get("type") == "FeatureCollection"
     if not collection or not isinstance(features, list) or not features:
         raise MissionFileError(
-            f"{where}: no FeatureCollection with features; write each place as a feature with a "
+            f"{where}: not a FeatureCollection with features; write each place as a feature with a "
             "Point or a Polygon"
         )
     if len(features) > MAX_PRIOR_PLACES:
         raise MissionFileError(
-            f"{where}: {len(features)} features; at most {MAX_PRIOR_PLACES}, so join some of them"
+            f"{where}: {len(features)} features: at most {MAX_PRIOR_PLACES}; join some of them"
         )
     for i, feature in enumerate(features):
         yield _place(feature, f"{where}: features[{i}]")
@@ -264,8 +273,8 @@ def _place(feature: object, where: str) -> dict[str, Any]:
         place = {"polygon": shell, **({"holes": holes} if holes else {})}
     else:
         raise MissionFileError(
-            f"{where}: geometry.type = {kind!r}: write it as features with a Point or a Polygon "
-            "each"
+            f"{where}: geometry.type = {kind!r}: write it as features, each with a Point or a "
+            "Polygon"
         )
     properties = feature.get("properties") or {}
     for key in _NUMBERS:
@@ -282,20 +291,20 @@ def _ring(ring: object, where: str) -> list[list[float]]:
     vertices = [_vertex(v, where) for v in ring] if isinstance(ring, list) else []
     if len(vertices) < 4 or vertices[0] != vertices[-1]:
         raise MissionFileError(
-            f"{where}: a ring needs three vertices, and the first once more at its end"
+            f"{where}: a ring needs three corners, and the first one again at its end"
         )
     return vertices[:-1]
 
 
 def _vertex(value: object, where: str) -> list[float]:
-    """[latitude, longitude]; GeoJSON has them the other way round."""
+    """Read a position as [latitude, longitude]; GeoJSON has longitude first."""
     if not isinstance(value, list) or len(value) not in (2, 3):
         raise MissionFileError(f"{where}: coordinates are [longitude, latitude], in degrees")
     lon_deg, lat_deg = (_number(part, f"{where}: coordinates") for part in value[:2])
     if not (-180.0 <= lon_deg <= 180.0 and -90.0 <= lat_deg <= 90.0):
         raise MissionFileError(
-            f"{where}: coordinates = [{lon_deg:g}, {lat_deg:g}]: they are [longitude, latitude], "
-            "in degrees: are they swapped, or in metres?"
+            f"{where}: coordinates = [{lon_deg:g}, {lat_deg:g}]: must be [longitude, latitude] in "
+            "degrees; check whether they are swapped, or in metres"
         )
     return [lat_deg, lon_deg]
 

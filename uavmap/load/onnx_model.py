@@ -1,4 +1,4 @@
-"""Segmentation models in the ONNX format, run by onnxruntime (the extra `onnx`)."""
+"""Segmentation models in ONNX format, run by onnxruntime (the extra `onnx`)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ LARGEST_TOML: Final = 100_000
 
 
 def onnx_detector(path: Path, data: bytes, parameters: Mapping[str, Any]) -> Detector:
-    """Return the detector of an ONNX file and the TOML of the same name beside it. Raises
-    `MissionFileError` without the extra, and for faults of the files."""
+    """Return the detector of an ONNX file and the TOML of the same name beside it.
+
+    Raises `MissionFileError` without the extra, and for faults of the files.
+    """
     settings = onnx_settings(path)
     run: Run = _Session(data)
     return build_detector("onnx", OnnxDetector, {"run": run, "settings": settings, **parameters})
@@ -45,7 +47,7 @@ def onnx_settings(model: Path) -> OnnxSettings:
 
 
 class _Session:
-    """A model made ready. A copy that travels (pickle) takes the bytes and makes it ready anew."""
+    """A model in a session of onnxruntime. Pickle copies its bytes, and creates a new session."""
 
     def __init__(self, data: bytes) -> None:
         try:
@@ -56,14 +58,14 @@ class _Session:
             ) from None
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 4
-        options.intra_op_num_threads = 1  # the other cores have other vehicles' pictures
+        options.intra_op_num_threads = 1  # other cores judge the pictures of other vehicles
         try:
             session = onnxruntime.InferenceSession(
                 data, options, providers=["CPUExecutionProvider"]
             )
-        except Exception as error:  # the runtime has no common class of its errors
+        except Exception as error:  # the runtime's errors have no common class
             raise MissionFileError(
-                f"not a model that onnxruntime reads ({_first(error)})"
+                f"not a model that onnxruntime can read ({_first(error)})"
             ) from None
         inputs = session.get_inputs()
         if len(inputs) != 1:

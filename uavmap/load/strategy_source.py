@@ -1,4 +1,4 @@
-"""Strategies of plug-ins, and what is said, and done, before a strategy plans slowly."""
+"""Strategies of plug-ins, and the compilation of planners before a flight."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from missions.planning.sweep.strategies import NONSTOP
 from uavmap.base.extras import install_command
 
 GROUP: Final = "uavmap.strategies"
-"""The entry points that plug-ins have: a name, and an object that is a `Strategy`."""
+"""The entry points of plug-ins: a name, and an object that is a `Strategy`."""
 _log = logging.getLogger(__name__)
 
 
 @lru_cache(maxsize=1)
 def load_strategies() -> None:
-    """Register the strategies of all plug-ins, once; what is wrong with one is said."""
+    """Register the strategies of all plug-ins, once; log the fault of each that fails."""
     for point in entry_points(group=GROUP):
         try:
             strategy = point.load()
@@ -36,12 +36,12 @@ def load_strategies() -> None:
 
 
 def _registered(strategy: object) -> str:
-    # half a second, which no command needs where there is no plug-in
+    # this import takes half a second: commands without plug-ins do not need it
     from missions.flight.state import Strategy  # noqa: PLC0415
     from missions.flight.strategies import register  # noqa: PLC0415
 
     if not isinstance(strategy, Strategy):
-        return "it is no missions.flight.state.Strategy"
+        return "it is not a missions.flight.state.Strategy"
     try:
         register(strategy)
     except StrategyError as error:
@@ -53,19 +53,19 @@ def _registered(strategy: object) -> str:
 _PLANNERS: Final = ("horizon", *NONSTOP)
 
 
-def tell_if_uncompiled(strategies: Iterable[str], say: Callable[[str], None]) -> None:
-    """Say so where a planner is among the strategies and numba is not installed."""
+def warn_if_uncompiled(strategies: Iterable[str], report: Callable[[str], None]) -> None:
+    """Report a planner among the strategies if numba, which compiles it, is not installed."""
     slow = [name for name in strategies if name in _PLANNERS]
     if slow:
         from missions.planning.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second
 
         if not COMPILED:
             remedy = install_command("fast")
-            say(f"{slow[0]} plans slowly without numba, which compiles it: {remedy}")
+            report(f"{slow[0]} plans slowly without numba, which compiles it: {remedy}")
 
 
-def ready_planner(strategy: str, say: Callable[[str], None]) -> None:
-    """Compile the planner of a strategy that does not stop; `say` if that is still to do."""
+def compile_planner(strategy: str, report: Callable[[str], None]) -> None:
+    """Compile the planner of a strategy that does not stop; `report` a first compilation."""
     if strategy not in NONSTOP:
         return
     from missions.planning.kernels import swath as kernels  # noqa: PLC0415 - numba takes a second
@@ -74,5 +74,5 @@ def ready_planner(strategy: str, say: Callable[[str], None]) -> None:
     stats = getattr(kernels.improve, "stats", None)  # None where nothing is compiled
     kept = getattr(stats, "cache_path", None)
     if kept is not None and not any(Path(kept).glob("swath.improve-*.nbi")):
-        say("the planner is compiled, once on this machine; that may take a minute")
+        report("the planner is being compiled, once on this computer; this may take a minute")
     warm_up()

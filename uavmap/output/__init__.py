@@ -1,1 +1,1 @@
-"""What a mission leaves behind: one writer a file format, all fed with the same `MapData`."""
+"""The results of a mission: one writer for each file format, all from the same `MapData`."""

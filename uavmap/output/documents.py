@@ -1,6 +1,6 @@
 """The files of all formats, and the documents of a flight: report.html, report.pdf and map.gpkg.
 
-A document that cannot be written costs a line, and no result.
+If a document cannot be written, a line reports it; all other results are written.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Final, NamedTuple
 from missions.errors import OutputError
 from uavmap.base.atomic_write import write_bytes
 from uavmap.base.extras import install_command
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.map_layers import layers
 
 REPORT: Final = "report.html"
 REPORT_PDF: Final = "report.pdf"
-"""With the extra `pdf`."""
+"""Name of the report as PDF, which the extra `pdf` writes."""
 
 
 class Format(NamedTuple):
@@ -29,7 +29,7 @@ class Format(NamedTuple):
     module: str
     several: bool = False
     beside: bool = False
-    """Whether it names files beside it, so that its place is the folder of the results."""
+    """True if it names files beside it, so that it belongs into the folder of the results."""
 
 
 FORMATS: Final[Mapping[str, Format]] = {
@@ -47,44 +47,46 @@ FORMATS: Final[Mapping[str, Format]] = {
 GEOPACKAGE: Final = FORMATS["gpkg"].name
 
 
-def files_of(flown: Flown, kind: str, **choices: str) -> dict[str, bytes]:
-    """Encode the files of a format, by name; `choices` are the format's own. Raises `UavmapError`
-    where a format needs what is not there."""
+def files_of(flown: FlownMission, kind: str, **choices: str) -> dict[str, bytes]:
+    """Encode the files of a format, by name; `choices` are the format's own.
+
+    Raises `UavmapError` if a package or a result that the format needs is missing.
+    """
     made = FORMATS[kind]
     encode = import_module(f"uavmap.output.formats.{made.module}").encode
     data = encode(flown, layers(flown), **choices)
     return data if isinstance(data, dict) else {made.name: data}
 
 
-def write_documents(flown: Flown, say: Callable[[str], None]) -> None:
-    """Write the documents into the folder of the results; report one that cannot be written."""
-    report = f"uavmap report {flown.folder}"
+def write_documents(flown: FlownMission, report: Callable[[str], None]) -> None:
+    """Write the documents into the folder of the results; report each one that fails."""
+    command = f"uavmap report {flown.folder}"
     kinds = [
         (GEOPACKAGE, write_geopackage, f"uavmap export {flown.folder} --to gpkg"),
-        (REPORT, write_report, report),
+        (REPORT, write_report, command),
     ]
     if prints_pdf():
-        kinds.append((REPORT_PDF, write_pdf, report))
+        kinds.append((REPORT_PDF, write_pdf, command))
     for name, write, again in kinds:
         try:
             write(flown)
         except OutputError as error:
-            say(f"{error}; all other results are complete, and `{again}` makes it anew")
-        except Exception as error:  # a map is worth more than a page about it
-            say(
+            report(f"{error}; all other results are complete; `{again}` writes it again")
+        except Exception as error:  # a fault in a document must not cost the other results
+            report(
                 f"{name} is not written ({type(error).__name__}: {error}), which is a defect of "
                 "the program; all other results are complete"
             )
 
 
-def write_geopackage(flown: Flown) -> None:
+def write_geopackage(flown: FlownMission) -> None:
     """Write map.gpkg. Raises `OutputError`."""
     path = flown.folder / GEOPACKAGE
     refuse_open(path)
     save(path, files_of(flown, "gpkg")[GEOPACKAGE])
 
 
-def write_report(flown: Flown, path: Path | None = None) -> None:
+def write_report(flown: FlownMission, path: Path | None = None) -> None:
     """Write report.html, or another file. Raises `OutputError`."""
     from uavmap.output.report.page import encode  # noqa: PLC0415 - jinja2, where a page is made
 
@@ -95,11 +97,11 @@ def prints_pdf() -> bool:
     """Return whether the extra `pdf` is installed."""
     try:
         return find_spec("reportlab") is not None
-    except ValueError:  # hidden from this process
+    except ValueError:  # a test hides the package
         return False
 
 
-def write_pdf(flown: Flown, path: Path | None = None) -> None:
+def write_pdf(flown: FlownMission, path: Path | None = None) -> None:
     """Write report.pdf, or another file. Raises `OutputError`, also without the extra `pdf`."""
     path = path or flown.folder / REPORT_PDF
     if not prints_pdf():
@@ -110,13 +112,13 @@ def write_pdf(flown: Flown, path: Path | None = None) -> None:
 
 
 def refuse_open(path: Path) -> None:
-    """Raise `OutputError` where another program has a GeoPackage open: its log would be applied."""
+    """Raise `OutputError` if a program has a GeoPackage open: its log would change a new file."""
     for suffix in ("-wal", "-journal"):
         log = path.with_name(f"{path.name}{suffix}")
         if log.exists():
             raise OutputError(
-                f"{path}: is open in another program ({log.name}); close it there, or, if it is "
-                "nowhere open, delete that file"
+                f"{path}: another program has it open ({log.name}); close it there, or, if no "
+                "program has it open, delete that file"
             )
 
 

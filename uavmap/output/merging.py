@@ -1,6 +1,6 @@
-"""One map of several journals: of the members of a fleet, or of several flights, in any order.
+"""One map from several journals: of the members of a fleet, or of several flights, in any order.
 
-Where the journal of a member is missing or cut, its frames count as far as others received them.
+If the journal of a member is missing or damaged, the frames count that other members received.
 """
 
 from __future__ import annotations
@@ -65,23 +65,25 @@ class Source:
     events: tuple[Event, ...]
 
     @classmethod
-    def read(cls, folder: Path, say: Callable[[str], None] = lambda text: None) -> Source:
-        """Read a folder of results, without a change to it. Raises `JournalError`.
+    def read(cls, folder: Path, report: Callable[[str], None] = lambda text: None) -> Source:
+        """Read a folder of results, and do not change it. Raises `JournalError`.
 
-        Of a damaged journal the good beginning counts, of a flight under way what there is.
+        The part before the damage of a journal counts, and the present part of a flight under way.
         """
         reader = JournalReader(folder / JOURNAL)
         events, trouble = good_events(reader)
         if "replay" in reader.meta:
-            raise JournalError(f"{folder}: is a replay of pictures; only flights are merged")
+            raise JournalError(f"{folder}: is a replay of pictures; only flights can be merged")
         if trouble is not None:
             last_s = events[-1].t_s if events else 0.0
-            say(f"{folder}: {trouble}; {len(events)} events are merged, the last of {last_s:.0f} s")
+            report(
+                f"{folder}: {trouble}; {len(events)} events are merged, the last of {last_s:.0f} s"
+            )
         return cls(folder, FlightPlan.read(reader), tuple(events))
 
     @property
     def digest(self) -> bytes:
-        """A digest of plan and events: no two flights have the same."""
+        """Return a digest of plan and events, which differs for each flight."""
         digest = blake2s(repr(self.plan).encode())
         for event in self.events:
             digest.update(to_json(event).encode())
@@ -91,17 +93,17 @@ class Source:
 def merged_results(
     folders: Sequence[Path],
     out: Path,
-    say: Callable[[str], None],
+    report: Callable[[str], None],
     truth: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Write one map of the journals of some folders into another; return the summary.
 
-    `truth` is what the simulator watched. Raises `OutputError`, and `JournalError` for journals
-    that make no map together, and where `out` holds a journal already.
+    `truth` is the simulator's record. Raises `OutputError`; `JournalError` for journals that do not
+    fit each other, and if `out` holds a journal already.
     """
     if (out / JOURNAL).exists():
         raise JournalError(f"--out {out}: holds a journal already; choose a new folder")
-    sources = [Source.read(folder, say) for folder in folders]
+    sources = [Source.read(folder, report) for folder in folders]
     plan, events = merged(sources)
     names = sorted(folder.name for folder in folders)
     with Journal.create(out / JOURNAL, {"plan": plan.as_json(), MERGED: names}) as journal:
@@ -110,21 +112,21 @@ def merged_results(
             journal.put_meta("truth", dict(truth))
     flown, _ = flown_flight(out, plan, figures(plan.known_setting(), events), truth)
     try:
-        return write_results(flown, say)
+        return write_results(flown, report)
     except OSError as error:
         raise OutputError(f"{out}: the results cannot be written ({error.strerror})") from None
 
 
 def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
     """Merge plans and events into those of one flight. Raises `JournalError`."""
-    # in an order that does not depend on the names of folders
+    # the order must not depend on the names of folders
     sources = sorted(sources, key=lambda s: (s.plan.member or 0, s.plan.epoch_utc_s, s.digest))
     first = sources[0]
     _refuse_strangers(sources)
     fleet = first.plan.member is not None
     if fleet:
         plan, before = replace(first.plan, member=0, comms=None), [0] * len(sources)
-    else:  # the vehicles of each flight are numbered after those of the ones before
+    else:  # numbers of vehicles continue from flight to flight
         *before, count = accumulate((len(s.plan.mission.vehicles) for s in sources), initial=0)
         mission = with_vehicles(first.plan.mission, count)
         plan = replace(first.plan, vehicles=count, mission=mission).as_member(0)
@@ -134,7 +136,7 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         later_s = 0.0 if fleet else source.plan.epoch_utc_s - zero_s
         own = [event for event in source.events if not isinstance(event, NOT_OWN)]
         last_s = -math.inf
-        for k, event in enumerate(own):  # each stays in its own order: that is what was acted on
+        for k, event in enumerate(own):  # events of a source keep their order: decisions used it
             moved = replace(event, t_s=round(event.t_s + later_s, 3)) if later_s else event
             if before[place] and not isinstance(moved, Recalled | Paused | Continued | Resumed):
                 moved = replace(moved, vehicle=moved.vehicle + before[place])
@@ -170,20 +172,20 @@ def _refuse_strangers(sources: Sequence[Source]) -> None:
     for source in sources[1:]:
         if (source.plan.member is None) != (first.plan.member is None):
             raise JournalError(
-                f"{source.folder}: only one of it and {first.folder} is of a fleet; merge the "
-                "members of a fleet by themselves"
+                f"{source.folder}: either it or {first.folder} is from a fleet; merge the members "
+                "of a fleet alone"
             )
         one, other = first.plan.known_setting(), source.plan.known_setting()
         if one.grid != other.grid:
             raise JournalError(
-                f"{source.folder}: its grid is another than that of {first.folder}; [start], "
-                "[grid] and [drift] have to be the same"
+                f"{source.folder}: its grid differs from that of {first.folder}; [start], [grid] "
+                "and [drift] must be the same"
             )
         fleet = first.plan.member is not None
         if fleet and meaning_of(one.mission) != meaning_of(other.mission):
             raise JournalError(
-                f"{source.folder}: its mission is another than that of {first.folder}; the members "
-                "of a fleet fly the same file; merge those that did"
+                f"{source.folder}: its mission differs from that of {first.folder}; the members of "
+                "a fleet fly the same file; merge only those that did"
             )
         if source.digest == first.digest:
             raise JournalError(f"{source.folder}: holds the same flight as {first.folder}")
@@ -191,15 +193,15 @@ def _refuse_strangers(sources: Sequence[Source]) -> None:
         if first.plan.member is None and one.grid.drift_speed_m_s > 0.0 and apart_s > 0.0:
             raise JournalError(
                 f"{source.folder}: it began {apart_s:.0f} s from {first.folder}, and the region "
-                "drifts: their cells are not the same ground"
+                "drifts: their cells are not on the same ground"
             )
     for place, source in enumerate(sources):
         number, folder = source.plan.member, source.folder
         if number == 0:
-            raise JournalError(f"{folder}: it is merged already; give the journals it is made of")
+            raise JournalError(f"{folder}: is merged already; give the journals of its sources")
         if number is not None and number in members[:place]:
             other_folder = sources[members.index(number)].folder
             raise JournalError(
-                f"{folder}: is of vehicle {number}, as is {other_folder}; give one of them "
-                "(a flight that was gone on with has one folder)"
+                f"{folder}: is of vehicle {number}, like {other_folder}; give one of them "
+                "(a resumed flight has one folder)"
             )

@@ -34,10 +34,17 @@ from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_file import BoundaryMap
 from uavmap.output.facts.cell_states import cell_state
-from uavmap.output.facts.detector_fit import doubted, ending, no_verdict
+from uavmap.output.facts.detector_fit import ending, no_verdict, with_unsure
 from uavmap.output.facts.figures import Figures, figures, summary
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.flown_mission import BOUNDARY_FILE, DERIVED, TAKEN, Calendar, Flown, dated
+from uavmap.output.facts.flown_mission import (
+    BOUNDARY_FILE,
+    DERIVED,
+    TAKEN,
+    Calendar,
+    FlownMission,
+    dated,
+)
 from uavmap.output.facts.map_model import CellRow, CellTable, MapData, Track
 from uavmap.output.facts.score import score, true_roi
 from uavmap.output.formats import geojson_encoder as geojson
@@ -49,15 +56,15 @@ def flown_flight(
     plan: FlightPlan,
     known: tuple[State, Figures],
     simulated: Mapping[str, Any] | None = None,
-) -> tuple[Flown, State]:
-    """Return what the results of a flight show, and its last state.
+) -> tuple[FlownMission, State]:
+    """Return the facts of a flight's results, and its last state.
 
-    `known` is what `figures` returns, `simulated` what the simulator watched. The map has cells at
-    the rim that no vote elected, and goes by frames from below where those from on high differ.
+    `known` is the return value of `figures`, `simulated` the record of the simulator. The map has
+    cells at the rim without enough votes. If frames from both heights disagree, the lower count.
     """
     state, found = known
     setting = state.setting
-    if not setting.team.shares_facts:  # facts are votes, without the shares of cells
+    if not setting.team.shares_facts:  # shared facts are votes without the shares of cells
         belief = state.belief.with_verdicts(from_below(state.belief, state.overview))
         rim = rim_verdicts(found.passing, belief, rim_share(setting.mission))
         state = replace(state, belief=belief.with_verdicts(rim))
@@ -67,33 +74,33 @@ def flown_flight(
     data = map_data(state, found, truth)
     values = summary(state, found, plan.seed if plan.simulated else None)
     values |= {"cells_skipped": len(state.skipped)}
-    values = doubted(values, data.cells, setting)
+    values = with_unsure(values, data.cells, setting)
     if truth is not None:
         marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
         values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
     values |= dict(simulated or {})
     values |= ending(values, no_verdict(state, found.fit, real=not plan.simulated))
     calendar = Calendar.of_flight(plan)
-    return dated(Flown(folder, plan, setting, data, values, found.log, calendar)), state
+    return dated(FlownMission(folder, plan, setting, data, values, found.log, calendar)), state
 
 
-def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
+def write_results(flown: FlownMission, report: Callable[[str], None]) -> dict[str, Any]:
     """Write the maps, the summary and then the documents of a flight; return the summary."""
     write_cells(flown)
     ground = Ground.read(flown.folder, flown.data.grid)
     photograph = None if ground is None else ground.beneath(map_view(flown.data))
     write_sheet(map_scene(flown.data), flown.folder / "map.png", photograph)
     summary_file.write(flown.values, flown.folder / "summary.json")
-    write_documents(flown, say)
+    write_documents(flown, report)
     return dict(flown.values)
 
 
 def map_data(state: State, found: Figures, truth: BaseGeometry | None) -> MapData:
     """Create the map of a flight."""
     grid, tallies = state.setting.grid, state.belief.cells()
-    # another member may leave a cell unsure on which no vote is known here
+    # a cell may be unsure by another member's frames, and have no vote here
     unsure = {Cell(*cell): Tally(0, 0) for cell in found.sums.cells().tolist()}
-    cells = CellTable.of(
+    cells = CellTable.from_rows(
         CellRow(cell, cell_state(cell, state, found.sums), tally.positive, tally.total)
         for cell, tally in sorted((unsure | tallies).items())
     ).with_sums(found.sums, state.setting.mission.detector.explored)
@@ -107,7 +114,7 @@ def map_data(state: State, found: Figures, truth: BaseGeometry | None) -> MapDat
 
 
 def map_of(setting: Setting, t_s: float, cells: CellTable, tracks: tuple[Track, ...]) -> MapData:
-    """Create the map of some cells and tracks, in what the mission planned."""
+    """Create the map of some cells and tracks, with the plan of the mission."""
     mission = setting.mission
     return MapData(
         mission=mission.name,
@@ -123,7 +130,7 @@ def map_of(setting: Setting, t_s: float, cells: CellTable, tracks: tuple[Track, 
     )
 
 
-def write_cells(flown: Flown) -> None:
+def write_cells(flown: FlownMission) -> None:
     """Write map.geojson and map.kml."""
     data = flown.data
     geojson.write(data, flown.folder / "map.geojson", flown.calendar.utc(data.t_s))
@@ -132,18 +139,19 @@ def write_cells(flown: Flown) -> None:
 
 # --- recorded pictures ----------------------------------------------------------------------------
 KIND = "recorded pictures"
-"""Stands in the summary in place of a strategy."""
+"""Text in place of the strategy in the summary of a replay."""
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
-    """What pictures have shown.
+class ReplayFindings:
+    """The cells and pictures of a replay.
 
     Attributes:
-        cells: Every cell that was seen, sorted.
+        cells: Every observed cell, sorted.
         undecided: Cells in too few pictures to be ROI; shape (n, 2).
-        taken: Of each used picture seconds since the first, place, height in metres.
-        refused: Number of pictures that are not used, without `copies` of others.
+        taken: Seconds since the first picture, place, and height in metres of each used picture.
+        refused: Number of pictures that are not used, without copies.
+        copies: Number of pictures that are copies of others.
     """
 
     cells: CellTable
@@ -154,30 +162,35 @@ class Replayed:
 
     @property
     def end_s(self) -> float:
-        """The time of the map: of the last picture, in seconds since the first."""
+        """Time of the map, that of the last picture, in seconds since the first."""
         return max((t_s for t_s, _, _ in self.taken), default=0.0)
 
 
 def write_replay(
-    made: Flown,
+    made: FlownMission,
     boundary: Callable[[], BoundaryMap | None],
     beneath: Photograph | None,
-    say: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> dict[str, Any]:
     """Write the results of a replay; return the summary.
 
-    `boundary` waits for the boundary at pixel level; `beneath` is the ground of the map's picture.
-    Files are written in a second thread while these two, and then the picture, are computed.
+    Files are written in a second thread while this one computes boundary, ground and picture.
+
+    Args:
+        made: The facts of the replay.
+        boundary: A function that returns the boundary at pixel level; it may take time.
+        beneath: A function that draws the ground below the map's cells.
+        report: Receives a line for each document that fails.
     """
     data, values = made.data, dict(made.values)
 
-    def write_others(flown: Flown, found: BoundaryMap | None) -> None:
+    def write_others(flown: FlownMission, found: BoundaryMap | None) -> None:
         if found is not None:
             boundary_file.write(found, flown.folder / BOUNDARY_FILE)
         summary_file.write(flown.values, flown.folder / "summary.json")
-        write_documents(flown, say)
+        write_documents(flown, report)
 
-    with ThreadPoolExecutor(1) as pool:  # short tasks: Ctrl-C waits for a moment only
+    with ThreadPoolExecutor(1) as pool:  # short tasks: Ctrl-C takes effect soon
         cells = pool.submit(write_cells, made)
         photograph = None if beneath is None else beneath(map_view(data))
         found = boundary()
@@ -195,23 +208,23 @@ def flown_replay(
     folder: Path,
     plan: FlightPlan,
     setting: Setting,
-    replayed: Replayed,
+    replayed: ReplayFindings,
     log: FlightLog,
     calendar: Calendar,
     known: Mapping[str, Any] | None = None,
-) -> Flown:
-    """Create what the results of a replay show; `known` are figures that replace others."""
+) -> FlownMission:
+    """Create the facts of a replay's results; figures in `known` replace others."""
     tracks = (Track(1, tuple(replayed.taken)),) if replayed.taken else ()
     data = map_of(setting, replayed.end_s, replayed.cells, tracks)
     data = replace(data, pictures=len(replayed.taken))
     if plan.mission_source == DERIVED:
         data = replace(data, box=(), fence=(), fence_holes=())
-    counted = doubted(_replay_summary(setting, replayed), replayed.cells, setting)
+    counted = with_unsure(_replay_summary(setting, replayed), replayed.cells, setting)
     values = {**counted, **(known or {})}
-    return dated(Flown(folder, plan, setting, data, values, log, calendar, recorded=True))
+    return dated(FlownMission(folder, plan, setting, data, values, log, calendar, recorded=True))
 
 
-def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
+def _replay_summary(setting: Setting, replayed: ReplayFindings) -> dict[str, Any]:
     cell_m2 = setting.grid.cell_m**2
     votes = int(replayed.cells.votes.sum(dtype=np.int64))
     used, roi = len(replayed.taken), int(np.count_nonzero(replayed.cells.roi))
@@ -236,22 +249,22 @@ def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
     }
 
 
-def _finding(replayed: Replayed, roi: int, area_m2: float) -> str:
+def _finding(replayed: ReplayFindings, roi: int, area_m2: float) -> str:
     used = len(replayed.taken)
     if not used:
-        return f"none of {replayed.refused} pictures can be used; pictures.csv says why"
+        return f"none of {replayed.refused} pictures can be used; pictures.csv has the reasons"
     what = f"a region of {roi} cells ({area_m2:,.0f} sq m)" if roi else "no region"
     text = f"{what} in {used} pictures"
     if replayed.refused:
-        text += f"; {replayed.refused} more are not used, pictures.csv says why"
+        text += f"; {replayed.refused} more are not used, pictures.csv has the reasons"
     if len(replayed.undecided):
-        text += f"; {len(replayed.undecided)} cells were seen in too few pictures to be region"
+        text += f"; {len(replayed.undecided)} cells are in too few pictures to be region"
     return text
 
 
 # --- votes of recorded pictures ------------------------------------------------------------------
 Decided = tuple[CellTable, NDArray[np.int32]]
-"""All cells, and the undecided ones of them, shape (n, 2)."""
+"""All cells, and the undecided ones among them, shape (n, 2)."""
 
 
 @dataclass(slots=True)
@@ -259,7 +272,7 @@ class Votes:
     """The votes of recorded pictures, counted in the order of exposure with a fixed cost per cell.
 
     The rule is that of `missions.mapping.belief.Belief`: the first `frames` votes on a cell from
-    one vantage count, and `positive` of them make it ROI. No picture comes late or twice, so sums
+    one vantage count, and `positive` of them make it ROI. No picture arrives late or twice, so sums
     are enough: memory grows with the ground, not with the pictures.
 
     >>> votes = Votes(frames=2, positive=2)
@@ -275,7 +288,7 @@ class Votes:
     roi: set[Cell] = field(default_factory=set)
     _ballots: dict[tuple[Cell, Cell], tuple[int, int]] = field(default_factory=dict)
     _cells: dict[Cell, tuple[int, int]] = field(default_factory=dict)
-    """Votes, and positive ones."""
+    """Number of votes, and of positive votes, by cell."""
 
     def add(self, vantage: Cell, votes: Iterable[Vote]) -> None:
         """Count the votes of the next picture."""
@@ -298,7 +311,10 @@ class Votes:
 
 
 def weighed(evidence: Evidence, share: float) -> Decided:
-    """Return every seen cell, sorted, and the undecided; region is believed in at least `share`."""
+    """Return every observed cell, sorted, and the undecided ones, from evidence.
+
+    A cell is region if the believed share is at least `share`.
+    """
     found = evidence.weighings()
     positive, pictures = (count.astype(np.int32) for count in (found.positive, found.pictures))
     table = CellTable.judged(found.cells, found.roi(share), positive, pictures, found.belief)
@@ -309,7 +325,7 @@ def weighed(evidence: Evidence, share: float) -> Decided:
 _MOST_BYTES: Final = 10_000_000
 
 
-def flown_of(folder: Path) -> Flown:
+def flown_of(folder: Path) -> FlownMission:
     """Read a folder of results. Raises `JournalError`, `MissionFileError`."""
     journal = JournalReader(folder / JOURNAL)
     plan = FlightPlan.read(journal)
@@ -322,8 +338,8 @@ def flown_of(folder: Path) -> Flown:
 
 def _replayed(
     folder: Path, plan: FlightPlan, setting: Setting, events: Sequence[Event], calendar: Calendar
-) -> Flown:
-    """Count the votes of the journal again: the pictures are elsewhere."""
+) -> FlownMission:
+    """Count the votes of the journal again: the pictures need not be present."""
     mission, grid = setting.mission, setting.grid
     votes = Votes(mission.votes.frames, mission.votes.positive)
     evidence = Evidence() if mission.by_evidence else None
@@ -346,10 +362,10 @@ def _replayed(
     table, undecided = votes.counted()
     if evidence is not None:
         table, undecided = weighed(evidence, mission.detector.share)
-    log = FlightLog.of(events)
+    log = FlightLog.from_events(events)
     table = table.with_sums(sums, mission.detector.explored)
-    replayed = Replayed(table, undecided, taken, len(log.troubles), 0)
-    try:  # the summary that the replay has written counts files, which the journal does not
+    replayed = ReplayFindings(table, undecided, taken, len(log.troubles), 0)
+    try:  # the summary of the replay has counts of files, which the journal lacks
         known = json.loads(read_text(folder / "summary.json", _MOST_BYTES))
     except (OSError, ValueError, RecursionError):
         known = None

@@ -14,7 +14,7 @@ from uavmap.base.atomic_write import write_text
 def encode(figures: Mapping[str, object]) -> str:
     """Encode figures as JSON, in their order; numbers that JSON lacks become null.
 
-    Bytes of file names that are not UTF-8 are escaped, and read back as they were.
+    Bytes of file names that are not UTF-8 are escaped; reading restores them.
 
     >>> print(encode({"sorties": 2, "iou_cells": float("nan")}))
     {
@@ -27,7 +27,7 @@ def encode(figures: Mapping[str, object]) -> str:
 
 
 def write(figures: Mapping[str, object], path: Path) -> None:
-    """Write figures. Raises `TypeError` for what JSON cannot hold."""
+    """Write figures. Raises `TypeError` for values that JSON cannot hold."""
     write_text(path, encode(figures) + "\n")
 
 
@@ -55,7 +55,7 @@ _WHY: Final = {
 
 
 def litres_in_words(volume_l: Sequence[float | None] | None) -> str:
-    """Write the bounds of a volume; empty where none is known.
+    """Write the limits of a volume; empty if unknown.
 
     >>> litres_in_words((0.0123, 4.56)), litres_in_words([1200.0, None]), litres_in_words(None)
     ('0.0123 to 4.56 litres', '1,200 litres or more', '')
@@ -67,7 +67,7 @@ def litres_in_words(volume_l: Sequence[float | None] | None) -> str:
 
 
 def _three(value: float) -> str:
-    """Write three digits, of a large number all before the point."""
+    """Write three digits; for a large number, all digits before the point."""
     return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
@@ -88,7 +88,7 @@ def class_lines(classes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def state_in_words(one: Mapping[str, Any]) -> str:
-    """Write whether a patch, or all, are complete, or how many cells are open, and why.
+    """Write that a patch, or all, are complete, or the number of open cells with reasons.
 
     >>> state_in_words({"complete": True, "open": {}})
     'complete'
@@ -106,7 +106,7 @@ def state_in_words(one: Mapping[str, Any]) -> str:
 
 
 def time_in_words(one: Mapping[str, Any]) -> str:
-    """Write the time taken, and the least time.
+    """Write the time that was taken, and the least possible time.
 
     >>> time_in_words({"took_s": 73.04, "lower_bound_s": 7.3, "ratio": 10.0})
     '73.0 s, at least 7.3 s, ratio 10.00'
@@ -118,34 +118,35 @@ def time_in_words(one: Mapping[str, Any]) -> str:
 
 
 def drift_in_words(one: Mapping[str, Any]) -> str:
-    """How a patch was seen to drift, and what follows where the mission says otherwise; empty where
-    it was not measured, or stands still as the mission says.
+    """Write the measured drift of a patch, with a remedy if the mission file has another drift.
+
+    The text is empty if the drift was not measured, or if the patch stands still as expected.
 
     >>> measured = {"speed_m_s": 0.301, "toward_deg": 70.4, "error_m_s": 0.01, "off_m_s": 0.002}
     >>> drift_in_words({"took_s": 400.0, "drift": {**measured, "differs": False}})
-    'drifts at 0.30 m/s toward 70 deg, give or take 0.01 m/s'
+    'drifts at 0.30 m/s toward 70 deg, error 0.01 m/s'
     >>> drift_in_words({"took_s": 400.0, "drift": {**measured, "off_m_s": 0.05, "differs": True}})
     ... # doctest: +NORMALIZE_WHITESPACE
-    'drifts at 0.30 m/s toward 70 deg, give or take 0.01 m/s, which is 0.05 m/s off what the
-    mission says: its outline may be off by 20 m; set drift.speed_m_s = 0.30 and drift.toward_deg =
-    70, and fly again'
+    'drifts at 0.30 m/s toward 70 deg, error 0.01 m/s; this differs by 0.05 m/s from the mission
+    file: its outline may be wrong by 20 m; set drift.speed_m_s = 0.30 and drift.toward_deg = 70,
+    and fly again'
     """
     drift = one.get("drift")
     if drift is None or not (drift["differs"] or drift["speed_m_s"] > 3.0 * drift["error_m_s"]):
         return ""
     speed, toward = f"{drift['speed_m_s']:.2f}", f"{drift['toward_deg']:.0f}"
-    text = f"drifts at {speed} m/s toward {toward} deg, give or take {drift['error_m_s']:.2f} m/s"
+    text = f"drifts at {speed} m/s toward {toward} deg, error {drift['error_m_s']:.2f} m/s"
     if not drift["differs"]:
         return text
     return (
-        f"{text}, which is {drift['off_m_s']:.2f} m/s off what the mission says: its outline may "
-        f"be off by {drift['off_m_s'] * one['took_s']:.0f} m; set drift.speed_m_s = {speed} and "
-        f"drift.toward_deg = {toward}, and fly again"
+        f"{text}; this differs by {drift['off_m_s']:.2f} m/s from the mission file: its outline "
+        f"may be wrong by {drift['off_m_s'] * one['took_s']:.0f} m; set drift.speed_m_s = {speed} "
+        f"and drift.toward_deg = {toward}, and fly again"
     )
 
 
 def box_in_words(box: Mapping[str, Any]) -> str:
-    """Write how much of the search box is decided.
+    """Write the decided part of the search box.
 
     >>> text = {"cells": 9, "decided": 6, "few_frames": 0, "no_frames": 2, "beyond_fence": 1}
     >>> box_in_words({**text, "whole": False})
@@ -159,7 +160,7 @@ def box_in_words(box: Mapping[str, Any]) -> str:
 def lines(
     found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any], *, verbose: bool
 ) -> Iterator[str]:
-    """Yield a line per patch; `verbose`: with its times and bounds, and one for all and the box."""
+    """Yield a line per patch; `verbose` adds times and bounds, and lines for all and the box."""
     for number, one in enumerate(found[:MOST_PATCHES], start=1):
         root, drift = one["root"], drift_in_words(one)
         place = f"at {root['lat_deg']:.6f}, {root['lon_deg']:.6f}"

@@ -36,7 +36,14 @@ from uavmap.output.drawing import judged
 from uavmap.output.facts.boundary_file import BoundaryMap
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import TAKEN, Calendar, taken_meta
-from uavmap.output.results import Decided, Replayed, Votes, flown_replay, weighed, write_replay
+from uavmap.output.results import (
+    Decided,
+    ReplayFindings,
+    Votes,
+    flown_replay,
+    weighed,
+    write_replay,
+)
 from uavmap.photos.ground.fine_map import FineMap, beneath, write_ground
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, RasterSettings
@@ -95,7 +102,7 @@ class JudgedPictures:
         sums = FrameSums()
         journal.append_all(log.noting(self._events(votes, evidence, sums)))
         table, undecided = self._decided(votes, evidence, sums)
-        mapped = Replayed(
+        mapped = ReplayFindings(
             table,
             undecided,
             [(s.t_s, s.placed.pose.position, s.placed.pose.height_m) for s in self._used],

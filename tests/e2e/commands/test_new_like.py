@@ -64,17 +64,17 @@ def assert_it_finds_the_field() -> None:
 def test_new_like_masks_beside_photographs_learns_and_names_the_detector(photos, capsys):
     assert main([*NEW, "--like", *map(str, sorted(photos.glob("*.jpg")))]) == 0
     out, err = capsys.readouterr()
-    assert "region = what the model field-detector/model.json was made to find" in out
+    assert "region = what the model field-detector/model.json was trained to find" in out
     assert "uavmap fly field.toml --sim --detector threshold" in out
     assert "check field-detector/overlays before you use it" in err
-    assert "look at what it marks: field-detector/overlays (red: marked, green: painted)" in out
+    assert "check what it marks: field-detector/overlays (red: marked, green: painted)" in out
     section = tomllib.loads(Path("field.toml").read_text("utf-8"))["detector"]
     assert section["model"] == "field-detector/model.json"
     assert (Path("field-detector") / MODEL).is_file()
     assert len(list((Path("field-detector") / OVERLAYS).iterdir())) == 3
     assert main(["check", "field.toml"]) == 0
     folder = (Path("field-detector") / OVERLAYS).resolve()
-    assert f"look at what it marks: {folder} (red" in capsys.readouterr().out
+    assert f"check what it marks: {folder} (red" in capsys.readouterr().out
     assert_it_finds_the_field()
 
 

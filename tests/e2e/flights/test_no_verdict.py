@@ -17,7 +17,7 @@ def assert_no_verdict(done: rig.Finished, folder: Path, reason: str) -> None:
     assert done.code == 5, done.err
     assert done.summary["completed"] is False
     assert reason in done.summary["no_verdict"]
-    assert f"uavmap: no verdict: {done.summary['no_verdict']}; look at what it marks" in done.err
+    assert f"uavmap: no verdict: {done.summary['no_verdict']}; check what it marks" in done.err
     assert "to continue" not in done.err
     report = (folder / "report.html").read_text("utf-8")
     assert "No verdict: no verdict: " in report

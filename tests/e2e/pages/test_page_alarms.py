@@ -109,7 +109,7 @@ def test_alarm_that_is_acknowledged_shows_and_sounds_again_only_when_it_comes_an
         flown.happen(Tracked(1, last.t_s + 3.0, away, last.height_m, 40.0))
         flown.send()
         page.wait(f"{SEEN}.includes('vehicle 1: outside of the fence')")
-        assert "battery below what the path home needs" in page.shows(SEEN)
+        assert "battery below the need of the return path" in page.shows(SEEN)
 
         t_s, still = flown.state.t_s, GridPoint(0.0, 0.0)
         passes = Track("3C6444", "DLH1", t_s, GridPoint(4990.0, 600.0), 90.0, 0.0, still)

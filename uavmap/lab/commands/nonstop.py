@@ -21,7 +21,7 @@ from uavmap.lab.commands.runs import (
 )
 from uavmap.lab.nonstop_trials import FlightTerms, fly_strategy, nonstop_means, nonstop_trials
 from uavmap.lab.run_film import film_of_nonstop
-from uavmap.load.strategy_source import tell_if_uncompiled
+from uavmap.load.strategy_source import warn_if_uncompiled
 from uavmap.ui.cli.commands.animate import wants_pictures, write_pictures
 from uavmap.ui.cli.common import pair
 
@@ -37,7 +37,7 @@ def run_nonstop(
 ) -> int:
     """Simulate flight without stopping; return the exit code."""
     terms, names = _terms(options), [strategy.name for strategy in strategies]
-    tell_if_uncompiled(names, print_line)
+    warn_if_uncompiled(names, print_line)
     outcome = run_trials(
         nonstop_trials(rois, strategies, terms), len(rois), names, nonstop_means, out,
         as_json=options.json,

@@ -41,7 +41,7 @@ from uavmap.lab.simulating import (
     simulated_links,
 )
 from uavmap.lab.trials import Terms, explored, means, trials
-from uavmap.load.strategy_source import tell_if_uncompiled
+from uavmap.load.strategy_source import warn_if_uncompiled
 from uavmap.ui.cli.commands.animate import (
     add_picture_options,
     check_pictures,
@@ -198,7 +198,7 @@ def _run_stepwise(
     radio = {"comms": options.comms} if isinstance(comms, Links) else {}
     team = ", ".join([team, *radio.values()])
     rois, names = _rois(options, seeded=draws(comms)), [e.name for e in explorers]
-    tell_if_uncompiled(names, print_line)
+    warn_if_uncompiled(names, print_line)
     runs = trials(rois, explorers, terms)
     outcome = run_trials(runs, len(rois), names, means, out, as_json=options.json, more=radio)
     if not outcome.printed:

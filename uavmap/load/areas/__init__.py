@@ -1,1 +1,1 @@
-"""Areas that were drawn elsewhere: reading them, and laying a mission out over them."""
+"""Areas drawn in other programs: their files are read, and a mission is planned over them."""

@@ -1,4 +1,4 @@
-"""Zip archives of which only so much is unpacked as an area can take."""
+"""Zip archives that hold an area; the unpacked size is limited."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LARGEST_DIRECTORY: Final = 1_000_000
 
 
 def check_archive(data: bytes, source: str) -> None:
-    """Raise `AreaError` for what is no zip archive, or has a directory of an absurd size."""
+    """Raise `AreaError` for bytes that are no zip archive, or whose directory is too large."""
     damaged = AreaError(f"{source}: a damaged zip archive; pack it anew")
     at = data.rfind(_END, max(0, len(data) - _LONGEST_COMMENT - _END_SIZE))
     if at < 0 or len(data) - at < _END_SIZE:
@@ -33,7 +33,10 @@ def check_archive(data: bytes, source: str) -> None:
 
 
 def read_member(archive: zipfile.ZipFile, name: str, source: str) -> bytes:
-    """What is in one file of an archive. Raises `AreaError`, before more than that is unpacked."""
+    """Return the content of one file of an archive.
+
+    Raises `AreaError`, before it unpacks more than `MOST_BYTES`.
+    """
     try:
         with archive.open(name) as file:
             data = file.read(MOST_BYTES + 1)

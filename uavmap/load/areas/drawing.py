@@ -1,4 +1,4 @@
-"""What readers of areas hand on: shapes as the file has them, and a whole drawing in WGS84."""
+"""The results of reading an area: shapes as the file has them, and the drawing in WGS84."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from missions.units import LatLon
 from uavmap.base.printable import printable
 
 MOST_BYTES: Final = 20_000_000
-"""Of a file, and of what is unpacked from one."""
+"""Maximum size of a file, and of the data unpacked from one, bytes."""
 MOST_LAYERS: Final = 100
 MOST_SHAPES: Final = 1000
 MOST_VERTICES: Final = 100_000
@@ -33,7 +33,7 @@ Rings = Sequence[Sequence[Point]]
 
 
 class Role(Enum):
-    """What a shape is for."""
+    """The use of a shape in a mission."""
 
     AREA = "area"
     FENCE = "fence"
@@ -48,7 +48,7 @@ class Shape:
     name: str
     role: Role
     ring: Points
-    """Open: the first corner is not repeated. A home has one point."""
+    """Corners in order; the first one is not repeated. A home has one point."""
     holes: tuple[Points, ...] = ()
 
 
@@ -58,9 +58,9 @@ class Layer:
 
     shapes: tuple[Shape, ...]
     crs: pyproj.CRS | None
-    """None where the file does not say."""
+    """None if the file names no coordinate system."""
     notices: tuple[str, ...] = ()
-    """What was left out, or taken for something: a line each."""
+    """One line for each part that was left out or assumed."""
 
 
 Positions = tuple[LatLon, ...]
@@ -77,7 +77,7 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """All of a file that a mission can be made of."""
+    """The parts of a file from which a mission can be made."""
 
     source: str
     areas: tuple[Area, ...]
@@ -93,7 +93,7 @@ _HOME = re.compile(r"\b(home|start|take[ _-]?off|launch|pad)\b", re.IGNORECASE)
 
 
 def role_of(name: str) -> Role:
-    """What a polygon is for, by its name; one without such a name is an area.
+    """Return the use of a polygon by its name; a polygon without such a name is an area.
 
     >>> role_of("Geofence"), role_of("no-fly zone"), role_of("defence")
     (<Role.FENCE: 'fence'>, <Role.KEEP_OUT: 'keep out'>, <Role.AREA: 'area'>)
@@ -104,7 +104,7 @@ def role_of(name: str) -> Role:
 
 
 def names_home(name: str) -> bool:
-    """Whether a point of this name is the home.
+    """Return whether the name of a point marks it as the home.
 
     >>> names_home("Take-off"), names_home("parking")
     (True, False)
@@ -113,11 +113,11 @@ def names_home(name: str) -> bool:
 
 
 NAME_COLUMNS: Final = ("name", "title", "label", "id", "fid", "objectid")
-"""What a table calls the column that names its shapes, in small letters; the first one counts."""
+"""Names of the column with the names of shapes, in small letters; the first one counts."""
 
 
 def shown_name(value: object, otherwise: str) -> str:
-    """A name from a file, made harmless and short.
+    """Return a name from a file without control characters, at most `LONGEST_NAME` long.
 
     >>> shown_name("  North field ", "polygon 1"), shown_name(None, "polygon 1")
     ('North field', 'polygon 1')
@@ -128,7 +128,7 @@ def shown_name(value: object, otherwise: str) -> str:
 
 
 def number(value: object, where: str) -> float:
-    """A finite number. Raises `AreaError` for anything else, also for text and true."""
+    """Return a finite number. Raises `AreaError` for any other value, also for text and true."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         try:
             found = float(value)
@@ -139,12 +139,12 @@ def number(value: object, where: str) -> float:
     raise AreaError(f"{where}: {printable(repr(value), 40)} is no coordinate; give numbers")
 
 
-def opened(points: Iterable[Point], where: str) -> Points:
-    """Return a ring without repeated points, and without its last where that repeats the first.
+def open_ring(points: Iterable[Point], where: str) -> Points:
+    """Return a ring without repeated points; a last point that equals the first is removed.
 
     Raises `AreaError` for fewer than three corners.
 
-    >>> opened([(0, 0), (1, 0), (1, 0), (0, 1), (0, 0)], "x")
+    >>> open_ring([(0, 0), (1, 0), (1, 0), (0, 1), (0, 0)], "x")
     ((0, 0), (1, 0), (0, 1))
     """
     kept: list[Point] = []
@@ -161,15 +161,17 @@ def opened(points: Iterable[Point], where: str) -> Points:
 def polygon(
     name: str, rings: Sequence[Iterable[Point]], where: str, role: Role | None = None
 ) -> Shape:
-    """A polygon from its outer ring and its holes. Raises `AreaError`."""
+    """Create a polygon from its outer ring and its holes. Raises `AreaError`."""
     if not rings:
         raise AreaError(f"{where}: a polygon without a ring; draw it anew")
-    ring, *holes = (opened(points, where) for points in rings)
+    ring, *holes = (open_ring(points, where) for points in rings)
     return Shape(name, role or role_of(name), ring, tuple(holes))
 
 
 def row_name(title: object, stem: str, number: int, rows: int) -> str:
-    """The name of a row of a table: its title, or the table's name and, of several, a number.
+    """Return the name of a row of a table: its title, or the table's name.
+
+    The table's name gets a number if the table has several rows.
 
     >>> row_name("North", "field", 2, 3), row_name(None, "field", 2, 3), row_name("", "field", 1, 1)
     ('North', 'field 2', 'field')
@@ -185,11 +187,10 @@ def shapes_of(
     lines: Sequence[Sequence[Point]] = (),
     points: Iterable[Point] = (),
 ) -> Iterator[Shape]:
-    """Make numbered shapes of what a file draws under one name. Raises `AreaError` for a bad
-    polygon.
+    """Yield the shapes that a file draws under one name, numbered if there are several.
 
-    A line that ends where it begins is a polygon; a point is a home if its name says so; `notices`
-    gets a line if open lines are left out.
+    A line that ends where it begins is a polygon. A point is a home if its name marks it as one.
+    `notices` gets a line if open lines are left out. Raises `AreaError` for a bad polygon.
     """
     closed = [[line] for line in lines if len(line) > 3 and line[0] == line[-1]]
     if len(closed) < len(lines):
@@ -201,10 +202,10 @@ def shapes_of(
         yield from (Shape(name, Role.HOME, (point,)) for point in points)
 
 
-def drawn(geometry: BaseGeometry) -> tuple[list[Rings], list[Point]]:
-    """The polygons and the points of a geometry, those of its parts among them."""
+def parts_of(geometry: BaseGeometry) -> tuple[list[Rings], list[Point]]:
+    """Return the polygons and the points of a geometry and of all its parts."""
     if (inner := getattr(geometry, "geoms", None)) is not None:
-        found = [drawn(part) for part in inner]
+        found = [parts_of(part) for part in inner]
         return [p for part, _ in found for p in part], [p for _, part in found for p in part]
     if geometry.is_empty:
         return [], []
@@ -220,12 +221,12 @@ def _points(geometry: BaseGeometry) -> list[Point]:
 def layer_of(
     shapes: Iterable[Shape], crs: pyproj.CRS | None, source: str, notices: Sequence[str] = ()
 ) -> Layer:
-    """Make a layer of shapes, each notice once. Raises `AreaError` where they are too many."""
+    """Create a layer of shapes, each notice once. Raises `AreaError` for too many shapes."""
     return Layer(bounded(shapes, source), crs, tuple(dict.fromkeys(notices)))
 
 
 def bounded(shapes: Iterable[Shape], source: str) -> tuple[Shape, ...]:
-    """All shapes, unless they are more than anybody draws. Raises `AreaError`."""
+    """Return all shapes. Raises `AreaError` for more than `MOST_SHAPES` or `MOST_VERTICES`."""
     found: list[Shape] = []
     vertices = 0
     for shape in shapes:
@@ -243,7 +244,7 @@ def bounded(shapes: Iterable[Shape], source: str) -> tuple[Shape, ...]:
 
 
 def bounded_together(layers: Sequence[Layer], source: str) -> None:
-    """Raise `AreaError` where all layers together hold more than anybody draws."""
+    """Raise `AreaError` if there are too many layers, or too many shapes in all of them."""
     if len(layers) > MOST_LAYERS:
         raise AreaError(f"{source}: more than {MOST_LAYERS} layers; save the area alone in a file")
     bounded((shape for layer in layers for shape in layer.shapes), source)
@@ -255,7 +256,7 @@ _LONGEST: Final = 100_000
 
 
 def crs_of_epsg(code: int, where: str) -> pyproj.CRS:
-    """A system by its EPSG number. Raises `AreaError`."""
+    """Return the coordinate system with an EPSG number. Raises `AreaError`."""
     try:
         return pyproj.CRS.from_epsg(code)
     except CRSError:
@@ -265,9 +266,9 @@ def crs_of_epsg(code: int, where: str) -> pyproj.CRS:
 
 
 def crs_of_wkt(text: str, where: str) -> pyproj.CRS:
-    """A system by its well-known text (of OGC or ESRI). Raises `AreaError`."""
+    """Return the coordinate system of a well-known text (OGC or ESRI). Raises `AreaError`."""
     try:
-        # a text of another kind could name files of grids
+        # only WKT is accepted: another kind of text could name files of grids
         return pyproj.CRS.from_wkt(text[:_LONGEST].strip().lstrip("\ufeff"))
     except CRSError:
         raise AreaError(
@@ -277,8 +278,14 @@ def crs_of_wkt(text: str, where: str) -> pyproj.CRS:
 
 
 def in_wgs84(layers: list[Layer], source: str, *, given: int | None, swap: bool) -> Drawing:
-    """Return the drawing of a file in WGS84. Raises `AreaError`. `given` is the EPSG number for a
-    file that names none; `swap` exchanges latitude and longitude."""
+    """Return the drawing of a file in WGS84. Raises `AreaError`.
+
+    Args:
+        layers: The layers of the file, in its own coordinates.
+        source: Name of the file in messages.
+        given: EPSG number for a file that names no coordinate system.
+        swap: Exchange latitude and longitude.
+    """
     found: dict[Role, list[Area]] = {role: [] for role in Role}
     notices: list[str] = []
     for layer in layers:
@@ -288,13 +295,14 @@ def in_wgs84(layers: list[Layer], source: str, *, given: int | None, swap: bool)
             system = crs_of_epsg(given, f"{source}: --crs")
         elif given is not None and system is not None:
             raise AreaError(
-                f"{source}: --crs {given}, but the file says {_title(system)} itself; leave it out"
+                f"{source}: --crs {given}: the file names its system itself, {_title(system)}; "
+                "leave --crs out"
             )
         if system is None:
             _must_be_degrees(layer, source)
-            notices.append("the file names no coordinate system; taken for WGS84")
+            notices.append("the file names no coordinate system; WGS84 is assumed")
         elif not system.equals(WGS84, ignore_axis_order=True):
-            notices.append(f"coordinates are turned from {_title(system)} into WGS84")
+            notices.append(f"coordinates are converted from {_title(system)} to WGS84")
         for shape in layer.shapes:
             ring, *holes = (
                 _places(shape, ring, system or WGS84, source, swap)
@@ -303,7 +311,7 @@ def in_wgs84(layers: list[Layer], source: str, *, given: int | None, swap: bool)
             found[shape.role].append(Area(shape.name, ring, tuple(holes)))
     homes = found[Role.HOME]
     if len(homes) > 1:
-        notices.append(f"{len(homes)} homes; taken: {homes[0].name}")
+        notices.append(f"{len(homes)} homes; the first one is used: {homes[0].name}")
     return Drawing(
         source,
         tuple(found[Role.AREA]),
@@ -324,47 +332,47 @@ def _must_be_degrees(layer: Layer, source: str) -> None:
         for x, y in shape.ring:
             if not (abs(x) <= 180.0 and abs(y) <= 180.0):
                 raise AreaError(
-                    f"{source}: {shape.name}: {x:g}, {y:g} are no degrees, and nothing says what "
-                    "they are (a .prj beside the .shp would); give --crs EPSG, or save the area "
-                    "in WGS84"
+                    f"{source}: {shape.name}: {x:g}, {y:g} are not degrees, and the file names no "
+                    "coordinate system (a Shapefile names it in its .prj); give --crs EPSG, or "
+                    "save the area in WGS84"
                 )
 
 
 def _places(shape: Shape, ring: Points, system: pyproj.CRS, source: str, swap: bool) -> Positions:
     where = f"{source}: {shape.name}"
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in ring):
-        raise AreaError(f"{where}: a coordinate is no finite number; draw it anew")
+        raise AreaError(f"{where}: a coordinate is not a finite number; draw it anew")
     if swap:
         ring = tuple((y, x) for x, y in ring)
     if not system.equals(WGS84, ignore_axis_order=True):
-        ring = _turned(ring, system, where)
+        ring = _transformed(ring, system, where)
     for lon_deg, lat_deg in ring:
         if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
             raise AreaError(_out_of_range(where, lat_deg, lon_deg, swap))
     return tuple(LatLon(lat_deg, lon_deg) for lon_deg, lat_deg in ring)
 
 
-def _turned(ring: Points, system: pyproj.CRS, where: str) -> Points:
+def _transformed(ring: Points, system: pyproj.CRS, where: str) -> Points:
     try:
         turn = pyproj.Transformer.from_crs(system, WGS84, always_xy=True)
         lons, lats = turn.transform([x for x, _ in ring], [y for _, y in ring])
     except (ProjError, CRSError):
         raise AreaError(
-            f"{where}: {_title(system)} cannot be turned into WGS84; save the area in WGS84"
+            f"{where}: {_title(system)} cannot be converted to WGS84; save the area in WGS84"
         ) from None
     if not all(map(math.isfinite, (*lons, *lats))):
         raise AreaError(
-            f"{where}: {ring[0][0]:g}, {ring[0][1]:g} lie outside of {_title(system)}; is that the "
-            "system of the file?"
+            f"{where}: {ring[0][0]:g}, {ring[0][1]:g} lie outside of {_title(system)}; check that "
+            "this is the system of the file"
         )
     return tuple(zip(map(float, lons), map(float, lats), strict=True))
 
 
 def _out_of_range(where: str, lat_deg: float, lon_deg: float, swapped: bool) -> str:
-    said = f"{where}: latitude {lat_deg:g}, longitude {lon_deg:g}: "
+    place = f"{where}: latitude {lat_deg:g}, longitude {lon_deg:g}: "
     if abs(lon_deg) <= 90.0 and abs(lat_deg) <= 180.0:
         turn = "leave out --swap" if swapped else "give --swap"
-        return f"{said}they are swapped; {turn}, or write longitude first"
+        return f"{place}they are swapped; {turn}, or write longitude first"
     if abs(lat_deg) > 180.0 or abs(lon_deg) > 360.0:
-        return f"{said}these are metres, not degrees; save the area in WGS84 (EPSG:4326)"
-    return f"{said}no place on earth; draw it anew"
+        return f"{place}these are metres, not degrees; save the area in WGS84 (EPSG:4326)"
+    return f"{place}not a place on Earth; draw it anew"

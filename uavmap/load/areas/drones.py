@@ -1,7 +1,7 @@
 """Common multicopters that speak MAVLink, and cameras for them: the makers' published figures.
 
-Sources are in docs/reference/drones.md; none was measured here. Hover power is the energy of
-the battery over the maker's hovering time, to empty.
+docs/reference/drones.md names the sources; this project has measured none of the figures. Hover
+power is the energy of the battery divided by the maker's hovering time until it is empty.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from missions.errors import AreaError
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A camera that looks straight down."""
+    """A camera that points straight down."""
 
     title: str
     hfov_deg: float
-    """Across the width of a picture."""
+    """Field of view across the width of a picture, degrees."""
     width_px: int
     height_px: int
     interval_s: float
-    """Between two pictures, at the least."""
+    """Minimum time between two pictures, s."""
     mounting: Literal["fixed", "gimbal"]
 
 
@@ -37,9 +37,9 @@ class Drone:
     capacity_wh: float
     hover_power_w: float
     max_airspeed_m_s: float
-    """What is held in level flight."""
+    """Maximum airspeed in level flight, m/s."""
     speed_m_s: float
-    """Over ground, for a mission."""
+    """Speed of a mission over ground, m/s."""
     camera: str
 
 
@@ -79,7 +79,7 @@ _FOREIGN: Final = ("dji", "mavic", "matrice", "phantom", "autel", "evo", "skydio
 
 
 def drone_named(name: str) -> Drone:
-    """A drone of the table. Raises `AreaError`, with what was perhaps meant.
+    """Return a drone of the table. Raises `AreaError`, which suggests a similar name.
 
     >>> drone_named("x50")
     Traceback (most recent call last):
@@ -89,14 +89,14 @@ def drone_named(name: str) -> Drone:
         return DRONES[name]
     if any(word in name.lower() for word in _FOREIGN):
         raise AreaError(
-            f"--drone {name}: such aircraft do not take orders over MAVLink, so uavmap cannot fly "
-            "them; their pictures can be mapped by `uavmap replay`"
+            f"--drone {name}: such aircraft accept no orders over MAVLink, so uavmap cannot fly "
+            "them; `uavmap replay` maps their pictures"
         )
     raise AreaError(f"--drone {name}: not in the table;{_guess(name, DRONES)}")
 
 
 def camera_named(name: str) -> Camera:
-    """A camera of the table. Raises `AreaError`, with what was perhaps meant."""
+    """Return a camera of the table. Raises `AreaError`, which suggests a similar name."""
     if name in CAMERAS:
         return CAMERAS[name]
     raise AreaError(f"--camera {name}: not in the table;{_guess(name, CAMERAS)}")
@@ -109,7 +109,7 @@ def _guess(name: str, known: Mapping[str, object]) -> str:
 
 
 def table_lines() -> Iterator[str]:
-    """Both tables, for people."""
+    """Yield the lines of both tables for the terminal."""
     yield "drones (--drone NAME):"
     yield "  name    battery  hover  airspeed  speed  camera           what"
     for name, drone in DRONES.items():

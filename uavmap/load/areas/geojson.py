@@ -1,4 +1,4 @@
-"""GeoJSON: RFC 7946, and what came before it, with another coordinate system in `crs`."""
+"""GeoJSON of RFC 7946, and older files that name a coordinate system in `crs`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _DEEPEST: Final = 20
 
 
 def read_geojson(text: str, source: str) -> Layer:
-    """The polygons of a GeoJSON file, or of one with a feature a line. Raises `AreaError`."""
+    """Read the polygons of a GeoJSON file, or of one with a feature a line. Raises `AreaError`."""
     root = _parsed(text, source)
     if not isinstance(root, dict):
         raise AreaError(f"{source}: JSON, but no GeoJSON; save the polygon as GeoJSON")
@@ -129,7 +129,7 @@ def _collect(
         lines.append(_line(inside, where))
     elif kind == "GeometryCollection":
         if depth == 0:
-            raise AreaError(f"{where}: collections in collections without an end")
+            raise AreaError(f"{where}: collections in collections, more than {_DEEPEST} deep")
         for part in _list(value.get("geometries"), where):
             _collect(part, where, depth - 1, polygons, lines, points)
 

@@ -22,8 +22,8 @@ from uavmap.load.areas.drawing import (
     Shape,
     crs_of_epsg,
     crs_of_wkt,
-    drawn,
     layer_of,
+    parts_of,
     row_name,
     shapes_of,
     shown_name,
@@ -31,14 +31,14 @@ from uavmap.load.areas.drawing import (
 
 _ENVELOPE_BYTES: Final = (0, 32, 48, 48, 64)
 _MOST_STEPS: Final = 3000
-"""Of a thousand instructions of SQLite each: a view may never end."""
+"""Maximum steps of a query, each of 1000 instructions of SQLite: a view may never end."""
 
 
 def read_geopackage(path: Path, source: str) -> Iterator[Layer]:
-    """The polygons of all tables of features, a layer each. Raises `AreaError`."""
+    """Read the polygons of all tables of features, a layer each. Raises `AreaError`."""
     wal = path.with_name(f"{path.name}-wal")
     if wal.exists() and wal.stat().st_size:
-        raise AreaError(f"{source}: is open in another program ({wal.name}); close it there first")
+        raise AreaError(f"{source}: another program has it open ({wal.name}); close it there first")
     address = f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1"
     try:
         file = sqlite3.connect(address, uri=True)
@@ -50,14 +50,14 @@ def read_geopackage(path: Path, source: str) -> Iterator[Layer]:
             yield _layer(file, table, source)
     except (sqlite3.Error, OverflowError, UnicodeError) as error:
         raise AreaError(
-            f"{source}: no GeoPackage that can be read ({str(error)[:80]}); export it anew"
+            f"{source}: not a readable GeoPackage ({str(error)[:80]}); export it anew"
         ) from None
     finally:
         file.close()
 
 
 def _restrain(file: sqlite3.Connection) -> None:
-    """No functions by the file's own schema, no giant values, and an end to every query."""
+    """Forbid functions of the file's own schema and giant values, and limit every query."""
     steps = 0
 
     def enough() -> int:
@@ -117,7 +117,7 @@ def _shapes(rows: list[tuple[object, object]], stem: str, source: str) -> Iterat
             name = f"{stem} {title}" if len(rows) > 1 else stem
         if blob is not None:
             where = f"{source}: {name}"
-            polygons, points = drawn(_geometry(blob, where))
+            polygons, points = parts_of(_geometry(blob, where))
             yield from shapes_of(name, where, [], polygons, points=points)
 
 

@@ -30,10 +30,10 @@ from uavmap.load.areas.drawing import (
 
 _GEOD: Final = pyproj.Geod(ellps="WGS84")
 _CORNERS: Final = 32
-"""Of a circle."""
+"""Number of corners of a circle."""
 _LARGEST_RADIUS_M: Final = 50_000.0
 _MOST_BENDS: Final = 300
-"""Of a corridor: each piece of its ground may cross every other."""
+"""Maximum points of a corridor: each piece of its ground may cross every other."""
 _NEAR_HOME_M: Final = 5.0
 _FLOWN: Final = (
     mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_CMD_NAV_LOITER_TURNS, mav.MAV_CMD_NAV_LOITER_TIME,
@@ -51,8 +51,10 @@ _CIRCLES: Final = {
 
 # --- QGroundControl ---------------------------------------------------------------------------
 def read_plan(text: str, source: str) -> Layer:
-    """Read surveys, fence, home and rally points of a plan. Raises `AreaError`. Without a survey
-    the area is what the waypoints span, and without those the inside of the fence."""
+    """Read surveys, fence, home and rally points of a plan. Raises `AreaError`.
+
+    Without a survey the area is the hull of the waypoints; without those, the inside of the fence.
+    """
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -60,11 +62,11 @@ def read_plan(text: str, source: str) -> Layer:
     kind = root.get("fileType") if isinstance(root, dict) else None
     if isinstance(kind, str) and kind != "Plan":
         raise AreaError(
-            f"{source}: {printable(kind, 20)!r} of an old QGroundControl; open it there and save "
+            f"{source}: {printable(kind, 20)!r} of an old QGroundControl; open it there, and save "
             "it as a plan"
         )
     if kind != "Plan":
-        raise AreaError(f'{source}: no plan of QGroundControl ("fileType": "Plan" is missing)')
+        raise AreaError(f'{source}: not a plan of QGroundControl: "fileType": "Plan" is missing')
     mission, fence = _table(root, "mission", source), _table(root, "geoFence", source)
     home = _home(root, mission, source)
     items = [item for item in _listed(mission, "items", source) if isinstance(item, Mapping)]
@@ -82,10 +84,10 @@ def read_plan(text: str, source: str) -> Layer:
     layer = with_area(shapes, flown, home, source)
     if not structures:
         return layer
-    said = "a structure scan is left out: it outlines what stands there, not what is flown over"
+    notice = "a structure scan is left out: it outlines a building, not an area to fly over"
     if all(shape.role is Role.HOME for shape in layer.shapes):
-        raise AreaError(f"{source}: {said}; draw a survey around it")
-    return replace(layer, notices=(*layer.notices, said))
+        raise AreaError(f"{source}: {notice}; draw a survey around it")
+    return replace(layer, notices=(*layer.notices, notice))
 
 
 def _home(root: Mapping[str, Any], mission: Mapping[str, Any], source: str) -> Point | None:
@@ -113,16 +115,18 @@ def _surveys(items: list[Mapping[str, Any]], source: str) -> Iterator[Shape]:
 
 
 def _corridor(item: Mapping[str, Any], name: str, source: str) -> Shape:
-    """The ground that a corridor scan covers: a line with half the width on either side."""
+    """Return the ground of a corridor scan: a line with half the width on either side."""
     where = f"{source}: {name}"
     line = [_lat_lon(p, where) for p in _listed(item, "polyline", where)]
     width_m = number(item.get("CorridorWidth"), where)
     if len(line) > _MOST_BENDS:
         raise AreaError(f"{where}: {len(line)} points; simplify it to at most {_MOST_BENDS}")
     if len(line) < 2 or not 0.0 < width_m <= _LARGEST_RADIUS_M:
-        raise AreaError(f"{where}: {len(line)} points, {width_m:g} m wide; it needs two, and width")
+        raise AreaError(
+            f"{where}: {len(line)} points, {width_m:g} m wide; it needs two points and a width"
+        )
     if not all(abs(lon) <= 180.0 and abs(lat) <= 90.0 for lon, lat in line):
-        raise AreaError(f"{where}: a point is no latitude and longitude")
+        raise AreaError(f"{where}: a point is not latitude and longitude")
     try:
         grid = Grid.at(LatLon(line[0][1], line[0][0]), 1.0)
         path = LineString([grid.fixed(LatLon(lat, lon)) for lon, lat in line])
@@ -152,7 +156,7 @@ def _fences(fence: Mapping[str, Any], source: str) -> Iterator[Shape]:
     for one in _listed(fence, "circles", where):
         circle = one.get("circle") if isinstance(one, Mapping) else None
         if not isinstance(circle, Mapping):
-            raise AreaError(f"{where}: {printable(repr(one), 40)} is no circle")
+            raise AreaError(f"{where}: {printable(repr(one), 40)} is not a circle")
         centre = _lat_lon(circle.get("center"), where)
         role = Role.FENCE if one.get("inclusion", True) else Role.KEEP_OUT
         yield _circle(centre, number(circle.get("radius"), where), role, where)
@@ -164,14 +168,14 @@ def _fences(fence: Mapping[str, Any], source: str) -> Iterator[Shape]:
 def _table(root: Mapping[str, Any], key: str, source: str) -> Mapping[str, Any]:
     value = root.get(key) or {}
     if not isinstance(value, Mapping):
-        raise AreaError(f"{source}: {key} is no table; save the plan anew")
+        raise AreaError(f"{source}: {key} is not a table; save the plan anew")
     return value
 
 
 def _listed(table: object, key: str, where: str) -> list[Any]:
     value = (table.get(key) or []) if isinstance(table, Mapping) else None
     if not isinstance(value, list):
-        raise AreaError(f"{where}: {key} is no list; save the plan anew")
+        raise AreaError(f"{where}: {key} is not a list; save the plan anew")
     return value
 
 
@@ -183,7 +187,7 @@ def _lat_lon(value: object, where: str) -> Point:
 
 # --- Mission Planner --------------------------------------------------------------------------
 def read_waypoints(text: str, source: str) -> Layer:
-    """Waypoints, fence and rally points of a QGC WPL 110 file. Raises `AreaError`."""
+    """Read waypoints, fence and rally points of a QGC WPL 110 file. Raises `AreaError`."""
     shapes: list[Shape] = []
     flown: list[Point] = []
     corners: list[Point] = []
@@ -221,13 +225,13 @@ def _row(line: str, where: str) -> tuple[int, float, Point]:
         first, lat_deg, lon_deg = (float(words[k]) for k in (4, 8, 9))
     except (ValueError, IndexError, OverflowError):
         raise AreaError(
-            f"{where}: {printable(line, 40)!r} is no row of QGC WPL 110 (12 columns)"
+            f"{where}: {printable(line, 40)!r} is not a row of QGC WPL 110 (12 columns)"
         ) from None
     return command, number(first, where), (number(lon_deg, where), number(lat_deg, where))
 
 
 def is_pairs(text: str) -> bool:
-    """Whether the first line that is no comment has two numbers.
+    """Return whether the first line that is not a comment has two numbers.
 
     >>> is_pairs("# a fence\\n52.4 13.3"), is_pairs("52.4, 13.3, 5"), is_pairs("x y")
     (True, False, False)
@@ -243,8 +247,8 @@ def is_pairs(text: str) -> bool:
 def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
     """Read a polygon of Mission Planner or MAVProxy: latitude and longitude a line (.poly, .fen).
 
-    A fence begins with its return point, taken for the home. With None the file is a fence if its
-    second point comes again at the end. Raises `AreaError`.
+    A fence begins with its return point, which becomes the home. If `fence` is None, the file is a
+    fence when its second point is also its last. Raises `AreaError`.
     """
     points: list[Point] = []
     for i, line in enumerate(text.splitlines()):
@@ -271,7 +275,7 @@ def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
 
 # --- all of them --------------------------------------------------------------------------------
 def with_area(shapes: list[Shape], flown: list[Point], home: Point | None, source: str) -> Layer:
-    """The shapes of a mission and, where no area is among them, what the waypoints span."""
+    """Create the layer of a mission; without an area in it, the hull of the waypoints is one."""
     notices: list[str] = []
     if not any(shape.role is Role.AREA for shape in shapes):
         away = [
@@ -281,14 +285,17 @@ def with_area(shapes: list[Shape], flown: list[Point], home: Point | None, sourc
         if isinstance(hull, Polygon):
             corners = [(float(x), float(y)) for x, y, *_ in hull.exterior.coords]
             shapes.append(polygon("waypoints", [corners], source, Role.AREA))
-            notices.append(f"no survey; the area is what its {len(away)} waypoints span")
+            notices.append(f"no survey; the area is the hull of its {len(away)} waypoints")
     return layer_of(shapes, WGS84, source, notices)
 
 
 def _circle(centre: Point, radius_m: float, role: Role, where: str) -> Shape:
     if not 0.0 < radius_m <= _LARGEST_RADIUS_M:
-        raise AreaError(f"{where}: a circle of {radius_m:g} m; give it up to {_LARGEST_RADIUS_M:g}")
+        raise AreaError(
+            f"{where}: a circle of {radius_m:g} m; the radius must be above 0 and at most "
+            f"{_LARGEST_RADIUS_M:g} m"
+        )
     if max(abs(centre[0]) - 180.0, abs(centre[1]) - 90.0) > 0.0:
-        raise AreaError(f"{where}: {centre[1]:g}, {centre[0]:g} is no latitude and longitude")
+        raise AreaError(f"{where}: {centre[1]:g}, {centre[0]:g} is not latitude and longitude")
     points = [_GEOD.fwd(*centre, -360.0 * k / _CORNERS, radius_m)[:2] for k in range(_CORNERS)]
     return Shape(f"circle ({role.value})", role, tuple((float(x), float(y)) for x, y in points))

@@ -1,4 +1,4 @@
-"""A mission's places over an area: box, fence, what to keep out of, home, in ground metres."""
+"""The places of a mission over an area, in ground metres: box, fence, holes, home."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from missions.units import GridPoint, LatLon
 from uavmap.load.areas.drawing import Area, Drawing, Positions
 
 WIDEST_M: Final = 10_000.0
-"""Longest side of an area."""
+"""Maximum side of an area, m."""
 MOST_CORNERS: Final = 300
-"""Of the box; a coast line that was traced in detail is simplified."""
-WAY_ROOM_M: Final = 10.0
-"""From the pads, and the way from them to the area, to a fence that was not drawn."""
+"""Maximum number of corners of the box; a coast line traced in detail is simplified."""
+PATH_ROOM_M: Final = 10.0
+"""Distance of pads, and of the path from them to the area, from a fence that was not drawn, m."""
 _NICE_M: Final = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
 _MOST_CELLS: Final = 10_000
 _SHARE_OF_ROI: Final = 0.12
 _OFF_THE_EDGE_M: Final = 0.5
-"""Less than the margin, so nobody flies between a hole and the fence."""
+"""Gap between a hole and the fence, m: less than the margin, so no vehicle flies in it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The places of a mission: rings in WGS84, open."""
+    """The places of a mission; rings are in WGS84, without a repeated first corner."""
 
     name: str
     box: tuple[LatLon, ...]
@@ -47,22 +47,22 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
-    """What the user says besides the drawing; None: as it comes."""
+class LayoutOptions:
+    """The user's choices besides the drawing; None: the default."""
 
     home: LatLon | None = None
     area: str | None = None
     together: bool = False
     room_m: float = 20.0
-    """From the box to the fence."""
+    """Distance from the box to the fence, m."""
     cell_m: float | None = None
     largest_cell_m: float = math.inf
-    """Of a cell that nobody asked for: of larger ones a picture would not show enough."""
+    """Maximum size of a cell by default, m: a picture would show too few larger ones."""
     vehicles: int = 1
 
 
 def rectangle(middle: LatLon, wide_m: float, high_m: float) -> Positions:
-    """Return the corners of a rectangle, east by north. Raises `AreaError` for an absurd size."""
+    """Return the corners of a rectangle, east by north. Raises `AreaError` for a wrong size."""
     if not (4.0 <= wide_m <= 10_000.0 and 4.0 <= high_m <= 10_000.0):
         raise AreaError(f"--size {wide_m:g}x{high_m:g}: give each side from 4 to 10000 metres")
     grid = Grid.at(middle, 1.0)
@@ -72,29 +72,29 @@ def rectangle(middle: LatLon, wide_m: float, high_m: float) -> Positions:
     )
 
 
-def lay_out(drawing: Drawing, wishes: Wishes) -> Layout:
-    """The places of a mission over a drawing. Raises `AreaError`, in a line with the remedy."""
-    chosen = _chosen(drawing, wishes)
+def lay_out(drawing: Drawing, options: LayoutOptions) -> Layout:
+    """Plan the places of a mission over a drawing. Raises `AreaError` with the remedy."""
+    chosen = _chosen(drawing, options)
     grid = _grid(drawing, chosen)
     notices = list(drawing.notices)
     areas = [_on_ground(area, grid, drawing.source) for area in chosen]
     whole = areas[0] if len(areas) == 1 else _hull(areas)
     _check_size(whole, drawing.source)
-    cell_m = wishes.cell_m or cell_for(whole.area, wishes.largest_cell_m)
+    cell_m = options.cell_m or cell_for(whole.area, options.largest_cell_m)
     box = _simplified(Polygon(whole.exterior), cell_m, notices)
     fence = _drawn_fence(drawing, box, grid)
     keep_out = _keep_out(drawing, areas, grid, notices)
     if fence is not None:
         box = _inside(box, fence, drawing.source, notices)
-    home = home_of(drawing, wishes.home, wishes.vehicles, box, fence, keep_out, grid, notices)
-    pads = [GridPoint(home[0] + k * SMALLEST_GAP_M, home[1]) for k in range(wishes.vehicles)]
+    home = home_of(drawing, options.home, options.vehicles, box, fence, keep_out, grid, notices)
+    pads = [GridPoint(home[0] + k * SMALLEST_GAP_M, home[1]) for k in range(options.vehicles)]
     if fence is None:
-        fence = _fence_around(box, pads, wishes.room_m)
+        fence = _fence_around(box, pads, options.room_m)
     holes = _cut_to(keep_out, fence)
     free = box.difference(unary_union(holes)) if holes else box
     if free.is_empty:
         raise AreaError(
-            f"{drawing.source}: what is to be kept out of covers all of the area; draw it smaller"
+            f"{drawing.source}: keep-out polygons cover the whole area; draw them smaller"
         )
     title = chosen[0].name if len(chosen) == 1 else f"{len(chosen)} areas"
     return Layout(
@@ -110,9 +110,9 @@ def lay_out(drawing: Drawing, wishes: Wishes) -> Layout:
 
 
 def cell_for(area_m2: float, largest_m: float = math.inf) -> float:
-    """Return a cell size with which an area has at most some 10,000 cells, m.
+    """Return a cell size with which an area has at most about 10,000 cells, m.
 
-    Never more than `largest_m`, but at least the 4 m that every mission has by default.
+    It is at most `largest_m`, and at least 4 m, the default of a mission.
 
     >>> cell_for(20_000.0), cell_for(1_000_000.0), cell_for(1_000_000.0, largest_m=9.0)
     (4.0, 10.0, 8.0)
@@ -123,20 +123,20 @@ def cell_for(area_m2: float, largest_m: float = math.inf) -> float:
 
 
 # --- the area ---------------------------------------------------------------------------------
-def _chosen(drawing: Drawing, wishes: Wishes) -> tuple[Area, ...]:
+def _chosen(drawing: Drawing, options: LayoutOptions) -> tuple[Area, ...]:
     areas = drawing.areas
     names = ", ".join(dict.fromkeys(repr(area.name) for area in areas[:10]))
     names += ", ..." if len(areas) > 10 else ""
-    if wishes.area is not None:
-        found = [area for area in areas if area.name.casefold() == wishes.area.casefold()]
+    if options.area is not None:
+        found = [area for area in areas if area.name.casefold() == options.area.casefold()]
         if len(found) == 1:
             return tuple(found)
         what = "several areas of this name; rename one" if found else f"there are {names}"
-        raise AreaError(f"{drawing.source}: --area {wishes.area!r}: {what}")
-    if len(areas) > 1 and not wishes.together:
+        raise AreaError(f"{drawing.source}: --area {options.area!r}: {what}")
+    if len(areas) > 1 and not options.together:
         raise AreaError(
             f"{drawing.source}: {len(areas)} areas: {names}; choose one with --area NAME, or give "
-            "--together for what encloses them all"
+            "--together for an area around all of them"
         )
     return areas
 
@@ -144,15 +144,15 @@ def _chosen(drawing: Drawing, wishes: Wishes) -> tuple[Area, ...]:
 def _grid(drawing: Drawing, areas: Iterable[Area]) -> Grid:
     places = [place for area in areas for place in area.ring]
     first = places[0].lon_deg
-    # near the first one: an area over the antimeridian would seem to go around the globe
+    # relative to the first one: else an area over the antimeridian would span the globe
     east = [math.remainder(place.lon_deg - first, 360.0) for place in places]
     lats = [place.lat_deg for place in places]
     middle = math.remainder(first + (min(east) + max(east)) / 2.0, 360.0)
     wide_deg = max(max(east) - min(east), max(lats) - min(lats))
     if wide_deg > 2.0:
         raise AreaError(
-            f"{drawing.source}: {wide_deg:.0f} degrees wide: that is no area for multicopters; "
-            "draw a smaller one, or choose one with --area"
+            f"{drawing.source}: {wide_deg:.0f} degrees wide: too large for multicopters; "
+            "draw a smaller area, or choose one with --area"
         )
     try:
         return Grid.at(LatLon((min(lats) + max(lats)) / 2.0, middle), 1.0)
@@ -196,7 +196,7 @@ def _check_size(area: BaseGeometry, source: str) -> None:
 
 
 def _simplified(box: Polygon, cell_m: float, notices: list[str]) -> Polygon:
-    """The box with no more corners than a mission needs; it never loses half a cell."""
+    """Return the box with at most `MOST_CORNERS` corners; it never loses half a cell."""
     found, tolerance_m = box, cell_m / 16.0
     while len(found.exterior.coords) - 1 > MOST_CORNERS and tolerance_m <= cell_m / 2.0:
         found = _polygon_of(box.simplify(tolerance_m), box)
@@ -226,7 +226,7 @@ def _drawn_fence(drawing: Drawing, box: Polygon, grid: Grid) -> Polygon | None:
     if best.intersection(box).area < 0.5 * box.area:
         away_m = best.distance(box)
         raise AreaError(
-            f"{drawing.source}: the fence lies {away_m / 1000:.1f} km from the area, or holds less "
+            f"{drawing.source}: the fence is {away_m / 1000:.1f} km from the area, or holds less "
             "than half of it; draw it around the area, or leave it out"
         )
     return Polygon(best.exterior)
@@ -248,13 +248,13 @@ def _inside(box: Polygon, fence: Polygon, source: str, notices: list[str]) -> Po
 def _keep_out(
     drawing: Drawing, areas: Iterable[Polygon], grid: Grid, notices: list[str]
 ) -> list[Polygon]:
-    """Holes of areas and of fences, and what was drawn to be kept out of: none of it flown over."""
+    """Return the polygons that no vehicle flies over: holes of areas and fences, and keep-outs."""
     drawn = [_on_ground(area, grid, drawing.source) for area in drawing.keep_out]
     inner = [Polygon(ring) for area in areas for ring in area.interiors]
     for fence in drawing.fences:
         inner += [Polygon(r) for r in _on_ground(fence, grid, drawing.source).interiors]
     if inner:
-        notices.append(f"{len(inner)} holes of polygons are kept out of (fence.holes)")
+        notices.append(f"no vehicle flies over {len(inner)} holes of polygons (fence.holes)")
     return [Polygon(part.exterior) for part in _polygons(unary_union([*drawn, *inner]))]
 
 
@@ -272,19 +272,19 @@ def _fence_around(box: Polygon, pads: Sequence[GridPoint], room_m: float) -> Pol
     parts: list[BaseGeometry] = [box.buffer(room_m, join_style="mitre", mitre_limit=2.0)]
     for pad in pads:
         near, _ = nearest_points(box, Point(pad))
-        way = LineString([(pad.east_m, pad.north_m), (near.x, near.y)])
-        parts.append(way.buffer(WAY_ROOM_M, quad_segs=2))
+        path = LineString([(pad.east_m, pad.north_m), (near.x, near.y)])
+        parts.append(path.buffer(PATH_ROOM_M, quad_segs=2))
     around = _polygon_of(unary_union(parts), box)
     return _polygon_of(Polygon(around.exterior).simplify(0.5), around)
 
 
 # --- the simulator ----------------------------------------------------------------------------
 def invented_region(free: BaseGeometry, cell_m: float) -> Polygon:
-    """A compact region for the simulator to paint, in the middle of what can be searched."""
+    """Return a compact region for the simulator, in the middle of the ground to be searched."""
     part = max(shapely.get_parts(free), key=lambda one: float(one.area))
     middle = part.representative_point()
     radius_m = max(math.sqrt(_SHARE_OF_ROI * part.area / math.pi), 1.5 * cell_m)
-    # no circle: a region has an outline that nobody knows
+    # an irregular shape, not a circle: the outline of a region is unknown
     corners = [
         (
             middle.x + radius_m * (1.0 + 0.2 * math.cos(3.0 * a)) * math.cos(a),
@@ -304,13 +304,13 @@ def _ring(polygon: Polygon, grid: Grid) -> tuple[LatLon, ...]:
 
 # --- where the first vehicle stands ---------------------------------------------------------------
 FARTHEST_HOME_M: Final = 1000.0
-"""Largest distance of a home from the area."""
+"""Maximum distance of a home from the area, m."""
 BESIDE_M: Final = 8.0
-"""Distance from the area of a home that was not drawn."""
+"""Distance from the area of a home that was not drawn, m."""
 MARGIN_M: Final = 2.0
-"""As `fence.margin_m` is by default."""
+"""The default of `fence.margin_m`, m."""
 PAD_ROOM_M: Final = 3.0
-"""From a pad to the margin of a fence that was drawn, at the least."""
+"""Minimum distance of a pad from the margin of a drawn fence, m."""
 
 
 def home_of(
@@ -323,8 +323,10 @@ def home_of(
     grid: Grid,
     notices: list[str],
 ) -> GridPoint:
-    """Return where the first vehicle stands: as given, as drawn, or beside the area. Raises
-    `AreaError` for a home far away or outside of the fence, or without room for one."""
+    """Return the home of the first vehicle: as given, as drawn, or beside the area.
+
+    Raises `AreaError` for a home far away or outside of the fence, and if there is no room for one.
+    """
     place = given or drawing.home
     if place is not None:
         key = f"{drawing.source}: its home" if given is None else "--home"
@@ -339,12 +341,12 @@ def home_of(
             where = "beside" if point.distance(box) else "in"
             place = grid.position(GridPoint(point.x, point.y))
             notices.append(
-                f"no home was drawn; it is taken {where} the area, at {place.lat_deg:.6f},"
-                f"{place.lon_deg:.6f}; --home LAT,LON for another"
+                f"no home was drawn; it is {where} the area, at {place.lat_deg:.6f},"
+                f"{place.lon_deg:.6f}; --home LAT,LON sets another"
             )
             return GridPoint(point.x, point.y)
     raise AreaError(
-        f"{drawing.source}: no room for a home between the fence and what is to be kept out of; "
+        f"{drawing.source}: no room for a home between the fence and the keep-out polygons; "
         "give --home LAT,LON"
     )
 
@@ -352,23 +354,26 @@ def home_of(
 def _near(
     key: str, place: LatLon, grid: Grid, box: Polygon, fence: Polygon | None, source: str
 ) -> GridPoint:
-    """Return a given home in ground metres, unless it lies where nobody would start from."""
-    said = f"{key} {place.lat_deg:g},{place.lon_deg:g}"
+    """Return a given home in ground metres.
+
+    Raises `AreaError` for a home outside of the fence or far from the area.
+    """
+    home = f"{key} {place.lat_deg:g},{place.lon_deg:g}"
     away_m = _away_m(place, grid, box)
     if away_m <= FARTHEST_HOME_M:
         point = grid.fixed(place)
         if fence is not None and not fence.contains(Point(point)):
             raise AreaError(
-                f"{said}: lies outside of the fence of {source}; give --home LAT,LON inside, or "
+                f"{home}: lies outside of the fence of {source}; give --home LAT,LON inside, or "
                 "draw the fence around it"
             )
         return point
     hint = "give --home LAT,LON near the area"
     if abs(place.lon_deg) <= 90.0:
-        turned = LatLon(place.lon_deg, place.lat_deg)
-        if _away_m(turned, grid, box) <= FARTHEST_HOME_M:
+        swapped = LatLon(place.lon_deg, place.lat_deg)
+        if _away_m(swapped, grid, box) <= FARTHEST_HOME_M:
             hint = "latitude and longitude are swapped"
-    raise AreaError(f"{said}: {away_m / 1000:.1f} km from the area; {hint}")
+    raise AreaError(f"{home}: {away_m / 1000:.1f} km from the area; {hint}")
 
 
 def _away_m(place: LatLon, grid: Grid, box: Polygon) -> float:
@@ -383,7 +388,7 @@ def _away_m(place: LatLon, grid: Grid, box: Polygon) -> float:
 
 
 def _places_beside(box: Polygon) -> Iterator[Point]:
-    """Places for a home: around the box from the south on, then in it, near its rim."""
+    """Yield places for a home: around the box from the south on, then in it, near its rim."""
     for distance_m in (BESIDE_M, -BESIDE_M):
         rim = box.buffer(distance_m, join_style="mitre", mitre_limit=2.0)
         for ring in (part.exterior for part in _polygons(rim)):
@@ -392,6 +397,6 @@ def _places_beside(box: Polygon) -> Iterator[Point]:
             step_m = max(ring.length / 200.0, 2.0)
             points = [ring.interpolate(k * step_m) for k in range(int(ring.length / step_m) + 1)]
             middle = box.centroid
-            # in the south, near the middle: a place that people find on the map
+            # south of the middle: easy to find on the map
             yield from sorted(points, key=lambda p: p.y + 0.3 * abs(p.x - middle.x))
     yield box.representative_point()

@@ -1,7 +1,7 @@
 """KML, KMZ (KML in a zip archive) and GPX, as of Google Earth, QGIS, ArcGIS and others.
 
-Their XML is parsed without document types, entities or anything from outside. A GPX track or route
-that returns to its beginning is the outline of a field.
+Their XML is parsed without document types, entities and external files. A GPX track or route that
+returns to its beginning is the outline of a field.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ _ELSEWHERE: Final = {
     "qgis": "a project of QGIS, which holds no shapes; export the layer as GeoJSON",
     "ugcs-Transfer": "a mission of UgCS; export its route as KML",
 }
-"""XML that people have at hand, by its root."""
+"""Other common kinds of XML and their remedies, by the root element."""
 
 
 def root_of(data: bytes, source: str) -> Element:
-    """The root of an XML document. Raises `AreaError`."""
+    """Parse an XML document and return its root. Raises `AreaError`."""
     try:
         root = fromstring(data, forbid_dtd=True)
     except DefusedXmlException:
@@ -66,23 +66,23 @@ def root_of(data: bytes, source: str) -> Element:
 
 
 def local(element: Element) -> str:
-    """The name of an element without its namespace, which differs from tool to tool."""
+    """Return the name of an element without its namespace, which differs from tool to tool."""
     tag = element.tag
     return tag.rpartition("}")[2] if isinstance(tag, str) else ""
 
 
 def text_of(element: Element, name: str) -> str | None:
-    """The text of the first child of this name."""
+    """Return the text of the first child of this name; None without one."""
     return next((child.text for child in element if local(child) == name), None)
 
 
-def refused(root: Element, source: str) -> AreaError:
-    """What to say of XML that is neither KML nor GPX."""
+def unsupported_xml(root: Element, source: str) -> AreaError:
+    """Return the error for XML that is neither KML nor GPX."""
     name = local(root)
     if name in _ELSEWHERE:
         return AreaError(f"{source}: {_ELSEWHERE[name]}")
     return AreaError(
-        f"{source}: XML, but no KML and no GPX: its root is {printable(name, 40)!r}; save the "
+        f"{source}: XML, but not KML or GPX: its root is {printable(name, 40)!r}; save the "
         "polygon as KML"
     )
 
@@ -92,7 +92,7 @@ _AROUND_COMMA: Final = re.compile(r"\s*,\s*")
 
 
 def read_kml(root: Element, source: str) -> Layer:
-    """The polygons of a KML document, closed paths among them. Raises `AreaError`."""
+    """Read the polygons and the closed paths of a KML document. Raises `AreaError`."""
     layer = _layer(root, source)
     if not _areas(layer) and next(_links(root), None) is not None:
         raise _elsewhere(source)
@@ -100,8 +100,10 @@ def read_kml(root: Element, source: str) -> Layer:
 
 
 def read_kmz(data: bytes, source: str) -> Iterator[Layer]:
-    """Read the first KML file of a KMZ, and those in it that it links to, as GDAL writes them.
-    Nothing outside of the archive is read. Raises `AreaError`."""
+    """Read the first KML file of a KMZ, and those in the archive that it links to (GDAL's form).
+
+    It reads no file outside of the archive. Raises `AreaError`.
+    """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
         if not names:
@@ -126,7 +128,7 @@ def read_kmz(data: bytes, source: str) -> Iterator[Layer]:
 def _root_in(archive: zipfile.ZipFile, name: str, source: str) -> Element:
     root = root_of(read_member(archive, name, source), source)
     if local(root) != "kml":
-        raise refused(root, source)
+        raise unsupported_xml(root, source)
     return root
 
 
@@ -157,7 +159,7 @@ def _kml_shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shap
             continue
         inside = [part for part in placemark.iter() if part is not placemark]
         if any(local(part) == "Placemark" for part in inside):
-            # no KML has that, and nested deeply it would be looked through over and over
+            # KML forbids it, and a deeply nested file would be searched again and again
             raise AreaError(f"{source}: a placemark in a placemark; save it anew as KML")
         of_polygons = {ring for part in inside if local(part) in _BOUNDARIES for ring in part}
         parts = [part for part in inside if local(part) in _KINDS and part not in of_polygons]
@@ -207,14 +209,14 @@ def _points(part: Element, where: str) -> list[Point]:
 # --- GPX ------------------------------------------------------------------------------------------
 _GEOD: Final = pyproj.Geod(ellps="WGS84")
 _CLOSED: Final = 0.05
-"""Of its length: as far from each other the ends of the way around a field may be."""
+"""Maximum gap between the ends of the track around a field, as a share of its length."""
 _LOOPS: Final = 0.05
-"""Of the area: as much a walker may enclose beside the field, where the way crosses itself."""
+"""Maximum area of the loops beside the field, where the track crosses itself, as a share."""
 _MOST_MENDED: Final = 3000
-"""Points of all ways of a file whose crossings are looked for: every two lines may cross."""
+"""Maximum points of all tracks for a search of crossings: every two lines may cross."""
 _MOST_CROSSINGS: Final = 100
 _FINE_DEG: Final = 1e-6
-"""A tenth of a metre, less than a receiver knows."""
+"""Tolerance of the outline, degrees: 0.1 m, less than the error of a receiver."""
 
 
 def read_gpx(root: Element, source: str) -> Layer:
@@ -225,7 +227,7 @@ def read_gpx(root: Element, source: str) -> Layer:
 
 def _gpx_shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
     open_ones, looked_at = 0, 0
-    for name, points in _ways(root, source):
+    for name, points in _tracks(root, source):
         if len(points) < 3 or not _comes_back(points):
             open_ones += 1
             continue
@@ -239,19 +241,18 @@ def _gpx_shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shap
             yield from shapes_of(name, source, notices, [], points=[_place(element, source)])
     if open_ones:
         notices.append(
-            f"{open_ones} tracks or routes are left out, for they do not come back to where they "
-            "began"
+            f"{open_ones} tracks or routes are left out: they do not return to their beginning"
         )
 
 
-def _ways(root: Element, source: str) -> Iterator[tuple[str, list[Point]]]:
+def _tracks(root: Element, source: str) -> Iterator[tuple[str, list[Point]]]:
     count = 0
-    for way in root:
-        if local(way) not in ("trk", "rte"):
+    for track in root:
+        if local(track) not in ("trk", "rte"):
             continue
         count += 1
-        name = shown_name(text_of(way, "name"), f"track {count}")
-        segments = [part for part in way if local(part) == "trkseg"] or [way]
+        name = shown_name(text_of(track, "name"), f"track {count}")
+        segments = [part for part in track if local(part) == "trkseg"] or [track]
         for k, segment in enumerate(segments):
             points = [
                 _place(point, source) for point in segment if local(point) in ("trkpt", "rtept")
@@ -265,21 +266,23 @@ def _place(point: Element, source: str) -> Point:
         return number(float(lon), source), number(float(lat), source)
     except ValueError:
         raise AreaError(
-            f"{source}: lat={printable(lat, 20)!r} lon={printable(lon, 20)!r} of a point are no "
+            f"{source}: lat={printable(lat, 20)!r} lon={printable(lon, 20)!r} of a point are not "
             "degrees; save the track anew"
         ) from None
 
 
 def _comes_back(points: list[Point]) -> bool:
-    """Whether the ends of a way are near each other, for its length."""
+    """Return whether the ends of a track are near each other for its length."""
     lons, lats = zip(*points, strict=True)
     gap_m = _GEOD.inv(*points[-1], *points[0])[2]
     return bool(gap_m <= _CLOSED * _GEOD.line_length(lons, lats))
 
 
 def _without_loops(points: list[Point], name: str, notices: list[str]) -> list[Point]:
-    """Return the outline without small loops, as walkers make them, mostly at the end. A large one,
-    as a figure of eight, stays, and is refused later."""
+    """Return the outline without small loops, which walkers make, mostly at the end.
+
+    A large loop, as in a figure of eight, stays, and a later check reports it.
+    """
     ring = LinearRing(points).simplify(_FINE_DEG)
     if ring.is_simple or _crossings(ring) > _MOST_CROSSINGS:
         return points

@@ -1,4 +1,4 @@
-"""Every key of a mission file as a page: `python -m uavmap.load.areas.mission_reference`."""
+"""The page with every key of a mission file: `python -m uavmap.load.areas.mission_reference`."""
 
 from __future__ import annotations
 
@@ -33,84 +33,84 @@ positions around an area.
 
 _NESTED: Final[Mapping[str, str]] = {
     "search.prior": "A place where the region may be: a point, or a polygon.",
-    "search.prior.position": "the middle of the place",
+    "search.prior.position": "middle of the place",
     "search.prior.spread_m": "standard deviation around it; by default half of the box's "
     "shorter side",
-    "search.prior.polygon": "the region is somewhere in here",
-    "search.prior.holes": "of the polygon",
-    "search.prior.weight": "how probable it is, beside the other places",
+    "search.prior.polygon": "polygon that holds the region",
+    "search.prior.holes": "holes of the polygon",
+    "search.prior.weight": "probability in proportion to the other places",
     "fence.zones": "The content of files of zones: uavmap writes it.",
-    "fence.zones.name": "as its file has it",
+    "fence.zones.name": "name in its file",
     "fence.zones.why": "restriction, heights, times and file, in words",
-    "fence.zones.effect": "what it is to the fence",
-    "fence.zones.holes": "which holes of the fence it is a part of",
-    "detector.classes": "The classes that a detector distinguishes: besides `region` a table for "
-    "each, by name, with `number` and perhaps `thickness_um` (docs/how-to/classes.md).",
-    "detector.classes.region": "names of those that are explored; without it all of them",
+    "fence.zones.effect": "effect on the fence",
+    "fence.zones.holes": "numbers of the holes of the fence that it is a part of",
+    "detector.classes": "The classes that a detector distinguishes. Besides `region` there is a "
+    "table for each, by name, with `number` and optionally `thickness_um` "
+    "(docs/how-to/classes.md).",
+    "detector.classes.region": "names of the classes that are explored; by default all",
     "terrain.dem": "The heights of a GeoTIFF: uavmap writes them.",
-    "terrain.dem.west_m": "of the first height, from the start",
-    "terrain.dem.south_m": "of the first height, from the start (negative: south of it)",
-    "terrain.dem.step_m": "from height to height",
-    "terrain.dem.columns": "towards east",
-    "terrain.dem.rows": "towards north",
-    "terrain.dem.heights": "above the start, packed",
+    "terrain.dem.west_m": "distance of the first height west of the start",
+    "terrain.dem.south_m": "distance of the first height from the start (negative: south of it)",
+    "terrain.dem.step_m": "distance between two heights",
+    "terrain.dem.columns": "number of heights towards east",
+    "terrain.dem.rows": "number of heights towards north",
+    "terrain.dem.heights": "heights above the start, packed",
     "sim.roi": "A piece of the true region.",
-    "sim.roi.polygon": "around it",
-    "sim.roi.holes": "in it",
-    "sim.roi.rgb": "its colour; without it gray; later pieces lie on earlier ones",
+    "sim.roi.polygon": "outline of the piece",
+    "sim.roi.holes": "holes in the piece",
+    "sim.roi.rgb": "its colour, by default gray; later pieces cover earlier ones",
     "sim.terrain": "Ground that is not level: a slope with hills on it.",
-    "sim.terrain.slope_percent": "how steep",
-    "sim.terrain.rises_toward_deg": "where it rises to, true bearing",
-    "sim.terrain.hills_m": "from the deepest valley to the highest top, at most",
-    "sim.terrain.hills_length_m": "from one hill to the next, at least",
-    "sim.terrain.seed": "which hills",
-    "sim.quirks": "Habits of real aircraft that surprise.",
-    "sim.quirks.camera": "who answers for the camera: a component of its own, the autopilot, "
-    "or nobody",
-    "sim.quirks.camera_clock_s": "how far the camera's clock is off",
-    "sim.quirks.camera_tells_pose": "whether it reports the pose of each picture",
-    "sim.quirks.clock_ppm": "how fast the autopilot's clock runs wrong, in millionths",
-    "sim.quirks.home_moves_m": "how far home moves when motors are armed",
-    "sim.quirks.stick": "whether a pilot's radio control is on, its sticks centred",
-    "sim.quirks.landed_state": "whether it sends EXTENDED_SYS_STATE",
-    "sim.quirks.height_sigma_m": "how far a receiver's height above the sea is off; it wanders",
-    "sim.quirks.tilt_sigma_deg": "how far its roll and pitch are off, for some seconds",
-    "sim.quirks.heading_sigma_deg": "how far its heading is off, for some 20 s",
-    "sim.faults": "Something that goes wrong.",
-    "sim.faults.vehicle": "which vehicle, from 1",
-    "sim.faults.at_s": "when, on the mission's time",
-    "sim.faults.for_s": "how long; without it to the end",
-    "sim.faults.kind": "what goes wrong",
-    "sim.faults.metres": "of `gps_glitch`: how far the position jumps",
-    "sim.faults.m_s": "of `gps_drift` and `wind_gust`: how fast",
-    "sim.faults.volts": "of `battery_sag`: by how much the voltage falls",
-    "sim.faults.deg": "of `compass`: how far it is off",
-    "sim.faults.toward_deg": "of `gps_glitch` and `gps_drift`: the true bearing",
-    "sim.faults.from_deg": "of `wind_gust`: where it blows from, true bearing",
-    "sim.faults.share": "of `motor`: what it still gives",
-    "sim.faults.command": "of `reject`: the number of the MAVLink command",
-    "sim.faults.result": "of `reject`: the MAV_RESULT that is answered",
-    "sim.faults.loss": "of `link`: the share of frames that are lost",
-    "sim.faults.duplicate": "of `link`: the share that comes twice",
-    "sim.faults.reorder": "of `link`: the share that comes too late",
-    "sim.faults.corrupt": "of `link`: the share in which a byte is wrong",
-    "sim.faults.delay_s": "of `link`: how late everything comes",
-    "sim.faults.jitter_s": "of `link`: how much that varies",
-    "sim.faults.silent": "of `link`: nothing comes at all",
+    "sim.terrain.slope_percent": "steepness",
+    "sim.terrain.rises_toward_deg": "true bearing towards which it rises",
+    "sim.terrain.hills_m": "maximum height from the deepest valley to the highest top",
+    "sim.terrain.hills_length_m": "minimum distance from one hill to the next",
+    "sim.terrain.seed": "number that chooses the hills",
+    "sim.quirks": "Surprising habits of real aircraft.",
+    "sim.quirks.camera": "component that answers for the camera: its own, the autopilot, or none",
+    "sim.quirks.camera_clock_s": "error of the camera's clock",
+    "sim.quirks.camera_tells_pose": "true: the camera reports the pose of each picture",
+    "sim.quirks.clock_ppm": "error of the autopilot's clock rate, in millionths",
+    "sim.quirks.home_moves_m": "distance that home moves when motors are armed",
+    "sim.quirks.stick": "true: a pilot's radio control is on, its sticks centred",
+    "sim.quirks.landed_state": "true: it sends EXTENDED_SYS_STATE",
+    "sim.quirks.height_sigma_m": "error of a receiver's height above the sea; it wanders",
+    "sim.quirks.tilt_sigma_deg": "error of its roll and pitch, for some seconds",
+    "sim.quirks.heading_sigma_deg": "error of its heading, for about 20 s",
+    "sim.faults": "A fault of one vehicle.",
+    "sim.faults.vehicle": "number of the vehicle, from 1",
+    "sim.faults.at_s": "beginning, on the time of the mission",
+    "sim.faults.for_s": "duration; by default to the end",
+    "sim.faults.kind": "kind of fault",
+    "sim.faults.metres": "for `gps_glitch`: jump of the position",
+    "sim.faults.m_s": "for `gps_drift` and `wind_gust`: speed",
+    "sim.faults.volts": "for `battery_sag`: drop of the voltage",
+    "sim.faults.deg": "for `compass`: error of the heading",
+    "sim.faults.toward_deg": "for `gps_glitch` and `gps_drift`: true bearing",
+    "sim.faults.from_deg": "for `wind_gust`: true bearing from which it blows",
+    "sim.faults.share": "for `motor`: share of its thrust that is left",
+    "sim.faults.command": "for `reject`: number of the MAVLink command",
+    "sim.faults.result": "for `reject`: MAV_RESULT of the answer",
+    "sim.faults.loss": "for `link`: share of frames that are lost",
+    "sim.faults.duplicate": "for `link`: share of frames that arrive twice",
+    "sim.faults.reorder": "for `link`: share of frames that arrive out of order",
+    "sim.faults.corrupt": "for `link`: share of frames with a wrong byte",
+    "sim.faults.delay_s": "for `link`: delay of each frame",
+    "sim.faults.jitter_s": "for `link`: variation of the delay",
+    "sim.faults.silent": "for `link`: true: no frame arrives",
     "sim.traffic": "An aircraft of others that flies straight; receivers on board report it.",
-    "sim.traffic.position": "where it is at `at_s`",
-    "sim.traffic.height_m": "above the start",
-    "sim.traffic.toward_deg": "where it flies to, true bearing",
-    "sim.traffic.speed_m_s": "over ground",
+    "sim.traffic.position": "its place at `at_s`",
+    "sim.traffic.height_m": "height above the start",
+    "sim.traffic.toward_deg": "true bearing of its flight",
+    "sim.traffic.speed_m_s": "speed over ground",
     "sim.traffic.at_s": "start of its reports, on the time of the mission",
-    "sim.traffic.for_s": "how long; without it to the end",
+    "sim.traffic.for_s": "duration; by default to the end",
     "sim.traffic.name": "its call sign: capitals and digits",
-    "sim.traffic.kind": "which message: ADSB_VEHICLE or UTM_GLOBAL_POSITION",
+    "sim.traffic.kind": "kind of message: ADSB_VEHICLE or UTM_GLOBAL_POSITION",
     "vehicles": "One table for each vehicle: `[[vehicles]]`.",
 }
-"""What the comments of a mission file do not tell: tables in tables."""
+"""Comments on keys of tables in tables, which a new mission file does not contain."""
 _HIDDEN: Final = frozenset({"detector.tables"})
-"""Written as tables of their own, one a detector."""
+"""Keys that are written as tables of their own, one for each detector."""
 _TYPES: Final = {
     "flight.altitude_m": 'number or `"auto"`',
     "search.altitude_m": 'number or `"auto"`',
@@ -119,7 +119,7 @@ _TYPES: Final = {
     "terrain.dem": "path of a GeoTIFF",
     "sim.roi.rgb": "red, green, blue, from 0 to 255",
 }
-"""Where a person writes something else than is kept of it."""
+"""Types of keys for which a user writes another form than the one that is stored."""
 _WORDS: Final = {"metres": "m", "volts": "V", "clock_ppm": "ppm", "slope_percent": "%"}
 _KINDS: Final = {
     "number": "number",
@@ -130,7 +130,7 @@ _KINDS: Final = {
 
 
 def reference() -> str:
-    """The page, in Markdown."""
+    """Return the page in Markdown."""
     root = Mission.model_json_schema()
     lines = [_HEAD]
     for name, schema in _tables("", root, root):
@@ -146,7 +146,7 @@ def reference() -> str:
                 "A detector may have a table of its own: [detectors](../how-to/detectors.md).",
                 "",
             ]
-        lines += ["| key | type | unit | limits | default | what |", "|---|---|---|---|---|---|"]
+        lines += ["| key | type | unit | limits | default | meaning |", "|---|---|---|---|---|---|"]
         lines += [_row(name, key, value, schema, root) for key, value in _keys(name, schema, root)]
         lines.append("")
     return "\n".join(lines).rstrip() + "\n"
@@ -155,7 +155,7 @@ def reference() -> str:
 _LISTED: Final = frozenset(
     {"vehicles", "search.prior", "sim.roi", "sim.faults", "sim.traffic", "fence.zones"}
 )
-"""Tables of which there may be several."""
+"""Tables that a mission may have several times."""
 
 
 def _tables(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
@@ -168,7 +168,7 @@ def _tables(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Sche
 
 
 def _keys(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
-    """The keys of a table that are no tables of their own, but for those that may also be short."""
+    """Yield the keys of a table, without those that are always tables of their own."""
     for key, value in schema["properties"].items():
         full = _full(name, key)
         if full not in _HIDDEN and (full in COMMENTS or _table_of(value, root) is None):

@@ -1,4 +1,4 @@
-"""The text of a mission from places, a drone and settings, with a comment on each key."""
+"""The text of a mission file from places, a drone and settings, with a comment on each key."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from uavmap.load.areas.key_comments import COMMENTS, SECTIONS, UNITS
 from uavmap.load.areas.layout import Layout
 
 HIGHEST_M: Final = 60.0
-"""Largest height by default: there an error of one degree is a metre on the ground."""
+"""Maximum height by default, m: there an error of one degree is a metre on the ground."""
 WIND_M_S: Final = 5.0
-"""Wind by default, of a fresh day."""
+"""Default wind, that of a fresh day, m/s."""
 STRATEGY: Final = "swath"
 _CAMERA: Final = ("hfov_deg", "width_px", "height_px", "interval_s", "mounting")
 _SETTLE_M_S: Final = 1.5
@@ -36,15 +36,15 @@ _HIGH: Final = {
     "flight.climb_m_s": 2.5,
     "flight.descent_m_s": 1.5,
 }
-"""A search from on high, and the speeds at which ArduPilot and PX4 climb and descend by default."""
+"""Keys of a high search, with the default climb and descent speeds of ArduPilot and PX4."""
 _SEARCHED_HIGH: Final = {"search.find": "all", **_HIGH}
 _LEAN_RAD: Final = math.radians(10.0)
-"""More than a small multicopter leans in `WIND_M_S`."""
+"""Assumed tilt in the default wind, rad: more than that of a small multicopter."""
 
 
 @dataclass(frozen=True, slots=True)
-class Figures(Camera):
-    """What a mission needs to know of an aircraft: its camera, and these."""
+class AircraftFigures(Camera):
+    """The figures of an aircraft and of its camera that a mission needs."""
 
     capacity_wh: float
     hover_power_w: float
@@ -53,14 +53,14 @@ class Figures(Camera):
 
 
 @dataclass(frozen=True, slots=True)
-class Flying:
-    """How the mission is to be flown."""
+class FlightChoices:
+    """The user's choices for the flight."""
 
     vehicles: int = 1
     strategy: str = STRATEGY
     wind_m_s: float = WIND_M_S
     altitude_m: float | None = None
-    """None: as high as the pixels allow, `HIGHEST_M` at most."""
+    """Height, m; None: as high as the pixels allow, at most `HIGHEST_M`."""
     ceiling_m: float | None = None
     find: Literal["first", "all"] = "all"
 
@@ -69,11 +69,11 @@ def compose(
     name: str,
     origin: str,
     layout: Layout,
-    figures: Figures,
-    flying: Flying,
+    figures: AircraftFigures,
+    flying: FlightChoices,
     detector: Mapping[str, Any] = MappingProxyType({}),
 ) -> str:
-    """The text of a mission file, with the table [detector]. It is not checked yet."""
+    """Write the text of a mission file with the table [detector]. The caller checks it."""
     values = _values(name, layout, figures, flying)
     values |= {f"detector.{key}": value for key, value in detector.items()}
     header = _header(name, origin, layout, figures)
@@ -88,7 +88,9 @@ def compose(
     return mission_text(values, header, flying.vehicles)
 
 
-def _values(name: str, layout: Layout, figures: Figures, flying: Flying) -> dict[str, Any]:
+def _values(
+    name: str, layout: Layout, figures: AircraftFigures, flying: FlightChoices
+) -> dict[str, Any]:
     values: dict[str, Any] = {
         "name": name,
         "strategy": flying.strategy,
@@ -114,10 +116,10 @@ def _values(name: str, layout: Layout, figures: Figures, flying: Flying) -> dict
 
 
 def _seeing_enough(mission: Mission) -> dict[str, Any]:
-    """Return the height for `altitude_m = "auto"`, and what it requires of the camera's pixels.
+    """Return values for height and pixels that replace `altitude_m = "auto"`, if it does not fit.
 
-    It stays "auto" unless that is above `HIGHEST_M`, or the lowest of several vehicles would see
-    too little: then all fly higher, and a cell has fewer pixels.
+    It does not fit above `HIGHEST_M`, and where the lowest of several vehicles would see too little
+    ground. Then all vehicles fly higher, and a cell has fewer pixels.
     """
     above_m = (len(mission.vehicles) - 1) * mission.team.layer_m
     top_m = mission.altitude_m(0) + above_m
@@ -137,12 +139,14 @@ def _seeing_enough(mission: Mission) -> dict[str, Any]:
         if not list(flyable.values(tried)):
             return {"flight.altitude_m": lowest_m, "camera.pixels_per_cell": asked}
         lowest_m += 1.0
-    return {}  # no height helps: the check of the mission says what would
+    return {}  # no height helps: the check of the mission names a remedy
 
 
-def largest_cell_m(figures: Figures, flying: Flying) -> float:
-    """Return the largest cell of which a picture shows 3 x 3, from at most `HIGHEST_M`, m. A fixed
-    camera leans with the vehicle into the wind."""
+def largest_cell_m(figures: AircraftFigures, flying: FlightChoices) -> float:
+    """Return the largest cell of which a picture from at most `HIGHEST_M` shows 3 x 3, m.
+
+    A fixed camera tilts with the vehicle in the wind.
+    """
     height_m = flying.altitude_m or min(HIGHEST_M, flying.ceiling_m or HIGHEST_M)
     shape = min(figures.height_px / figures.width_px, 1.0)
     half_rad = math.atan(math.tan(math.radians(figures.hfov_deg) / 2.0) * shape)
@@ -151,14 +155,14 @@ def largest_cell_m(figures: Figures, flying: Flying) -> float:
     return max(seen_m, 0.0) / (0.5 + flyable.SEEN_SHARE)
 
 
-def _header(name: str, origin: str, layout: Layout, figures: Figures) -> Sequence[str]:
+def _header(name: str, origin: str, layout: Layout, figures: AircraftFigures) -> Sequence[str]:
     return (
         # a file may have a name with line breaks, which would end the comment
         f"{name}: map a region somewhere in {layout.name!r} ({printable(origin)}).",
         "",
         "Made by `uavmap new`. The aircraft:",
         f"{figures.title}.",
-        "Look at the figures of battery, camera and wind below before you fly.",
+        "Check the figures of battery, camera and wind below before you fly.",
     )
 
 
@@ -168,7 +172,7 @@ def _pair(place: LatLon) -> tuple[float, float]:
 
 # --- the text -------------------------------------------------------------------------------------
 Values = Mapping[str, Any]
-"""What a mission says besides the defaults, by dotted key."""
+"""The values of a mission that are not defaults, by dotted key."""
 
 _COLUMN: Final = 40
 _LISTED_LAST: Final = frozenset({"sim.roi"})
@@ -176,19 +180,21 @@ _HIDDEN: Final = frozenset({"detector.tables"})
 _OF_THRESHOLD: Final = frozenset(
     f"detector.{key}" for key in ("intensity", "dilations", "polarity", "greenness")
 )
-"""Keys of the detector's section that mean nothing where its name is another one."""
-_UNSAID: Final = frozenset({"start.amsl_m"})
+"""Keys of the detector `threshold`, which other detectors do not use."""
+_WITHOUT_DEFAULT: Final = frozenset({"start.amsl_m"})
 """Keys without a default that suits any place."""
 
 
 def mission_text(values: Values, header: Sequence[str], vehicles: int = 1) -> str:
-    """Return the text of a mission file: a header, and every key with its value and a comment. Keys
-    that are not in `values` have their defaults; keys without one are comments."""
+    """Return the text of a mission file: a header, and every key with its value and a comment.
+
+    Keys that are not in `values` have their defaults; keys without one are comments.
+    """
     lines = [f"# {line}".rstrip() for line in header]
     lines += [
         "#",
         "# Positions are [latitude, longitude] in degrees (WGS84); angles are clockwise from true",
-        "# north. A key that is left out takes its default; a key that is not known is an error.",
+        "# north. A key that is left out takes its default; an unknown key is an error.",
         "",
     ]
     for key, field in Mission.model_fields.items():
@@ -229,7 +235,7 @@ def _section(
             yield from _rings("polygon", values[full])
 
 
-def naming_zones(text: str, files: Sequence[str]) -> str:
+def with_zone_files(text: str, files: Sequence[str]) -> str:
     """Return the text of a new mission with files of zones in it."""
     listed = tomlkit.item(list(files)).as_string()
     line = re.compile(r"^# zones = *", re.MULTILINE)
@@ -254,9 +260,9 @@ def _line(key: str, full: str, field: FieldInfo, values: Values) -> Iterator[str
         yield f"# {comment}"
         yield from _rings(key, value)
         return
-    # a table of its own, or no default: shown, but not said
+    # a table of its own, or no default: the key is written as a comment
     missing = value is None or isinstance(value, BaseModel | Mapping) or value == ()
-    missing |= full in _UNSAID and full not in values
+    missing |= full in _WITHOUT_DEFAULT and full not in values
     text = f"# {key} =" if missing else f"{key} = {tomlkit.item(value).as_string()}"
     yield f"{text:{_COLUMN - 1}} # {comment}".rstrip(" #")
 

@@ -1,4 +1,4 @@
-"""A file with an area, whatever tool has written it."""
+"""A file with an area, from any of the supported tools."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uavmap.load.areas.drawing import MOST_BYTES, Area, Drawing, Layer, bounded_
 from uavmap.load.areas.geojson import read_geojson
 from uavmap.load.areas.geopackage import read_geopackage
 from uavmap.load.areas.ground_station import is_pairs, read_plan, read_polygon, read_waypoints
-from uavmap.load.areas.markup import local, read_gpx, read_kml, read_kmz, refused, root_of
+from uavmap.load.areas.markup import local, read_gpx, read_kml, read_kmz, root_of, unsupported_xml
 from uavmap.load.areas.shp import read_shapefile, read_zipped
 from uavmap.load.areas.table import is_table, read_table
 
@@ -32,10 +32,17 @@ _BESIDE: Final = ("dbf", "prj", "cpg")
 
 
 def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) -> Drawing:
-    """Read what was drawn in a file, in WGS84. Raises `AreaError` with file, fault and remedy.
+    """Read the drawing in a file, in WGS84.
 
-    The content decides on the kind; the suffix only between kinds that look alike. `epsg` is the
-    coordinate system of a file that names none, `swap` exchanges latitude and longitude.
+    The content decides on the kind of file; the suffix decides only between similar kinds.
+
+    Args:
+        name: Path of the file.
+        epsg: EPSG number for a file that names no coordinate system.
+        swap: Exchange latitude and longitude.
+
+    Raises:
+        AreaError: The file cannot be read; the message has file, fault and remedy.
     """
     path = Path(name)
     try:
@@ -43,7 +50,7 @@ def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) ->
     except OSError as error:
         raise AreaError(f"{name}: cannot be read ({error.strerror}){_guess(path)}") from None
     except ValueError:
-        raise AreaError(f"{name!r}: no name of a file") from None
+        raise AreaError(f"{name!r}: not a name of a file") from None
     if not data.strip():
         raise AreaError(f"{name}: is empty; save the area anew")
     layers: list[Layer] = []
@@ -59,7 +66,7 @@ def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) ->
     return replace(
         drawing,
         areas=tuple(Area(f"inside of {one.name}", one.ring) for one in drawing.fences),
-        notices=(*drawing.notices, "no area but a fence; the area is the inside of it"),
+        notices=(*drawing.notices, "no area, but a fence: the area is the inside of the fence"),
     )
 
 
@@ -86,13 +93,13 @@ def _layers(path: Path, data: bytes, name: str) -> Iterable[Layer]:
     if suffix in (".dbf", ".shx", ".prj"):
         raise AreaError(f"{name}: a part of a Shapefile; give {path.with_suffix('.shp').name}")
     if suffix in (".gpkg", ".zip", ".kmz"):
-        raise AreaError(f"{name}: not what {suffix} says; export it anew")
+        raise AreaError(f"{name}: its content is not of the kind {suffix}; export it anew")
     head = data[:200].lstrip(b"\xef\xbb\xbf\xff\xfe\x00 \t\r\n")
     if suffix in (".kml", ".gpx") or head.startswith(b"<"):
         root = root_of(data, name)
         readers = {"kml": read_kml, "gpx": read_gpx}
         if local(root) not in readers:
-            raise refused(root, name)
+            raise unsupported_xml(root, name)
         return [readers[local(root)](root, name)]
     return [_of_text(data, suffix, head, name)]
 
@@ -120,9 +127,7 @@ def _of_text(data: bytes, suffix: str, head: bytes, name: str) -> Layer:
 
 
 def _unknown(name: str) -> AreaError:
-    return AreaError(
-        f"{name}: not a kind of file that is read; export the area as one of these: {KINDS}"
-    )
+    return AreaError(f"{name}: unknown kind of file; export the area as one of these: {KINDS}")
 
 
 def _beside(path: Path, name: str) -> dict[str, bytes]:

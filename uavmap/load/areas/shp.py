@@ -38,14 +38,14 @@ _DAMAGED: Final = (
 
 
 def read_shapefile(parts: Mapping[str, bytes], stem: str, source: str) -> Layer:
-    """The polygons of a Shapefile, from its files' bytes by suffix ("shp", ...); or `AreaError`."""
+    """Read the polygons of a Shapefile from its files' bytes by suffix. Raises `AreaError`."""
     text = parts.get("prj", b"").decode("utf-8", errors="replace").strip()
     system = crs_of_wkt(text, f"{source}: its .prj") if text else None
     return layer_of(_shapes(parts, stem, source), system, source)
 
 
 def read_zipped(data: bytes, source: str) -> Iterator[Layer]:
-    """Every Shapefile of an archive. Raises `AreaError`."""
+    """Read every Shapefile of an archive. Raises `AreaError`."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         families: dict[PurePosixPath, dict[str, str]] = {}
         for name in archive.namelist():
@@ -68,7 +68,7 @@ def _shapes(parts: Mapping[str, bytes], stem: str, source: str) -> Iterator[Shap
         rows = list(_rows(parts))
     except _DAMAGED:
         raise AreaError(
-            f"{source}: a damaged Shapefile, or none; export it anew, as GeoJSON or KML if need be"
+            f"{source}: not a Shapefile, or a damaged one; export it anew, or as GeoJSON or KML"
         ) from None
     for number, (polygons, points, title) in enumerate(rows, start=1):
         name = row_name(title, stem, number, len(rows))
@@ -76,14 +76,14 @@ def _shapes(parts: Mapping[str, bytes], stem: str, source: str) -> Iterator[Shap
 
 
 def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[list[Rings], list[Point], object]]:
-    """Polygons, points and name of each record. A `.dbf` that cannot be read names none."""
+    """Yield polygons, points and name of each record; without a readable `.dbf` no names."""
     with contextlib.ExitStack() as stack:
         stack.enter_context(_quiet())
         reader = stack.enter_context(shapefile.Reader(shp=io.BytesIO(parts["shp"])))
         titles = iter(_titles(parts))
         for i, shape in enumerate(reader.iterShapes()):
             if i > MOST_SHAPES:
-                return  # counted, and refused, by whoever asks for the shapes
+                return  # the caller counts the shapes and raises the error
             title = next(titles, None)
             if shape.shapeType in _POINTS:
                 yield [], [_xy(shape.points[0])], title
@@ -134,4 +134,4 @@ def _titles(parts: Mapping[str, bytes]) -> list[object]:
                     break
             return titles
     except _DAMAGED:
-        return []  # shapes without names are areas all the same
+        return []  # shapes without names are areas as well

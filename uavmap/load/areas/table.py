@@ -1,4 +1,4 @@
-"""Tables of places as text: polygons as WKT, corners as latitude and longitude, waypoints (CSV)."""
+"""CSV tables of places: polygons as WKT, corners as latitude and longitude, or waypoints."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from uavmap.load.areas.drawing import (
     Point,
     Role,
     Shape,
-    drawn,
     layer_of,
+    parts_of,
     polygon,
     row_name,
     shapes_of,
@@ -34,12 +34,12 @@ _WKT: Final = ("wkt", "geometry", "geom", "the_geom", "wkt_geom")
 _LATITUDE: Final = ("latitude", "lat")
 _LONGITUDE: Final = ("longitude", "lon", "lng", "long")
 _WAYPOINTS: Final = ("altitude(m)", "altitude(ft)", "curvesize(m)", "curvesize(ft)")
-"""Columns of a mission of Litchi: its rows are a way over the ground, not corners around it."""
+"""Columns of a mission of Litchi: its rows are a path over the area, not its corners."""
 _BETWEEN: Final = ",;\t"
 
 
 def is_table(text: str) -> bool:
-    """Whether the first line names columns in which places could be.
+    """Return whether the first line names columns of places.
 
     >>> is_table("lat;lon\\n52,4;13,3\\n"), is_table("52.4,13.3\\n"), is_table('{"lat": 1}')
     (True, False, False)
@@ -50,7 +50,7 @@ def is_table(text: str) -> bool:
 
 
 def _between(text: str) -> str:
-    """What separates the columns: as often as nothing else in the first line."""
+    """Return the separator of columns: the most frequent one in the first line."""
     head = _head(text)
     return max(_BETWEEN, key=head.count)
 
@@ -64,7 +64,7 @@ def _names(text: str) -> list[str]:
 
 
 def read_table(text: str, source: str) -> Layer:
-    """Polygons by a column of WKT, or one by the rows' places. Raises `AreaError`."""
+    """Read polygons from a column of WKT, or one from the rows' places. Raises `AreaError`."""
     names, rows = _names(text), list(_rows(text, source))
     wkt = next((names.index(one) for one in _WKT if one in names), None)
     if wkt is not None:
@@ -102,7 +102,7 @@ def _place(row: list[str], columns: tuple[int, int], where: str) -> Point:
         lat, lon = (float(row[column].strip().replace(",", ".")) for column in columns)
     except (ValueError, IndexError):
         raise AreaError(
-            f"{where}: {printable(str(row), 40)} is not latitude and longitude"
+            f"{where}: {printable(str(row), 40)} has no latitude and longitude"
         ) from None
     return lon, lat
 
@@ -117,7 +117,7 @@ def _by_wkt(rows: list[list[str]], wkt: int, title: int | None, source: str) -> 
             shape = shapely.from_wkt(cells.get(wkt, ""))
         except shapely.errors.ShapelyError:
             raise AreaError(
-                f"{where}: {printable(cells.get(wkt, ''), 40)!r} is no WKT; export it anew"
+                f"{where}: {printable(cells.get(wkt, ''), 40)!r} is not WKT; export it anew"
             ) from None
         if shape is not None:
-            yield from shapes_of(name, where, [], drawn(shape)[0])
+            yield from shapes_of(name, where, [], parts_of(shape)[0])

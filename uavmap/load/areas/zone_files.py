@@ -1,7 +1,8 @@
 """Zones of authorities in files: ED-269 JSON, ED-318 GeoJSON, and plain GeoJSON.
 
-What a zone says that is not understood counts as the stricter: a limit in height without a known
-unit or reference, times at which it applies. A zone whose place cannot be read is a fault.
+If a part of a zone is not understood, the stricter meaning counts. Such parts are heights without
+a known unit or reference, and times at which the zone applies. A zone without a readable place is
+an error.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from uavmap.load.areas.drawing import WGS84
 from uavmap.load.areas.geojson import system_of
 
 MOST_BYTES: Final = 100_000_000
-"""Of a file: those of whole countries have some 20 MB."""
+"""Maximum size of a file, bytes: files of whole countries have about 20 MB."""
 _DEEPEST: Final = 20
 _MOST: Final = 1e9
 _UNITS_M: Final = {"M": 1.0, "FT": 0.3048}
 REFERENCES: Final = ("AGL", "AMSL", "WGS84")
-"""What heights count from, as far as it is understood."""
+"""Known references of heights."""
 _RESTRICTIONS: Final = {
     "PROHIBITED": "prohibited",
     "REQ_AUTHORISATION": "needs an authorisation",
@@ -40,7 +41,7 @@ _NAMES: Final = ("name", "title", "label", "identifier", "id")
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A limit in height; without a `reference` what it counts from is not known."""
+    """A limit in height; None as `reference`: it is not known."""
 
     height_m: float
     reference: str | None
@@ -56,24 +57,24 @@ class Volume:
     shape: Polygon | Point
     radius_m: float = 0.0
     lower: Limit | None = None
-    """None: from the ground, or not understood."""
+    """Lower limit; None: from the ground, or not understood."""
     upper: Limit | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class ZoneFound:
-    """A zone as its file has it."""
+class FileZone:
+    """A zone as its file describes it."""
 
     ident: str
     name: str
     restriction: str
-    """In words; empty where its file has none."""
+    """The restriction in words; empty if its file has none."""
     volumes: tuple[Volume, ...]
     limited_times: bool
-    """Whether it applies at some times only."""
+    """True if it applies only at some times."""
 
 
-def read_zones(path: Path, where: str) -> list[ZoneFound]:
+def read_zones(path: Path, where: str) -> list[FileZone]:
     """Read the zones of a file. Raises `MissionFileError`, which begins with `where`."""
     try:
         root = json.loads(read_text(path, MOST_BYTES))
@@ -100,8 +101,8 @@ def read_zones(path: Path, where: str) -> list[ZoneFound]:
     return [zone for zone in found if zone is not None]
 
 
-def _zone(feature: object, index: int, where: str) -> ZoneFound | None:
-    """Return a zone; None for one that restricts nothing, or has no area."""
+def _zone(feature: object, index: int, where: str) -> FileZone | None:
+    """Return a zone; None for a zone without a restriction or an area."""
     if not isinstance(feature, Mapping):
         raise MissionFileError(f"{where}: no feature")
     properties = feature.get("properties")
@@ -117,7 +118,7 @@ def _zone(feature: object, index: int, where: str) -> ZoneFound | None:
             raise MissionFileError(f"{where}: a zone without an area; give a polygon or a circle")
         return None
     times = applies if isinstance(applies, list) else [applies]
-    return ZoneFound(
+    return FileZone(
         _text(values.get("identifier")),
         named[0] if named else f"zone {index + 1}",
         _RESTRICTIONS.get(restriction, ""),
@@ -127,7 +128,7 @@ def _zone(feature: object, index: int, where: str) -> ZoneFound | None:
 
 
 def _text(value: object) -> str:
-    """Return a name; that in English, or the first, where a file has one for each language."""
+    """Return a name; if a file has one for each language, the English or the first one."""
     if isinstance(value, list):
         texts = [one for one in value if isinstance(one, Mapping)]
         english = [one for one in texts if str(one.get("lang", "")).startswith("en")]
@@ -190,20 +191,20 @@ def _shapes(
 def _polygon(value: object, where: str) -> Polygon:
     rings = [[_place(at, where) for at in _list(ring, where)] for ring in _list(value, where)]
     if not rings or any(len(ring) < 4 for ring in rings):
-        raise MissionFileError(f"{where}: a ring needs three vertices, and the first once more")
+        raise MissionFileError(f"{where}: a ring needs three corners, and the first one again")
     return Polygon(rings[0], rings[1:])
 
 
 def _place(value: object, where: str) -> tuple[float, float]:
-    """[longitude, latitude], as all three kinds of file have it."""
+    """Read [longitude, latitude], the order in all three kinds of file."""
     values = _list(value, where)
     if len(values) < 2:
         raise MissionFileError(f"{where}: a position needs longitude and latitude")
     lon_deg, lat_deg = (_number(one, f"{where}: coordinates") for one in values[:2])
     if not (abs(lon_deg) <= 180.0 and abs(lat_deg) <= 90.0):
         raise MissionFileError(
-            f"{where}: coordinates = [{lon_deg:g}, {lat_deg:g}]: they are [longitude, latitude], "
-            "in degrees: are they swapped, or in metres?"
+            f"{where}: coordinates = [{lon_deg:g}, {lat_deg:g}]: must be [longitude, latitude] in "
+            "degrees; check whether they are swapped, or in metres"
         )
     return lon_deg, lat_deg
 
@@ -212,7 +213,7 @@ def _limit(values: Mapping[str, Any], key: str, reference: str, unit: object) ->
     value, metres = values.get(key), _UNITS_M.get(str(unit).upper())
     if metres is None or not isinstance(value, int | float) or isinstance(value, bool):
         return None
-    if not abs(value) <= _MOST:  # no number, either
+    if not abs(value) <= _MOST:  # this also excludes NaN
         return None
     named = str(values.get(reference, "")).upper()
     return Limit(round(float(value) * metres, 2), named if named in REFERENCES else None)

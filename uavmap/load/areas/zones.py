@@ -1,7 +1,7 @@
-"""Zones that meet the fence of a mission: they become holes of it.
+"""Zones that meet the fence of a mission: they become holes of the fence.
 
-A zone does not matter where it begins above what the mission flies at most. An upper limit does
-not help: vehicles take off below it, and come down.
+A zone has no effect if it begins above the maximum height of the mission. An upper limit of a zone
+does not matter: vehicles take off and land below it.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from missions.geo.grid import Grid
 from missions.mission.places import drawn, grid_of, positions_near
 from missions.mission.schema import Mission, Zone, positions
 from missions.units import GridPoint, LatLon
-from uavmap.load.areas.zone_files import Limit, Volume, ZoneFound, read_zones
+from uavmap.load.areas.zone_files import FileZone, Limit, Volume, read_zones
 
 CORNERS: Final = 48
-"""Of the polygon around a circle."""
+"""Number of corners of the polygon around a circle."""
 _RIM_M: Final = 0.05
-"""A hole ends so far inside of the fence: rings of a polygon may not cross."""
+"""Distance of a hole from the fence, m: rings of a polygon may not cross."""
 _SMALLEST_M2: Final = 0.1
 _NEAR_DEG: Final = 0.02
 _STEP_DEG: Final = 0.005
-"""Edges are straight in degrees, and become many in metres."""
+"""Maximum length of an edge, degrees: edges that are straight in degrees are curves in metres."""
 _ELSEWHERE_M: Final = 100_000.0
 _EARTH: Final = pyproj.Geod(ellps="WGS84")
 _GEOID_M: Final = 90.0
-"""How far the sea may lie above the ellipsoid, m."""
+"""Maximum height of the sea above the ellipsoid, m."""
 
 
 def with_zones(mission: Mission, files: Sequence[str], folder: Path, where: str) -> Mission:
     """Return the mission with the zones of files that meet its fence, as holes of it.
 
-    A mission with misplaced positions comes back as it is: its check reports them. Raises
+    A mission with misplaced positions is returned unchanged: its check reports them. Raises
     `MissionFileError`, which begins with `where` and names the file.
     """
     found = [
@@ -54,7 +54,7 @@ def with_zones(mission: Mission, files: Sequence[str], folder: Path, where: str)
     fence, *holes = (drawn(ring, grid) for ring in (mission.fence.polygon, *mission.fence.holes))
     if not all(shape.is_valid for shape in (fence, *holes)):
         return mission
-    near = _Near(mission, grid, fence)
+    near = _MissionFence(mission, grid, fence)
     zones: list[Zone] = []
     shapes: list[BaseGeometry] = []
     for file, zone in found:
@@ -71,8 +71,8 @@ def with_zones(mission: Mission, files: Sequence[str], folder: Path, where: str)
     return near.with_holes(zones, shapes)
 
 
-def _words(zone: ZoneFound, volume: Volume, file: str) -> str:
-    """Return what a file says of a zone: "prohibited, from 0 m AGL to 120 m AGL; in zones.json"."""
+def _words(zone: FileZone, volume: Volume, file: str) -> str:
+    """Describe a zone: "prohibited, from 0 m AGL to 120 m AGL; in zones.json"."""
     lower = "the ground" if volume.lower is None else str(volume.lower)
     heights = f"from {lower}" + ("" if volume.upper is None else f" to {volume.upper}")
     parts = [part for part in (zone.restriction, heights) if part]
@@ -80,8 +80,8 @@ def _words(zone: ZoneFound, volume: Volume, file: str) -> str:
     return f"{', '.join(parts)}{times}; in {file}"
 
 
-class _Near:
-    """What a mission is, for zones."""
+class _MissionFence:
+    """The fence and the heights of a mission, with which zones are compared."""
 
     def __init__(self, mission: Mission, grid: Grid, fence: Polygon) -> None:
         self.mission = mission
@@ -111,7 +111,7 @@ class _Near:
     def _circle(self, centre: Point, radius_m: float) -> BaseGeometry:
         home = self.mission.home
         away_m = _EARTH.inv(home.lon_deg, home.lat_deg, centre.x, centre.y)[2]
-        if away_m > radius_m + _ELSEWHERE_M:  # where no grid of ours reaches
+        if away_m > radius_m + _ELSEWHERE_M:  # outside of any grid
             return Polygon()
         middle = self.grid.fixed(LatLon(centre.y, centre.x))
         around = ring(middle, radius_m / math.cos(math.pi / CORNERS), CORNERS)
@@ -122,7 +122,7 @@ class _Near:
         return np.array(points, np.float64).reshape(-1, 2)
 
     def is_above(self, lower: Limit | None) -> bool:
-        """Whether a volume begins above all that the mission flies."""
+        """Return whether a volume begins above the maximum height of the mission."""
         if lower is None:
             return False
         mission, relief = self.mission, self.mission.relief
@@ -139,7 +139,7 @@ class _Near:
         return above_start_m >= mission.fence.ceiling_m
 
     def with_holes(self, zones: Sequence[Zone], shapes: Sequence[BaseGeometry]) -> Mission:
-        """Return the mission with these zones, and holes where they and its own holes are."""
+        """Return the mission with these zones; they and its own holes are the fence's holes."""
         fence, holes = self.mission.fence, self.mission.fence.holes
         if any(not shape.is_empty for shape in shapes):
             own = [drawn(hole, self.grid).intersection(self.room) for hole in holes]
@@ -163,8 +163,7 @@ class _Near:
 
 
 def _filled(shape: BaseGeometry) -> list[Polygon]:
-    """Return the parts of an area without holes of their own: ground that zones enclose is out of
-    reach."""
+    """Return the parts of an area without holes: ground that zones enclose is out of reach."""
     parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
     whole = [Polygon(part.exterior) for part in parts if part.area > _SMALLEST_M2]
     return list(shapely.get_parts(shapely.union_all(whole)))

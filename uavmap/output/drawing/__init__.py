@@ -1,1 +1,1 @@
-"""One scene, drawn as SVG, as a raster and as a film."""
+"""The drawing of maps: one scene as SVG, as a raster and as a PDF."""

@@ -1,4 +1,4 @@
-"""One judged picture of a flight or a replay: what the detector takes for region, to look at."""
+"""One judged picture of a flight or a replay, with the region that the detector marks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _QUALITY: Final = 85
 
 
 def outlined(image: NDArray[np.uint8], region: NDArray[Any]) -> bytes:
-    """Draw the outline of `region`, where it is not 0, into a BGR picture; return a small JPEG."""
+    """Draw the outline of `region` (not 0) into a BGR picture; return a small JPEG."""
     columns = min(image.shape[1], MOST_WIDE_PX)
     rows = max(1, round(image.shape[0] * columns / image.shape[1]))
     small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
@@ -30,6 +30,6 @@ def outlined(image: NDArray[np.uint8], region: NDArray[Any]) -> bytes:
 def outline(
     drawn: NDArray[Any], marked: NDArray[Any], colour: tuple[int, ...], wide_px: int = 2
 ) -> None:
-    """Draw the outline of what is marked, (rows, columns), into a picture of that size."""
+    """Draw the outline of the marked pixels, (rows, columns), into a picture of that size."""
     lines, _ = cv2.findContours(marked.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(drawn, lines, -1, colour, wide_px)

@@ -33,15 +33,15 @@ from uavmap.output.drawing.scene import (
 from uavmap.output.facts.map_model import NOT_ROI, MapData, Track, drift_m
 
 Photograph = Callable[[View], NDArray[np.uint8] | None]
-"""Makes the photograph of the ground in a view: shape (rows, columns, 4), red, green, blue, and 255
-where there is any."""
+"""A function that draws the photograph of the ground in a view: shape (rows, columns, 4). The last
+channel is 255 for each pixel that a picture shows."""
 
 _FENCE_ROOM = 2.2
-"""A fence is shown whole while that makes the map at most this many times larger."""
+"""Maximum enlargement of the map, as a factor, for which the whole fence is shown."""
 
 
 def map_scene(data: MapData) -> Scene:
-    """Create the scene of a map, as it is at the time of the map."""
+    """Create the scene of a map at the time of the map."""
     moved_m = drift_m(data.grid, data.t_s)
 
     def moved(name: str, rings: Iterable[NDArray[np.float64]]) -> Layer:
@@ -131,7 +131,7 @@ def _tracks(data: MapData) -> Layer:
 
 
 def _track(data: MapData, track: Track) -> Iterator[GridPoint]:
-    """Yield a track as seen from the region: over the cells it was flown for."""
+    """Yield a track in the frame of the region: over the cells for which it was flown."""
     grid = data.grid
     for t_s, place, _ in track.points:
         yield grid.to_fixed(grid.to_moving(grid.fixed(place), t_s), data.t_s)
@@ -207,7 +207,7 @@ def _lanes(setting: Setting) -> Layer:
         entries.append(Entry(Style(palette.track_colour(i + 1), palette.LANE_PX), text))
     if more := len(heights_m[_LISTED:]):
         entries.append(
-            Entry(Style(palette.track_colour(0), palette.LANE_PX), f"... and {more} vehicles more")
+            Entry(Style(palette.track_colour(0), palette.LANE_PX), f"... and {more} more vehicles")
         )
     return Layer(tuple(lines), tuple(entries))
 

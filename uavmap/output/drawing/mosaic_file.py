@@ -1,6 +1,6 @@
-"""mosaic.webp: the ground as the pictures of a flight show it, transparent where none does.
+"""mosaic.webp: the ground in the pictures of a flight, transparent where no picture shows it.
 
-QGIS and all else that reads by GDAL take its place on the ground from the file beside it.
+QGIS and other programs with GDAL read its place on the ground from the file beside it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vision.raster import Raster
 
 MOSAIC: Final = "mosaic.webp"
 PLACE: Final = f"{MOSAIC}.aux.xml"
-"""Where the mosaic lies, as GDAL writes it."""
+"""File with the place of the mosaic on the ground, in GDAL's format."""
 ORTHO: Final = "ortho.tif"
 """The mosaic as a Cloud Optimized GeoTIFF, with the extra `geo`."""
 PROBABILITY: Final = "probability.tif"
@@ -41,13 +41,13 @@ FINEST_M: Final = 0.1
 _MARGIN: Final = 0.25
 _QUALITY: Final = 80
 _EFFORT: Final = 1
-"""Of WebP, 0 to 6: higher ones take twice the time for a tenth of the size."""
+"""Effort of WebP, 0 to 6: higher ones take twice the time and save a tenth of the size."""
 _PLACE_BYTES: Final = 100_000
 _OPAQUE: Final = 250
 
 
 def bounds_around(setting: Setting) -> Bounds:
-    """Return the bounds of box, fence and home, with what pictures show around them."""
+    """Return the bounds of box, fence and home, with the ground that pictures show around them."""
     mission = setting.mission
     rings = (*positions(mission.search.box), *positions(mission.fence.polygon), mission.home)
     west_m, south_m, east_m, north_m = bounds_of(map(setting.grid.fixed, rings))
@@ -56,7 +56,7 @@ def bounds_around(setting: Setting) -> Bounds:
 
 
 def raster_of(setting: Setting) -> Raster | None:
-    """Return the raster of a flight's mosaic; None where the region drifts."""
+    """Return the raster of a flight's mosaic; None if the region drifts."""
     if setting.grid.drift_speed_m_s:
         return None
     west_m, south_m, east_m, north_m = bounds_around(setting)
@@ -78,9 +78,9 @@ def utm_transform(raster: Raster, grid: Grid, t_s: float = 0.0) -> tuple[float, 
 
 
 def write_mosaic(folder: Path, image: Colours, raster: Raster, grid: Grid) -> None:
-    """Write a mosaic, red, green, blue, and 255 where there is a picture, and its place.
+    """Write a mosaic (red, green, blue, and 255 where a picture shows the ground) and its place.
 
-    A raster stays that of the file that is there, if any. Raises `OSError`.
+    An existing file keeps its raster. Raises `OSError`.
     """
     step, _, west, _, down, north = utm_transform(raster, grid)
     numbers = ", ".join(repr(value) for value in (west, step, 0.0, north, 0.0, down))
@@ -95,9 +95,11 @@ def write_mosaic(folder: Path, image: Colours, raster: Raster, grid: Grid) -> No
     write_bytes(folder / MOSAIC, buffer.getvalue())
 
 
-class Placed(NamedTuple):
-    """A mosaic as it was written: its left upper corner and edge of a pixel are in metres of UTM,
-    and the projection has its number in EPSG's list."""
+class UtmMosaic(NamedTuple):
+    """A mosaic as it was written: upper left corner and edge of a pixel in metres of UTM.
+
+    `epsg` is the number of the projection in EPSG's list.
+    """
 
     image: Colours
     west: float
@@ -106,8 +108,8 @@ class Placed(NamedTuple):
     epsg: int
 
 
-def placed_mosaic(folder: Path) -> Placed | None:
-    """Read the mosaic of a folder; None where there is none that can be read."""
+def read_mosaic(folder: Path) -> UtmMosaic | None:
+    """Read the mosaic of a folder; None without a readable one."""
     try:
         data = read_bytes(folder / MOSAIC, MAX_PICTURE_BYTES)
         found = re.search(r"EPSG:(\d+)</SRS>\s*<GeoTransform>(.*?)</GeoTransform>",
@@ -121,19 +123,19 @@ def placed_mosaic(folder: Path) -> Placed | None:
         return None
     if not (step > 0.0 and math.isfinite(west + step + north)):
         return None
-    return Placed(image, west, north, step, int(found[1]))
+    return UtmMosaic(image, west, north, step, int(found[1]))
 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """A mosaic of a folder: `image` is as it was written; `raster` is in the fixed frame."""
+    """A mosaic of a folder: `image` as it was written, `raster` in the fixed frame."""
 
     raster: Raster
     image: Colours
 
     @classmethod
     def at(cls, image: Colours, west: float, north: float, step: float, grid: Grid) -> Ground:
-        """Create the mosaic whose left upper corner and edge of a pixel are in metres of UTM."""
+        """Create the mosaic from its upper left corner and edge of a pixel in metres of UTM."""
         rows, columns = image.shape[:2]
         west_m, north_m = west - grid.origin.east_m, north - grid.origin.north_m
         scaled = (west_m / grid.scale, north_m / grid.scale, step / grid.scale)
@@ -141,18 +143,18 @@ class Ground:
 
     @classmethod
     def read(cls, folder: Path, grid: Grid) -> Ground | None:
-        """Read the mosaic of a folder; None where there is none that can be read."""
-        found = placed_mosaic(folder)
+        """Read the mosaic of a folder; None without a readable one."""
+        found = read_mosaic(folder)
         return None if found is None else cls.at(found.image, *found[1:4], grid)
 
     def beneath(self, view: View) -> NDArray[np.uint8]:
-        """Return the mosaic as a view shows it, for `uavmap.output.drawing.raster.cell_picture`."""
+        """Return the mosaic in a view, for `uavmap.output.drawing.raster.cell_picture`."""
         raster = self.raster
         times = 1.0 / (view.px_per_m * raster.pitch_m)  # pixels of the raster in one of the view
         left = (view.left_m - raster.west_m) / raster.pitch_m
         top = (raster.north_m - view.top_m) / raster.pitch_m
         image = self.image
-        if times > 1.0:  # else detail between the view's pixels would speckle
+        if times > 1.0:  # averages detail between the view's pixels, which would speckle
             blur = 0.5 * math.sqrt(times**2 - 1.0)
             image = np.asarray(cv2.GaussianBlur(image, (0, 0), blur), np.uint8)
         matrix = np.array([[times, 0.0, left + (times - 1.0) / 2.0],
@@ -167,7 +169,7 @@ class Ground:
 def finest_ground(folder: Path, grid: Grid, side_px: int) -> Ground | None:
     """Return ortho.tif of a folder, shrunk by a whole number to sides of at most `side_px`.
 
-    Without rasterio, or that file, it is mosaic.webp as it is; None where there is neither.
+    Without rasterio or that file, return mosaic.webp unchanged; None without either.
     """
     return _ortho(folder / ORTHO, grid, side_px) or Ground.read(folder, grid)
 
@@ -191,7 +193,7 @@ def _ortho(path: Path, grid: Grid, side_px: int) -> Ground | None:
             bands = file.read((1, 2, 3), window=part, out_shape=(3, rows, columns))
             there = file.dataset_mask(window=part, out_shape=(rows, columns))
             step, _, west, _, _, north = tuple(file.transform)[:6]
-    except OSError:  # rasterio's own are such, too
+    except OSError:  # rasterio's errors are of this class as well
         return None
     image = np.ascontiguousarray(np.concatenate([bands, there[None]]).transpose(1, 2, 0))
     return Ground.at(image, west, north, step * times, grid)

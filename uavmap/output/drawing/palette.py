@@ -1,7 +1,7 @@
 """Colours, line styles and words of a map, the same in every picture, page and file.
 
-Tracks take the colours of Okabe and Ito, which stay apart for colour-blind eyes; their blue and
-green are left to the truth and the cells.
+Tracks have the colours of Okabe and Ito, which colour-blind readers can distinguish. Their blue and
+green are not used for tracks: the truth and the cells have them.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ STATE_NAMES: Final[Mapping[State, str]] = {
 }
 """Names of the cell states for readers; files hold the states themselves."""
 RECORDED_NAMES: Final[Mapping[State, str]] = {**STATE_NAMES, "explored": "region"}
-"""Names of the cell states in a map of recorded pictures, for which no vehicle explored."""
+"""Names of the cell states in a map of recorded pictures, which no vehicle explored."""
 NONSTOP_NAMES: Final[Mapping[State, str]] = {
     **STATE_NAMES, "explored": "decided", "under exploration": "region so far",
 }  # fmt: skip
@@ -65,9 +65,9 @@ FENCE: Final[Colour] = (190, 40, 60)
 HOLE: Final[Colour] = (246, 214, 218)
 SEARCHED: Final[Colour] = (238, 231, 214)
 TRAFFIC: Final[Colour] = (120, 0, 140)
-"""Aircraft of others."""
+"""Colour of aircraft of others."""
 HIDDEN: Final[Colour] = (207, 222, 242)
-"""A true cell of the region before any vehicle sees it."""
+"""Colour of a true cell of the region before a vehicle observes it."""
 TRACKS: Final[tuple[Colour, ...]] = (
     (213, 94, 0),
     (150, 60, 130),
@@ -79,7 +79,7 @@ TRACKS: Final[tuple[Colour, ...]] = (
 
 
 class Style(NamedTuple):
-    """How a line is drawn: `dash_px` is the length of a dash and of the gap after it; 0: solid."""
+    """The style of a line: `dash_px` is the length of a dash and of the gap after it; 0: solid."""
 
     colour: Colour
     width_px: float
@@ -98,7 +98,7 @@ LINES: Final[Mapping[str, tuple[str, Style]]] = {
 MARKS: Final[Mapping[str, str]] = {
     "home": "home",
     "track": "track",
-    "ahead": "path ahead, by the present order",
+    "ahead": "path ahead, by the current order",
     "flying": "vehicle in the air",
     "landed": "vehicle on the ground",
     "traffic": "aircraft of others",
@@ -117,23 +117,23 @@ CONTROLS: Final[Mapping[str, str]] = {
     "lost": "no contact",
     "apart": "its own service",
 }
-"""Names of those who control a vehicle, by its phase."""
+"""Names of the person or system that controls a vehicle, by its phase."""
 
 Alarm = Literal[
     "battery", "link", "fence", "yielded", "guarded", "down", "lost", "unsure", "traffic"
 ]
 ALARMS: Final[Mapping[Alarm, str]] = {
-    "battery": "vehicle {}: battery below what the path home needs",
+    "battery": "vehicle {}: battery below the need of the return path",
     "link": "vehicle {}: link lost",
     "fence": "vehicle {}: outside of the fence",
     "yielded": "vehicle {}: a pilot or a failsafe flies it",
-    "guarded": "vehicle {}: its guardian has it return or land",
+    "guarded": "vehicle {}: its guardian has commanded return or landing",
     "down": "vehicle {}: down away from its pad",
     "lost": "vehicle {}: silent for longer than its battery lasts",
-    "unsure": "ground unlike what the detector knows is on the map",
-    "traffic": "traffic is near: vehicles hold or come home",
+    "unsure": "the map has ground unlike what the detector knows",
+    "traffic": "traffic is near: vehicles hold or return",
 }
-"""Conditions that need the operator, in words; the gap takes the number of the vehicle."""
+"""Texts of the alarms; the number of the vehicle replaces the braces."""
 
 TRACK_PX: Final = 1.3
 LANE_PX: Final = 2.0

@@ -25,15 +25,17 @@ from uavmap.output.drawing.scene import Area, Box, Dot, Label, Line, Scene, Shap
 
 FONT: Final = "Vera"
 BOLD: Final = "VeraBd"
-"""Bitstream Vera, which reportlab's wheel carries, under a licence that allows embedding."""
+"""Fonts of the Bitstream Vera family, from reportlab's wheel; their licence allows embedding."""
 FINER: Final = 2
-"""Pixels of cells and photograph in one of the map."""
+"""Number of pixels of cells and photograph along one pixel of the map."""
 _QUALITY: Final = 85
 
 
 class Spot(NamedTuple):
-    """Where a drawing's upper left corner is on a page, in points from the lower left, and the
-    size of its pixels."""
+    """The upper left corner of a drawing, in points from the lower left of the page, and its scale.
+
+    `pt_per_px` is the size of a pixel of the drawing, points.
+    """
 
     left_pt: float
     top_pt: float
@@ -43,7 +45,7 @@ class Spot(NamedTuple):
 @lru_cache
 def load_fonts() -> frozenset[int]:
     """Register the fonts, and return the characters that they have."""
-    fonts = Path(reportlab.__file__).with_name("fonts")  # never those of the system
+    fonts = Path(reportlab.__file__).with_name("fonts")  # not fonts of the system: same bytes
     for name in (FONT, BOLD):
         pdfmetrics.registerFont(TTFont(name, str(fonts / f"{name}.ttf")))
     pdfmetrics.registerFontFamily(FONT, normal=FONT, bold=BOLD, italic=FONT, boldItalic=BOLD)
@@ -51,7 +53,7 @@ def load_fonts() -> frozenset[int]:
 
 
 def printed(text: str) -> str:
-    """Return a text in letters that the font has: others without their marks, or as `?`.
+    """Return a text in letters of the font; other letters lose their marks, or become `?`.
 
     >>> printed("Fläche 1 m², Łódź, 東")
     'Fläche 1 m², Łódz, ?'
@@ -80,7 +82,7 @@ def draw_map(
     photograph: NDArray[np.uint8] | None,
     spot: Spot,
 ) -> None:
-    """Draw the map of a scene as `svg.map_drawing` does; `photograph` is of `finer` its view."""
+    """Draw the map of a scene as `svg.map_drawing` does; `photograph` has the view of `finer`."""
     view = scene.view
     size_pt = view.width_px * spot.pt_per_px, view.height_px * spot.pt_per_px
     low_pt = spot.top_pt - size_pt[1]
@@ -109,7 +111,7 @@ def finer(view: View) -> View:
 
 
 def picture(image: Image.Image, *, photograph: bool = True) -> ImageReader:
-    """Return a picture to be drawn; a photograph is stored as JPEG."""
+    """Return a picture for reportlab; a photograph is stored as JPEG."""
     if not photograph:
         return ImageReader(image)
     buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Shapes as pixels, drawn several times as large and shrunk, with Pillow's own letters."""
+"""Shapes as pixels, drawn several times as large and shrunk, with Pillow's built-in font."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ _SEAM_PX: Final = 4.0
 _ANCHORS: Final = {"start": "lm", "middle": "mm", "end": "rm"}
 
 Extent = tuple[int, int, int, int]
-"""Left, top, right and bottom of part of a picture in shown pixels; the last two are outside."""
+"""Left, top, right and bottom of a part of a picture, in shown pixels; the last two are outside."""
 
 
 @lru_cache(maxsize=32)
 def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Return Pillow's built-in letters."""
+    """Return Pillow's built-in font in a size."""
     return ImageFont.load_default(size_px)
 
 
 def text_width(text: str, size_px: float) -> float:
-    """Return the width of a line of text in a raster, px; a browser has its own letters."""
+    """Return the width of a line of text in a raster, px; a browser uses other fonts."""
     return float(font(round(size_px * OVERSAMPLING)).getlength(text)) / OVERSAMPLING
 
 
 def encode_png(image: Image.Image, *, photograph: bool = False) -> bytes:
-    """Encode a picture as PNG; a photograph takes Pillow four times as long and gets no smaller."""
+    """Encode a picture as PNG; a photograph with fast settings, for slow ones save no bytes."""
     if photograph:
         pixels = cv2.cvtColor(np.asarray(image), cv2.COLOR_RGB2BGR)
         return cv2.imencode(".png", pixels)[1].tobytes()
@@ -53,7 +53,7 @@ def encode_png(image: Image.Image, *, photograph: bool = False) -> bytes:
 
 
 def picture(view: View, shapes: Iterable[Shape]) -> Image.Image:
-    """Draw shapes on an image of their own."""
+    """Draw shapes on a new image."""
     canvas = Canvas((view.width_px, view.height_px))
     for shape in shapes:
         canvas.draw(shape, view)
@@ -66,7 +66,7 @@ class Canvas:
     def __init__(
         self, size_px: tuple[int, int], paper: Colour = PAPER, ground: Image.Image | None = None
     ) -> None:
-        """Begin with paper, or with a picture as it is shown."""
+        """Start with blank paper, or with a picture in the shown size."""
         self.size_px = size_px
         large = size_px[0] * OVERSAMPLING, size_px[1] * OVERSAMPLING
         if ground is None:
@@ -76,22 +76,22 @@ class Canvas:
         self._pen = ImageDraw.Draw(self.image)
 
     def copy(self) -> Canvas:
-        """Return another canvas that shows the same."""
+        """Return a copy of the canvas."""
         other = Canvas(self.size_px)
         other.image.paste(self.image)
         return other
 
     def restore(self, other: Canvas, extent: Extent) -> None:
-        """Let a part look as on another canvas."""
+        """Copy a part from another canvas."""
         large = _large(extent)
         self.image.paste(other.image.crop(large), large)
 
     def shown(self, extent: Extent | None = None) -> Image.Image:
-        """Return the picture as it is shown, or a part of it."""
+        """Return the picture, or a part of it, in the shown size."""
         return self.image.reduce(OVERSAMPLING, None if extent is None else _large(extent))
 
     def draw(self, shape: Shape, view: View) -> Extent:
-        """Draw a shape; return the part of the picture that it can have changed."""
+        """Draw a shape; return the part of the picture that it may have changed."""
         k, pen = OVERSAMPLING, self._pen
         match shape:
             case Box(corner, opposite, colour):
@@ -128,7 +128,7 @@ class Canvas:
                 return self._extent(np.array([[left, top], [right, low]]), 0.0)
 
     def _line(self, pixels: NDArray[np.float64], colour: Colour, width: int) -> None:
-        """Draw a line; a closed one goes past its seam, for a round corner there."""
+        """Draw a line; a closed one overlaps at its seam, so that the corner is round."""
         if len(pixels) < 2:
             return
         closed = len(pixels) > 2 and (pixels[0] == pixels[-1]).all()
@@ -140,7 +140,7 @@ class Canvas:
                 self._pen.ellipse((x - r, y - r, x + r, y + r), fill=colour)
 
     def _extent(self, pixels: NDArray[np.float64], reach: float) -> Extent:
-        """Return the part of the picture around large pixels, which may lie outside."""
+        """Return the part of the picture around oversampled pixels, which may lie outside."""
         across, down = self.size_px
         left, top = np.floor((pixels.min(axis=0) - reach) / OVERSAMPLING - 1.0).tolist()
         right, low = np.ceil((pixels.max(axis=0) + reach) / OVERSAMPLING + 1.0).tolist()
@@ -161,11 +161,11 @@ def _large(extent: Extent) -> Extent:
 def cell_picture(
     shape: Cells, view: View, paper: Colour, photograph: NDArray[np.uint8] | None = None
 ) -> Image.Image:
-    """Draw cells at the size at which they are shown.
+    """Draw cells in the shown size.
 
-    `photograph` shows through them: shape (rows, columns, 4), red, green, blue, and 255 where there
-    is any. Each pixel looks up the cell at its middle, so a million cells take no longer than ten;
-    cells hardly larger than a pixel are looked up nine times a pixel.
+    `photograph` shows through them: shape (rows, columns, 4), red, green, blue, and 255 for each
+    pixel that a picture shows. Each pixel finds the cell at its middle, so a million cells take as
+    long as ten. For cells hardly larger than a pixel there are nine such points in a pixel.
     """
     side_px = shape.cell_m * view.px_per_m
     fine = 1 if side_px >= _SEAM_PX else OVERSAMPLING
@@ -209,7 +209,7 @@ def _rims(index: NDArray[np.int_]) -> NDArray[np.bool_]:
 
 # --- dashes --------------------------------------------------------------------------------------
 def _dashed(places: NDArray[np.float64], style: Style, view: View) -> Iterator[NDArray[np.float64]]:
-    """Cut a line into dashes where it is in view: a fence may be much larger."""
+    """Cut the part of a line that is in view into dashes: a fence may be much larger."""
     shown = LineString(places).intersection(view.ground)
     for part in shapely.get_parts(shapely.line_merge(shown)):
         for dash in dashes_of(shapely.get_coordinates(part), 2 * style.dash_px / view.px_per_m):

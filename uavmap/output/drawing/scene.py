@@ -1,4 +1,4 @@
-"""The model of every drawing: layers of shapes in metres, and the view in which they are shown."""
+"""The model of every drawing: layers of shapes in metres, and the view that shows them."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class View:
 
     @classmethod
     def page(cls, width_px: float, height_px: float) -> Self:
-        """Create the view of a page, whose places are pixels from its upper left corner."""
+        """Create the view of a page; places are pixels from its upper left corner."""
         return cls(0.0, 0.0, 1.0, round(width_px), round(height_px), north_up=False)
 
     @classmethod
     def around(cls, bounds: Bounds, least_pad_m: float = 0.0) -> Self:
-        """Create the view of a map that shows all within bounds, with a margin."""
+        """Create the view of a map of some bounds with a margin."""
         west, south, east, north = bounds
         pad_m = max(_PAD * max(east - west, north - south), least_pad_m)
         width_m, height_m = east - west + 2 * pad_m, north - south + 2 * pad_m
@@ -58,7 +58,7 @@ class View:
         return cls(left_m, top_m, px_per_m, width_px, height_px)
 
     def sized(self, width_px: int, height_px: int) -> View:
-        """Return the view of the same middle and at least the same ground, on so many pixels."""
+        """Return the view of the same middle and at least the same ground in another size."""
         px_per_m = self.px_per_m * min(width_px / self.width_px, height_px / self.height_px)
         left_m = self.left_m + (self.width_px / self.px_per_m - width_px / px_per_m) / 2.0
         top_m = self.top_m - (self.height_px / self.px_per_m - height_px / px_per_m) / 2.0
@@ -79,7 +79,7 @@ class View:
         return result
 
     def trace(self, places: ArrayLike) -> NDArray[np.float64]:
-        """Return the pixels of a line, without those too near to the one before to be seen."""
+        """Return the pixels of a line, without points too near to the one before."""
         pixels = self.pixels(places)
         far = np.hypot(*np.diff(pixels, axis=0).T) >= _LEAST_PX
         kept: NDArray[np.float64] = pixels[np.concatenate([[True], far])]
@@ -108,7 +108,7 @@ class Cells:
         cells: Columns and rows, shape (n, 2).
         codes: Number of each cell's colour, shape (n,).
         origin: Centre of cell (0, 0).
-        opaque: By colour, whether it hides most of a photograph below.
+        opaque: For each colour, true if it hides most of a photograph below.
     """
 
     cells: NDArray[np.int32]
@@ -136,7 +136,7 @@ class Area(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """A line with round corners, shape (n, 2); closed where its last place is the first."""
+    """A line with round corners, shape (n, 2); closed if its last place is its first."""
 
     places: NDArray[np.float64]
     style: Style

@@ -1,4 +1,4 @@
-"""A scene as a picture of its own: title, map, legend, scale, north arrow, notes."""
+"""A scene as a complete picture: title, map, legend, scale, north arrow, notes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _SQUARE_PX: Final = 16.0
 def legend_sample(
     entry: Entry, left: float, middle: float, width: float = SAMPLE_PX
 ) -> Iterator[Shape]:
-    """Draw the sample of an entry, between a column and `width` pixels further."""
+    """Draw the sample of an entry of the legend, `width` pixels wide."""
     centre = left + width / 2.0
     if isinstance(entry.sample, Style):
         yield Line.through([(left, middle), (left + width, middle)], entry.sample)
@@ -62,7 +62,7 @@ def legend_column(entries: Iterable[Entry], corner: Place) -> Iterator[Shape]:
 
 
 def legend_width(entries: Iterable[Entry]) -> float:
-    """Return the width of a legend that goes downwards, px."""
+    """Return the width of a legend in one column, px."""
     longest = max((text_width(entry.text, _TEXT_PX) for entry in entries), default=0.0)
     return SAMPLE_PX + _SAMPLE_GAP_PX + longest
 
@@ -136,7 +136,7 @@ def scale_bar(corner: Place, px_per_m: float) -> Iterator[Shape]:
 
 
 def north_arrow(corner: Place) -> Iterator[Shape]:
-    """Draw an arrow upwards, half dark, with its meaning on its right."""
+    """Draw an arrow upwards, half dark, with a label on its right."""
     x, y = corner
     base, notch = y + ARROW_HEIGHT_PX, y + ARROW_HEIGHT_PX - 9.0
     tip = (x + 12.0, y)
@@ -149,7 +149,7 @@ def north_arrow(corner: Place) -> Iterator[Shape]:
 
 
 LEFT_PX: Final = 84
-"""Margin of a map on its left, px: labels of a graticule stand there."""
+"""Left margin of a map, px: the labels of a graticule stand there."""
 RIGHT_PX: Final = 24
 ABOVE_PX: Final = 8 + int(ARROW_HEIGHT_PX)
 BELOW_PX: Final = 36 + int(BAR_HEIGHT_PX)

@@ -34,7 +34,7 @@ _QUALITY: Final = 85
 
 
 def document(view: View, shapes: Iterable[Shape], label: str = "drawing") -> Markup:
-    """Write a drawing of its own."""
+    """Write a complete drawing."""
     page = View.page(view.width_px, view.height_px)
     ground = Box((0.0, 0.0), (view.width_px, view.height_px), PAPER)
     inside = [*elements([ground], page), *elements(shapes, view)]
@@ -49,8 +49,11 @@ def map_drawing(
 ) -> Markup:
     """Write the map of a scene with its scale and north arrow.
 
-    `over` are lines in metres, cut at the map's frame; `around` are shapes in pixels from its
-    corner; `photograph` is as for `cell_picture`, and has the cells drawn as pixels.
+    Args:
+        scene: The scene.
+        over: Lines in metres, cut at the map's frame.
+        around: Shapes in pixels from the map's upper left corner.
+        photograph: As for `cell_picture`; with it, cells are drawn as pixels.
     """
     view = scene.view
     wide, high = view.width_px, view.height_px
@@ -128,7 +131,7 @@ def _svg(width: int, height: int, inside: str, label: str) -> Markup:
 
 
 def _cells(shape: Cells, view: View) -> Iterator[str]:
-    """Write a path per colour, in which neighbours in a row are one rectangle."""
+    """Write a path per colour; neighbours in a row are one rectangle of it."""
     size = shape.cell_m * view.px_per_m
     for code, colour in enumerate(shape.colours):
         parts = []

@@ -26,7 +26,7 @@ from uavmap.output.facts.map_model import placed
 from uavmap.output.formats import geojson_encoder as geojson
 
 DECIMALS: Final = 8
-_ROWS: Final = 1_000_000  # cells that are looked at at once
+_ROWS: Final = 1_000_000  # number of cells that are processed at a time
 
 Feature = dict[str, Any]
 
@@ -35,8 +35,8 @@ class Line(NamedTuple):
     """A closed line of the boundary.
 
     Attributes:
-        points: Shape (n, 2), its first point again at the end.
-        hole: Whether the region lies outside of it.
+        points: Shape (n, 2); the last point is the first one.
+        hole: True if the region lies outside of the line.
         uncertainty_m: Half the distance from P = 0.1 to P = 0.9 at each point but the last;
             infinite where P reaches 0.9 nowhere.
     """
@@ -52,16 +52,16 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """The region, and where its edge may be, in ground metres of the grid's moving frame.
+    """The region and the band of its edge, in ground metres of the grid's moving frame.
 
     Attributes:
         probability: P at the boundary.
-        region: Where P is at least that; valid, may be empty.
-        likely: Where P is at least 0.9.
-        possible: Where P is at least 0.1.
-        band: Possible and not likely.
-        lines: Those of `region`, outer ones first.
-        open_lines: Where the boundary runs along the end of the pictures.
+        region: Ground with at least that P; valid, may be empty.
+        likely: Ground with P of at least 0.9.
+        possible: Ground with P of at least 0.1.
+        band: Ground that is possible and not likely.
+        lines: The lines of `region`, outer ones first.
+        open_lines: The parts of the boundary along the end of the pictures.
         pitch_m: Edge of a pixel of the raster, m on the ground.
         tolerance_m: Maximum shift of lines when points were left out, m.
     """
@@ -100,7 +100,7 @@ def weighted_quantile(
 
 
 def _lengths(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the weight of each point of a closed line: half the way to its neighbours."""
+    """Return the weight of each point of a closed line: half the distance to its neighbours."""
     steps = np.hypot(*np.diff(ring, axis=0).T)
     lengths: NDArray[np.float64] = (steps + np.roll(steps, 1)) / 2.0
     return lengths
@@ -112,11 +112,11 @@ class BoundaryMap:
     """The content of the file at mission time `t_s`.
 
     Attributes:
-        start: Longitudes are in its turn.
+        start: The start; longitudes are within 180 degrees of it.
         box: The search box, fixed to the ground.
-        position_m: Standard deviation of a picture's place, by which all of it may be shifted.
+        position_m: Standard deviation of a picture's place, by which the whole map may be shifted.
         seen: Cells that pictures show, sorted; shape (n, 2).
-        undecided: Those among them in too few pictures.
+        undecided: Cells of `seen` in too few pictures.
         classes: The boundary of each class of the region, by name.
     """
 
@@ -132,7 +132,7 @@ class BoundaryMap:
     classes: Mapping[str, Boundary] = field(default_factory=dict)
 
     def figures(self) -> dict[str, Any]:
-        """Return the figures for the summary; of classes only where there are some."""
+        """Return the figures for the summary, with those of classes if there are classes."""
         found = self.boundary
         classes = [{"name": name, **_class_figures(one)} for name, one in self.classes.items()]
         return {
@@ -157,7 +157,7 @@ def write(data: BoundaryMap, path: Path) -> None:
     bbox = []
     if len(boxes):
         bbox = [*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist()]
-    # thousands of coordinates, all finite: json takes seven times as long
+    # thousands of coordinates, all finite: the json module takes seven times as long
     lines = (to_json(feature).decode() for feature in features)
     write_text(path, "".join(geojson.collection(head, bbox, lines)))
 
@@ -259,11 +259,11 @@ def unseen(data: BoundaryMap) -> Runs:
 def _shape(
     data: BoundaryMap, kind: str, shape: BaseGeometry, values: dict[str, Any], name: str = ""
 ) -> Feature:
-    """Create a feature; its geometry is null where there is none."""
+    """Create a feature; without a geometry it has null."""
 
     def on_map(points: NDArray[np.float64]) -> NDArray[np.float64]:
         found = placed(points, data.grid, data.t_s, data.start, DECIMALS)
-        if not np.isfinite(found).all():  # JSON has no word for it
+        if not np.isfinite(found).all():  # JSON has no infinite numbers
             raise ValueError("a point of the boundary lies nowhere on Earth")
         return found
 

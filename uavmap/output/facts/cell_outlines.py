@@ -62,7 +62,7 @@ def runs(cells: NDArray[np.integer]) -> Runs:
 
 
 def _corners(ring: shapely.LinearRing) -> NDArray[np.float64]:
-    """Return the vertices at which an axis-parallel ring turns."""
+    """Return the points at which an axis-parallel ring turns."""
     points = shapely.get_coordinates(ring)[:-1]
     before, after = (np.roll(points, by, axis=0) for by in (1, -1))
     straight = ((before == points) & (points == after)).any(axis=1)
@@ -74,7 +74,7 @@ NEIGHBOURS: Final = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]], np.int32)
 
 
 def beside(cells: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return which of the four cells beside each of some cells are none of them, (n, 4).
+    """Return for each cell which of its four neighbours are not among the cells, (n, 4).
 
     >>> beside(np.array([[0, 0], [1, 0]], np.int32)).tolist()
     [[True, False, True, True], [True, True, True, False]]

@@ -1,4 +1,4 @@
-"""The state of each cell on a map, as the events of a flight or a replay judge it."""
+"""The state of each cell on a map, by the events of a flight or a replay."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from uavmap.output.facts.map_model import State as CellState
 class CellStates:
     """The cells of a map, event by event.
 
-    `recorded`: of recorded pictures, where every cell of the region is explored; `weighed`: by
-    evidence, as recorded pictures may be.
+    Args:
+        setting: The mission.
+        recorded: True for recorded pictures: every cell of the region is explored.
+        weighed: True if evidence decides instead of counts; only for recorded pictures.
     """
 
     def __init__(self, setting: Setting, *, recorded: bool, weighed: bool = False) -> None:
@@ -49,18 +51,18 @@ class CellStates:
         return []
 
     def weighed_cells(self) -> Collection[Cell]:
-        """Return all cells that are weighed: each belief depends on the whole set."""
+        """Return all cells with evidence: each belief depends on the whole set."""
         return [] if self._evidence is None else self._evidence.cells()
 
     def classes_of(self, cells: Sequence[Cell]) -> dict[Cell, int]:
-        """Return the class of each of some cells, by its number; 0: of none."""
+        """Return the number of the class of each of some cells; 0: no class."""
         if not self._explored or not cells:
             return {}
         found = self.sums.classes(np.array(cells, np.int32), self._explored)
         return dict(zip(cells, found.tolist(), strict=True))
 
     def state_of(self, cell: Cell, state: State) -> CellState:
-        """Return the state of a cell; `state` is that of the mission."""
+        """Return the state of a cell; `state` is the state of the mission."""
         if self._evidence is None:
             return cell_state(cell, state, self.sums, recorded=self._recorded)
         if self._evidence.is_roi(cell, self._share):
@@ -69,7 +71,7 @@ class CellStates:
 
 
 def cell_state(cell: Cell, state: State, sums: FrameSums, *, recorded: bool = False) -> CellState:
-    """Return the state of a cell that is decided by counts."""
+    """Return the state of a cell that counts of votes decide."""
     if cell not in state.belief.roi:
         if sums.is_unsure(cell):
             return "unsure"
@@ -81,7 +83,7 @@ def cell_state(cell: Cell, state: State, sums: FrameSums, *, recorded: bool = Fa
         return "explored"
     if cell in state.skipped:
         return "skipped"
-    if state.tree is None or cell not in state.tree:  # of a survey, of a patch, at the rim
+    if state.tree is None or cell not in state.tree:  # a survey, another patch, or the rim
         known = all(state.belief.verdict(near) is not None for near in cell.neighbours())
         return "explored" if known else "unexplored"
     return state.tree.state(cell).value

@@ -18,14 +18,14 @@ from uavmap.output.facts.cell_outlines import beside, outline
 
 @dataclass(frozen=True, slots=True)
 class ClassArea:
-    """The cells of a class of the region, and how large it is.
+    """The cells of a class of the region, and its size.
 
     Attributes:
-        outline: Around its cells, in the moving frame; may be empty.
-        area_m2: Of its cells.
-        low_m2: The area that frames saw of it in its cells, on average; half of that at its rim.
-        high_m2: Its cells, and what frames saw of it in others.
-        thickness_um: The least, and the greatest if there is a bound above; None: not known.
+        outline: Outline of its cells, in the moving frame; may be empty.
+        area_m2: Area of its cells.
+        low_m2: Area of the class in its cells by frames, on average; half of that at its rim.
+        high_m2: Area of its cells, and of the class in other cells by frames.
+        thickness_um: Minimum thickness, and the maximum if there is one; None: not known.
     """
 
     number: int
@@ -39,14 +39,14 @@ class ClassArea:
 
     @property
     def volume_l(self) -> tuple[float, float | None] | None:
-        """The least and the greatest volume, litres: a micrometre on a square metre is 1 ml."""
+        """Return minimum and maximum volume, litres: a micrometre on a square metre is 1 ml."""
         if self.thickness_um is None:
             return None
         least, *most = (um / 1000.0 for um in self.thickness_um)
         return self.low_m2 * least, self.high_m2 * most[0] if most else None
 
     def figures(self) -> dict[str, Any]:
-        """Return the figures for files; litres only where a thickness is known."""
+        """Return the figures for files, with litres if the thickness is known."""
         found = {
             "number": self.number,
             "name": self.name,
@@ -63,7 +63,7 @@ class ClassArea:
 
 
 def class_figures(classes: Sequence[ClassArea]) -> dict[str, Any]:
-    """Return what the summary has of classes, and their volume together; empty without any."""
+    """Return the classes and their total volume for the summary; empty without classes."""
     if not classes:
         return {}
     found: dict[str, Any] = {"classes": [one.figures() for one in classes]}
@@ -86,8 +86,8 @@ def class_areas(
 
     Args:
         cells: All cells of a map, (n, 2).
-        shares: Mean share of each class of the region in them, (n, classes).
-        which: The column of each cell's class, -1 of none, (n,).
+        shares: Mean share of each class of the region in the cells, (n, classes).
+        which: Column of each cell's class, -1 for no class, (n,).
     """
     cell_m2, found = grid.cell_m**2, []
     for column, number in enumerate(classes.explored):

@@ -1,7 +1,7 @@
-"""Whether the detector of a flight fits the ground: a fact of its journal.
+"""The fit of a flight's detector to the ground, from the journal.
 
-A flight whose detector marks nearly all ground, or none although it was not chosen for that ground,
-ends without a verdict.
+A flight ends without a verdict if its detector marks nearly all ground. It also does if the
+detector marks no ground and was not chosen for this ground.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ FIRST_FRAMES: Final = 100
 LEAST_FRAMES: Final = 20
 """Minimum number of frames for a statement about the detector."""
 MOST_REGION: Final = 0.9
-"""Share of the cells seen that look like region from which on the detector hardly fits."""
+"""Minimum share of observed cells with a majority for region at which the detector hardly fits."""
 REMEDY: Final = (
-    "look at what it marks (`uavmap look`), and choose another one or teach it (`uavmap tune`)"
+    "check what it marks (`uavmap look`), and choose another one or train it (`uavmap tune`)"
 )
 
 
-class News(NamedTuple):
+class Notice(NamedTuple):
     """A line for the operator."""
 
     text: str
@@ -38,16 +38,16 @@ class News(NamedTuple):
 
 @dataclass(slots=True)
 class DetectorFit:
-    """What a detector takes for region in the frames of a flight."""
+    """The votes of a detector in the frames of a flight."""
 
     frames: int = 0
     marks: int = 0
     """Number of votes for region."""
     _ayes: dict[Cell, int] = field(default_factory=dict)
-    """By cell: votes for region less votes against it."""
+    """Votes for region minus votes against it, by cell."""
 
-    def note(self, event: FrameSeen) -> News | None:
-        """Note a frame; return what the operator has to know, if anything."""
+    def note(self, event: FrameSeen) -> Notice | None:
+        """Note a frame; return a line for the operator, if there is one."""
         self.frames += 1
         ayes = self._ayes
         for cell, positive, _ in event.votes:
@@ -56,22 +56,22 @@ class DetectorFit:
         if self.frames != FIRST_FRAMES or not ayes:
             return None
         if self.takes_nearly_all:
-            return News(
-                f"the detector takes {self.share:.0%} of what the first {FIRST_FRAMES} pictures "
-                f"show for region: check whether it fits this ground; {REMEDY}",
+            return Notice(
+                f"the detector marks {self.share:.0%} of the ground in the first {FIRST_FRAMES} "
+                f"pictures as region: check whether it fits this ground; {REMEDY}",
                 True,
             )
         if not self.marks:
-            return News(
-                f"the detector takes nothing of what the first {FIRST_FRAMES} pictures show for "
-                "region; the search goes on",
+            return Notice(
+                f"the detector marks no region in the first {FIRST_FRAMES} pictures; the search "
+                "goes on",
                 False,
             )
         return None
 
     @property
     def cells(self) -> int:
-        """Number of cells seen."""
+        """Number of observed cells."""
         return len(self._ayes)
 
     @property
@@ -81,24 +81,24 @@ class DetectorFit:
 
     @property
     def share(self) -> float:
-        """Share of the cells seen that look like region."""
+        """Share of the observed cells with a majority of votes for region."""
         return self.region / max(self.cells, 1)
 
     @property
     def takes_nearly_all(self) -> bool:
-        """Whether hardly any cell is left that is not region."""
+        """Return whether nearly all observed cells have a majority for region."""
         return self.frames >= LEAST_FRAMES and self.share >= MOST_REGION
 
 
 def no_verdict(state: State, fit: DetectorFit, *, real: bool) -> str:
-    """Return why the map of a flight that is over shows nothing; empty where it does.
+    """Return why a finished flight has no verdict; empty if it has one.
 
-    `real`: the simulator in this process has not painted the ground.
+    `real`: true unless the simulator of this process painted the ground.
     """
     if not state.is_over:
         return ""
     if fit.takes_nearly_all:
-        return f"the detector took {fit.share:.0%} of the {fit.cells:,} cells seen for region"
+        return f"the detector marked {fit.share:.0%} of the {fit.cells:,} observed cells as region"
     section = state.setting.mission.detector
     if real and state.completed and not state.belief.roi and is_untouched(section):
         return (
@@ -109,7 +109,7 @@ def no_verdict(state: State, fit: DetectorFit, *, real: bool) -> str:
 
 
 def is_untouched(section: DetectorSection) -> bool:
-    """Return whether a detector is the default of a mission file, not chosen for the ground.
+    """Return whether a detector is the unchanged default of a mission file.
 
     >>> is_untouched(DetectorSection()), is_untouched(DetectorSection(intensity=120))
     (True, False)
@@ -121,22 +121,22 @@ def is_untouched(section: DetectorSection) -> bool:
 
 
 # --- figures of the summary ---------------------------------------------------------------------
-def doubted(values: Mapping[str, Any], cells: CellTable, setting: Setting) -> dict[str, Any]:
-    """Add to a summary what the detector is not sure of: that is not mapped."""
+def with_unsure(values: Mapping[str, Any], cells: CellTable, setting: Setting) -> dict[str, Any]:
+    """Add the cells to a summary of which the detector is unsure: they are not mapped."""
     count = int(np.count_nonzero(cells.are("unsure")))
     area_m2 = round(count * setting.grid.cell_m**2, 1)
     found = {**values, "cells_unsure": count, "cells_unsure_m2": area_m2}
     if count:
         found["completed"], found["flown_to_the_end"] = False, values["completed"]
         found["finding"] = (
-            f"{values['finding']}; {count} cells ({area_m2:,.0f} sq m) are unsure: they look like "
-            "nothing that the detector was shown"
+            f"{values['finding']}; {count} cells ({area_m2:,.0f} sq m) are unsure: unlike what the "
+            "detector knows"
         )
     return found
 
 
 def ending(values: Mapping[str, Any], no_verdict: str) -> dict[str, Any]:
-    """Return the figures of a flight that ends without a verdict, as far as they are others."""
+    """Return the figures that differ for a flight that ends without a verdict."""
     if not no_verdict:
         return {"no_verdict": None}
     finding = f"no verdict: {no_verdict}; {values['finding']}"

@@ -1,4 +1,4 @@
-"""The figures of a mission, from its events alone: as they come, or from its journal."""
+"""The figures of a mission from its events: while it flies, or from its journal."""
 
 from __future__ import annotations
 
@@ -28,10 +28,13 @@ from vision.projection import SEEN_SHARE
 class Figures:
     """The figures of a flight, and the tracks of the vehicles.
 
-    `flight_time_s` is airborne time of all vehicles; `makespan_s` runs from the first lift-off to
-    the last touch-down. `exploration_s` is the longest time of a vehicle on the tree: without
-    search, paths from and to home, and swaps. `bound_makespan_s` is the strategy's bound on it,
-    None without one; `lower_bound_s` bounds every team on the explored cells.
+    Attributes:
+        flight_time_s: Airborne time of all vehicles.
+        makespan_s: Time from the first lift-off to the last touch-down.
+        exploration_s: Longest time of a vehicle on the tree, without search, paths from and to
+            home, and swaps.
+        bound_makespan_s: The strategy's upper bound on `exploration_s`; None without one.
+        lower_bound_s: Least time of any team on the explored cells.
     """
 
     flight_time_s: float
@@ -44,32 +47,32 @@ class Figures:
     bound_makespan_s: float | None
     tracks: Mapping[int, tuple[tuple[float, GridPoint, float], ...]]
     navigation: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
-    """Of vehicles whose satellites were lost or wrong: how well they knew where they were."""
+    """Accuracy of the positions of vehicles whose satellites were lost or wrong, by vehicle."""
     lift_off_s: float = 0.0
-    """The mission time of the first lift-off that the journal knows."""
+    """Mission time of the first lift-off in the journal."""
     shares: Shares = field(default_factory=Shares, compare=False, repr=False)
-    """The votes of the journal's frames, by which the drift of patches is measured."""
+    """The votes of the journal's frames, which measure the drift of patches."""
     sums: FrameSums = field(default_factory=FrameSums, compare=False, repr=False)
-    """What its frames, and those of other members, saw of each cell: unsure, and which class."""
+    """Sums over its frames and those of other members for each cell: unsure, and classes."""
     fit: DetectorFit = field(default_factory=DetectorFit, compare=False, repr=False)
     passing: Sequence[FrameSeen] = field(default=(), compare=False, repr=False)
-    """The frames that were taken in passing, by which the rim is judged."""
+    """The frames that were taken in passing, which judge the rim."""
     log: FlightLog = field(default_factory=FlightLog, compare=False, repr=False)
 
     @property
     def ratio(self) -> float | None:
-        """The exploration in lower bounds; None where there was nothing to explore."""
+        """Ratio of the exploration to the lower bound; None without an exploration."""
         return round(self.exploration_s / self.lower_bound_s, 3) if self.lower_bound_s else None
 
     @property
     def bound_held(self) -> bool | None:
-        """Whether the exploration stayed within its bound."""
+        """Return whether the exploration stayed within the strategy's bound; None without one."""
         bound_s = self.bound_makespan_s
         return None if bound_s is None else self.exploration_s <= bound_s
 
 
 class FlightRecord:
-    """What the results of a flight take from its events, noted one by one."""
+    """The record from which the results of a flight are made, event by event."""
 
     def __init__(self, setting: Setting) -> None:
         self._state = setting.initial_state()
@@ -77,7 +80,7 @@ class FlightRecord:
         self._shares, self._fit = Shares(), DetectorFit()
         self._passing: list[FrameSeen] = []
         self._log = FlightLog()
-        # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
+        # members of a fleet do not share frames from a cell: each merged flight keeps its own
         in_fleet = setting.team.shares_facts and not setting.strategy.stops
         self._facts = facts_of(setting) if in_fleet else None
         self._sums = FrameSums(None if self._facts is None else self._facts.doubts)
@@ -85,7 +88,7 @@ class FlightRecord:
         """Number of events noted."""
 
     def note(self, event: Event, state: State) -> None:
-        """Note an event; `state` is that after it."""
+        """Note an event; `state` is the state after it."""
         self._counter.before(event, self._state)
         self._counter.after(event)
         self._log.note(event)
@@ -124,15 +127,15 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
 
 def figures_of(state: State, counter: Counter) -> Figures:
     """Return the figures of a flight up to a state; the counter has every event."""
-    everybody = counter.vehicles.values()
+    counts = counter.vehicles.values()
     return Figures(
-        flight_time_s=round(sum(c.flight_s for c in everybody), 1),
+        flight_time_s=round(sum(c.flight_s for c in counts), 1),
         makespan_s=round(max(counter.last_s - (counter.first_s or 0.0), 0.0), 1),
-        distance_m=round(sum(c.distance_m for c in everybody), 1),
-        sorties=sum(c.sorties for c in everybody),
-        battery_swaps=sum(c.swaps for c in everybody),
-        exploration_s=round(max(c.on_task_s for c in everybody), 1),
-        lower_bound_s=_lower_bound_s(state, max(c.stints for c in everybody) - 1),
+        distance_m=round(sum(c.distance_m for c in counts), 1),
+        sorties=sum(c.sorties for c in counts),
+        battery_swaps=sum(c.swaps for c in counts),
+        exploration_s=round(max(c.on_task_s for c in counts), 1),
+        lower_bound_s=_lower_bound_s(state, max(c.stints for c in counts) - 1),
         bound_makespan_s=None
         if state.tree is None
         else state.setting.strategy.bound_s(state.setting, state.tree),
@@ -143,10 +146,10 @@ def figures_of(state: State, counter: Counter) -> Figures:
 
 
 def _lower_bound_s(state: State, breaks: int) -> float:
-    """Return a bound on the time on the tree for every team, at the configured speed.
+    """Return a lower bound on the time on the tree for any team, at the configured speed.
 
-    A path from the root ends anywhere, and every flight home breaks it off. Cells count that were
-    looked at, with all frames, after the root was found; skipped ones do not.
+    A path from the root may end anywhere, and every return interrupts it. Cells count that were
+    observed with all frames after the root was found; skipped cells do not count.
     """
     setting = state.setting
     tree = state.tree
@@ -163,7 +166,7 @@ def _lower_bound_s(state: State, breaks: int) -> float:
         and all(frame.t_s > found_s for frame in state.belief.looks[cell])
     ]
     if tree.root in state.abandoned:
-        breaks = max(breaks, 1)  # no vehicle began there
+        breaks = max(breaks, 1)  # no vehicle began at the root
     look_s = (votes.frames - 1) * setting.mission.camera.interval_s
     metric = replace(setting.metric, look=look_s)
     robots = len(setting.mission.vehicles)
@@ -171,10 +174,10 @@ def _lower_bound_s(state: State, breaks: int) -> float:
 
 
 def _passing_bound_s(state: State, found_s: float, breaks: int) -> float:
-    """Return the bound for vehicles that do not stop, on ground first seen after the root.
+    """Return the bound for vehicles that do not stop, on ground observed first after the root.
 
-    A team that fell back on stopping flew part of it at the mission's speed with any heading; a
-    look judges cells that are nearly whole in the picture.
+    A team that fell back on stopping flew a part at the mission's speed with any heading. A frame
+    of a stop judges cells that are nearly whole in the picture.
     """
     mission = state.setting.mission
     legs_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s if state.falls_back else 0.0
@@ -207,7 +210,7 @@ def frames_judged(state: State) -> int:
 
 
 def finding(state: State) -> str:
-    """Write what the mission found, in a sentence that claims no more than was judged."""
+    """Write what the mission found, in a sentence about judged ground alone."""
     frames = frames_judged(state)
     left_m = sum(a.distance_to(b) for a, b in state.unsearched)
     if state.setting.strategy.patches and state.belief.roi:
@@ -229,7 +232,7 @@ def finding(state: State) -> str:
             text += f"; {len(state.skipped)} suspicions were skipped by the operator"
         return f"{text}; {left_m:.0f} m of search lanes are not judged" if left_m else text
     reasons = (
-        (state.abandoned, "could not be looked from"),
+        (state.abandoned, "could not be observed"),
         (state.undecided, "lack votes"),
         (state.skipped, "were skipped by the operator"),
     )
@@ -260,11 +263,12 @@ def _patches_found(state: State, frames: int, left_m: float) -> str:
         return f"{text}; {len(state.undecided)} cells lack votes"
     if not state.surveyed:
         return f"{text}; they are not explored to their ends"
-    return f"{text}, explored to {'its end' if count == 1 else 'their ends'}; the whole box is seen"
+    ends = "its end" if count == 1 else "their ends"
+    return f"{text}, explored to {ends}; the whole box is seen"
 
 
 def aircraft_down(state: State) -> list[str]:
-    """List the aircraft to be recovered, each with its place, and those that may be."""
+    """List the aircraft that are down, each with its place, and those that may be down."""
     lines = []
     for number, vehicle in sorted(state.vehicles.items()):
         if vehicle.away:
@@ -277,7 +281,7 @@ def aircraft_down(state: State) -> list[str]:
 
 
 def summary(state: State, found: Figures, seed: int | None) -> dict[str, Any]:
-    """Create the part of summary.json that needs no truth."""
+    """Create the part of summary.json that does not need the truth."""
     setting = state.setting
     mission, tree = setting.mission, state.tree
     of_patches, in_all = certificates(state, found.lift_off_s)
@@ -322,7 +326,7 @@ def summary(state: State, found: Figures, seed: int | None) -> dict[str, Any]:
         "navigation": {str(number): dict(one) for number, one in found.navigation.items()},
         "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},
     }
-    if not setting.team.knows_orders:  # merged: no journal has the orders of all
+    if not setting.team.knows_orders:  # merged: no journal has the orders of all vehicles
         values |= dict.fromkeys(
             ("exploration_s", "lower_bound_s", "ratio", "bound_makespan_s", "bound_held")
         )

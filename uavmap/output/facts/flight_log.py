@@ -24,17 +24,17 @@ from missions.units import GridPoint
 from uavmap.base.printable import printable
 
 E = TypeVar("E", bound=Event)
-Kind = Literal["fault", "refusal", "link", "pilot", "operator", "frame", "words"]
+Kind = Literal["fault", "refusal", "link", "pilot", "operator", "frame", "text"]
 
 WARNING: Final = 4
-"""MAV_SEVERITY from which on a text of a vehicle is a fault."""
+"""Maximum MAV_SEVERITY at which a text of a vehicle counts as a fault."""
 
 
 _ORDERS: Final[Mapping[type[Event], str]] = {
     ev.VehicleRecalled: "called home",
-    ev.Recalled: "everybody called home",
+    ev.Recalled: "all vehicles called home",
     ev.Paused: "paused",
-    ev.Continued: "gone on",
+    ev.Continued: "continued",
     ev.Resumed: "resumed after an interruption",
 }
 _GNSS: Final = {
@@ -54,7 +54,7 @@ class Fix(NamedTuple):
 
 
 class FrameRow(NamedTuple):
-    """A judged frame: number of cells it voted on, and of votes for region."""
+    """A judged frame: the number of cells with a vote, and of votes for region."""
 
     vehicle: int
     t_s: float
@@ -63,7 +63,7 @@ class FrameRow(NamedTuple):
 
 
 class Trouble(NamedTuple):
-    """Something that did not go as planned; `vehicle` 0 is the whole mission."""
+    """A fault, or an action of a person; `vehicle` 0 stands for the whole mission."""
 
     t_s: float
     vehicle: int
@@ -72,14 +72,14 @@ class Trouble(NamedTuple):
 
 
 class Sortie(NamedTuple):
-    """A flight of a vehicle from lift-off to touch-down, or to its last known place."""
+    """A flight of a vehicle from lift-off to touch-down, or to its last known position."""
 
     vehicle: int
     number: int
     start_s: float
     end_s: float
     ended: bool
-    """Whether it has landed."""
+    """True if it has landed."""
 
 
 @dataclass(slots=True)
@@ -87,9 +87,9 @@ class FlightLog:
     """The course of a flight; times are mission seconds.
 
     Attributes:
-        frames: In the order in which they were judged.
+        frames: Judged frames, in the order of judging.
         swaps: Vehicle and time of each fresh battery.
-        homes: By vehicle, as last reported.
+        homes: Last reported home of each vehicle.
         amsl_m: Height above the sea of the first reported home.
     """
 
@@ -103,15 +103,15 @@ class FlightLog:
     _gnss: dict[int, str] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, events: Iterable[Event]) -> FlightLog:
-        """Note the events of a journal."""
+    def from_events(cls, events: Iterable[Event]) -> FlightLog:
+        """Create the log of a journal's events."""
         log = cls()
         for event in events:
             log.note(event)
         return log
 
     def noting(self, events: Iterable[E]) -> Iterator[E]:
-        """Yield the same events, each noted on its way."""
+        """Note events, and yield each of them."""
         for event in events:
             self.note(event)
             yield event
@@ -147,7 +147,7 @@ class FlightLog:
             self._on_ground.setdefault(event.vehicle, []).append(event.t_s)
 
     def fixes_of(self, sortie: Sortie) -> list[Fix]:
-        """Return the places of a sortie."""
+        """Return the positions of a sortie."""
         own = self.fixes[sortie.vehicle]
         return [fix for fix in own if sortie.start_s <= fix.t_s <= sortie.end_s]
 
@@ -175,7 +175,7 @@ class FlightLog:
 
 
 def _trouble(event: Event) -> Trouble | None:
-    """Return the fault in an event, or what a person did; None for all else."""
+    """Return the fault, or the action of a person, in an event; None for other events."""
     kind: Kind
     match event:
         case ev.FrameLost(reason=text):
@@ -192,11 +192,11 @@ def _trouble(event: Event) -> Trouble | None:
             kind, text = "link", "link lost"
         case ev.Overridden(mode=mode, cause=cause):
             why = f" ({cause})" if cause else ""
-            kind, text = "pilot", f"taken by a pilot or a failsafe: {mode}{why}"
+            kind, text = "pilot", f"changed by the pilot or a failsafe: {mode}{why}"
         case ev.Released():
-            kind, text = "pilot", "given back"
-        case ev.AutopilotText(severity=severity, text=said, times=times) if severity <= WARNING:
-            kind, text = "words", f"{said} ({times} times)" if times > 1 else said
+            kind, text = "pilot", "under our control again"
+        case ev.AutopilotText(severity=severity, text=found, times=times) if severity <= WARNING:
+            kind, text = "text", f"{found} ({times} times)" if times > 1 else found
         case ev.CellSkipped(cell=cell):
             kind, text = "operator", f"cell {cell.east}, {cell.north} skipped"
         case _ if type(event) in _ORDERS:
@@ -209,7 +209,7 @@ def _trouble(event: Event) -> Trouble | None:
 # --- counts, event by event -----------------------------------------------------------------------
 @dataclass(slots=True)
 class NavigationLog:
-    """How well one vehicle knew its position; times are mission seconds.
+    """The accuracy of one vehicle's position; times are mission seconds.
 
     >>> from missions.units import GridPoint
     >>> log = NavigationLog()
@@ -221,7 +221,7 @@ class NavigationLog:
     """
 
     noticed_s: float | None = None
-    """When satellites were lost, or found to be wrong, first."""
+    """Mission time at which satellites were first lost or found wrong."""
     lost_s: float = 0.0
     wrong_s: float = 0.0
     off_m: float | None = None
@@ -255,7 +255,7 @@ class NavigationLog:
         self._since_s = t_s
 
     def figures(self) -> dict[str, Any]:
-        """Return the figures for summary.json; empty where satellites were good all the time."""
+        """Return the figures for summary.json; empty if satellites were always good."""
         if self.noticed_s is None:
             return {}
         return {
@@ -270,9 +270,9 @@ class NavigationLog:
 def navigation_in_words(figures: Mapping[str, Any]) -> str:
     """Write the figures of one vehicle for the report.
 
-    >>> told = {"noticed_s": 138.7, "lost_s": 90.0, "wrong_s": 0.0, "off_m": 0.8, "sigma_m": 0.9}
-    >>> navigation_in_words(told)[49:]
-    'the told place was off by up to 0.8 m, and its own map told it to ±0.9 m (1 sigma) or better'
+    >>> one = {"noticed_s": 138.7, "lost_s": 90.0, "wrong_s": 0.0, "off_m": 0.8, "sigma_m": 0.9}
+    >>> navigation_in_words(one)[49:]
+    'the reported position was wrong by up to 0.8 m; its own map gave it to within 0.9 m (1 sigma)'
     """
     what = " and ".join(
         f"{word} for {figures[key]:.0f} s"
@@ -283,8 +283,8 @@ def navigation_in_words(figures: Mapping[str, Any]) -> str:
     if figures["off_m"] is None or figures["sigma_m"] is None:
         return text
     return (
-        f"{text}; the told place was off by up to {figures['off_m']:.1f} m, and its own map told "
-        f"it to ±{figures['sigma_m']:.1f} m (1 sigma) or better"
+        f"{text}; the reported position was wrong by up to {figures['off_m']:.1f} m; its own "
+        f"map gave it to within {figures['sigma_m']:.1f} m (1 sigma)"
     )
 
 
@@ -309,7 +309,7 @@ class Count:
     navigation: NavigationLog = field(default_factory=NavigationLog)
 
     def track(self, event: Tracked) -> None:
-        """Count a new position; off the ground it may begin a sortie."""
+        """Count a new position; above the ground it may begin a sortie."""
         if self.position is not None:
             self.distance_m += self.position.distance_to(event.position)
         self.position = event.position
@@ -330,19 +330,19 @@ class Count:
 
 
 class Counter:
-    """Counts of every vehicle; give it each event before and after the step of the mission."""
+    """The counts of every vehicle; call `before` and `after` with each event of the mission."""
 
     def __init__(self, numbers: Iterable[int]) -> None:
         self.vehicles: Mapping[int, Count] = {number: Count() for number in numbers}
         self.first_s: float | None = None
-        """The first lift-off, mission seconds."""
+        """Mission time of the first lift-off, s."""
         self.last_s = 0.0
-        """The last touch-down."""
+        """Mission time of the last touch-down, s."""
         self._before_s = 0.0
 
     def before(self, event: Event, state: State) -> None:
-        """Count the time up to an event; `state` is that before it."""
-        if isinstance(event, AutopilotText):  # words are no part of a flight's times
+        """Count the time up to an event; `state` is the state before it."""
+        if isinstance(event, AutopilotText):  # texts of vehicles do not count as flight
             return
         for number, vehicle in state.vehicles.items():
             elapsed_s = max(event.t_s - self._before_s, 0.0)
@@ -350,7 +350,7 @@ class Counter:
         self._before_s = max(self._before_s, event.t_s)
 
     def after(self, event: Event) -> None:
-        """Count what an event adds."""
+        """Count the event itself."""
         if isinstance(event, Landed | Navigated):
             self.vehicles[event.vehicle].navigation.note(event)
         if isinstance(event, Tracked):
@@ -368,7 +368,7 @@ class Counter:
 
 
 def _reconnect(count: Count, event: Connected) -> float:
-    """End a sortie that an interruption hid, without its distance; return when it ended."""
+    """End a sortie during an interruption, without its distance; return the time of its end."""
     count.position = None
     if event.airborne or count.lift_off_s is None:
         return 0.0
@@ -379,7 +379,7 @@ def _reconnect(count: Count, event: Connected) -> float:
 
 
 def _on_task(count: Count, vehicle: VehicleState, state: State, elapsed_s: float) -> None:
-    """Add the time that a vehicle spends on the tree; one on a path is there at once."""
+    """Add the time of a vehicle on the tree; a vehicle on a path counts at once."""
     if (
         state.tree is None
         or vehicle.phase is not Phase.AIRBORNE

@@ -1,4 +1,4 @@
-"""All that the report and the files of a flight, or of recorded pictures, are made of."""
+"""The facts of a flight, or of recorded pictures, for its report and files."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.map_model import MapData, on_ground
 
 DERIVED: Final = "derived from the pictures"
-"""Source of a mission derived for a replay: its box and fence are not drawn."""
+"""Source of a mission that a replay derives: its box and fence are not shown."""
 TAKEN: Final = "taken"
-"""In the journal's meta of a replay: when its first picture was taken, and by which clock."""
+"""Key of the time and the clock of a replay's first picture, in the journal's meta."""
 _1970: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -39,10 +39,10 @@ class Calendar:
     """The dates of mission seconds.
 
     Attributes:
-        zero_s: Seconds since 1970 at mission time 0; None where unknown.
+        zero_s: Seconds since 1970 at mission time 0; None if unknown.
         rate: Seconds of the calendar in a mission second.
-        clock: `utc`; `camera`, a clock without a zone; `simulated`: UTC of a world that begins on
-            2020-01-01 in each flight.
+        clock: `utc`; `camera`: a clock without a zone; `simulated`: UTC of a simulated world,
+            which begins on 2020-01-01 in each flight.
     """
 
     zero_s: float | None
@@ -65,7 +65,7 @@ class Calendar:
         return cls(float(first_s), clock="utc" if taken.get("clock") == "utc" else "camera")
 
     def utc(self, t_s: float) -> str | None:
-        """Write UTC to a millisecond, as ISO 8601 and GeoPackage have it; None where unknown.
+        """Write UTC to a millisecond, in the form of ISO 8601 and GeoPackage; None if unknown.
 
         >>> Calendar(1577836800.0).utc(61.5)
         '2020-01-01T00:01:01.500Z'
@@ -76,7 +76,7 @@ class Calendar:
         return None if date is None else f"{date:%Y-%m-%dT%H:%M:%S}.{date.microsecond // 1000:03}Z"
 
     def in_words(self, t_s: float) -> str:
-        """Write a date to a second, for people.
+        """Write a date to a second, for readers.
 
         >>> Calendar(0.0, clock="camera").in_words(3600.0), Calendar(None).in_words(1.0)
         ("1970-01-01 01:00:00 by the camera's clock", 'not known')
@@ -88,7 +88,7 @@ class Calendar:
         return f"{date:%Y-%m-%d %H:%M:%S}{zone[self.clock]}"
 
     def date(self, t_s: float) -> datetime | None:
-        """Return the date; that of a camera's clock has a zone without meaning."""
+        """Return the date; the zone of a camera's clock has no meaning."""
         if self.zero_s is None:
             return None
         try:
@@ -107,19 +107,19 @@ def taken_meta(first_s: float | None, clock: str) -> dict[str, Any]:
 class Extent:
     """A region in numbers: square metres and metres on the ground.
 
-    A cell belongs to the region where at least `detector.share` of it looks like region, less what
-    an error of the pose may hide (`rim_share`). So a cell of the region along the outline counts
-    from the lesser share to 1, a judged one beside it from 0 to `detector.share`, one without a
-    verdict from 0 to 1.
+    A cell belongs to the region if at least `detector.share` of it looks like region. An error of
+    the pose may hide a part of that share (`rim_share`). So a cell of the region along the outline
+    counts from the lesser share to 1. A judged cell beside it counts from 0 to `detector.share`,
+    and a cell without a verdict from 0 to 1.
 
     Attributes:
-        low_m2: Minimum of region in its cells.
-        high_m2: Maximum of region, with that in the cells beside.
-        outline: Around its cells, in the moving frame; may be empty.
-        perimeter_m: Along the sides of cells, holes included; a smooth outline is shorter, by at
-            most the root of 2.
-        parts: Cells that share only a corner are of different parts.
-        open_cells: Cells of the region beside a cell without a verdict: it may go on there.
+        low_m2: Minimum area of region in its cells.
+        high_m2: Maximum area of region, with that in the cells beside.
+        outline: Outline of its cells, in the moving frame; may be empty.
+        perimeter_m: Length along the sides of cells, holes included; a smooth outline is shorter,
+            by at most the root of 2.
+        parts: Number of parts; cells that share only a corner are of different parts.
+        open_cells: Number of its cells beside a cell without a verdict: it may go on there.
     """
 
     area_m2: float
@@ -133,7 +133,7 @@ class Extent:
 
     @property
     def shortest_m(self) -> float:
-        """The perimeter of a smooth outline that runs diagonally all along."""
+        """Perimeter of a smooth outline that is diagonal everywhere."""
         return self.perimeter_m / math.sqrt(2.0)
 
     def figures(self) -> dict[str, Any]:
@@ -147,7 +147,10 @@ class Extent:
 
 
 def extent(data: MapData, least: float, most: float) -> Extent:
-    """Measure a map's region: cells may belong to it from a share `least`, and do from `most`."""
+    """Measure a map's region.
+
+    Cells with a share of at least `least` may belong to it, those with `most` do.
+    """
     table = data.cells
     roi = table.cells[table.roi]
     rim, beside, beyond, open_cells = _around(roi, table.cells[table.are("non-roi")])
@@ -191,12 +194,12 @@ class BoundaryFacts:
     """The boundary at pixel level, in the fixed frame, m on the ground.
 
     Attributes:
-        low_m2: Where P is at least 0.9.
-        high_m2: Where P is at least 0.1.
-        length_m: Of all its lines.
-        uncertainty_m: Of half of it: half the distance from P = 0.1 to P = 0.9; None where P
-            reaches 0.9 nowhere.
-        open_m: Where it runs along the end of the pictures.
+        low_m2: Area with P of at least 0.9.
+        high_m2: Area with P of at least 0.1.
+        length_m: Length of all its lines.
+        uncertainty_m: Uncertainty that half of it does not exceed: half the distance from P = 0.1
+            to P = 0.9; None if P reaches 0.9 nowhere.
+        open_m: Length along the end of the pictures.
         position_m: Standard deviation of a picture's place.
     """
 
@@ -211,7 +214,7 @@ class BoundaryFacts:
 
 
 def read_boundary(folder: Path, data: MapData) -> BoundaryFacts | None:
-    """Read the boundary in a folder of results; None without one, and of an edited or old file."""
+    """Read the boundary in a folder of results; None without one, or if it is old or edited."""
     try:
         values = json.loads(read_text(folder / BOUNDARY_FILE, _MOST_BYTES))
         if abs(float(values["t_s"]) - data.t_s) > _SAME_S:
@@ -222,7 +225,7 @@ def read_boundary(folder: Path, data: MapData) -> BoundaryFacts | None:
 
 
 def _boundary_of(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryFacts | None:
-    """Read the features; None of a geometry that is no boundary. Any other fault raises."""
+    """Read the features; None if a geometry is not a boundary. Any other fault raises."""
     features = {str(one["id"]): one for one in found}
     feature = features["boundary"]
     values = feature["properties"]
@@ -248,7 +251,7 @@ def _boundary_of(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryF
 
 # --- a flight with its results --------------------------------------------------------------------
 @dataclass(frozen=True)
-class Flown:
+class FlownMission:
     """A flight with its results, or a replay of recorded pictures; `values` is its summary.json."""
 
     folder: Path
@@ -262,12 +265,12 @@ class Flown:
 
     @property
     def completed(self) -> bool:
-        """Whether the mission is complete."""
+        """Return whether the mission is complete."""
         return bool(self.values.get("completed"))
 
     @property
     def ending(self) -> str:
-        """How it ended, in words."""
+        """Its end in words."""
         if self.recorded:
             few = not (self.completed or self.values.get("flown_to_the_end"))
             return "Too few pictures" if few else "Pictures"
@@ -277,7 +280,7 @@ class Flown:
 
     @property
     def simulated(self) -> bool:
-        """Whether the world was a simulated one."""
+        """Return whether it was flown in a simulated world."""
         return self.plan.simulated and not self.recorded
 
     @cached_property
@@ -287,7 +290,7 @@ class Flown:
 
     @property
     def least_share(self) -> float:
-        """The share from which on a cell may belong to the region."""
+        """Minimum share with which a cell may belong to the region."""
         mission = self.setting.mission
         return mission.detector.share if self.recorded else rim_share(mission)
 
@@ -302,7 +305,7 @@ class Flown:
         return f"EPSG:{self.data.grid.zone.epsg}"
 
 
-def dated(flown: Flown) -> Flown:
+def dated(flown: FlownMission) -> FlownMission:
     """Add the extent of the region, dates, coordinates and version to the summary."""
     values = {
         **flown.values,

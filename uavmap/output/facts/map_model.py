@@ -1,4 +1,4 @@
-"""A map with all that its writers show, among it the outline of its region."""
+"""The model of a map for all its writers."""
 
 from __future__ import annotations
 
@@ -29,18 +29,16 @@ State = Literal[
     "skipped",
     "unsure",
 ]
-"""Skipped: region that the operator excluded from looks. Provisional: the majority of frames, while
-they are too few for a verdict. Unsure: not taken for region, and like nothing that the detector
-knows."""
+"""States of cells, as the glossary defines them."""
 
 NOT_ROI: frozenset[State] = frozenset(("non-roi", "provisional", "provisional non-roi", "unsure"))
-"""States that are not region."""
+"""The states that are not region."""
 
 _STATES: Final[tuple[State, ...]] = get_args(State)
 _CODES: Final = {state: np.uint8(code) for code, state in enumerate(_STATES)}
 _ROI: Final = np.array([state not in NOT_ROI for state in _STATES])
 AT_ONCE: Final = 4096
-"""Number of cells that are written at a time."""
+"""Number of cells that a writer processes at a time."""
 
 
 class CellRow(NamedTuple):
@@ -58,14 +56,14 @@ class CellTable:
 
     Attributes:
         cells: Columns and rows, shape (n, 2).
-        codes: Of the states, shape (n,).
+        codes: Numbers of the states, shape (n,).
         positive: Number of frames whose verdict is region.
         votes: Number of frames that voted.
-        belief: Believed share of region, 0 to 1; None where nothing is weighed.
+        belief: Believed share of region, 0 to 1; None without weighed evidence.
         shares: Mean share of each class of the region, (n, classes); None without classes.
 
     >>> rows = [CellRow(Cell(3, 4), "explored", 2, 3), CellRow(Cell(3, 5), "non-roi", 0, 3)]
-    >>> table = CellTable.of(rows)
+    >>> table = CellTable.from_rows(rows)
     >>> table.cells.tolist(), table.roi.tolist(), next(table.values())
     ([[3, 4], [3, 5]], [True, False], ([3, 4], 'explored', 2, 3, None))
     """
@@ -78,8 +76,8 @@ class CellTable:
     shares: NDArray[np.float64] | None = None
 
     @classmethod
-    def of(cls, rows: Iterable[CellRow]) -> Self:
-        """Create the table of a flight, where nothing is weighed."""
+    def from_rows(cls, rows: Iterable[CellRow]) -> Self:
+        """Create the table of a flight, without weighed evidence."""
         found = list(rows)
         return cls(
             np.array([row.cell for row in found], np.int32).reshape(-1, 2),
@@ -97,7 +95,7 @@ class CellTable:
         votes: NDArray[np.int32],
         belief: NDArray[np.float64] | None,
     ) -> Self:
-        """Create the table of recorded pictures, where a cell is region or not."""
+        """Create the table of recorded pictures: each cell is region or not."""
         codes = np.where(roi, _CODES["explored"], _CODES["non-roi"])
         return cls(cells, codes, positive, votes, belief)
 
@@ -105,7 +103,7 @@ class CellTable:
         return len(self.cells)
 
     def with_sums(self, sums: FrameSums, numbers: Sequence[int]) -> CellTable:
-        """Return the table with cells unsure that are no region, and with the shares of classes."""
+        """Return the table with unsure cells among those not region, and with shares of classes."""
         codes = np.where(sums.which_unsure(self.cells) & ~self.roi, _CODES["unsure"], self.codes)
         shares = sums.shares(self.cells, numbers) if numbers else None
         return replace(self, codes=codes, shares=shares)
@@ -132,20 +130,20 @@ class CellTable:
 
     @property
     def roi(self) -> NDArray[np.bool_]:
-        """Which cells are part of the region."""
+        """True for each cell of the region, shape (n,)."""
         found: NDArray[np.bool_] = _ROI[self.codes]
         return found
 
     @property
     def classes(self) -> NDArray[np.intp]:
-        """The column of the class that frames saw most of, in cells of the region; else -1."""
+        """Column of the class with the largest share in each cell of the region; else -1."""
         if self.shares is None:
             return np.full(len(self), -1)
         known = self.roi & (self.shares.max(axis=1) > 0.0)
         return np.where(known, self.shares.argmax(axis=1), -1)
 
     def are(self, state: State) -> NDArray[np.bool_]:
-        """Return which cells are in a state."""
+        """Return true for each cell in a state, shape (n,)."""
         found: NDArray[np.bool_] = self.codes == _CODES[state]
         return found
 
@@ -157,7 +155,7 @@ class CellTable:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where a vehicle went: (mission seconds, position over ground, metres above home)."""
+    """The track of a vehicle: (mission seconds, position over ground, metres above home)."""
 
     vehicle: int
     points: tuple[tuple[float, LatLon, float], ...]
@@ -167,7 +165,7 @@ class Track:
 class MapData:
     """A map at the mission time `t_s`.
 
-    `truth` is the real region in ground metres of the grid's moving frame; None outside of
+    `truth` is the true region in ground metres of the grid's moving frame; None outside of
     simulation. `box`, `fence` and `fence_holes` are rings, open or closed, fixed to the ground.
     """
 
@@ -184,14 +182,14 @@ class MapData:
     unsearched: tuple[tuple[LatLon, LatLon], ...] = ()
     """Stretches of search lanes that no judged frame shows, fixed to the ground."""
     pictures: int | None = None
-    """Of a replay, from how many pictures the map is; None for a flight."""
+    """Number of pictures in the map of a replay; None for a flight."""
     boundary: BaseGeometry | None = None
-    """The region's boundary at pixel level, in the moving frame, where pictures show it."""
+    """The region's boundary at pixel level, in the moving frame, if pictures show it."""
     classes: Classes | None = None
-    """Those that its detector tells apart."""
+    """The classes that its detector distinguishes."""
 
     def with_boundary(self, boundary: BaseGeometry) -> MapData:
-        """Return the same map with a boundary, and keep what was computed of its cells."""
+        """Return the map with a boundary; results that were computed for its cells are kept."""
         other = replace(self, boundary=boundary)
         kept = ("corners", "outline", "class_areas")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
@@ -200,16 +198,16 @@ class MapData:
     @cached_property
     def corners(self) -> CellCorners:
         """The corners of the cells at the time of the map."""
-        return CellCorners.of(self.cells.cells, self.grid, self.t_s)
+        return CellCorners.of_cells(self.cells.cells, self.grid, self.t_s)
 
     @cached_property
     def outline(self) -> Polygon | MultiPolygon:
-        """Around the cells of the region, in the moving frame."""
+        """Outline of the cells of the region, in the moving frame."""
         return outline(self.roi_cells, self.grid)
 
     @cached_property
     def class_areas(self) -> tuple[ClassArea, ...]:
-        """The classes of the region, by number; none where the detector knows the region only."""
+        """The classes of the region, by number; empty if the detector has no classes."""
         shares = self.cells.shares
         if self.classes is None or shares is None:
             return ()
@@ -229,14 +227,14 @@ class CellCorners:
     """The corners of cells.
 
     Attributes:
-        lon_deg: Of each corner.
-        lat_deg: Of each corner.
+        lon_deg: Longitude of each corner.
+        lat_deg: Latitude of each corner.
         rings: Numbers of each cell's corners, shape (n, 4): south-west, south-east, north-east,
             north-west.
 
     >>> from missions.units import LatLon
     >>> grid = Grid.at(LatLon(48.0, 11.0), cell_m=4.0)
-    >>> found = CellCorners.of(np.array([[0, 0], [1, 0]], np.int32), grid, t_s=0.0)
+    >>> found = CellCorners.of_cells(np.array([[0, 0], [1, 0]], np.int32), grid, t_s=0.0)
     >>> len(found.lon_deg), found.rings.tolist()
     (6, [[0, 2, 3, 1], [2, 4, 5, 3]])
     """
@@ -246,7 +244,7 @@ class CellCorners:
     rings: NDArray[np.int32]
 
     @classmethod
-    def of(cls, cells: NDArray[np.int32], grid: Grid, t_s: float) -> CellCorners:
+    def of_cells(cls, cells: NDArray[np.int32], grid: Grid, t_s: float) -> CellCorners:
         """Compute the corners of cells over ground at a mission time."""
         if not len(cells):
             return cls(np.empty(0), np.empty(0), np.empty((0, 4), np.int32))
@@ -261,7 +259,7 @@ class CellCorners:
         return cls(lon_deg, lat_deg, which.reshape(-1, 4).astype(np.int32))
 
     def which(self, some: NDArray[np.bool_]) -> CellCorners:
-        """Return those of some of the cells."""
+        """Return the corners of some of the cells."""
         return CellCorners(self.lon_deg, self.lat_deg, self.rings[some])
 
     def written(
@@ -269,7 +267,7 @@ class CellCorners:
     ) -> Iterator[list[list[str]]]:
         """Yield the four corners of each cell as texts, `AT_ONCE` cells at a time.
 
-        `write` makes the text of a longitude, in the turn of the start's, and a latitude.
+        `write` makes the text of a longitude, within 180 degrees of the start's, and a latitude.
         """
         for first in range(0, len(self.rings), AT_ONCE):
             rings = self.rings[first : first + AT_ONCE]
@@ -280,7 +278,7 @@ class CellCorners:
 
 
 def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
-    """Return longitudes in the turn of the start's, so that no polygon spans the globe."""
+    """Return longitudes within 180 degrees of the start's, so that no polygon spans the globe."""
     return lon_deg + 360.0 * np.round((start.lon_deg - lon_deg) / 360.0)
 
 
@@ -293,7 +291,7 @@ def on_earth(points: NDArray[np.float64], grid: Grid, t_s: float) -> NDArray[np.
 def placed(
     points: NDArray[np.float64], grid: Grid, t_s: float, start: LatLon, decimals: int
 ) -> NDArray[np.float64]:
-    """Return `on_earth` for a file: longitudes in the turn of the start's, rounded."""
+    """Return `on_earth` for a file: rounded, longitudes within 180 degrees of the start's."""
     found = on_earth(points, grid, t_s)
     found[:, 0] = turned(found[:, 0], start)
     return found.round(decimals)
@@ -307,5 +305,5 @@ def on_ground(degrees: NDArray[np.float64], grid: Grid) -> NDArray[np.float64]:
 
 
 def drift_m(grid: Grid, t_s: float) -> NDArray[np.float64]:
-    """Return how far the moving frame is from the fixed one at a time, east and north."""
+    """Return the shift of the moving frame from the fixed one at a time, east and north, m."""
     return np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * t_s

@@ -1,13 +1,13 @@
-"""The certificate of each patch of the region, and of all: what is proven, and how fast.
+"""The certificate of each patch of the region, and of all: proven completeness and speed.
 
 A patch is complete when each of its cells and each cell beside these is judged. It *took* the time
-from its first judged cell to the last one of it or beside it, whatever else was flown meanwhile.
+from its first judged cell to the last one in it or beside it; other flights in between count.
 
-Later frames showed every cell judged after the first one. `missions.planning.lower_bounds` bounds
-what R vehicles show at that moment and sweep from then on: this gives the least time of any team as
-large and as fast.
+Later frames showed every cell judged after the first one. `missions.planning.lower_bounds` limits
+the ground that R vehicles show at that moment, and sweep from then on. This gives the least time
+of any team of this size and speed.
 
-All of it follows from the ballots, so from the same facts in whatever order they became known.
+The certificate follows from the ballots, so it does not depend on the order of the facts.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FACT_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Team:
-    """The ground that a team can show: the arguments of `passing_bound_s`."""
+    """The figures of a team for `passing_bound_s`."""
 
     robots: int
     footprint_m: tuple[float, float]
@@ -42,14 +42,13 @@ class Team:
     speed_m_s: float
     turned: bool
     late_s: float
-    """Maximum delay of a verdict behind its shared time."""
+    """Maximum delay of a verdict after its shared time, s."""
 
     @classmethod
-    def of(cls, state: State, *, overview: bool) -> Team:
-        """Create that of a mission at the greatest speed, by frames from the highest possible
-        place.
+    def from_state(cls, state: State, *, overview: bool) -> Team:
+        """Create the team of a mission at its maximum speed, with frames from its maximum height.
 
-        `overview`: frames from a search's height, not those of the map.
+        `overview`: frames from the height of a search, not from that of the map.
         """
         setting = state.setting
         mission = setting.mission
@@ -59,7 +58,7 @@ class Team:
         if not overview and above_m is not None:
             heights_m = [*low_m, above_m]
         height_m = max(heights_m) + max(0.0, *(-v.home_level_m for v in vehicles.values()))
-        height_m += mission.ground_span_m  # downhill a picture shows more, but never more than so
+        height_m += mission.ground_span_m  # an upper bound: downhill a picture shows more
         speed_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s
         if not setting.strategy.stops:
             layers_m = (*low_m, *(mission.top_altitude_m(number - 1) for number in vehicles))
@@ -76,8 +75,8 @@ class Team:
         )
 
     def least_s(self, ground_m2: float) -> float:
-        """Return the least time to show so much ground, from anywhere, s."""
-        share = SEEN_SHARE if self.turned else 1.0  # looks judge cells that are nearly whole
+        """Return the least time to show an area of ground, from any place, s."""
+        share = SEEN_SHARE if self.turned else 1.0  # frames of a stop judge nearly whole cells
         bound_s = passing_bound_s(
             share * ground_m2, self.robots, 0, self.footprint_m, self.lean_m,
             self.speed_m_s, turned=self.turned,
@@ -86,37 +85,37 @@ class Team:
 
 
 @dataclass(frozen=True, slots=True)
-class _Judged:
-    """The frames by which cells were judged, and the teams at both heights."""
+class _Verdicts:
+    """The frames that judged cells, and the teams at both heights."""
 
     frames: Mapping[Cell, FrameId]
     above: Collection[FrameId]
-    """The frames from a search's height: what they show is wider."""
+    """The frames from the height of a search: they show more ground."""
     low: Team
     high: Team
     cell_m2: float
     lift_off_s: float
 
     @classmethod
-    def of(cls, state: State, lift_off_s: float) -> _Judged:
+    def from_state(cls, state: State, lift_off_s: float) -> _Verdicts:
         return cls(
             judging_frames(state.belief),
             state.overview.looks.get(None, {}),
-            Team.of(state, overview=False),
-            Team.of(state, overview=True),
+            Team.from_state(state, overview=False),
+            Team.from_state(state, overview=True),
             state.setting.grid.cell_m**2,
             lift_off_s,
         )
 
     def times(self, region: Collection[Cell], beside: Collection[Cell]) -> dict[str, float | None]:
-        """Return when cells were judged, and the least time for those after the first one."""
+        """Return the times of verdicts, and the least time for those after the first one."""
         if not region:
             return dict.fromkeys(("found_s", "decided_s", "took_s", "lower_bound_s", "ratio"))
         begin_s = min(self.frames[cell].t_s for cell in region)
         judged = [self.frames[cell] for cell in (*region, *beside) if cell in self.frames]
         end_s = max(frame.t_s for frame in judged)
         later = [frame in self.above for frame in judged if frame.t_s > begin_s]
-        # a vehicle flies at both heights, so the two do not add up
+        # a vehicle flies at both heights, so the two bounds do not add up
         bound_s = max(
             self.low.least_s(later.count(False) * self.cell_m2),
             self.high.least_s(later.count(True) * self.cell_m2),
@@ -132,11 +131,11 @@ class _Judged:
 
 
 def certificates(state: State, lift_off_s: float) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return those of each patch, the largest first, and of all; places are those at `state.t_s`.
+    """Return the certificate of each patch, the largest first, and that of all.
 
-    `lift_off_s`: the mission time from which seconds are counted.
+    Places are those at `state.t_s`. Seconds count from `lift_off_s`, a mission time.
     """
-    judged = _Judged.of(state, lift_off_s)
+    judged = _Verdicts.from_state(state, lift_off_s)
     frames, found = judged.frames, patches(state.belief.roi)
     beside = [{near for cell in patch for near in cell.neighbours()} - patch for patch in found]
     open_cells = {cell for cells in beside for cell in cells if cell not in frames}
@@ -184,7 +183,7 @@ def _place(state: State, east: float, north: float) -> dict[str, float]:
 
 
 def _first_seen_s(state: State) -> dict[Cell, float]:
-    """Return when each cell was seen first, from either height, by frames that count."""
+    """Return when each cell was first observed, from either height, by frames that count."""
     first = state.overview.first_seen_s()
     for cell, t_s in state.belief.first_seen_s().items():
         first[cell] = min(t_s, first.get(cell, t_s))
@@ -193,7 +192,7 @@ def _first_seen_s(state: State) -> dict[Cell, float]:
 
 # --- what is not judged, and why ---------------------------------------------------------------
 def _reasons(state: State, cells: Collection[Cell], seen: Collection[Cell]) -> dict[Cell, str]:
-    """Return why cells beside the region are not judged: the first reason that holds."""
+    """Return the reason why each cell beside the region is not judged: the first that holds."""
     beyond = beyond_fence(state.setting, cells, state.t_s)
     reasons = {}
     for cell in cells:
@@ -221,8 +220,8 @@ def _by_reason(cells: Iterable[Cell], reasons: Mapping[Cell, str]) -> dict[str, 
 def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> frozenset[Cell]:
     """Return the cells that no frame can show at a time: the vehicle would be beyond the fence.
 
-    A vehicle that does not stop keeps half a cell inside the margin; one that looks is over the
-    cell or one beside it.
+    A vehicle that does not stop keeps half a cell inside the margin. A vehicle that stops is over
+    the cell or one beside it.
     """
     if not cells:
         return frozenset()
@@ -238,13 +237,13 @@ def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> froze
         inside = shapely.intersects(setting.fence.shrunk(grid.cell_m / 2.0), views)
     else:
         around = places[:, None] + grid.cell_m * np.array(Cell(0, 0).cross(), dtype=np.float64)
-        free = setting.fence.shrunk(-0.01)  # an edge is inside, despite rounding
+        free = setting.fence.shrunk(-0.01)  # an edge counts as inside, despite rounding
         inside = shapely.intersects_xy(free, around[..., 0], around[..., 1]).any(axis=1)
     return frozenset(cell for cell, ok in zip(listed, inside.tolist(), strict=True) if not ok)
 
 
 def _box(state: State, judged: Collection[Cell], seen_s: Collection[Cell]) -> dict[str, Any]:
-    """Return how much of the search box is judged; no patch is missing where all of it is."""
+    """Return the judged part of the search box; if it is all, no patch is missing in it."""
     cells = state.setting.box_cells
     left = [cell for cell in cells if cell not in judged]
     beyond = beyond_fence(state.setting, [cell for cell in left if cell not in seen_s], 0.0)

@@ -1,17 +1,16 @@
 """The drift of each patch of a region, measured by the frames that show it.
 
-Cells move with the drift of the mission file. A patch that drifts otherwise moves through them: its
-outline lies elsewhere when the map is made than when it was first seen. Each vote has the share of
-a cell that looked like region, so an outline is known to a small part of a cell.
+Cells move with the drift of the mission file. A patch with another drift moves through the cells:
+its outline at the time of the map differs from the outline at first sight. Each vote has the share
+of a cell that looked like region, so an outline is known to a small part of a cell.
 
-Cells in and around a patch count that were seen over at least `LEAST_S`: the mean share in the
-first `WINDOW_S` in which each was seen, and in the last. A patch that moves by (u, v) m/s has in
-the last at x what it had in the first at x - (u, v) dt; the measured drift is the (u, v) with the
-least squares of differences, by bilinear interpolation between cells. A patch that looks wider or
-narrower all around does not shift.
+The method uses cells in and around a patch that frames show over at least `LEAST_S`. Each has a
+mean share in the first `WINDOW_S` after its first frame, and one in the last `WINDOW_S`. If the
+patch moves by (u, v) m/s, the last share at x equals the first one at x - (u, v) dt. The measured
+drift is the (u, v) with the least squares of differences, by bilinear interpolation between cells.
+A patch that looks wider or narrower on all sides does not shift.
 
-The error is that of a jackknife over sectors of the outline, with a metre for the vehicles'
-position.
+The error is that of a jackknife over sectors of the outline, plus 1 m for the vehicles' position.
 """
 
 from __future__ import annotations
@@ -32,13 +31,13 @@ from missions.units import Cell
 from uavmap.output.summary import MOST_PATCHES
 
 LEAST_S: Final = 30.0
-"""Minimum time between the first and the last sight of a cell that counts, s."""
+"""Minimum time between the first and the last frame of a cell that counts, s."""
 WINDOW_S: Final = 5.0
-"""Time after the first and before the last sight in which votes are averaged, s."""
+"""Time after the first and before the last frame in which votes are averaged, s."""
 REACH_CELLS: Final = 5.0
-"""Maximum move of a patch through its cells; beyond, its map is wrong and it is not measured."""
+"""Maximum move of a patch through its cells; beyond it, its map is wrong and it is not measured."""
 LEAST_CELLS: Final = 12
-"""Minimum number of cells of the outline that were seen twice."""
+"""Minimum number of cells of the outline that were observed twice."""
 PART: Final = (0.05, 0.95)
 """Range of a share that puts a cell on the outline."""
 SECTORS: Final = 8
@@ -61,15 +60,15 @@ class Drift:
     error_m_s: float
     """The standard error."""
     off_m_s: float
-    """How far it is from the drift that the mission file gives."""
+    """Difference from the drift of the mission file, m/s."""
 
     @property
     def differs(self) -> bool:
-        """Whether it is surely not the drift of the mission file."""
+        """Return whether it surely differs from the drift of the mission file."""
         return self.off_m_s > 3.0 * self.error_m_s
 
     def figures(self, grid: Grid) -> dict[str, float | bool]:
-        """Return it for the summary, with a true bearing."""
+        """Return the drift for the summary, with a true bearing."""
         bearing = math.degrees(math.atan2(self.east_m_s, self.north_m_s) + grid.convergence_rad)
         return {
             "speed_m_s": round(math.hypot(self.east_m_s, self.north_m_s), 3),
@@ -80,7 +79,7 @@ class Drift:
         }
 
 
-class _Seen(NamedTuple):
+class _Sightings(NamedTuple):
     """Times and shares of cells, first and last; all of shape (N,)."""
 
     east: NDArray[np.int64]
@@ -92,7 +91,7 @@ class _Seen(NamedTuple):
 
 
 class Shares:
-    """All votes of a flight: the share of a cell that looked like region, and when."""
+    """All votes of a flight: the share of a cell that looked like region, and its time."""
 
     def __init__(self) -> None:
         self._cells = array("q")
@@ -108,10 +107,10 @@ class Shares:
             self._shares.append(share)
 
     def drifts_of(self, patches: Sequence[Collection[Cell]], grid: Grid) -> list[Drift | None]:
-        """Measure the drift of each patch, the largest first; None where it cannot be measured.
+        """Measure the drift of each patch, the largest first; None if it cannot be measured.
 
-        So it is where too little of the outline was seen twice, where it moved by more than
-        `REACH_CELLS`, and beyond `MOST_PATCHES`.
+        A drift cannot be measured if frames show too little of the outline twice, or if it moved by
+        more than `REACH_CELLS`. Patches after `MOST_PATCHES` are not measured.
         """
         if not len(self._times_s):
             return [None] * len(patches)
@@ -119,8 +118,8 @@ class Shares:
         found = [_measured(_around(patch, seen), grid) for patch in patches[:MOST_PATCHES]]
         return [*found, *[None] * (len(patches) - len(found))]
 
-    def _seen(self) -> _Seen:
-        """Return them by cell, in an order that does not depend on that of the frames."""
+    def _seen(self) -> _Sightings:
+        """Return the votes by cell, in an order that does not depend on that of the frames."""
         cells = np.array(self._cells, np.int64).reshape(-1, 2)
         times_s, shares = np.array(self._times_s), np.array(self._shares)
         order = np.lexsort((shares, times_s, cells[:, 1], cells[:, 0]))
@@ -138,14 +137,14 @@ class Shares:
 
         early = times_s <= first_s[which] + WINDOW_S
         late = times_s >= last_s[which] - WINDOW_S
-        return _Seen(
+        return _Sightings(
             cells[starts, 0], cells[starts, 1], mean(early, times_s), mean(early, shares),
             mean(late, times_s), mean(late, shares),
         )  # fmt: skip
 
 
-def _around(patch: Collection[Cell], seen: _Seen) -> _Seen:
-    """Return what was seen of a patch and around it, as far as it may have moved."""
+def _around(patch: Collection[Cell], seen: _Sightings) -> _Sightings:
+    """Return the cells of a patch and around it, as far as it may have moved."""
     own = np.array(sorted(patch), dtype=np.int64)
     margin = math.ceil(REACH_CELLS) + 1
     low = own.min(axis=0) - margin
@@ -156,7 +155,7 @@ def _around(patch: Collection[Cell], seen: _Seen) -> _Seen:
     column, row = seen.east - low[0], seen.north - low[1]
     inside = (column >= 0) & (row >= 0) & (column < wide) & (row < deep)
     inside[inside] = near[column[inside], row[inside]]
-    return _Seen(column[inside], row[inside], *(values[inside] for values in seen[2:]))
+    return _Sightings(column[inside], row[inside], *(values[inside] for values in seen[2:]))
 
 
 def _is_part(share: Floats) -> NDArray[np.bool_]:
@@ -164,9 +163,9 @@ def _is_part(share: Floats) -> NDArray[np.bool_]:
 
 
 class _Registration:
-    """The shares when seen first against those when seen last."""
+    """The first shares of cells against their last shares."""
 
-    def __init__(self, seen: _Seen, long: NDArray[np.bool_], cell_m: float) -> None:
+    def __init__(self, seen: _Sightings, long: NDArray[np.bool_], cell_m: float) -> None:
         shape = int(seen.east.max()) + 2, int(seen.north.max()) + 2
         self._first: Floats = np.full(shape, np.nan)
         self._first[seen.east, seen.north] = seen.begin_share
@@ -179,7 +178,7 @@ class _Registration:
         self.sector = ((turn + np.pi) / (2.0 * np.pi) * SECTORS).astype(np.int64) % SECTORS
 
     def squares(self, east_m_s: float, north_m_s: float) -> Floats:
-        """Return the square of each cell's difference, NaN where there is none."""
+        """Return the square of each cell's difference; NaN without one."""
         shape = self._first.shape
         x = self._at[0] - east_m_s * self.dt_s / self._cell_m
         y = self._at[1] - north_m_s * self.dt_s / self._cell_m
@@ -194,7 +193,7 @@ class _Registration:
         return off**2
 
 
-def _measured(seen: _Seen, grid: Grid) -> Drift | None:
+def _measured(seen: _Sightings, grid: Grid) -> Drift | None:
     long = seen.end_s - seen.begin_s >= LEAST_S
     outline = long & (_is_part(seen.begin_share) | _is_part(seen.end_share))
     if np.count_nonzero(outline) < LEAST_CELLS:
@@ -202,9 +201,9 @@ def _measured(seen: _Seen, grid: Grid) -> Drift | None:
     made = _Registration(seen, long, grid.cell_m)
     unit_m_s = grid.cell_m / float(np.median(made.dt_s))
     least = max(LEAST_CELLS, len(made.dt_s) // 3)
-    # without one sector after the other, and, the last one, with all
+    # each part leaves one sector out; the last part has all sectors
     parts = [made.sector != k for k in range(SECTORS)] + [np.ones(len(made.dt_s), np.bool_)]
-    (step, half), *finer = _LEVELS  # the first with all cells, for each part to begin at
+    (step, half), *finer = _LEVELS  # the first level uses all cells and gives each part its start
     best = np.zeros((len(parts), 2))
     best[:] = _least(made, parts[-1], best[-1], step * unit_m_s, half, least)
     for step, half in finer:
@@ -234,7 +233,7 @@ def _least(
     half: int,
     least: int,
 ) -> tuple[float, float]:
-    """Return the drift of least mean square in a lattice around one; NaN where there is none."""
+    """Return the drift of least mean square in a lattice around one; NaN without one."""
     found = (math.inf, math.nan, math.nan)
     for i in range(-half, half + 1):
         for j in range(-half, half + 1):

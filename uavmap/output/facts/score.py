@@ -2,13 +2,14 @@
 
 Definitions, for cells of the grid and the true region in the grid's moving frame:
 
-* A cell is *truly ROI* when the region covers at least half of it; it is *missed* when it is truly
-ROI and not on the map.
-* `iou_cells` is area(map and truth) / area(map or truth), the map being its ROI cells. Of a runway
-rotated against the grid a perfect cell map reaches 0.89 at best.
-* A detection is one verdict of the detector for one cell. It is a *false positive* when it says yes
-while less than a tenth of the cell is region, a *false negative* when it says no while at least
-half is. In between, at the rim, either verdict is right.
+* A cell is *truly ROI* when the region covers at least half of it. It is *missed* when it is truly
+  ROI and not on the map.
+* `iou_cells` is area(map and truth) / area(map or truth), where the map is its ROI cells. For a
+  runway rotated against the grid, a perfect cell map reaches at most 0.89.
+* A detection is one verdict of the detector for one cell. A *false positive* is a vote for region
+  when less than a tenth of the cell is region.
+* A *false negative* is a vote against region when at least half of the cell is. Between these
+  shares, at the rim, either verdict is right.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from missions.units import Cell
 from uavmap.output.facts.cell_outlines import outline
 
 MISSED_SHARE = 0.5
-"""Share from which on a cell belongs on the map, and a verdict of no is wrong."""
+"""Minimum share at which a cell belongs on the map, and a vote against region is wrong."""
 CLEAR_SHARE = 0.1
-"""Share below which a verdict of yes is wrong."""
+"""Share below which a vote for region is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ def score(
     mapped = outline(roi_cells, grid)
     union_m2 = mapped.union(truth).area
     return Score(
-        # a map of nothing, of nothing, is right
+        # without a region, an empty map is right
         iou_cells=mapped.intersection(truth).area / union_m2 if union_m2 else 1.0,
         cells_missed=len(true_cells - set(roi_cells)),
         false_positives=sum(1 for cell, yes in verdicts if yes and shares[cell] < CLEAR_SHARE),
@@ -103,7 +104,7 @@ def shares_of(cells: Collection[Cell], truth: BaseGeometry, grid: Grid) -> dict[
     east, north = centres[:, 0], centres[:, 1]
     boxes = shapely.box(east - half_m, north - half_m, east + half_m, north + half_m)
     shapely.prepare(truth)
-    # most cells lie wholly in or out: only the rim needs an intersection
+    # most cells are wholly inside or outside: only the rim needs an intersection
     shares = shapely.contains(truth, boxes).astype(np.float64)
     rim = shapely.intersects(truth, boxes) & (shares == 0.0)
     shares[rim] = shapely.area(shapely.intersection(truth, boxes[rim])) / grid.cell_m**2

@@ -51,7 +51,7 @@ class Place(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """The place of a robot at a time, and whether it is in the air."""
+    """The place of a robot at a time; `aloft` is true in the air."""
 
     t: float
     place: Place
@@ -59,7 +59,7 @@ class Fix(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change of a cell's state at `t`; a vertex of the tree hangs under `parent`."""
+    """A change of a cell's state at `t`; `parent` is its parent in the tree."""
 
     t: float
     cell: Cell
@@ -75,11 +75,11 @@ class Film:
     """A film of an exploration.
 
     Attributes:
-        roi: The true cells, shown faintly until they are known; empty where unknown.
-        changes: In the order of time.
-        tracks: Of each robot at least one fix, in the order of time.
-        start: Start of all robots, moving with `start_drift` cells per unit of time.
-        radius: Of a robot's disc, in cells.
+        roi: The true cells, shown faintly until they are known; empty if unknown.
+        changes: Changes of cells, in the order of time.
+        tracks: At least one fix of each robot, in the order of time.
+        start: Start of all robots, which moves with `start_drift` cells per unit of time.
+        radius: Radius of a robot's disc, in cells.
         footprint: View of a robot that flies without stopping, in cells east and north.
     """
 
@@ -119,7 +119,7 @@ class Film:
         return [self.fix(robot, since_t).place, *between, self.fix(robot, t).place]
 
     def start_at(self, t: float) -> Place:
-        """Return the start at a time, as seen from the ROI."""
+        """Return the start at a time, in the frame of the ROI."""
         return Place(
             self.start.east + t * self.start_drift.east,
             self.start.north + t * self.start_drift.north,
@@ -178,9 +178,9 @@ class Reel:
 
 # --- of a flown mission ---------------------------------------------------------------------------
 def title_of(mission: Mission, *, recorded: bool = False) -> str:
-    """Write the title of a film: the mission, its strategy and its crew, or photographs."""
-    crew = "1 vehicle" if len(mission.vehicles) == 1 else f"{len(mission.vehicles)} vehicles"
-    what = "photographs" if recorded else f"{mission.strategy}, {crew}"
+    """Write the title of a film: the mission, its strategy and its vehicles, or photographs."""
+    team = "1 vehicle" if len(mission.vehicles) == 1 else f"{len(mission.vehicles)} vehicles"
+    what = "photographs" if recorded else f"{mission.strategy}, {team}"
     return f"{mission.name}   ·   {what}"
 
 
@@ -203,8 +203,8 @@ def film_of_flight(
     cells = CellStates(setting, recorded=recorded, weighed=weighed)
     log = _Log(setting.initial_state(), cells)
     for event in events:
-        log.take_in(event)
-    for cell in cells.weighed_cells():  # known with the last picture
+        log.apply(event)
+    for cell in cells.weighed_cells():  # their states are known after the last picture
         log.note(cell)
     roi: frozenset[Cell] = frozenset()
     if truth is not None:
@@ -232,7 +232,7 @@ class _Log:
     tracks: dict[int, list[Fix]] = field(default_factory=dict)
     shown: dict[Cell, CellState] = field(default_factory=dict)
 
-    def take_in(self, event: Event) -> None:
+    def apply(self, event: Event) -> None:
         before, self.t_s = self.state, max(self.t_s, event.t_s)
         self.state, _ = step(before, event)
         if isinstance(event, Tracked | Connected):

@@ -48,14 +48,14 @@ KEY_COLOURS: tuple[Colour, ...] = (
     *(palette.PAPER, palette.INK, palette.FAINT, palette.HIDDEN, EDGE),
     *palette.STATES.values(),
 )
-"""Colours that a picture with few colours must hold exactly."""
+"""Colours that a picture with a palette must hold exactly."""
 
 
 class Stage:
-    """Draws the frames of a film, from the first to the last.
+    """A stage that draws the frames of a film, from the first to the last.
 
-    The ground, a copy of it with what moves on top, and the frame as shown: only changed parts are
-    copied and shrunk again.
+    It has the ground, a copy of it with moving shapes on top, and the shown frame. Only changed
+    parts are copied and shrunk again.
     """
 
     def __init__(self, film: Film) -> None:
@@ -65,13 +65,13 @@ class Stage:
         self.cell_px = max(min(_GROUND_PX[0] // across, _GROUND_PX[1] // up, _WIDEST_CELL_PX), 1)
         if max(across, up) * self.cell_px > _LARGEST_PX:
             raise OutputError(
-                f"{across} x {up} cells are too many to show; {_LARGEST_PX} a side at most"
+                f"{across} x {up} cells are too many to show: at most {_LARGEST_PX} along a side"
             )
         entries = list(self._legend())
         wide = max(across * self.cell_px, math.ceil(legend_row_width(entries)))
         width = max(wide + 2 * MARGIN_PX, NARROWEST_PX)
         height = CAPTION_PX + up * self.cell_px + LEGEND_PX
-        # video codecs want even sides
+        # video codecs need even sides
         self.size = (width + width % 2, height + height % 2)
         left = (self.size[0] - across * self.cell_px) // 2
         self._page = View.page(*self.size)
@@ -93,7 +93,7 @@ class Stage:
             self._ground.draw(shape, self._page)
 
     def pixel(self, place: Place) -> tuple[float, float]:
-        """Return column and row in the frame of a place."""
+        """Return column and row of a place in the frame."""
         return self._view.pixel(place)
 
     def frames(self, times: Iterable[float]) -> Iterator[Image.Image]:
@@ -136,7 +136,7 @@ class Stage:
         parents, style = self._reel.parents, Style(EDGE, max(0.07 * self.cell_px, 1.0))
         for end in cell.neighbours():
             if parents.get(end) == cell or parents.get(cell) == end:
-                # from north or east, so that an edge is the same pixels from whichever cell
+                # from north or east, so that both cells of an edge draw the same pixels
                 yield Line.through((max(cell, end), min(cell, end)), style)
 
     # --- what moves ------------------------------------------------------------------------
@@ -227,16 +227,16 @@ def _time(film: Film, t: float) -> str:
 # --- files ----------------------------------------------------------------------------------------
 FILMS: Final = (".gif", ".mp4")
 DRAWINGS: Final = (".png", ".svg")
-_SAY_EVERY_S: Final = 2.0
+_REPORT_INTERVAL_S: Final = 2.0
 _SAMPLES: Final = 4
 _UNKNOWN: Final = 255
 
-Say = Callable[[str], None]
+Report = Callable[[str], None]
 T = TypeVar("T")
 
 
 def check_path(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Raise `OutputError` for a name of another kind, a missing folder, or a read-only one."""
+    """Raise `OutputError` for another ending of the name, and a missing or read-only folder."""
     if path.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: the name must end in {' or '.join(suffixes)}")
     if path.is_dir():
@@ -244,30 +244,30 @@ def check_path(path: Path, suffixes: tuple[str, ...]) -> None:
     if not path.parent.is_dir():
         raise OutputError(f"{path} cannot be written: there is no folder {path.parent}")
     if not os.access(path.parent, os.W_OK):
-        raise OutputError(f"{path} cannot be written: {path.parent} may not be written to")
+        raise OutputError(f"{path} cannot be written: the folder {path.parent} is read-only")
 
 
-def write_film(film: Film, path: Path, say: Say) -> None:
+def write_film(film: Film, path: Path, report: Report) -> None:
     """Write a film as GIF or MP4, by the end of the name; report progress every two seconds.
 
     The same film gives the same GIF, byte for byte. Raises `OutputError`.
     """
     check_path(path, FILMS)
     stage, times = Stage(film), film.times()
-    frames = _patiently(stage.frames(times), f"{path.name}: frame {{}} of {len(times)}", say)
+    frames = _with_progress(stage.frames(times), f"{path.name}: frame {{}} of {len(times)}", report)
     if path.suffix.lower() == ".gif":
-        few = _FewColours(film)
-        save(path, gif([few.of(frame) for frame in frames]))
+        palette = _Palette(film)
+        save(path, gif([palette.convert(frame) for frame in frames]))
     else:
         save(path, mp4(stage.size, frames))
 
 
-def _patiently(items: Iterable[T], text: str, say: Say) -> Iterator[T]:
-    said_s = time.monotonic()
+def _with_progress(items: Iterable[T], text: str, report: Report) -> Iterator[T]:
+    reported_s = time.monotonic()
     for number, item in enumerate(items, start=1):
-        if time.monotonic() - said_s >= _SAY_EVERY_S:
-            said_s = time.monotonic()
-            say(text.format(number))
+        if time.monotonic() - reported_s >= _REPORT_INTERVAL_S:
+            reported_s = time.monotonic()
+            report(text.format(number))
         yield item
 
 
@@ -287,22 +287,22 @@ def gif(frames: Sequence[Image.Image]) -> bytes:
     return buffer.getvalue()
 
 
-class _FewColours:
-    """Frames in a palette of exact colours with a meaning, which Pillow would round."""
+class _Palette:
+    """The palette of a film: colours with a meaning are exact, which Pillow would round."""
 
     def __init__(self, film: Film) -> None:
         keys = list(dict.fromkeys((*KEY_COLOURS, *TRACKS)))
         times = film.times()
         chosen = [times[i * (len(times) - 1) // (_SAMPLES - 1)] for i in range(_SAMPLES)]
         mosaic = np.concatenate([np.asarray(frame) for frame in Stage(film).frames(chosen)])
-        # one of 256 is left to Pillow, which marks with it what a frame leaves as it was
+        # Pillow needs one of 256 colours to mark pixels that a frame does not change
         blends = Image.fromarray(mosaic).quantize(255 - len(keys), Image.Quantize.MEDIANCUT)
         self._flat = [*(c for key in keys for c in key), *(blends.getpalette() or [])][: 3 * 255]
         self._palette = np.array(self._flat, np.int64).reshape(-1, 3)
-        # the index of every colour that there is
+        # the index of every possible colour
         self._indices = np.full(1 << 24, _UNKNOWN, np.uint8)
 
-    def of(self, frame: Image.Image) -> Image.Image:
+    def convert(self, frame: Image.Image) -> Image.Image:
         # red is the lowest byte
         codes = np.asarray(frame.convert("RGBX")).view("<u4")[..., 0] & 0xFFFFFF
         indices = self._indices[codes]
@@ -315,7 +315,7 @@ class _FewColours:
 
 
 def mp4(size: tuple[int, int], frames: Iterable[Image.Image]) -> bytes:
-    """Encode frames as MP4 (MPEG-4 part 2). Raises `OutputError` where OpenCV lacks the codec."""
+    """Encode frames as MP4 (MPEG-4 part 2). Raises `OutputError` if OpenCV lacks the codec."""
     with tempfile.TemporaryDirectory() as folder:
         name = str(Path(folder) / "film.mp4")
         codec = cv2.VideoWriter.fourcc(*"mp4v")

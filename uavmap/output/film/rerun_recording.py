@@ -38,7 +38,7 @@ from vision.camera import rotation
 
 SUFFIX: Final = ".rrd"
 SNAPSHOTS: Final = 300
-"""Maximum number of times that the whole map is written."""
+"""Maximum number of complete maps in a recording."""
 _LOGGED: Final = (
     ev.Crashed, ev.FrameLost, ev.GivenUp, ev.Guarded, ev.LinkLost, ev.OrderFailed, ev.Overridden,
     ev.Recalled, ev.Released, ev.Resumed,
@@ -47,7 +47,7 @@ _NED_TO_ENU: Final = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0
 
 
 def sdk() -> Any:
-    """Import `rerun`. Raises `OutputError` where it is not installed."""
+    """Import `rerun`. Raises `OutputError` if it is not installed."""
     try:
         return importlib.import_module("rerun")
     except ImportError:
@@ -64,7 +64,7 @@ class _Recording:
         self._stream = rr.RecordingStream("uavmap", recording_id=title)
         try:
             self._stream.save(str(path))
-        except Exception as error:  # the SDK raises what its Rust part raises
+        except Exception as error:  # the SDK raises errors of its Rust part
             raise OutputError(f"{path}: {error}") from None
         self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
@@ -146,7 +146,7 @@ def write_recording(
 ) -> None:
     """Write a flight as an .rrd file, with the kept frames in the folder of its results.
 
-    Raises `OutputError` where rerun-sdk is missing or the file cannot be written.
+    Raises `OutputError` if rerun-sdk is missing or the file cannot be written.
     """
     recording = _Recording(path, film.title, grid)
     for event in events:
@@ -193,9 +193,9 @@ def turn_enu(pose: Pose) -> NDArray[np.float64]:
 def footprint_m(
     place: NDArray[np.float64], turn: NDArray[np.float64], spread: tuple[float, float]
 ) -> NDArray[np.float64] | None:
-    """Return where the corners of a frame meet the ground, (4, 3) in m; None above the horizon.
+    """Return the corners of a frame on the ground, (4, 3) in m; None if one is above the horizon.
 
-    `spread` is width and height of the picture over the focal length.
+    `spread` is width and height of the picture divided by the focal length.
 
     >>> from missions.units import LatLon, Quaternion
     >>> down = turn_enu(Pose(LatLon(0.0, 0.0), 10.0, Quaternion.from_euler(0.0, -math.pi / 2, 0.0)))

@@ -41,14 +41,15 @@ _GAP_PX: Final = 48
 _LABEL_PX: Final = 30
 _WIDEST_PX: Final = 34.0
 _NARROWEST_PX: Final = 4.0
-"""Between two vertices."""
+"""Minimum distance of two vertices, px."""
 
 
 def draw_tree(tree: Tree, path: Path, *, title: str) -> None:
     """Draw a tree into a PNG or SVG file, by the end of the name. Raises `OutputError`.
 
-    Left the tree on the ground, grid north up; right by depth, the backbone in a line and the ribs
-    beside it. Vertices have the colours of their states, the root is ringed.
+    The left part shows the tree on the ground, grid north up. The right part shows it by depth,
+    with the backbone in a line and the ribs beside it. Vertices have the colours of their states;
+    a ring marks the root.
     """
     check_path(path, DRAWINGS)
     size, shapes = tree_shapes(tree, title)
@@ -122,7 +123,7 @@ def _by_depth(tree: Tree) -> tuple[dict[Cell, Place], float]:
 
 
 def _move(places: dict[Cell, Place], corner: Place, step: float) -> tuple[float, float]:
-    """Move the vertices so that they have half a step of room from a corner; return the size."""
+    """Move the vertices to half a step from a corner; return the size."""
     xs, ys = zip(*places.values(), strict=True)
     left, top = corner[0] + step / 2 - min(xs), corner[1] + step / 2 - min(ys)
     for cell, (x, y) in places.items():
@@ -182,7 +183,7 @@ def _legend(tree: Tree) -> Iterator[Entry]:
 
 # --- backbone and ribs ---------------------------------------------------------------------------
 def backbone(tree: Tree) -> tuple[Cell, ...]:
-    """Return the longest path from the root to a leaf; of several, that to the least cell.
+    """Return the longest path from the root to a leaf; if there are several, to the least cell.
 
     >>> tree = Tree.rooted(Cell(0, 0)).with_observation(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
     >>> backbone(tree.with_observation(Cell(1, 0), [Cell(2, 0)]))[-1]
@@ -214,7 +215,7 @@ def spread(tree: Tree) -> Mapping[Cell, Spot]:
     """Place every vertex: the backbone straight along row 0, the ribs on both sides.
 
     From the far end towards the root, every rib is placed outside of the others, on the nearer
-    side, and is laid out likewise to one side of its longest path: no two edges cross.
+    side. Likewise its own ribs are on one side of its longest path, so no two edges cross.
     """
     rows = _layout(tree, backbone(tree), _heights(tree), (1, -1))
     return {cell: Spot(tree.vertices[cell].depth, row) for cell, row in rows.items()}
@@ -223,7 +224,7 @@ def spread(tree: Tree) -> Mapping[Cell, Spot]:
 def _layout(
     tree: Tree, path: tuple[Cell, ...], heights: Mapping[Cell, int], sides: tuple[int, ...]
 ) -> dict[Cell, int]:
-    """Return rows for the tree below `path`: 0 along it, its ribs outside of each other."""
+    """Return rows for the tree below `path`: 0 along it, with each rib outside of the others."""
     rows = dict.fromkeys(path, 0)
     outer: dict[int, dict[int, int]] = {side: defaultdict(int) for side in sides}
     for rib in reversed(ribs(tree, path)):
@@ -234,7 +235,7 @@ def _layout(
             (cell, tree.vertices[cell].depth): row
             for cell, row in _layout(tree, tuple(longest), heights, (1,)).items()
         }
-        away = {  # the least row of the rib outside of what is there
+        away = {  # the least row of the rib outside of the others
             side: max(outer[side][depth] + 1 - row for (_, depth), row in below.items())
             for side in sides
         }
@@ -246,7 +247,7 @@ def _layout(
 
 
 def _heights(tree: Tree) -> dict[Cell, int]:
-    """Return the number of edges of the longest way down from each vertex."""
+    """Return the number of edges of the longest path down from each vertex."""
     heights: dict[Cell, int] = {}
     for cell in sorted(tree.vertices, key=lambda cell: -tree.vertices[cell].depth):
         heights[cell] = max((heights[child] + 1 for child in tree.children(cell)), default=0)

@@ -1,1 +1,1 @@
-"""One encoder a format."""
+"""The file formats of results, with one encoder each."""

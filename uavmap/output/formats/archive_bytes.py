@@ -1,4 +1,4 @@
-"""Zip archives without a clock: the same files give the same bytes."""
+"""Zip archives without the time: the same files give the same bytes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Pack files by name; a picture, which is compressed already, is stored."""
+    """Pack files by name; pictures, which are compressed already, are stored."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, data in files.items():

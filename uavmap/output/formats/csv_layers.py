@@ -11,13 +11,13 @@ from collections.abc import Sequence
 
 import shapely
 
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.layers import DECIMALS, Layer, described, in_degrees, text_of
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
+def encode(flown: FlownMission, layers: Sequence[Layer]) -> dict[str, bytes]:
     """Encode the files by name; `about.csv` describes the map."""
     about = [("name", "value"), *((name, _cell(v)) for name, v in described(flown).items())]
     return {
@@ -26,7 +26,7 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
     }
 
 
-def _table(flown: Flown, layer: Layer) -> bytes:
+def _table(flown: FlownMission, layer: Layer) -> bytes:
     shapes = in_degrees(layer, flown.data)
     points = shapes if layer.geometry == "Point" else shapely.centroid(shapes)
     lons, lats = shapely.get_x(points).round(DECIMALS), shapely.get_y(points).round(DECIMALS)
@@ -44,7 +44,7 @@ def _table(flown: Flown, layer: Layer) -> bytes:
 
 
 def _cell(value: object) -> str:
-    if value is None or value != value:  # not a number: a row without a place
+    if value is None or value != value:  # NaN: a row without a place
         return ""
     text = text_of(value)
     return f"'{text}" if isinstance(value, str) and text.startswith(_FORMULA) else text

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_parts
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.facts.map_model import CellCorners, MapData, turned
 from uavmap.output.formats.layers import (
     DECIMALS,
@@ -32,27 +32,27 @@ from uavmap.output.formats.layers import (
 
 
 def write(data: MapData, path: Path, utc: str | None = None) -> None:
-    """Write map.geojson, a feature a line; `utc` is its date, ISO 8601, where known.
+    """Write map.geojson, a feature a line; `utc` is its date, ISO 8601, if known.
 
     Features by their property `kind`:
 
-    * `cell`: Polygon; `column`, `row`, `state`, `positive` and `votes` (frames); of recorded
-      pictures that were weighed `belief`, 0 to 1; of a detector that tells classes apart `class`.
+    * `cell`: Polygon; `column`, `row`, `state`, `positive` and `votes` (frames); `belief`, 0 to 1,
+      for recorded pictures with evidence; `class` for a detector with classes.
     * `class`: Polygon or MultiPolygon around the cells of a class; its name, number and figures.
     * `outline`: Polygon or MultiPolygon around the region's cells; `area_m2`, and `utc`, its date,
-      if that is known. Its geometry is null for a map without a region.
-    * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
+      if known. Its geometry is null for a map without a region.
+    * `track`: LineString; `vehicle`, `start_s`, `end_s`. A vehicle that never moved has none.
     * `unsearched`: LineString, a stretch of a search lane that no judged frame shows.
     """
     write_parts(path, (part.encode() for part in _map(data, utc)))
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """Encode a file per layer, by name; mission, version, dates and grid are members of each."""
+def encode(flown: FlownMission, layers: Sequence[Layer]) -> dict[str, bytes]:
+    """Encode a file per layer, by name; each has mission, version, dates and grid as members."""
     return {f"{layer.name}.geojson": "".join(_layer(flown, layer)).encode() for layer in layers}
 
 
-def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
+def _layer(flown: FlownMission, layer: Layer) -> Iterator[str]:
     shapes = in_degrees(layer, flown.data)
     head = {"name": layer.name, **described(flown)}
     box = bbox(shapely.get_coordinates(shapes, include_z=layer.heights))
@@ -100,7 +100,7 @@ _Mark = tuple[str, BaseGeometry, dict[str, Any]]
 
 def _tracks(data: MapData) -> Iterator[_Mark]:
     for track in data.tracks:
-        if len(track.points) < 2:  # a LineString has two positions at least
+        if len(track.points) < 2:  # a LineString has at least two positions
             continue
         places = line_in_degrees(data, (place for _, place, _ in track.points))
         heights_m = (round(height_m, 2) for _, _, height_m in track.points)
@@ -122,9 +122,7 @@ def _classes(data: MapData) -> Iterator[_Mark]:
 
 
 def _cells(data: MapData) -> Iterator[str]:
-    """Write a line per cell without a tree of parts: there are thousands, and only the name
-    of a class needs quoting.
-    """
+    """Write a line per cell as text: there are thousands, and only a class name needs quoting."""
 
     parts = zip(data.cells.parts(), written_parts(data.corners, data.start), strict=True)
     for table, rings in parts:
@@ -192,5 +190,5 @@ def feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
 
 
 def bbox(points: NDArray[np.float64]) -> list[float]:
-    """Return west, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
+    """Return west, south, (lowest,) east, north(, highest); empty without points (section 5)."""
     return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else []

@@ -19,7 +19,7 @@ import shapely
 from uavmap.base.version import __version__
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import Colour
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.layers import Layer, Shapes
 
 APPLICATION_ID: Final = 0x47504B47  # GPKG
@@ -61,7 +61,7 @@ _GEOGRAPHIC: Final = (
 )
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
+def encode(flown: FlownMission, layers: Sequence[Layer]) -> bytes:
     """Encode the file."""
     file = sqlite3.connect(":memory:")
     try:
@@ -80,7 +80,7 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
         file.close()
 
 
-def _systems(file: sqlite3.Connection, flown: Flown) -> None:
+def _systems(file: sqlite3.Connection, flown: FlownMission) -> None:
     epsg = flown.data.grid.zone.epsg
     system = pyproj.CRS.from_epsg(epsg)
     file.executemany(
@@ -94,7 +94,7 @@ def _systems(file: sqlite3.Connection, flown: Flown) -> None:
     )
 
 
-def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
+def _layer(file: sqlite3.Connection, flown: FlownMission, layer: Layer) -> None:
     srs = flown.data.grid.zone.epsg
     columns = ", ".join(f'"{field.name}" {_TYPES[field.kind]}' for field in layer.fields)
     shape = layer.geometry.upper()
@@ -118,7 +118,7 @@ def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
 
 def _content(
     file: sqlite3.Connection,
-    flown: Flown,
+    flown: FlownMission,
     name: str,
     kind: str,
     title: str,
@@ -134,7 +134,7 @@ def _content(
     )
 
 
-def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> None:
+def _styles(file: sqlite3.Connection, flown: FlownMission, layers: Sequence[Layer]) -> None:
     when = flown.calendar.utc(flown.data.t_s) or _NO_DATE
     _content(file, flown, "layer_styles", "attributes", "layer_styles", [None] * 4, 0)
     file.executemany(
@@ -171,13 +171,13 @@ _KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
-    """How something is drawn; sizes in millimetres."""
+    """The style of a symbol; sizes are in millimetres."""
 
     line: Colour
     width_mm: float
     fill: Colour | None = None
     opaque: int = 255
-    """Of the fill, 0 to 255."""
+    """Opacity of the fill, 0 to 255."""
     dashed: bool = False
     size_mm: float = 1.0
 
@@ -205,7 +205,7 @@ def qml(layer: Layer) -> str:
 
 
 def _categories(layer: Layer) -> tuple[str | None, Sequence[tuple[str, str, Symbol]]]:
-    """Return the column by which a layer is drawn (None: one symbol for all), values and labels."""
+    """Return the column that decides on symbols (None: one symbol), with values and labels."""
     match layer.name:
         case "cells":
             there = set(layer.column("state"))

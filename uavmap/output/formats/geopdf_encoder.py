@@ -1,8 +1,8 @@
 """map.png over the mosaic as a geospatial PDF, by GDAL (rasterio, the extra `geo`).
 
-A PDF reader that knows geospatial PDF shows coordinates and measures; a phone shows where it is on
-the map. GDAL writes the Measure dictionary of ISO 32000. rasterio hands no path on to that driver
-unchanged, so lines are in the picture.
+A PDF reader that supports geospatial PDF shows coordinates and measures; a phone shows its own
+place on the map. GDAL writes the Measure dictionary of ISO 32000. rasterio passes no path to that
+driver unchanged, so lines are a part of the picture.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.mosaic_file import finest_ground
 from uavmap.output.drawing.scene import View
 from uavmap.output.drawing.sheet import MARGIN_PX, TITLE_PX, draw_sheet
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.layers import Layer
 
 FINER: Final = 2
-"""Pixels of the map in one of map.png: it is printed larger."""
+"""Number of pixels along one pixel of map.png: the map is printed larger."""
 DPI: Final = 150
 _SIDE_PX: Final = 4096
 _NO_DATE: Final = "D:19700101000000Z"
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
+def encode(flown: FlownMission, layers: Sequence[Layer]) -> bytes:
     """Encode the file. Raises `UavmapError` without a GDAL that writes PDF."""
     rasterio = _gdal()
     scene = map_scene(flown.data)
@@ -86,12 +86,12 @@ def _gdal() -> Any:
         if "PDF" not in gdal.drivers():
             raise UavmapError(
                 f"--to geopdf: the GDAL {rasterio.__gdal_version__} of this rasterio writes no "
-                f"PDF; take the wheel of PyPI: {install_command('geo')}"
+                f"PDF; use the wheel of PyPI: {install_command('geo')}"
             )
     return rasterio
 
 
-def _transform(flown: Flown, view: View) -> tuple[float, ...]:
+def _transform(flown: FlownMission, view: View) -> tuple[float, ...]:
     """Return the matrix from columns and rows of the sheet to UTM, in the order of `Affine`."""
     grid = flown.data.grid
     step = grid.scale / view.px_per_m
@@ -100,8 +100,8 @@ def _transform(flown: Flown, view: View) -> tuple[float, ...]:
     return step, 0.0, west, 0.0, -step, north
 
 
-def _pdf_date(flown: Flown) -> str:
-    """Write the date of the map: of the computer's clock GDAL would write the present one."""
+def _pdf_date(flown: FlownMission) -> str:
+    """Write the date of the map; without it GDAL would write the date of the computer's clock."""
     date = flown.calendar.date(flown.data.t_s)
     if date is None:
         return _NO_DATE

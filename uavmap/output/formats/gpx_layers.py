@@ -1,4 +1,4 @@
-"""flight.gpx: tracks with times, outline and homes (GPX 1.1); elevations where home's is known."""
+"""flight.gpx (GPX 1.1): tracks with times, outline, homes; elevations if home's is known."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import gpxpy.gpx as gpx
 import shapely
 
 from uavmap.base.version import __version__
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.layers import Layer, described, in_degrees, text_of
 from uavmap.output.formats.map_layers import track_lines
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
+def encode(flown: FlownMission, layers: Sequence[Layer]) -> bytes:
     """Encode the file."""
     known = {layer.name: layer for layer in layers}
     file = gpx.GPX()
@@ -36,12 +36,12 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
     return f"{file.to_xml('1.1')}\n".encode()
 
 
-def _date(flown: Flown, t_s: float) -> Any:
+def _date(flown: FlownMission, t_s: float) -> Any:
     return None if flown.calendar.utc(t_s) is None else flown.calendar.date(t_s)
 
 
 def _turned(lon_deg: float) -> float:
-    """Return a longitude from -180 to 180 degrees, the latter excluded, as GPX has them.
+    """Return a longitude in GPX's range, from -180 to below 180 degrees.
 
     >>> _turned(180.0), _turned(-12.5), _turned(180.25)
     (-180.0, -12.5, -179.75)
@@ -49,7 +49,7 @@ def _turned(lon_deg: float) -> float:
     return lon_deg if -180.0 <= lon_deg < 180.0 else round((lon_deg + 180.0) % 360.0 - 180.0, 7)
 
 
-def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
+def _tracks(flown: FlownMission, layer: Layer) -> list[gpx.GPXTrack]:
     tracks: dict[int, gpx.GPXTrack] = {}
     home_m = None if flown.recorded else flown.log.amsl_m
     flights = track_lines(flown)
@@ -67,8 +67,8 @@ def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
     return list(tracks.values())
 
 
-def _outline(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
-    """Create a segment per ring: GPX has no areas."""
+def _outline(flown: FlownMission, layer: Layer) -> list[gpx.GPXTrack]:
+    """Create a segment for each ring: GPX has no areas."""
     (shape,) = in_degrees(layer, flown.data)
     if shape is None:
         return []

@@ -1,8 +1,8 @@
 """The search of a mission as items that an autopilot flies by itself, and ground stations' files.
 
-A vehicle climbs over its pad, flies its lanes with pictures along them, comes back over its pad by
-a path inside the fence, and returns there: RTL alone would fly straight home, over ground that the
-fence excludes. The pictures are not judged.
+A vehicle climbs over its pad, flies its lanes and takes pictures along them. Then it flies back
+over its pad by a path inside the fence, and RTL lands it there. RTL alone would fly straight home,
+over ground that the fence excludes. The pictures are not judged.
 
 A plan of QGroundControl is JSON with mission, geofence and rally points of one vehicle. QGC WPL 110
 is the text file of Mission Planner and others: the mission alone, its first row the home.
@@ -47,9 +47,9 @@ class SearchFlight:
     """The search of one vehicle.
 
     Attributes:
-        vehicle: From 0.
-        speed_m_s: Over ground.
-        fence: Of the mission, as vertices of polygons.
+        vehicle: Number of the vehicle, from 0.
+        speed_m_s: Speed over ground.
+        fence: Fence of the mission, as corners of polygons.
         rally: The vehicle's home alone: an autopilot returns to the nearest rally point, which
             might be the pad of another vehicle.
         left_out: Lanes to which no path inside the fence leads.
@@ -69,8 +69,8 @@ def search_flight(
 ) -> SearchFlight:
     """Plan the share of a vehicle (from 0) of the search lanes, in the order of flight.
 
-    `frame` is the MAV_FRAME of the heights: above home, or above the sea. Raises `GeodesyError`
-    where no path inside the fence leads back to the home.
+    `frame` is the MAV_FRAME of the heights: above home, or above the sea. Raises `GeodesyError` if
+    no path inside the fence leads back to the home.
     """
     mission = setting.mission
     height_m = mission.search_altitude_m(vehicle) or mission.altitude_m(vehicle)
@@ -111,7 +111,7 @@ def flight_along(
         items += [_pictures(pace.every_m), at(grid.position(lane[1])), _pictures(0.0)]
         here = lane[1]
     back = fence.route(here, grid.fixed(home))
-    if back is None:  # a path from the pad has led here
+    if back is None:  # not expected: a path from the pad leads here
         raise GeodesyError("no path inside the fence leads back to the home")
     points = list(_new(here, back))
     items += [at(grid.position(point)) for point in points[:-1]]
@@ -129,7 +129,7 @@ def _order(command: int, first: float = 0.0, second: float = 0.0, third: float =
 
 
 def _pictures(every_m: float) -> Item:
-    """Take a picture at once and then every `every_m` metres; 0 stops it."""
+    """Create the item for a picture now and then every `every_m` metres; 0 stops them."""
     return _order(
         mav.MAV_CMD_DO_SET_CAM_TRIGG_DIST, round(every_m, 3), 0.0, 1.0 if every_m else 0.0
     )
@@ -161,7 +161,7 @@ def clockwise(ring: Sequence[LatLon]) -> list[LatLon]:
     [1.0, 0.0, 0.0]
     """
     corners = list(ring[:-1] if ring[0] == ring[-1] else ring)
-    # longitudes near the first one: a ring over the antimeridian would seem to go around the globe
+    # longitudes near the first one: else a ring over the antimeridian would span the globe
     east = [math.remainder(c.lon_deg - corners[0].lon_deg, 360.0) for c in corners]
     area = sum(
         east[i - 1] * corner.lat_deg - east[i] * corners[i - 1].lat_deg
@@ -172,7 +172,7 @@ def clockwise(ring: Sequence[LatLon]) -> list[LatLon]:
 
 # --- the files ------------------------------------------------------------------------------------
 DECIMALS: Final = 8
-"""Decimals of degrees: a millimetre, finer than the 1e-7 degrees that go over the link."""
+"""Decimals of degrees: a millimetre, finer than the 1e-7 degrees of MAVLink."""
 _ALTITUDE_MODES: Final = {mav.MAV_FRAME_GLOBAL_RELATIVE_ALT: 1, mav.MAV_FRAME_GLOBAL: 2}
 """AltitudeMode of QGroundControl by MAV_FRAME: above home, above the sea."""
 _POLYGONS: Final = {
@@ -193,7 +193,7 @@ class Firmware(StrEnum):
 
     @property
     def number(self) -> int:
-        """MAV_AUTOPILOT.
+        """Its MAV_AUTOPILOT.
 
         >>> Firmware.ARDUPILOT.number, Firmware.PX4.number
         (3, 12)
@@ -215,8 +215,8 @@ def plan_text(
 ) -> str:
     """Encode a QGroundControl plan of one vehicle.
 
-    `fence` is as it is uploaded, `rally` has heights above the home; `speed_m_s` is over ground,
-    `frame` the MAV_FRAME of the mission's heights.
+    `fence` is in the form of an upload; `rally` has heights above home. `speed_m_s` is the speed
+    over ground; `frame` is the MAV_FRAME of the mission's heights.
     """
     circles = [
         {
@@ -253,7 +253,7 @@ def plan_text(
 def waypoints_text(home: LatLon, home_amsl_m: float, items: Sequence[Item]) -> str:
     """Encode a mission as QGC WPL 110, for Mission Planner and others; row 0 is the home.
 
-    A parameter that the autopilot chooses is 0: the format has no other value for it.
+    A parameter that is left to the autopilot is 0: the format has no other value for it.
     """
     first = Item(mav.MAV_CMD_NAV_WAYPOINT, home, height_m=round(home_amsl_m, 3))
     rows = ["QGC WPL 110"]

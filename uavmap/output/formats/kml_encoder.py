@@ -1,7 +1,8 @@
 """KML 2.2 for Google Earth: map.kml of each flight, and the export with times and all layers.
 
-Coordinates are longitude, latitude and, of tracks, the height above the ground, taken as level with
-home. Colours are alpha, blue, green, red. A placemark's elements have the order of the schema.
+Coordinates are longitude and latitude. Tracks have the height above the ground, which is assumed to
+be level with home. Colours are alpha, blue, green, red. A placemark's elements have the order of
+the schema.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from uavmap.base.atomic_write import write_parts
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import Colour
 from uavmap.output.facts.class_areas import ClassArea
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.facts.map_model import NOT_ROI, MapData
 from uavmap.output.formats.layers import (
     DECIMALS,
@@ -44,8 +45,8 @@ def write(data: MapData, path: Path) -> None:
     write_parts(path, (part.encode() for part in _map(data)))
 
 
-def encode(flown: Flown, layers: Sequence[Layer], ground: str = "") -> bytes:
-    """Encode a flight with its times: tracks as gx:Track, a folder per layer over `ground`."""
+def encode(flown: FlownMission, layers: Sequence[Layer], ground: str = "") -> bytes:
+    """Encode a flight with its times: `ground`, then a folder per layer, tracks as gx:Track."""
     known = {layer.name: layer for layer in layers}
     head = f"<description>{_text(flown.values.get('finding', ''))}</description>"
     vehicles = {number for number, _, _ in track_parts(flown)}
@@ -163,7 +164,7 @@ def _cells(data: MapData) -> Iterator[str]:
         yield "</Folder>\n"
 
 
-def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
+def _marks(flown: FlownMission, layer: Layer) -> Iterator[str]:
     shapes = in_degrees(layer, flown.data)
     stamp = flown.calendar.utc(flown.data.t_s)
     dated = layer.name in ("region", "boundary") and stamp is not None
@@ -177,7 +178,7 @@ def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
         yield _mark(values["name"], style, _geometry(shape), when=when, values=values)
 
 
-def _tracks(flown: Flown, layer: Layer) -> Iterator[str]:
+def _tracks(flown: FlownMission, layer: Layer) -> Iterator[str]:
     lines = zip(in_degrees(layer, flown.data), layer.records(), track_lines(flown), strict=True)
     for shape, values, (vehicle, _, fixes) in lines:
         times = [flown.calendar.utc(fix.t_s) for fix in fixes]
@@ -261,5 +262,5 @@ def _extended(values: Mapping[str, Any]) -> str:
 
 
 def _text(value: object) -> str:
-    """Escape a value, without the characters that XML cannot hold."""
+    """Escape a value; remove characters that XML cannot hold."""
     return escape("".join(c for c in text_of(value) if c >= " " and c not in "\ufffe\uffff"))

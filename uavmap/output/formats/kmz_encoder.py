@@ -1,7 +1,7 @@
 """The KML with times and its mosaic in one file, for Google Earth, phones and ground stations.
 
-The mosaic lies in UTM. It is laid anew along meridians and parallels, so that a LatLonBox is its
-place: that is in the standard, and gx:LatLonQuad is an extension.
+The mosaic is in UTM. It is resampled along meridians and parallels, so that a LatLonBox gives its
+place. LatLonBox is in the standard; gx:LatLonQuad is an extension.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from uavmap.output.drawing.mosaic_file import Ground, finest_ground
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.facts.map_model import MapData, turned
 from uavmap.output.formats import kml_encoder
 from uavmap.output.formats.archive_bytes import zipped
@@ -37,8 +37,8 @@ class Overlay(NamedTuple):
     north: float
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
-    """Encode the archive; without a mosaic it has the map alone, and a line says so."""
+def encode(flown: FlownMission, layers: Sequence[Layer]) -> bytes:
+    """Encode the archive; without a mosaic, write the map alone, and report it."""
     ground = finest_ground(flown.folder, flown.data.grid, SIDE_PX)
     if ground is None:
         _LOG.info(f"{flown.folder}: has no mosaic; the KMZ has the map alone")
@@ -51,10 +51,10 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
 
 
 def along_meridians(ground: Ground, data: MapData) -> Overlay:
-    """Lay a mosaic anew, with rows along parallels.
+    """Resample a mosaic to rows along parallels.
 
-    A projective map by the four corners is enough: over 10 km the meridians and parallels of UTM
-    bend by 2.4 m, half a pixel of the largest picture.
+    A projective map by the four corners is enough. Over 10 km, meridians and parallels in UTM bend
+    by 2.4 m, half a pixel of the largest picture.
     """
     raster, grid = ground.raster, data.grid
     high, wide = ground.image.shape[:2]
@@ -63,12 +63,12 @@ def along_meridians(ground: Ground, data: MapData) -> Overlay:
     degrees = grid.zone.lon_lat((grid.origin.east_m, grid.origin.north_m) + fixed * grid.scale)
     degrees[:, 0] = turned(degrees[:, 0], data.start)
     (west, south), (east, north) = degrees.min(axis=0).tolist(), degrees.max(axis=0).tolist()
-    # as fine as before along the longer side, whatever the latitude
+    # the same resolution along the longer side, at any latitude
     stretch = np.cos(np.radians((south + north) / 2.0))
     shrink = max(wide, high) / max((east - west) * stretch, north - south)
     size = max(round((east - west) * stretch * shrink), 1), max(round((north - south) * shrink), 1)
     target = (degrees - (west, north)) / (east - west, south - north) * size
-    # edges of pixels are counted here, and middles there
+    # here coordinates are edges of pixels, in OpenCV they are middles
     matrix = cv2.getPerspectiveTransform(
         (pixels - 0.5).astype(np.float32), (target - 0.5).astype(np.float32)
     )

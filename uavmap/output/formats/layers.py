@@ -18,11 +18,11 @@ from shapely.geometry import MultiPolygon, Polygon
 from missions.units import LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.facts.map_model import MapData, placed, turned
 
 DECIMALS: Final = 7
-"""Of a degree: about a centimetre."""
+"""Decimals of degrees: about a centimetre."""
 
 Value = str | int | float | bool | None
 Row = tuple[Value, ...]
@@ -35,7 +35,7 @@ class Field(NamedTuple):
 
     name: str
     kind: str
-    """text, whole, number, yes or no, or time"""
+    """One of: text, whole, number, yes or no, time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +43,10 @@ class Layer:
     """Geometries of one kind, each with a row.
 
     Attributes:
-        title: For people.
-        heights: Whether points have a third coordinate: metres above home.
-        parts: Yields geometries, None for a row without a place, and their rows; at most `AT_ONCE`
-            cells at a time.
+        title: Name for readers.
+        heights: True if points have a third coordinate: metres above home.
+        parts: A function that yields geometries (None for a row without a place) and their rows, at
+            most `AT_ONCE` cells at a time.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Layer:
         *,
         heights: bool = False,
     ) -> Self:
-        """Create a layer that is in memory as a whole."""
+        """Create a layer from geometries and rows in memory."""
         return cls(name, title, geometry, heights, fields, lambda: [(shapes, rows)])
 
     @property
@@ -94,7 +94,7 @@ class Layer:
 
 # --- in degrees ----------------------------------------------------------------------------------
 def in_degrees(layer: Layer, data: MapData) -> Shapes:
-    """Return the geometries in WGS84, longitude first, rounded, in the turn of the start."""
+    """Return the geometries in WGS84, longitude first, rounded, within 180 degrees of the start."""
 
     def projected(points: NDArray[np.float64]) -> NDArray[np.float64]:
         there = data.grid.zone.lon_lat(points[:, :2])
@@ -106,7 +106,7 @@ def in_degrees(layer: Layer, data: MapData) -> Shapes:
 
 
 def outline_in_degrees(data: MapData, outline: Polygon | MultiPolygon) -> Polygon | MultiPolygon:
-    """Return an outline of the moving frame on a map, as `in_degrees`."""
+    """Return an outline of the moving frame in degrees, in the form of `in_degrees`."""
     where = data.grid, data.t_s, data.start, DECIMALS
     shape: Polygon | MultiPolygon = shapely.transform(
         outline, lambda points: placed(points, *where)
@@ -115,7 +115,7 @@ def outline_in_degrees(data: MapData, outline: Polygon | MultiPolygon) -> Polygo
 
 
 def line_in_degrees(data: MapData, places: Iterable[LatLon]) -> list[tuple[float, float]]:
-    """Return longitudes and latitudes of places, as `in_degrees`."""
+    """Return longitudes and latitudes of places, in the form of `in_degrees`."""
     known = list(places)
     lons = turned(np.array([place.lon_deg for place in known]), data.start).tolist()
     return [
@@ -136,7 +136,7 @@ def text_of(value: object) -> str:
     return str(value)
 
 
-def described(flown: Flown) -> dict[str, Any]:
+def described(flown: FlownMission) -> dict[str, Any]:
     """Return mission, version, dates, coordinate system and extent of a map, by name."""
     data = flown.data
     return {

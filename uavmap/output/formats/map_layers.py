@@ -1,4 +1,4 @@
-"""The layers of a map: what was found, tracks and frames, what was planned."""
+"""The layers of a map: the region, tracks and frames, and the plan."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.journal.kept_frames import KeptFrame, read_kept
 from uavmap.output.facts.flight_log import Fix
-from uavmap.output.facts.flown_mission import BoundaryFacts, Flown
+from uavmap.output.facts.flown_mission import BoundaryFacts, FlownMission
 from uavmap.output.facts.map_model import CellTable, drift_m
 from uavmap.output.formats.layers import Field, Layer, Row, Shapes, Value
 
 
-def layers(flown: Flown) -> list[Layer]:
-    """Create every layer of a map that has a row; the region always has one."""
+def layers(flown: FlownMission) -> list[Layer]:
+    """Create every layer of a map that has rows; the region always has one."""
     found = [
         _region(flown),
         *([] if flown.boundary is None else [_boundary(flown, flown.boundary)]),
@@ -44,18 +44,18 @@ def layers(flown: Flown) -> list[Layer]:
 
 # --- the ground ----------------------------------------------------------------------------------
 def _projected(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Project points of the fixed frame to metres; a height stays."""
+    """Project points of the fixed frame to metres; heights do not change."""
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
     return np.column_stack([(origin + points[:, :2] * grid.scale).round(3), points[:, 2:]])
 
 
-def _of_region(flown: Flown, shapes: Any) -> Shapes:
+def _of_region(flown: FlownMission, shapes: Any) -> Shapes:
     grid, drift = flown.data.grid, drift_m(flown.data.grid, flown.data.t_s)
     moved = shapely.transform(shapes, lambda points: _projected(grid, points + drift))
     return np.atleast_1d(np.array(moved, dtype=object))
 
 
-def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) -> Shapes:
+def _of_ground(flown: FlownMission, shapes: Sequence[Any], *, heights: bool = False) -> Shapes:
     grid = flown.data.grid
     array = np.empty(len(shapes), dtype=object)
     array[:] = shapes
@@ -65,7 +65,7 @@ def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) ->
     return moved
 
 
-def _points(flown: Flown, points: Sequence[tuple[float, ...]]) -> Shapes:
+def _points(flown: FlownMission, points: Sequence[tuple[float, ...]]) -> Shapes:
     places = np.array(points, dtype=np.float64).reshape(-1, 3)
     return np.array(shapely.points(_projected(flown.data.grid, places)), dtype=object)
 
@@ -92,12 +92,12 @@ def _fields(names: str) -> tuple[Field, ...]:
     return tuple(Field(name, _KIND_OF[name]) for name in names.split())
 
 
-def _about(flown: Flown) -> Row:
+def _about(flown: FlownMission) -> Row:
     t_s = flown.data.t_s
     return (round(t_s, 3), flown.calendar.utc(t_s), flown.crs, __version__)
 
 
-def _region(flown: Flown) -> Layer:
+def _region(flown: FlownMission) -> Layer:
     data, found = flown.data, flown.extent
     shape = found.outline
     shapes = np.array([None], dtype=object)
@@ -117,7 +117,7 @@ def _region(flown: Flown) -> Layer:
     return Layer.whole("region", "Region", "MultiPolygon", fields, shapes, rows)
 
 
-def _boundary(flown: Flown, facts: BoundaryFacts) -> Layer:
+def _boundary(flown: FlownMission, facts: BoundaryFacts) -> Layer:
     shapes = np.array([None], dtype=object)
     if not facts.region.is_empty:
         shapes = _of_ground(flown, [_whole(facts.region)])
@@ -129,7 +129,7 @@ def _boundary(flown: Flown, facts: BoundaryFacts) -> Layer:
     return Layer.whole("boundary", "Boundary by pixels", "MultiPolygon", fields, shapes, rows)
 
 
-def _cells(flown: Flown) -> Layer:
+def _cells(flown: FlownMission) -> Layer:
     data, names = flown.data, [one.name for one in flown.data.class_areas]
     fields = _fields("column row state region positive votes belief" + " class" * bool(names))
     half_m = data.grid.cell_m / 2.0
@@ -138,7 +138,7 @@ def _cells(flown: Flown) -> Layer:
         drift = drift_m(data.grid, data.t_s)
         for table in data.cells.parts():
             middle = data.grid.cell_m * table.cells.astype(np.float64)
-            # the axes of the grid are those of the projection
+            # the axes of the grid are the axes of the projection
             low, high = (_projected(data.grid, middle + m + drift) for m in (-half_m, half_m))
             yield np.array(shapely.box(*low.T, *high.T), dtype=object), _cell_rows(table, names)
 
@@ -154,8 +154,8 @@ def _cell_rows(table: CellTable, names: Sequence[str]) -> Iterator[Row]:
         yield (*row, None if column < 0 else names[column]) if names else row
 
 
-def _classes(flown: Flown) -> Layer:
-    """Create the classes of the region, by number; none of a detector that knows one."""
+def _classes(flown: FlownMission) -> Layer:
+    """Create the classes of the region, by number; empty for a detector without classes."""
     found = [one for one in flown.data.class_areas if one.cells]
     shapes = [_of_region(flown, _whole(one.outline)) for one in found]
     rows: list[Row] = []
@@ -172,7 +172,7 @@ def _classes(flown: Flown) -> Layer:
 
 
 # --- tracks and frames ---------------------------------------------------------------------------
-def _tracks(flown: Flown) -> Layer:
+def _tracks(flown: FlownMission) -> Layer:
     fields = _fields("name vehicle sortie start_s end_s start_utc end_utc length_m")
     lines, rows = [], list[Row]()
     for vehicle, sortie, points in track_lines(flown):
@@ -189,20 +189,20 @@ def _tracks(flown: Flown) -> Layer:
     return Layer.whole("tracks", "Tracks", "LineString", fields, shapes, rows, heights=True)
 
 
-def track_parts(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
-    """Return vehicle, sortie and places in the air; of recorded pictures all places."""
+def track_parts(flown: FlownMission) -> list[tuple[int, int, list[Fix]]]:
+    """Return vehicle, sortie and places in the air; for recorded pictures, all places."""
     fixes = flown.log.fixes
     if flown.recorded:
         return [(vehicle, 1, list(found)) for vehicle, found in sorted(fixes.items())]
     return [(s.vehicle, s.number, flown.log.fixes_of(s)) for s in flown.log.sorties()]
 
 
-def track_lines(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
-    """Return those of `track_parts` that make a line: the rows of the layer of tracks."""
+def track_lines(flown: FlownMission) -> list[tuple[int, int, list[Fix]]]:
+    """Return the parts of `track_parts` that make a line: the rows of the layer of tracks."""
     return [part for part in track_parts(flown) if len(part[2]) > 1]
 
 
-def _track_points(flown: Flown) -> Layer:
+def _track_points(flown: FlownMission) -> Layer:
     fields = _fields("vehicle sortie t_s utc height_m charge_wh")
     points, rows = list[tuple[float, ...]](), list[Row]()
     for vehicle, sortie, fixes in track_parts(flown):
@@ -215,8 +215,8 @@ def _track_points(flown: Flown) -> Layer:
     return Layer.whole("track_points", "Track points", "Point", fields, shapes, rows, heights=True)
 
 
-def _frames(flown: Flown) -> Layer:
-    """Create the judged frames: by their kept pose, or else by telemetry."""
+def _frames(flown: FlownMission) -> Layer:
+    """Create the judged frames, at their kept pose, or else at the place by telemetry."""
     fields = _fields("vehicle t_s utc height_m cells positive picture place_by")
     kept = kept_by_time(flown)
     by_telemetry = "picture" if flown.recorded else "telemetry"
@@ -245,8 +245,8 @@ def _frames(flown: Flown) -> Layer:
     return Layer.whole("frames", "Judged frames", "Point", fields, shapes, rows, heights=True)
 
 
-def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
-    """Return a flight's kept frames by vehicle and time, those with a possible place."""
+def kept_by_time(flown: FlownMission) -> dict[tuple[int, float], KeptFrame]:
+    """Return a flight's kept frames with a valid place, by vehicle and time."""
     if flown.recorded:
         return {}
     try:
@@ -263,7 +263,7 @@ def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
 
 
 # --- what was planned ----------------------------------------------------------------------------
-def _unsearched(flown: Flown) -> Layer:
+def _unsearched(flown: FlownMission) -> Layer:
     fixed = flown.data.grid.fixed
     lines = [shapely.linestrings(list(map(fixed, lane))) for lane in flown.data.unsearched]
     rows = [(f"lane {number}, without a judged frame",) for number in range(1, len(lines) + 1)]
@@ -271,7 +271,7 @@ def _unsearched(flown: Flown) -> Layer:
     return Layer.whole("unsearched", "Not searched", "LineString", _fields("name"), shapes, rows)
 
 
-def _fence(flown: Flown) -> Layer:
+def _fence(flown: FlownMission) -> Layer:
     """Create the fence and the box; a replay without a mission has neither."""
     data, fixed = flown.data, flown.data.grid.fixed
     holes = [list(map(fixed, hole)) for hole in data.fence_holes]
@@ -284,8 +284,8 @@ def _fence(flown: Flown) -> Layer:
     return Layer.whole("fence", "Geofence and search box", "Polygon", fields, shapes, rows)
 
 
-def _places(flown: Flown) -> Layer:
-    """Create the start of recorded pictures, or the homes of a flight as last reported."""
+def _places(flown: FlownMission) -> Layer:
+    """Create the start of recorded pictures, or the last reported homes of a flight."""
     grid, planned = flown.data.grid, homes(flown.setting.mission)
     fields = _fields("name vehicle")
     if flown.recorded:

@@ -1,6 +1,6 @@
 """A Shapefile per layer, in the UTM zone of the grid, with the date of the map.
 
-Times are text, for a .dbf has no hours. A text is cut at 254 bytes.
+Times are text, because a .dbf has no hours. A text is cut at 254 bytes.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pyproj
 import shapefile
 import shapely
 
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.layers import Layer
 
 _MOST_BYTES: Final = 254
@@ -30,7 +30,7 @@ _SHAPES: Final = {
 }  # fmt: skip
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
+def encode(flown: FlownMission, layers: Sequence[Layer]) -> dict[str, bytes]:
     """Encode the files by name."""
     prj = pyproj.CRS.from_epsg(flown.data.grid.zone.epsg).to_wkt("WKT1_ESRI").encode()
     when = flown.calendar.date(flown.data.t_s)
@@ -71,7 +71,7 @@ def _put(writer: Any, layer: Layer, shape: Any) -> None:
         line = shapely.get_coordinates(shape, include_z=layer.heights).tolist()
         writer.linez([line]) if layer.heights else writer.line([line])
     else:
-        # of areas the outer ring runs clockwise here, and holes the other way
+        # in a Shapefile, outer rings of areas run clockwise and holes counter-clockwise
         areas = shapely.orient_polygons(shapely.get_parts(shape), exterior_cw=True)
         rings = [ring for area in areas for ring in (area.exterior, *area.interiors)]
         writer.poly([shapely.get_coordinates(ring).tolist() for ring in rings])

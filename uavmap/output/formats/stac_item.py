@@ -1,6 +1,6 @@
 """A STAC item of the results, for catalogues of imagery (pystac, the extra `geo`).
 
-It lies beside its assets and names them by relative paths, so the folder can be moved as a whole.
+It is in the folder of its assets and names them by relative paths, so the folder can be moved.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from missions.errors import OutputError, UavmapError
 from uavmap.base.extras import install_command
 from uavmap.output.drawing.mosaic_file import ORTHO, PROBABILITY
 from uavmap.output.drawing.scene import Bounds
-from uavmap.output.facts.flown_mission import BOUNDARY_FILE, Flown
+from uavmap.output.facts.flown_mission import BOUNDARY_FILE, FlownMission
 from uavmap.output.facts.map_model import turned
 from uavmap.output.formats.layers import DECIMALS, Layer, described
 
@@ -50,7 +50,7 @@ ASSETS: Final = (
 )  # fmt: skip
 
 
-def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
+def encode(flown: FlownMission, layers: Sequence[Layer]) -> bytes:
     """Encode the item. Raises `UavmapError` without pystac or rasterio, or for an unknown date."""
     try:
         import pystac  # noqa: PLC0415 - an extra
@@ -63,8 +63,8 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
     begun, ended = flown.calendar.date(0.0), flown.calendar.date(flown.data.t_s)
     if begun is None or ended is None:
         raise OutputError(
-            f"{folder}: no date of it is known, and a STAC item needs one; of pictures write the "
-            "times of their exposures into them (EXIF), and replay them again"
+            f"{folder}: its date is not known, and a STAC item needs one; write the times of "
+            "exposure into the pictures (EXIF), and replay them again"
         )
     item = pystac.Item(
         id=folder.resolve().name,
@@ -95,8 +95,8 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
     return (json.dumps(values, indent=2, allow_nan=False) + "\n").encode()
 
 
-def _properties(flown: Flown) -> dict[str, Any]:
-    """Return title, finding and figures; those that STAC has no name for with a prefix."""
+def _properties(flown: FlownMission) -> dict[str, Any]:
+    """Return title, finding and figures; figures without a name in STAC get a prefix."""
     known = described(flown)
     own = {name: known[name] for name in ("completed", "simulated", "version")}
     own |= flown.extent.figures()
@@ -114,9 +114,9 @@ def _properties(flown: Flown) -> dict[str, Any]:
 
 
 def _footprint(
-    flown: Flown, layers: Sequence[Layer], rasters: Sequence[Bounds]
+    flown: FlownMission, layers: Sequence[Layer], rasters: Sequence[Bounds]
 ) -> shapely.Polygon | None:
-    """Return the rectangle in UTM around rasters and cells, in degrees; None of an empty map."""
+    """Return the rectangle in UTM around rasters and cells, in degrees; None for an empty map."""
     boxes = [shapely.box(*bounds) for bounds in rasters]
     boxes += [
         shapely.box(*shapely.total_bounds(layer.shapes))
@@ -137,7 +137,7 @@ def _footprint(
 
 
 class _Raster(NamedTuple):
-    """What an asset says of a GeoTIFF; `transform` is in the order of `Affine`."""
+    """The description of a GeoTIFF in an asset; `transform` is in the order of `Affine`."""
 
     fields: dict[str, Any]
     code: str
@@ -147,7 +147,7 @@ class _Raster(NamedTuple):
 
 
 def _raster(path: Path) -> _Raster | None:
-    """Read a GeoTIFF's place; None where there is none."""
+    """Read the place of a GeoTIFF; None without the file."""
     if not path.is_file():
         return None
     try:

@@ -1,9 +1,9 @@
 """Waypoint files of DJI aircraft (WPML, a KMZ): `wpmz/template.kml` and `wpmz/waylines.wpml`.
 
-The template is what DJI Pilot 2 and FlightHub 2 show and edit, the waylines are what an aircraft
-flies; both have the same waypoints. Elements, order and values are those of DJI's Cloud API
-documentation, DJI WPML 1.0.2. Heights are above the place of the take-off. The format has no
-fence: the path keeps inside of the mission's.
+DJI Pilot 2 and FlightHub 2 show and edit the template; an aircraft flies the waylines. Both have
+the same waypoints. Elements, order and values are those of DJI's Cloud API documentation, DJI WPML
+1.0.2. Heights are above the place of take-off. The format has no fence: the path stays inside the
+fence of the mission.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import OutputError
 from missions.units import LatLon
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.archive_bytes import zipped
 from uavmap.output.formats.follow_up import follow_up_flight
 from uavmap.output.formats.ground_station_plan import DECIMALS, SearchFlight
@@ -25,7 +25,7 @@ from uavmap.output.formats.layers import Layer
 
 WPML: Final = "http://www.dji.com/wpmz/1.0.2"
 MOST_M_S: Final = 15.0
-"""Maximum of a speed between waypoints, m/s."""
+"""Maximum speed between waypoints, m/s."""
 MOST_WAYPOINTS: Final = 65_536
 
 
@@ -46,12 +46,12 @@ AIRCRAFT: Final[Mapping[str, Aircraft]] = {
     "M3D": Aircraft(91, 0, 80),
     "M3TD": Aircraft(91, 1, 81),
 }
-"""Aircraft with a camera of their own; the numbers of others depend on what they carry."""
+"""Aircraft with a built-in camera; the numbers of other aircraft depend on their payload."""
 USUAL: Final = "M3E"
 _LOG: Final = logging.getLogger("uavmap.output")
 
 
-def encode(flown: Flown, layers: Sequence[Layer], drone: str = USUAL) -> bytes:
+def encode(flown: FlownMission, layers: Sequence[Layer], drone: str = USUAL) -> bytes:
     """Encode a flight over the mapped region, for a drone of `AIRCRAFT`. Raises `OutputError`."""
     return wpml_archive(follow_up_flight(flown), drone)
 
@@ -60,20 +60,20 @@ def wpml_archive(flight: SearchFlight, drone: str) -> bytes:
     """Encode the flight of one vehicle for a drone of `AIRCRAFT`. Raises `OutputError`."""
     if flight.speed_m_s > MOST_M_S:
         raise OutputError(
-            f"flight.speed_m_s = {flight.speed_m_s:g}: such aircraft fly waypoints with at most "
-            f"{MOST_M_S:g} m/s; lower it"
+            f"flight.speed_m_s = {flight.speed_m_s:g}: these aircraft fly waypoints at up to "
+            f"{MOST_M_S:g} m/s; lower the speed"
         )
-    route = Route.of(flight)
+    route = Route.from_flight(flight)
     if len(route.places) > MOST_WAYPOINTS:
         raise OutputError(
-            f"{len(route.places)} waypoints: such a file holds {MOST_WAYPOINTS}; make the cells "
+            f"{len(route.places)} waypoints: the format allows {MOST_WAYPOINTS}; make the cells "
             "larger (grid.cell_m), or the area smaller"
         )
     if route.spans:
         apart_s = route.spans[0].every_m / route.speed_m_s
         _LOG.info(
             f"pictures are {apart_s:.1f} s apart at {route.speed_m_s:.1f} m/s; if the camera of "
-            f"the {drone} takes longer for one, lower the speed in DJI Pilot 2"
+            f"the {drone} needs more time, lower the speed in DJI Pilot 2"
         )
     aircraft = AIRCRAFT[drone]
     return zipped({
@@ -83,7 +83,7 @@ def wpml_archive(flight: SearchFlight, drone: str) -> bytes:
 
 
 class Span(NamedTuple):
-    """Pictures each `every_m` metres from a waypoint to another, both counted from 0."""
+    """A picture each `every_m` metres from one waypoint to another; both are counted from 0."""
 
     first: int
     last: int
@@ -91,7 +91,7 @@ class Span(NamedTuple):
 
 
 class Route(NamedTuple):
-    """Waypoints at one height above the take-off, m, flown at one speed, m/s."""
+    """Waypoints with one height above the place of take-off, m, and one speed, m/s."""
 
     places: tuple[LatLon, ...]
     spans: tuple[Span, ...]
@@ -99,8 +99,8 @@ class Route(NamedTuple):
     speed_m_s: float
 
     @classmethod
-    def of(cls, flight: SearchFlight) -> Route:
-        """Read the items of a flight; the aircraft returns after the last waypoint."""
+    def from_flight(cls, flight: SearchFlight) -> Route:
+        """Create the route of a flight's items; the aircraft returns after the last waypoint."""
         places, spans, begun = list[LatLon](), list[Span](), (0, 0.0)
         for item in flight.items:
             if item.command in (mav.MAV_CMD_NAV_TAKEOFF, mav.MAV_CMD_NAV_WAYPOINT):
@@ -141,7 +141,7 @@ def _template(route: Route, aircraft: Aircraft) -> Iterator[str]:
     for number, place in enumerate(route.places):
         yield _point(number, place)
         yield _values(
-            ellipsoidHeight=_metres(route.height_m),  # as DJI Pilot 2 has it: the same number
+            ellipsoidHeight=_metres(route.height_m),  # DJI Pilot 2 writes the same number here
             height=_metres(route.height_m),
             useGlobalHeight=1,
             useGlobalSpeed=1,
@@ -177,7 +177,7 @@ def _waylines(route: Route, aircraft: Aircraft) -> Iterator[str]:
 
 
 def _mission(route: Route, aircraft: Aircraft, **more: object) -> Iterator[str]:
-    """Write what holds for the flight: an aircraft without its operator comes back."""
+    """Write the settings of the flight: an aircraft that loses its operator returns."""
     values = _values(
         flyToWaylineMode="safely",
         finishAction="goHome",
@@ -195,7 +195,7 @@ def _mission(route: Route, aircraft: Aircraft, **more: object) -> Iterator[str]:
 
 # --- waypoints ------------------------------------------------------------------------------------
 _TURN: Final = "toPointAndStopWithDiscontinuityCurvature"
-"""Straight to each waypoint, and a stop there: a curve might leave the fence."""
+"""Mode of turns: straight to each waypoint, with a stop; a curve might leave the fence."""
 _LENS: Final = "wide"
 
 
@@ -205,7 +205,7 @@ def _point(number: int, place: LatLon) -> str:
 
 
 def _actions(route: Route, number: int) -> Iterator[str]:
-    """Have the camera look down at the first waypoint, and take pictures from where lanes begin."""
+    """Point the camera down at the first waypoint; take pictures from the beginning of lanes."""
     if number == 0:
         down = _values(
             gimbalHeadingYawBase="north",

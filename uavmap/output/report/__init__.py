@@ -1,1 +1,1 @@
-"""The report of a flight: one page that opens everywhere, and prints."""
+"""The report of a flight: one page of HTML, and a PDF to print."""

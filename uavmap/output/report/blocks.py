@@ -1,4 +1,4 @@
-"""What the two pages of a PDF consist of: texts, tables and drawings, put below each other."""
+"""The blocks of the two pages of a PDF: texts, tables and drawings, one below the other."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ BARE: Final = [
 
 
 def text(words: str, style: Any = PLAIN, link: str | None = None, letters: int = _LETTERS) -> Any:
-    """Create a paragraph of so many letters of words, which are no markup, before a `link`."""
+    """Create a paragraph of plain text, cut to a number of letters, with a `link` at its end."""
     safe = escape(printed(printable(words, letters)))
     if link is not None:
         safe = f'{safe} <link href="{escape(link)}"><u>map</u></link>'
@@ -77,7 +77,7 @@ def heading(words: str) -> list[Any]:
 
 
 def facts_table(rows: Iterable[tuple[str, Any]], wide_pt: float = ACROSS_PT) -> Any:
-    """Create a table of names and values, which are texts or paragraphs."""
+    """Create a table of names and values; a value is a text or a paragraph."""
     name_pt = min(112.0, 0.34 * wide_pt)
     made = [
         [text(name, _CELL_HEAD), text(value, _CELL) if isinstance(value, str) else value]
@@ -105,7 +105,7 @@ def beside(columns: Sequence[list[Any]], widths_pt: Sequence[float]) -> Any:
 
 
 def alert(lines: Iterable[str]) -> Any:
-    """Create the box of what has to be read first."""
+    """Create the box with the lines that the reader needs first."""
     style = [
         ("BACKGROUND", (0, 0), (-1, -1), _colour(_ALERT)),
         ("LINEBEFORE", (0, 0), (0, -1), 3, _colour(_WARNING)),
@@ -119,7 +119,7 @@ def alert(lines: Iterable[str]) -> Any:
 
 
 class Drawing(Flowable):  # type: ignore[misc]
-    """Shapes of a page, as a block of a width."""
+    """A block of shapes with a width."""
 
     def __init__(self, view: View, shapes: Sequence[Shape], wide_pt: float = ACROSS_PT) -> None:
         super().__init__()
@@ -128,17 +128,17 @@ class Drawing(Flowable):  # type: ignore[misc]
         self.width, self.height = wide_pt, view.height_px * self._scale
 
     def draw(self) -> None:
-        """Draw them; the library calls this with the canvas in place."""
+        """Draw the shapes; reportlab calls this after it has set the canvas."""
         pdf.draw(self.canv, self._shapes, self._view, Spot(0.0, self.height, self._scale))
 
 
 def height_of(blocks: Sequence[Any], wide_pt: float = ACROSS_PT) -> float:
-    """Return the height of blocks below each other, points."""
+    """Return the height of a column of blocks, points."""
     return float(sum(block.wrap(wide_pt, HIGH_PT)[1] for block in blocks))
 
 
 def put(page: Any, blocks: Sequence[Any], top_pt: float, most_pt: float) -> float:
-    """Put blocks below each other, shrunk to a height; return how low they reach."""
+    """Draw a column of blocks, shrunk to a height; return its lower end, points."""
     kept = KeepInFrame(ACROSS_PT, most_pt, list(blocks), mode="shrink")
     _, high_pt = kept.wrapOn(page, ACROSS_PT, most_pt)
     kept.drawOn(page, EDGE_PT, top_pt - high_pt)

@@ -12,7 +12,7 @@ import numpy as np
 from uavmap.base.printable import printable
 from uavmap.load.detector_source import region_in_words
 from uavmap.output.facts.flight_log import Fix, navigation_in_words
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.summary import MOST_PATCHES, box_in_words, litres_in_words, state_in_words
 
 Facts = list[tuple[str, str]]
@@ -21,7 +21,7 @@ Row = tuple[object, ...]
 _MOST_TROUBLES: Final = 200
 _MOST_LETTERS: Final = 300
 _PASSWORD: Final = re.compile(r"//[^/@\s]*@")
-"""Of an address: a page is handed on, and must not contain it."""
+"""Pattern of a password in an address: readers of a page must not see it."""
 
 
 def minutes(t_s: float) -> str:
@@ -35,7 +35,7 @@ def minutes(t_s: float) -> str:
 
 
 # --- what was found ------------------------------------------------------------------------------
-def extent_facts(flown: Flown) -> Facts:
+def extent_facts(flown: FlownMission) -> Facts:
     """Return area and perimeter with their bounds."""
     found, data, boundary = flown.extent, flown.data, flown.boundary
     cells = f"{np.count_nonzero(data.cells.roi):,} cells of {data.grid.cell_m:g} m"
@@ -43,7 +43,7 @@ def extent_facts(flown: Flown) -> Facts:
         (
             "Area by cells",
             f"{_m2(found.area_m2)} ({cells}); between {_m2(found.low_m2)} and "
-            f"{_m2(found.high_m2)}, for a cell counts from {flown.least_share:.0%} region on",
+            f"{_m2(found.high_m2)}: a cell counts if at least {flown.least_share:.0%} is region",
         ),
         (
             "Perimeter by cells",
@@ -54,7 +54,7 @@ def extent_facts(flown: Flown) -> Facts:
     ]
     if boundary is not None:
         known_m = boundary.uncertainty_m
-        how = "" if known_m is None else f"; half of it is known to ±{known_m:.2f} m"
+        how = "" if known_m is None else f"; half of it is known within {known_m:.2f} m"
         facts[:0] = [
             (
                 "Area by pixels",
@@ -70,7 +70,7 @@ def extent_facts(flown: Flown) -> Facts:
     return facts
 
 
-def class_rows(flown: Flown) -> Iterator[Row]:
+def class_rows(flown: FlownMission) -> Iterator[Row]:
     """Yield a row per class of the region."""
     for one in flown.data.class_areas:
         yield (
@@ -83,17 +83,17 @@ def class_rows(flown: Flown) -> Iterator[Row]:
         )
 
 
-def _position(flown: Flown) -> str:
-    shared = "an error that all pictures share shifts the whole map"
+def _position(flown: FlownMission) -> str:
+    shared = "an error of all pictures shifts the whole map"
     if flown.boundary is not None:
         sigma_m = flown.boundary.position_m
         return f"standard deviation of a picture's place {sigma_m:.2g} m; {shared}"
     known_m = f"{flown.setting.mission.camera.pose_error_m:g} m (camera.pose_error_m)"
-    return f"a picture's place is taken to be right to {known_m}; {shared}"
+    return f"the assumed error of a picture's place is {known_m}; {shared}"
 
 
-def certificate(flown: Flown) -> tuple[Facts, Facts]:
-    """Return what was judged, and what was not."""
+def certificate(flown: FlownMission) -> tuple[Facts, Facts]:
+    """Return the facts on judged ground, and those on the rest."""
     values, cells = flown.values, Counter(flown.data.cells.counts())
     region = np.count_nonzero(flown.data.cells.roi)
     lost = sum(trouble.kind == "frame" for trouble in flown.log.troubles)
@@ -107,13 +107,13 @@ def certificate(flown: Flown) -> tuple[Facts, Facts]:
     provisional = cells["provisional"] + cells["provisional non-roi"]
     rows = [
         ("Frames lost", lost, "frames lost, or no evidence"),
-        ("Cells without a verdict", provisional, "cells that frames show, and too few of them"),
-        ("Open cells", open_cells, "cells of the region beside which nobody has judged"),
-        ("Cells not looked from", unreached, "out of reach, or fenced off"),
-        ("Cells that lack votes", number(values, "cells_undecided"), "looked at, undecided"),
-        ("Cells unsure", cells["unsure"], "like nothing that the detector was shown"),
+        ("Cells without a verdict", provisional, "cells that too few frames show"),
+        ("Open cells", open_cells, "cells of the region beside ground without a verdict"),
+        ("Cells not observed", unreached, "out of reach, or beyond the fence"),
+        ("Cells that lack votes", number(values, "cells_undecided"), "observed, undecided"),
+        ("Cells unsure", cells["unsure"], "unlike what the detector knows"),
         ("Cells skipped", number(values, "cells_skipped"), "by the operator"),
-        ("Pictures refused", number(values, "photographs_refused"), "pictures.csv says why"),
+        ("Pictures refused", number(values, "photographs_refused"), "pictures.csv has the reasons"),
     ]
     missing = [(name, f"{int(count):,} ({why})") for name, count, why in rows if count]
     lanes_m = number(values, "unsearched_m")
@@ -129,8 +129,8 @@ def _bounds(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if took_s and lower_s:
         yield (
             "Exploration",
-            f"{took_s:,.1f} s; no team could have taken less than {lower_s:,.1f} s for the same "
-            f"cells, a ratio of {took_s / lower_s:.2f}",
+            f"{took_s:,.1f} s; any team needs at least {lower_s:,.1f} s for the same cells, a "
+            f"ratio of {took_s / lower_s:.2f}",
         )
     bound_s = number(values, "bound_makespan_s")
     if bound_s is not None and took_s:
@@ -138,8 +138,8 @@ def _bounds(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "Bound of the strategy", f"{bound_s:,.1f} s, {kept}"
 
 
-def truth_facts(flown: Flown) -> Facts:
-    """Compare the map with the truth, which is known in simulation only."""
+def truth_facts(flown: FlownMission) -> Facts:
+    """Compare the map with the truth, which only a simulation knows."""
     values = flown.values
     named = (
         ("iou_cells", "IoU of the map with the truth", "{:.4f}"),
@@ -147,7 +147,7 @@ def truth_facts(flown: Flown) -> Facts:
         ("detections", "Detections", "{:.0f}"),
         ("false_positives", "of these false positives", "{:.0f}"),
         ("false_negatives", "of these false negatives", "{:.0f}"),
-        ("min_separation_m", "Least distance of two vehicles", "{:.2f} m"),
+        ("min_separation_m", "Minimum distance of two vehicles", "{:.2f} m"),
         ("fence_breaches", "Breaches of the fence", "{:.0f}"),
         ("reserve_violations", "Violations of the reserve", "{:.0f}"),
     )
@@ -157,7 +157,7 @@ def truth_facts(flown: Flown) -> Facts:
     return [(label, form.format(value)) for label, form, value in found if value is not None]
 
 
-def flight_facts(flown: Flown) -> Facts:
+def flight_facts(flown: FlownMission) -> Facts:
     """Return times, distance, sorties and battery swaps."""
     values = flown.values
     named = (
@@ -183,7 +183,7 @@ SORTIE_HEADS: Final = (
 )  # fmt: skip
 
 
-def sortie_rows(flown: Flown) -> Iterator[Row]:
+def sortie_rows(flown: FlownMission) -> Iterator[Row]:
     """Yield a row per sortie of a flight."""
     full = flown.setting.mission.battery.capacity_wh
     for sortie in flown.log.sorties():
@@ -206,7 +206,7 @@ VEHICLE_HEADS: Final = (
 )  # fmt: skip
 
 
-def vehicle_rows(flown: Flown) -> Iterator[Row]:
+def vehicle_rows(flown: FlownMission) -> Iterator[Row]:
     """Yield a row per vehicle that flew: sorties, times, distance, fresh batteries, charge."""
     full = flown.setting.mission.battery.capacity_wh
     sorties = flown.log.sorties()
@@ -226,7 +226,7 @@ def vehicle_rows(flown: Flown) -> Iterator[Row]:
         )
 
 
-def _clock(flown: Flown, t_s: float) -> str:
+def _clock(flown: FlownMission, t_s: float) -> str:
     date = flown.calendar.date(t_s)
     return f"{minutes(t_s)} min" if date is None else f"{date:%Y-%m-%d %H:%M:%S}"
 
@@ -236,8 +236,11 @@ def _distance_m(fixes: Sequence[Fix]) -> float:
     return float(np.hypot(*np.diff(places, axis=0).T).sum())
 
 
-def trouble_rows(flown: Flown) -> tuple[list[Row], int]:
-    """Return a row per fault, one for all frames lost for one reason; and how many are left out."""
+def trouble_rows(flown: FlownMission) -> tuple[list[Row], int]:
+    """Return a row per fault, and the number of rows that are left out.
+
+    One row stands for all frames that were lost for the same reason.
+    """
     lost: dict[tuple[int, str], list[float]] = {}
     for trouble in flown.log.troubles:
         if trouble.kind == "frame":
@@ -254,15 +257,15 @@ def trouble_rows(flown: Flown) -> tuple[list[Row], int]:
     return rows, max(0, len(found) - _MOST_TROUBLES)
 
 
-def notes(flown: Flown) -> list[str]:
-    """Return what the summary says of aircraft that are down, came home, or lost satellites."""
+def notes(flown: FlownMission) -> list[str]:
+    """Return the summary's notes on aircraft that are down, returned early or lost satellites."""
     values, found = flown.values, list[str]()
     down = values.get("aircraft_down")
     if isinstance(down, Sequence) and not isinstance(down, str):
         found += [printable(str(line)) for line in down]
-    said = values.get("notes")
-    if isinstance(said, Mapping):
-        found += [printable(f"vehicle {number}: {note}") for number, note in said.items()]
+    remarks = values.get("notes")
+    if isinstance(remarks, Mapping):
+        found += [printable(f"vehicle {number}: {note}") for number, note in remarks.items()]
     known = values.get("navigation")
     if isinstance(known, Mapping):
         found += [f"vehicle {n}: {navigation_in_words(one)}" for n, one in known.items()]
@@ -271,18 +274,18 @@ def notes(flown: Flown) -> list[str]:
 
 # --- how it was set up ---------------------------------------------------------------------------
 _JUDGING: Final = ("grid.", "camera.", "detector.", "votes.", "terrain")
-"""Keys of a mission by which recorded pictures are judged."""
+"""Keys of a mission that affect the judging of recorded pictures."""
 
 
-def settings_of(flown: Flown) -> Iterator[tuple[str, str, bool]]:
-    """Yield the settings of a mission; of recorded pictures those by which they were judged."""
+def settings_of(flown: FlownMission) -> Iterator[tuple[str, str, bool]]:
+    """Yield the settings of a mission; for recorded pictures, only those that affect judging."""
     for key, value, given in settings(flown.setting.mission):
         if not flown.recorded or key.startswith(_JUDGING):
             yield key, value, given
 
 
 def settings(section: Any, above: str = "") -> Iterator[tuple[str, str, bool]]:
-    """Yield each key of a mission, as `section.key`, its value, and whether the file named it."""
+    """Yield each key of a mission, as `section.key`, its value, and whether the file has it."""
     for name in type(section).model_fields:
         value, key = getattr(section, name), f"{above}{name}"
         if hasattr(type(value), "model_fields"):
@@ -295,7 +298,7 @@ def settings(section: Any, above: str = "") -> Iterator[tuple[str, str, bool]]:
 
 
 def _shown(value: object) -> str:
-    """Write a value as in the mission file, cut where it is long, without passwords.
+    """Write a value as in the mission file; cut long ones, hide passwords.
 
     >>> _shown("rtsp://me:secret@10.0.0.5/main"), _shown((True, None))
     ('rtsp://***@10.0.0.5/main', '[true, -]')
@@ -328,8 +331,11 @@ PATCH_HEADS: Final = (
 )  # fmt: skip
 
 
-def patch_rows(flown: Flown) -> tuple[list[Row], int]:
-    """Return a row per patch and one for several, none of a replay; and how many are left out."""
+def patch_rows(flown: FlownMission) -> tuple[list[Row], int]:
+    """Return a row per patch, one for all of several, and the number of rows that are left out.
+
+    A replay has no rows.
+    """
     if flown.recorded:
         return [], 0
     found, in_all = flown.values["patches"], flown.values["patches_in_all"]
@@ -344,8 +350,8 @@ def patch_rows(flown: Flown) -> tuple[list[Row], int]:
 PIECE_HEADS: Final = ("Piece", "m²", "Middle", "Found, min:s", "Mapped, min:s", "State")
 
 
-def piece_rows(flown: Flown) -> Iterator[Row]:
-    """Yield a row per piece of the region, none of a replay; times from the first lift-off."""
+def piece_rows(flown: FlownMission) -> Iterator[Row]:
+    """Yield a row per piece of the region, times from the first lift-off; none for a replay."""
     for number, one in enumerate(flown.values.get("patches", ()), start=1):
         yield (
             number,
@@ -357,8 +363,8 @@ def piece_rows(flown: Flown) -> Iterator[Row]:
         )
 
 
-def box_line(flown: Flown) -> str:
-    """Return how much of the search box of a flight is decided, and what follows."""
+def box_line(flown: FlownMission) -> str:
+    """Return the decided part of a flight's search box, and the conclusion."""
     box = flown.values["patches_in_all"]["box"]
     proof = "no patch that begins in it is missing, if the verdicts are right"
     return f"{box_in_words(box)}: {proof if box['whole'] else 'a patch may be missing there'}"
@@ -385,4 +391,4 @@ def _drift(drift: Mapping[str, Any] | None) -> str:
         return ""
     text = f"{drift['speed_m_s']:.2f} toward {drift['toward_deg']:.0f}°"
     text += f" ± {drift['error_m_s']:.2f}"
-    return f"{text}, not as the mission says" if drift["differs"] else text
+    return f"{text}, unlike that of the mission" if drift["differs"] else text

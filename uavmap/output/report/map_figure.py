@@ -15,11 +15,11 @@ from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.palette import FAINT, INK, Style
 from uavmap.output.drawing.scene import Label, Line, Scene, View
 from uavmap.output.drawing.sheet import step_up
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.facts.map_model import drift_m, on_ground
 
 _LINES: Final = 4
-"""Number of graticule lines that cross a map, about."""
+"""Approximate number of graticule lines across a map."""
 _LEAST_DEG: Final = 1e-9
 _LABEL_PX: Final = 12.0
 _STYLE: Final = Style(FAINT, 0.6)
@@ -50,20 +50,20 @@ class Corner(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MapFigure:
-    """A map to be drawn, and what belongs beside it."""
+    """The map of a report, with the data around it."""
 
     scene: Scene
     lines: tuple[Line, ...]
     """The graticule, in metres."""
     labels: tuple[Label, ...]
-    """Its degrees, in pixels from the map's upper left corner."""
+    """The degrees of the graticule, in pixels from the map's upper left corner."""
     corners: tuple[Corner, ...]
     true_north_deg: float
-    """From the map's upward direction, clockwise."""
+    """Direction of true north, clockwise from the map's upward direction."""
 
 
-def map_figure(flown: Flown, size_px: tuple[int, int] | None = None) -> MapFigure:
-    """Create the map, with the boundary at pixel level if there is one, in a size if given."""
+def map_figure(flown: FlownMission, size_px: tuple[int, int] | None = None) -> MapFigure:
+    """Create the map, with the boundary at pixel level if there is one; `size_px` is its size."""
     data, boundary = flown.data, flown.boundary
     if boundary is not None:
         moved_m = drift_m(data.grid, data.t_s)
@@ -79,7 +79,7 @@ def map_figure(flown: Flown, size_px: tuple[int, int] | None = None) -> MapFigur
 
 
 def _graticule(
-    flown: Flown, view: View, corners: tuple[Corner, ...]
+    flown: FlownMission, view: View, corners: tuple[Corner, ...]
 ) -> tuple[list[Line], list[Label]]:
     lats, lons = [c.lat_deg for c in corners], [c.lon_deg for c in corners]
     lines: list[Line] = []
@@ -113,8 +113,8 @@ def _degrees(
         yield Label(place, text, _LABEL_PX, INK, anchor)
 
 
-def _corners(flown: Flown, view: View) -> Iterator[Corner]:
-    """Yield the corners in degrees, in the turn of the start's, and in metres of the projection."""
+def _corners(flown: FlownMission, view: View) -> Iterator[Corner]:
+    """Yield the corners in degrees, within 180 degrees of the start, and in projected metres."""
     grid, start = flown.data.grid, flown.data.start
     east = (view.left_m, view.left_m + view.width_px / view.px_per_m)
     north = (view.top_m, view.top_m - view.height_px / view.px_per_m)

@@ -1,4 +1,4 @@
-"""Pages without a script, that load nothing: report.html, and a plan. All texts are escaped."""
+"""Pages without scripts or external files: report.html, and a plan. All texts are escaped."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uavmap.output.drawing import svg
 from uavmap.output.drawing.judged import FILE as JUDGED
 from uavmap.output.drawing.mosaic_file import Ground
 from uavmap.output.drawing.scene import Scene
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.report import facts, words
 from uavmap.output.report.map_figure import CORNER_HEADS, MapFigure, map_figure
 from uavmap.output.report.pictures import address, boundary_frames
@@ -23,11 +23,11 @@ from uavmap.output.report.timeline import timeline
 
 _JUDGED_PX: Final = 640
 _TIMELINE_PX: Final = (600.0, 52.0)
-"""Width of the timeline, and height of a vehicle in it: it is read on a phone, too."""
+"""Width of the timeline, and height of a vehicle in it, px, for phones as well."""
 _MOST_ROWS: Final = 100
 
 
-def encode(flown: Flown) -> bytes:
+def encode(flown: FlownMission) -> bytes:
     """Write the page."""
     return _template("page.html").render(_context(flown)).encode(errors="xmlcharrefreplace")
 
@@ -48,7 +48,7 @@ def legend_of(scene: Scene) -> tuple[tuple[Markup, str], ...]:
 
 @lru_cache
 def _template(name: str) -> Template:
-    # escape in every case, also where a template does not end in .html
+    # escape texts in all templates, also without the ending .html
     environment = Environment(
         loader=PackageLoader("uavmap.output.report", ""),
         autoescape=select_autoescape(default=True, default_for_string=True),
@@ -60,7 +60,7 @@ def _template(name: str) -> Template:
     return environment.get_template(name)
 
 
-def _context(flown: Flown) -> dict[str, Any]:
+def _context(flown: FlownMission) -> dict[str, Any]:
     figure = map_figure(flown)
     drawn = timeline(flown, *_TIMELINE_PX, most=_MOST_ROWS)
     return {
@@ -82,7 +82,7 @@ def _context(flown: Flown) -> dict[str, Any]:
     }
 
 
-def _map(flown: Flown, figure: MapFigure) -> Markup:
+def _map(flown: FlownMission, figure: MapFigure) -> Markup:
     ground = Ground.read(flown.folder, flown.data.grid)
     photograph = None if ground is None else ground.beneath(figure.scene.view)
     return svg.map_drawing(figure.scene, figure.lines, figure.labels, photograph)

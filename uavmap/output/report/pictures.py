@@ -1,4 +1,4 @@
-"""The pictures of a report: small, as text, those of the boundary chosen along it."""
+"""The pictures of a report, small and as text; frames are chosen along the boundary."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uavmap.base.image_files import MAX_PICTURE_BYTES, opened
 from uavmap.base.printable import printable
 from uavmap.base.text_files import read_bytes
 from uavmap.journal.kept_frames import FRAMES, KeptFrame
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.facts.map_model import drift_m, on_ground
 from uavmap.output.formats.map_layers import kept_by_time
 
@@ -25,27 +25,27 @@ _WIDE_PX: Final = 280
 _QUALITY: Final = 70
 
 
-class Shown(NamedTuple):
+class PagePicture(NamedTuple):
     """A picture for the page."""
 
     name: str
     kept: KeptFrame
     address: str
-    """With the picture in it: `data:image/jpeg;base64,...`."""
+    """Address that holds the picture: `data:image/jpeg;base64,...`."""
 
 
-def boundary_frames(flown: Flown) -> list[Shown]:
+def boundary_frames(flown: FlownMission) -> list[PagePicture]:
     """Return at most `MOST` readable frames, in their order along the boundary."""
     shown = []
     for frame in _nearest(flown, list(kept_by_time(flown).values())):
-        name = PurePath(frame.frame).name  # never a path that leads elsewhere
+        name = PurePath(frame.frame).name  # never a path to another folder
         found = address(flown.folder / FRAMES / name, _WIDE_PX)
         if found is not None:
-            shown.append(Shown(printable(name), frame, found))
+            shown.append(PagePicture(printable(name), frame, found))
     return shown
 
 
-def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
+def _nearest(flown: FlownMission, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
     """Return the frame over each of some points at equal distances along the boundary."""
     grid, boundary = flown.data.grid, flown.boundary
     if not kept:
@@ -74,13 +74,13 @@ def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
 
 
 def address(path: Path, wide_px: int) -> str | None:
-    """Return an address with a picture in it; None of one that cannot be read."""
+    """Return an address that holds a picture; None for an unreadable picture."""
     data = small_jpeg(path, wide_px)
     return None if data is None else f"data:image/jpeg;base64,{base64.b64encode(data).decode()}"
 
 
 def small_jpeg(path: Path, wide_px: int) -> bytes | None:
-    """Return a picture as a JPEG of a width; None of one that cannot be read."""
+    """Return a picture as a JPEG of a width; None for an unreadable picture."""
     try:
         data = read_bytes(path, MAX_PICTURE_BYTES)
         with opened(io.BytesIO(data), path.name) as picture:

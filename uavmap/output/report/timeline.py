@@ -20,7 +20,7 @@ from uavmap.output.drawing.palette import (
 )
 from uavmap.output.drawing.scene import Area, Box, Dot, Label, Line, Shape, View
 from uavmap.output.facts.flight_log import Sortie
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.report.facts import minutes
 
 LEFT_PX: Final = 70.0
@@ -30,7 +30,7 @@ _BAR_PX: Final = 15.0
 _GAP_PX: Final = 4.0
 _POINTS: Final = 300
 _TICK_PX: Final = 70.0
-"""Minimum distance of two times of the axis, px."""
+"""Minimum distance of two labels of the axis, px."""
 _TICKS: Final = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400)
 _MARKS: Final = 200
 _SWAP_DOT: Final = ((5.5, INK), (4.0, PAPER))
@@ -46,8 +46,8 @@ class Timeline(NamedTuple):
     """Number of vehicles without a row."""
 
 
-def timeline(flown: Flown, width_px: float, row_px: float, most: int) -> Timeline | None:
-    """Draw the timeline of at most so many vehicles; None of a replay, or without a sortie."""
+def timeline(flown: FlownMission, width_px: float, row_px: float, most: int) -> Timeline | None:
+    """Draw the timeline of at most `most` vehicles; None for a replay, or without a sortie."""
     sorties = flown.log.sorties()
     if flown.recorded or not sorties:
         return None
@@ -66,7 +66,7 @@ def timeline(flown: Flown, width_px: float, row_px: float, most: int) -> Timelin
 
 
 def _row(
-    flown: Flown,
+    flown: FlownMission,
     vehicle: int,
     sorties: Sequence[Sortie],
     band: tuple[float, float],
@@ -84,14 +84,14 @@ def _row(
     for number, t_s in flown.log.swaps:
         if number == vehicle:
             yield Dot((LEFT_PX + t_s * px_per_s, top + _BAR_PX / 2.0), _SWAP_DOT)
-    troubles = [t for t in flown.log.troubles if t.vehicle in (vehicle, 0) and t.kind != "words"]
+    troubles = [t for t in flown.log.troubles if t.vehicle in (vehicle, 0) and t.kind != "text"]
     for trouble in troubles[:_MARKS]:
         x = LEFT_PX + trouble.t_s * px_per_s
         yield Area(((x, top + 2.0), (x - 4.0, top - 6.0), (x + 4.0, top - 6.0)), UNSEARCHED)
 
 
 def _charge(
-    flown: Flown, vehicle: int, band: tuple[float, float], px_per_s: float
+    flown: FlownMission, vehicle: int, band: tuple[float, float], px_per_s: float
 ) -> Iterator[Shape]:
     battery = flown.setting.mission.battery
     fixes = flown.log.fixes.get(vehicle, [])
@@ -113,7 +113,7 @@ def _charge(
     )
 
 
-def _axis(flown: Flown, end_s: float, px_per_s: float, top: float) -> Iterator[Shape]:
+def _axis(flown: FlownMission, end_s: float, px_per_s: float, top: float) -> Iterator[Shape]:
     step = next((tick for tick in _TICKS if tick * px_per_s >= _TICK_PX), _TICKS[-1])
     line = Style(INK, 1.0)
     yield Line.through([(LEFT_PX, top + 2.0), (LEFT_PX + end_s * px_per_s, top + 2.0)], line)

@@ -1,7 +1,7 @@
 """report.pdf: two pages A4, by reportlab (the extra `pdf`).
 
-The first says what was found, with the map; the second how. The map of the first and the judged
-picture of the second take the room that all else leaves.
+The first page has the findings with the map, the second one the course of the flight. The map and
+the judged picture fill the room that is left.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from uavmap.output.drawing.mosaic_file import Ground
 from uavmap.output.drawing.palette import FAINT, INK, Style
 from uavmap.output.drawing.pdf import Spot, printed
 from uavmap.output.drawing.scene import Entry, Label, Line, Shape, View
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.report import facts, words
 from uavmap.output.report.blocks import (
     ACROSS_PT,
@@ -51,34 +51,34 @@ from uavmap.output.report.map_figure import CORNER_HEADS, map_figure
 from uavmap.output.report.pictures import small_jpeg
 from uavmap.output.report.timeline import timeline
 
-# as text a stream is a quarter larger, and plain Python would code it
+# without ASCII85: it would make streams a quarter larger, and plain Python would encode them
 rl_config.useA85 = 0
 
 _TOP_PT: Final = HIGH_PT - 36.0
 _LOW_PT: Final = 46.0
-"""The foot of a page is below."""
+"""Lower end of the content of a page, points; the foot is below it."""
 _HEAD_PT: Final = 330.0
-"""Maximum height of what stands above the map."""
+"""Maximum height of the blocks above the map, points."""
 _PX_PT: Final = 0.62
-"""Points of a pixel of map and timeline: their letters are of 11 to 13 px."""
+"""Size of a pixel of map and timeline, points: their letters have 11 to 13 px."""
 _TIMELINE_PX: Final = 180.0
-"""Height of a timeline of few vehicles."""
+"""Height of a timeline of few vehicles, px."""
 _LEGEND_PX: Final = 13.0
 _PICTURE_PX: Final = 1000
 _PICTURE_PT: Final = 260.0
-"""Minimum height of a judged picture that has the width of the page."""
+"""Minimum height of a judged picture that is as wide as the page, points."""
 _LEAST_PT: Final = 72.0
-"""Minimum height of a judged picture beside the facts."""
+"""Minimum height of a judged picture beside the facts, points."""
 _SIGNED_PT: Final = 52.0
 _MOST_UNKNOWNS: Final = 6
 _MOST_VEHICLES: Final = 8
 _MOST_PIECES: Final = 8
 _MOST_TROUBLES: Final = 6
 _MOST_LETTERS: Final = 160
-"""Maximum length of a fault in words."""
+"""Maximum length of the text of a fault, letters."""
 
 
-def encode(flown: Flown) -> bytes:
+def encode(flown: FlownMission) -> bytes:
     """Write the two pages; equal results give equal bytes."""
     pdf.load_fonts()
     buffer = io.BytesIO()
@@ -94,7 +94,7 @@ def encode(flown: Flown) -> bytes:
     return buffer.getvalue()
 
 
-def _foot(page: Any, flown: Flown, number: int) -> None:
+def _foot(page: Any, flown: FlownMission, number: int) -> None:
     left = f"{flown.data.mission}  ·  made by uavmap {__version__}"
     shapes = [
         Label((0.0, 0.0), left, 7.5, FAINT),
@@ -104,7 +104,7 @@ def _foot(page: Any, flown: Flown, number: int) -> None:
 
 
 # --- the first page: what was found ---------------------------------------------------------------
-def _first(page: Any, flown: Flown) -> None:
+def _first(page: Any, flown: FlownMission) -> None:
     top_pt = put(page, [*_head(flown), *_size(flown)], _TOP_PT, _HEAD_PT) - GAP_PT
     figure = map_figure(flown)
     rows = list(_legend_rows(figure.scene.legend))
@@ -124,7 +124,7 @@ def _first(page: Any, flown: Flown) -> None:
     put(page, notes, low_pt - legend_pt - 2.0, notes_pt + 2.0)
 
 
-def _head(flown: Flown) -> Iterator[Any]:
+def _head(flown: FlownMission) -> Iterator[Any]:
     yield text(flown.data.mission, TITLE)
     yield text(words.outcome(flown), STATE if flown.completed else WARNING_STATE)
     if flown.simulated:
@@ -138,8 +138,8 @@ def _head(flown: Flown) -> Iterator[Any]:
         yield Spacer(1, GAP_PT)
 
 
-def _size(flown: Flown) -> Iterator[Any]:
-    size, somewhere = words.size(flown), words.whereabouts(flown)
+def _size(flown: FlownMission) -> Iterator[Any]:
+    size, somewhere = words.size(flown), words.middle_place(flown)
     left = [text("Area of the region", FAINT_TEXT)]
     if size is None:
         left.append(text("none found", LARGE))
@@ -181,16 +181,16 @@ def _legend(rows: Sequence[Sequence[tuple[float, Entry]]]) -> Iterator[Shape]:
 
 
 # --- the second page: how -------------------------------------------------------------------------
-def _second(page: Any, flown: Flown) -> None:
+def _second(page: Any, flown: FlownMission) -> None:
     above = [*_times(flown), *_pieces(flown), *_corners(flown)]
     room_pt = _TOP_PT - _LOW_PT - _SIGNED_PT
     put(page, [*above, *_judging(flown, room_pt - height_of(above))], _TOP_PT, room_pt)
     _signature(page)
 
 
-def _times(flown: Flown) -> Iterator[Any]:
+def _times(flown: FlownMission) -> Iterator[Any]:
     yield from heading("Pictures" if flown.recorded else "Times and aircraft")
-    taken = words.dates(flown) if flown.recorded else []  # a flight has its axis and its table
+    taken = words.dates(flown) if flown.recorded else []  # a flight has dates in axis and table
     found = [*taken, *words.pictures(flown), *facts.flight_facts(flown)]
     middle = (len(found) + 1) // 2
     half_pt = 0.5 * ACROSS_PT
@@ -210,7 +210,7 @@ def _times(flown: Flown) -> Iterator[Any]:
     yield from _more(len(rows) - _MOST_VEHICLES)
 
 
-def _pieces(flown: Flown) -> Iterator[Any]:
+def _pieces(flown: FlownMission) -> Iterator[Any]:
     rows = list(facts.piece_rows(flown))
     if len(rows) < 2:
         return
@@ -219,7 +219,7 @@ def _pieces(flown: Flown) -> Iterator[Any]:
     yield from _more(len(rows) - _MOST_PIECES)
 
 
-def _corners(flown: Flown) -> Iterator[Any]:
+def _corners(flown: FlownMission) -> Iterator[Any]:
     yield from heading("Corners of the map")
     rows = [corner.row() for corner in map_figure(flown).corners]
     yield list_table(CORNER_HEADS, rows, (0.8, 1.5, 1.5, 1.5, 1.5))
@@ -230,15 +230,15 @@ def _more(count: int) -> Iterator[Any]:
         yield text(f"... and {count} more in report.html.", FAINT_TEXT)
 
 
-def _judging(flown: Flown, room_pt: float) -> Iterator[Any]:
-    """Yield what was judged and what was not, and a judged picture in the room that is left."""
+def _judging(flown: FlownMission, room_pt: float) -> Iterator[Any]:
+    """Yield the judged and the unjudged ground, and a judged picture in the room that is left."""
     half_pt = 0.5 * ACROSS_PT
     left = [text(words.detector(flown)), Spacer(1, 3), facts_table(words.judged(flown), half_pt)]
-    right = [text("Not done, and why", FAINT_TEXT)]
+    right = [text("Not done, with reasons", FAINT_TEXT)]
     right += [
         text(line, letters=_MOST_LETTERS) for line in words.left_undone(flown, _MOST_TROUBLES)
     ]
-    start, columns = heading("How it was judged, and what was not done"), (half_pt, half_pt)
+    start, columns = heading("Judging, and work not done"), (half_pt, half_pt)
     caption = text(words.JUDGED, FAINT_TEXT)
     left_pt = room_pt - height_of([*start, beside([left, right], columns)]) - GAP_PT
     caption_pt = height_of([caption], half_pt)
@@ -255,7 +255,7 @@ def _judging(flown: Flown, room_pt: float) -> Iterator[Any]:
     yield beside([left, right], columns)
 
 
-def _picture(flown: Flown, wide_pt: float, high_pt: float) -> Any:
+def _picture(flown: FlownMission, wide_pt: float, high_pt: float) -> Any:
     data = small_jpeg(flown.folder / JUDGED, _PICTURE_PX)
     if data is None:
         return None

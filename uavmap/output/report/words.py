@@ -1,4 +1,4 @@
-"""What a report says first, in words for its reader: the outcome, what is not known, how large."""
+"""The texts at the top of a report: the outcome, unknown ground, the size of the region."""
 
 from __future__ import annotations
 
@@ -10,18 +10,16 @@ import shapely
 
 from missions.units import LatLon
 from uavmap.load.detector_source import region_in_words
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.facts.map_model import on_earth
 from uavmap.output.report import facts
 from uavmap.output.summary import box_in_words, litres_in_words, state_in_words
 
-SIMULATED: Final = (
-    "Simulated: aircraft, pictures and region are those of the simulator, and so are the dates."
-)
+SIMULATED: Final = "Simulated: aircraft, pictures, region and dates are those of the simulator."
 
 
-def outcome(flown: Flown) -> str:
-    """Return how a flight or a replay ended and what follows for its map, in two sentences."""
+def outcome(flown: FlownMission) -> str:
+    """Return the end of a flight or a replay and its meaning for the map, in two sentences."""
     values, region = flown.values, bool(np.count_nonzero(flown.data.cells.roi))
     if flown.recorded:
         return _of_pictures(flown, region)
@@ -49,7 +47,7 @@ def outcome(flown: Flown) -> str:
     return f"{found} {whole}".rstrip()
 
 
-def _of_pictures(flown: Flown, region: bool) -> str:
+def _of_pictures(flown: FlownMission, region: bool) -> str:
     used = flown.data.pictures or 0
     refused = _count(flown, "photographs_refused")
     if not used:
@@ -62,21 +60,21 @@ def _of_pictures(flown: Flown, region: bool) -> str:
 
 
 # --- first of all ---------------------------------------------------------------------------------
-def unknowns(flown: Flown) -> list[str]:
-    """Return what a reader has to know before any figure: unsure and unseen ground first."""
+def unknowns(flown: FlownMission) -> list[str]:
+    """Return the lines that a reader needs before any figure: unsure and unseen ground first."""
     return [*_unsure(flown), *_unseen(flown), *_open_edge(flown), *facts.notes(flown)]
 
 
-def _unsure(flown: Flown) -> Iterator[str]:
+def _unsure(flown: FlownMission) -> Iterator[str]:
     area_m2 = facts.number(flown.values, "cells_unsure_m2")
     if area_m2:
         yield (
-            f"Unsure ground: {area(area_m2)} look like nothing that the detector was shown. The "
-            "area of the region is without them; they may belong to it."
+            f"Unsure ground: {area(area_m2)} are unlike what the detector knows. They may belong "
+            "to the region; its area does not contain them."
         )
 
 
-def _unseen(flown: Flown) -> Iterator[str]:
+def _unseen(flown: FlownMission) -> Iterator[str]:
     cell_m2 = flown.data.grid.cell_m**2
     if flown.recorded:
         if cells := _count(flown, "cells_undecided"):
@@ -97,7 +95,7 @@ def _unseen(flown: Flown) -> Iterator[str]:
     )
 
 
-def _open_edge(flown: Flown) -> Iterator[str]:
+def _open_edge(flown: FlownMission) -> Iterator[str]:
     boundary = flown.boundary
     if boundary is not None and boundary.open_m:
         yield (
@@ -114,7 +112,7 @@ def _open_edge(flown: Flown) -> Iterator[str]:
         yield f"The region may go on{text}"
 
 
-def _count(flown: Flown, key: str) -> int:
+def _count(flown: FlownMission, key: str) -> int:
     return int(facts.number(flown.values, key) or 0)
 
 
@@ -153,15 +151,15 @@ def hectares(area_m2: float) -> str:
 
 
 class Size(NamedTuple):
-    """The area of the region with its bounds, in words."""
+    """The area of the region with its limits, in words."""
 
     area: str
     between: str
     how: str
 
 
-def size(flown: Flown) -> Size | None:
-    """Return how large the region is, by pixels where its boundary is known; None without any."""
+def size(flown: FlownMission) -> Size | None:
+    """Return the size of the region, by pixels if its boundary is known; None without a region."""
     boundary, found = flown.boundary, flown.extent
     cell_m = flown.data.grid.cell_m
     if boundary is not None and not boundary.region.is_empty:
@@ -182,7 +180,7 @@ def size(flown: Flown) -> Size | None:
     return Size(area(area_m2), between, how)
 
 
-class Somewhere(NamedTuple):
+class NamedPlace(NamedTuple):
     """A place in both coordinate systems."""
 
     name: str
@@ -191,8 +189,8 @@ class Somewhere(NamedTuple):
     link: str
 
 
-def whereabouts(flown: Flown) -> Somewhere:
-    """Return the middle of the region or, without one, of the map's cells or the home."""
+def middle_place(flown: FlownMission) -> NamedPlace:
+    """Return the middle of the region; without one, that of the map's cells, or the home."""
     grid, outline = flown.data.grid, flown.extent.outline
     if outline.is_empty:
         return _somewhere(flown, "Home", flown.data.start)
@@ -201,7 +199,7 @@ def whereabouts(flown: Flown) -> Somewhere:
     return _somewhere(flown, "Middle of the region", LatLon(lat, lon))
 
 
-def _somewhere(flown: Flown, name: str, at: LatLon) -> Somewhere:
+def _somewhere(flown: FlownMission, name: str, at: LatLon) -> NamedPlace:
     zone = flown.data.grid.zone
     ((east, north),) = zone.utm(np.array([[at.lon_deg, at.lat_deg]])).tolist()
     lon_deg = (at.lon_deg + 180.0) % 360.0 - 180.0
@@ -211,11 +209,11 @@ def _somewhere(flown: Flown, name: str, at: LatLon) -> Somewhere:
     here = f"mlat={at.lat_deg:.5f}&mlon={lon_deg:.5f}"
     link = f"https://www.openstreetmap.org/?{here}#map=17"
     utm = f"{zone.number}{'S' if zone.south else 'N'} {east:,.0f} m E, {north:,.0f} m N"
-    return Somewhere(name, degrees, utm, link)
+    return NamedPlace(name, degrees, utm, link)
 
 
-def dates(flown: Flown) -> list[tuple[str, str]]:
-    """Return when it began, and the time of the map."""
+def dates(flown: FlownMission) -> list[tuple[str, str]]:
+    """Return the dates of the beginning and of the map."""
     calendar, t_s = flown.calendar, flown.data.t_s
     if flown.recorded:
         return [
@@ -228,15 +226,15 @@ def dates(flown: Flown) -> list[tuple[str, str]]:
     ]
 
 
-def reference(flown: Flown) -> str:
+def reference(flown: FlownMission) -> str:
     """Return the coordinate reference systems."""
     zone = flown.data.grid.zone
     name = f"{zone.number}{'S' if zone.south else 'N'}"
     return f"WGS 84 in degrees; grid in {flown.crs}, WGS 84 / UTM zone {name}"
 
 
-def map_note(flown: Flown, true_north_deg: float) -> str:
-    """Return what stands under the map."""
+def map_note(flown: FlownMission, true_north_deg: float) -> str:
+    """Return the note below the map."""
     drift_m_s = flown.data.grid.drift_speed_m_s
     side = "left" if true_north_deg < 0 else "right"
     note = (
@@ -246,25 +244,25 @@ def map_note(flown: Flown, true_north_deg: float) -> str:
     if not drift_m_s:
         return note
     return (
-        f"{note} The region drifts with {drift_m_s:g} m/s: it is where it was then, and tracks are "
-        "as seen from it."
+        f"{note} The region drifts with {drift_m_s:g} m/s: the map shows its place at that time, "
+        "and tracks in the frame of the region."
     )
 
 
 # --- how ------------------------------------------------------------------------------------------
 TIMELINE: Final = (
-    "Bars are sorties, pale where no landing is known; circles are fresh batteries, triangles "
-    "faults. The line below is the charge, the dashed one the reserve."
+    "Bars are sorties; a pale bar has no known landing. Circles are fresh batteries, triangles are "
+    "faults. The line below is the charge, the dashed line is the reserve."
 )
 JUDGED: Final = (
-    "Outlined in red: what the detector takes for the region, in the first picture that shows some "
-    "of it, or else in the first one."
+    "Outlined in red: the region by the detector, in the first picture that shows some of it, or "
+    "else in the first picture."
 )
 _JUDGED: Final = ("Cells decided",)
 _EDGE: Final = ("Boundary by pixels", "Perimeter by cells", "Parts, holes", "Position")
 
 
-def class_lines(flown: Flown) -> Iterator[str]:
+def class_lines(flown: FlownMission) -> Iterator[str]:
     """Yield a sentence per class of the region."""
     for one in flown.data.class_areas:
         litres = litres_in_words(one.volume_l)
@@ -274,27 +272,28 @@ def class_lines(flown: Flown) -> Iterator[str]:
         )
 
 
-def detector(flown: Flown) -> str:
-    """Return what counts as region."""
+def detector(flown: FlownMission) -> str:
+    """Return the definition of region by the detector."""
     return f"Region is: {region_in_words(flown.setting.mission.detector)}."
 
 
-def pictures(flown: Flown) -> list[tuple[str, str]]:
-    """Return how many pictures the map is made from."""
+def pictures(flown: FlownMission) -> list[tuple[str, str]]:
+    """Return the number of pictures in the map, and their heights."""
     if not flown.recorded:
         return [("Pictures judged", f"{_count(flown, 'frames_judged'):,}")]
     used, refused = flown.data.pictures or 0, _count(flown, "photographs_refused")
-    why = "; pictures.csv says why the others are not" if refused else ""
+    why = "; pictures.csv has the reasons for the others" if refused else ""
     heights_m = [height for track in flown.data.tracks for _, _, height in track.points]
     found = [("Pictures in the map", f"{used:,} of {used + refused:,}{why}")]
     if heights_m:
         low, high = f"{min(heights_m):.0f}", f"{max(heights_m):.0f}"
-        found.append(("Taken from", f"{low} m up" if low == high else f"{low} to {high} m up"))
+        height = f"{low} m" if low == high else f"{low} to {high} m"
+        found.append(("Taken from", f"{height} above the start"))
     return found
 
 
-def judged(flown: Flown) -> list[tuple[str, str]]:
-    """Return what was judged, and how well its edge is known."""
+def judged(flown: FlownMission) -> list[tuple[str, str]]:
+    """Return the judged ground, and the accuracy of the region's edge."""
     found = [row for row in facts.certificate(flown)[0] if row[0] in _JUDGED]
     if not flown.recorded and (box := flown.values["patches_in_all"]["box"])["whole"]:
         found.append(("Search area", box_in_words(box)))
@@ -303,8 +302,8 @@ def judged(flown: Flown) -> list[tuple[str, str]]:
     return found
 
 
-def left_undone(flown: Flown, most: int) -> list[str]:
-    """Return what was not judged or not flown, and why, then the faults, at most so many."""
+def left_undone(flown: FlownMission, most: int) -> list[str]:
+    """Return work that was not done, with reasons, then the faults; at most `most` lines."""
     _, missing = facts.certificate(flown)
     found = [f"{name}: {why}." for name, why in missing]
     if not flown.recorded and not (box := flown.values["patches_in_all"]["box"])["whole"]:

@@ -32,7 +32,7 @@ from uavmap.aircraft.path_stream import INTERVAL_S
 from uavmap.base.extras import install_command
 from uavmap.base.image_files import decoded
 from uavmap.base.version import __version__
-from uavmap.load.strategy_source import ready_planner
+from uavmap.load.strategy_source import compile_planner
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 from vision.projection import Frame
 
@@ -193,7 +193,7 @@ def longest_plan_s(setting: Setting, for_s: float = PLANS_S) -> float | None:
     """Return the time of the slowest plan over a made-up region, s; None for stops."""
     if setting.strategy.stops:
         return None
-    ready_planner(setting.mission.strategy, lambda text: None)
+    compile_planner(setting.mission.strategy, lambda text: None)
     for _ in range(2):  # the first flight loads the planner
         flight = _ComputedFlight(setting)
         flight.fly(for_s / 2.0)

@@ -14,7 +14,7 @@ from typing import Any, Final
 from missions.errors import ImageError
 from missions.mission.sections import LATER
 from uavmap.base.terminal import Terminal
-from uavmap.load.detector_source import detector_text, finds, resolved_section
+from uavmap.load.detector_source import detector_descriptions, detector_text, resolved_section
 from uavmap.photos.sources.photo_file import SUFFIXES
 from uavmap.photos.tune.paint_page import paint
 from uavmap.photos.tune.training import need_learner
@@ -34,7 +34,7 @@ def add_detector_options(parser: argparse.ArgumentParser) -> None:
     either.add_argument(
         "--detector",
         metavar="NAME|DIR",
-        help=f"{', '.join(finds())}, a folder made by `uavmap tune`, or {LATER}",
+        help=f"{', '.join(detector_descriptions())}, a folder made by `uavmap tune`, or {LATER}",
     )
     either.add_argument(
         "--like",
@@ -53,7 +53,7 @@ def choose_detector(options: argparse.Namespace) -> Path | None:
     """
     name = options.detector
     if name is None and options.like is None and is_interactive():
-        table = {**finds(), LATER: _LATER_TEXT}
+        table = {**detector_descriptions(), LATER: _LATER_TEXT}
         for number, (known, text) in enumerate(table.items(), 1):
             sys.stderr.write(f"  {number}  {known:9}  {text}\n")
         answer = ask("detector (number, name, or a folder made by `uavmap tune`):")

@@ -8,7 +8,7 @@ from pyproj import Transformer
 from pyproj.exceptions import CRSError
 
 from missions.errors import OutputError
-from uavmap.output.drawing.mosaic_file import placed_mosaic
+from uavmap.output.drawing.mosaic_file import read_mosaic
 from uavmap.ui.ground.warped import Points, encode_tile, levels_of, tile_nodes, warp_tile
 
 
@@ -18,7 +18,7 @@ class Mosaic:
     attribution = ""
 
     def __init__(self, path: Path) -> None:
-        found = placed_mosaic(path.parent)
+        found = read_mosaic(path.parent)
         if found is None:
             raise OutputError(f"{path}: not the mosaic of a flight with its place beside it")
         self._found = found

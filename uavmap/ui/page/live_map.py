@@ -86,7 +86,7 @@ class LiveMap:
     @property
     def corners(self) -> CellCorners:
         """Corners of the cells on the ground."""
-        return CellCorners.of(self.cells, self.grid, self.t_s)
+        return CellCorners.of_cells(self.cells, self.grid, self.t_s)
 
     def _around(self, some: NDArray[np.bool_]) -> Polygon | MultiPolygon:
         return outline([Cell(*cell) for cell in self.cells[some].tolist()], self.grid)

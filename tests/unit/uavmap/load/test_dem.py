@@ -117,12 +117,12 @@ def _zero(band):
     ("how", "words"),
     [
         ({"heights": _gap, "nodata": -9999.0}, "% of fence.polygon, for example at 48.000"),
-        ({"heights": _gap}, "no ground of this Earth"),
-        ({"heights": _spike}, "no ground rises so"),
-        ({"heights": _zero}, "no ground rises so"),
+        ({"heights": _gap}, "not possible on Earth"),
+        ({"heights": _spike}, "an implausible slope"),
+        ({"heights": _zero}, "an implausible slope"),
         ({"south_m": -45.0}, "it has no height in"),
-        ({"epsg": None}, "does not say its coordinate system"),
-        ({"pixel": 120.0, "south_m": -480.0}, "more than 100; take a finer model"),
+        ({"epsg": None}, "names no coordinate system"),
+        ({"pixel": 120.0, "south_m": -480.0}, "more than 100 m; use a finer model"),
     ],
 )
 def test_invalid_ground_is_refused_with_file_and_place(tmp_path, how, words):
@@ -157,7 +157,7 @@ def test_invalid_or_distant_model_is_refused(tmp_path):
     assert "it has 3 bands" in refused(tmp_path)
     site = rasterio.crs.CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]')
     written(tmp_path / "dem.tif", level, site)
-    assert "its coordinate system, 'site', is tied to no place" in refused(tmp_path)
+    assert "its coordinate system, 'site', has no place on Earth" in refused(tmp_path)
     other_side = rasterio.crs.CRS.from_proj4("+proj=ortho +lat_0=-48 +lon_0=-169")
     written(tmp_path / "dem.tif", level, other_side)
     assert "no height at start.position" in refused(tmp_path)

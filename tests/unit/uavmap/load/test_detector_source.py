@@ -78,7 +78,7 @@ def test_mission_without_tables_keeps_its_detector():
          "detector.greeness is not a parameter of the detector 'paved'"),
         ('[detector]\nname = "paved"\nintensity = 3\n[detector.paved]\ngreenness = 0.1',
          "intensity = 3 stands beside [detector.paved]; move it in there"),
-        ("[detector.pavd]\ngreenness = 0.1", "detector.pavd: a table of no detector; known: adap"),
+        ("[detector.pavd]\ngreenness = 0.1", "detector.pavd: unknown detector; known: adap"),
         ('detector.name = "color"', "detector.samples is missing: the detector 'color' needs it"),
         ('detector.name = "learned"', "detector.model is missing"),
         ('[detector]\nname = "learned"\nmodel = "x"\n[detector.learned]\nmodel = 3',
@@ -100,7 +100,7 @@ def test_value_that_a_detector_refuses_fails_the_check(text, message):
     ("model", "message"),
     [
         ("eyes.json", "detector.model = '{folder}/eyes.json': cannot be read"),
-        (r"a\u0000b", r"detector.model = 'a\x00b': no path of a file"),
+        (r"a\u0000b", r"detector.model = 'a\x00b': not the path of a file"),
     ],
 )
 def test_model_that_cannot_be_read_is_named(model, message, tmp_path, capsys):
@@ -118,7 +118,7 @@ def test_model_that_cannot_be_read_is_named(model, message, tmp_path, capsys):
         ("detector = 3", "must hold the table [detector]"),
         ("[detector]\n[grid]", "must hold the table [detector] and nothing else"),
         ("[detector", "not a TOML file"),
-        ('[detector]\nname = "learned"\nmodel = "a\\u0000b"', "no path of a file"),
+        ('[detector]\nname = "learned"\nmodel = "a\\u0000b"', "not the path of a file"),
     ],
 )
 def test_folder_without_a_detector_is_refused(tmp_path, capsys, text, message):
@@ -188,7 +188,7 @@ def test_plug_in_is_a_detector_like_any_other():
 
 @pytest.mark.usefixtures("plugins")
 @pytest.mark.parametrize(
-    ("name", "message"), [("nothing", "makes no detector"), ("gone", "cannot be loaded")]
+    ("name", "message"), [("nothing", "returns no detector"), ("gone", "cannot be loaded")]
 )
 def test_plug_in_that_does_not_work_is_named(name, message):
     with pytest.raises(MissionFileError, match=message):
@@ -219,7 +219,7 @@ def test_segmentation_model_judges_tile_by_tile(tmp_path):
 @pytest.mark.parametrize(
     ("toml", "model", "message"),
     [
-        ("tile_px = 32", b"no model", "not a model that onnxruntime reads"),
+        ("tile_px = 32", b"no model", "not a model that onnxruntime can read"),
         ("tile_px = 32\ntile = 3", MEAN, "tile: unknown key"),
         ("tile_px = 32\nstd = [0.0, 1.0, 1.0]", MEAN, "std"),
         ("tile_px = ", MEAN, "not a TOML file"),

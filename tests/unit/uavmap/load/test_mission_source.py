@@ -185,7 +185,7 @@ BAD = {
     "nothing in it": (collection(), "no FeatureCollection with features"),
     "no geometry": (collection({"type": "Feature"}), "features[0]: no feature with a geometry"),
     "a line": (collection(feature("LineString", RING)), "geometry.type = 'LineString'"),
-    "swapped": (collection(feature("Point", [48.0, 111.0])), "are they swapped, or in metres?"),
+    "swapped": (collection(feature("Point", [48.0, 111.0])), "check whether they are swapped"),
     "text for a number": (collection(feature("Point", ["a", 48.0])), "coordinates = 'a'"),
     "a weight of none": (collection(feature("Point", [11.0, 48.0], weight=0)), "weight = 0"),
     "a weight that is text": (
@@ -198,7 +198,7 @@ BAD = {
     ),
     "a ring that is open": (
         collection(feature("Polygon", [RING[:3]])),
-        "a ring needs three vertices",
+        "a ring needs three corners",
     ),
 }
 

@@ -13,7 +13,7 @@ import pytest
 from missions.planning.kernels import jit, swath
 from missions.planning.sweep import memo
 from uavmap.journal import event_log
-from uavmap.load.strategy_source import ready_planner
+from uavmap.load.strategy_source import compile_planner
 from uavmap.runner import flight
 from uavmap.ui.cli import main
 
@@ -79,7 +79,7 @@ def test_compilation_of_the_planner_is_announced(strategy, kept, told, tmp_path,
     planner = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
     monkeypatch.setattr(swath, "improve", planner)
     lines: list[str] = []
-    ready_planner(strategy, lines.append)
+    compile_planner(strategy, lines.append)
     assert len(lines) == told
     assert len(made) == (strategy != "rdfs")
 
@@ -90,13 +90,13 @@ def test_planner_that_is_ready_compiles_nothing_more(tmp_path):
         import sys
         from missions.planning.kernels import swath
         from uavmap.ui.cli import main
-        from uavmap.load.strategy_source import ready_planner
+        from uavmap.load.strategy_source import compile_planner
 
         def forms():
             kernels = {name: k for name, k in vars(swath).items() if hasattr(k, "signatures")}
             return {name: len(kernel.signatures) for name, kernel in kernels.items()}
 
-        ready_planner("swath", print)
+        compile_planner("swath", print)
         before = forms()
         assert sum(before.values()) >= 4
         assert main(["fly", *sys.argv[1:]]) == 0

@@ -44,7 +44,7 @@ def make_map(*, start=START, drift_m_s=0.0, toward_deg=90.0, t_s=100.0):
         mission="test <map> & more",
         grid=grid,
         t_s=t_s,
-        cells=CellTable.of(
+        cells=CellTable.from_rows(
             CellRow(cell, _state(cell), positive=0 if cell in RIM else 4, votes=5)
             for cell in [*RING, LONER, *RIM]
         ),
@@ -59,7 +59,9 @@ def make_map(*, start=START, drift_m_s=0.0, toward_deg=90.0, t_s=100.0):
 
 def empty_map():
     full = make_map()
-    return MapData("empty", full.grid, 0.0, CellTable.of(()), (), full.start, full.box, full.fence)
+    return MapData(
+        "empty", full.grid, 0.0, CellTable.from_rows(()), (), full.start, full.box, full.fence
+    )
 
 
 def written(write, data, *more):

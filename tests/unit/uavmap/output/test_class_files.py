@@ -20,7 +20,7 @@ from tests.unit.uavmap.output.flown_folders import (
 )
 from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.palette import class_colour
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.results import flown_of
 from uavmap.ui.cli import main
 
@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def flown(folder: Path) -> Flown:
+def flown(folder: Path) -> FlownMission:
     return flown_of(folder)
 
 
@@ -45,7 +45,7 @@ def export(folder: Path, tmp_path: Path) -> Callable[[str], Path]:
     return exported
 
 
-def test_cells_of_the_region_are_of_the_class_that_frames_saw_most_of(flown: Flown) -> None:
+def test_cells_of_the_region_are_of_the_class_that_frames_saw_most_of(flown: FlownMission) -> None:
     rest, wet = flown.data.class_areas
     assert (rest.name, wet.name) == CLASS_NAMES
     assert {cell.east % 2 for cell in rest.cells} == {1}
@@ -57,7 +57,7 @@ def test_cells_of_the_region_are_of_the_class_that_frames_saw_most_of(flown: Flo
     assert flown.values["volume_l"] == told[1]["volume_l"]
 
 
-def test_legend_and_report_have_each_class(flown: Flown, folder: Path) -> None:
+def test_legend_and_report_have_each_class(flown: FlownMission, folder: Path) -> None:
     legend = {entry.text: entry.sample for entry in map_scene(flown.data).legend}
     for one in flown.data.class_areas:
         assert legend[f"{one.name} ({len(one.cells)})"] == class_colour(one.number)
@@ -68,14 +68,18 @@ def test_legend_and_report_have_each_class(flown: Flown, folder: Path) -> None:
     assert "<dry>" not in page
 
 
-def test_geojson_has_a_feature_for_each_class(export: Callable[[str], Path], flown: Flown) -> None:
+def test_geojson_has_a_feature_for_each_class(
+    export: Callable[[str], Path], flown: FlownMission
+) -> None:
     found = json.loads((export("geojson") / "classes.geojson").read_text("utf-8"))["features"]
     assert [one["properties"]["name"] for one in found] == list(CLASS_NAMES)
     areas = [one["properties"]["area_m2"] for one in found]
     assert areas == [one.area_m2 for one in flown.data.class_areas]
 
 
-def test_geopackage_has_a_layer_and_a_column(export: Callable[[str], Path], flown: Flown) -> None:
+def test_geopackage_has_a_layer_and_a_column(
+    export: Callable[[str], Path], flown: FlownMission
+) -> None:
     path = export("gpkg")
     assert "classes" in dict(pyogrio.list_layers(path).tolist())
     fields = pyogrio.read_info(path, layer="cells")["fields"]
@@ -91,7 +95,7 @@ def test_kml_has_a_folder_of_classes(export: Callable[[str], Path], folder: Path
     assert '<Style id="class-4">' in text
 
 
-def test_table_of_cells_has_their_class(export: Callable[[str], Path], flown: Flown) -> None:
+def test_table_of_cells_has_their_class(export: Callable[[str], Path], flown: FlownMission) -> None:
     rows = list(csv.DictReader(io.StringIO((export("csv") / "cells.csv").read_text("utf-8"))))
     counts = [sum(row["class"] == name for row in rows) for name in CLASS_NAMES]
     assert counts == [len(one.cells) for one in flown.data.class_areas]

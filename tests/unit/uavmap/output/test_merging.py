@@ -195,16 +195,14 @@ def test_flights_that_make_no_map_together_are_refused(pair, tmp_path):
     out = tmp_path / "out"
     other = TEXT.replace("layer_m = 6.0", "layer_m = 7.0")
     strangers = {
-        "its mission is another": written(tmp_path / "m", plan(other, 2), []),
-        "its grid is another": written(
+        "its mission differs from": written(tmp_path / "m", plan(other, 2), []),
+        "its grid differs from": written(
             tmp_path / "g", plan(TEXT.replace("cell_m = 4.0", "cell_m = 4.5"), 2), []
         ),
-        "is of vehicle 1, as is": written(tmp_path / "t", plan(), [LiftedOff(1, 5.0)]),
-        "merge the members of a fleet by themselves": written(
-            tmp_path / "n", plan(ALONE, None), []
-        ),
+        "is of vehicle 1, like": written(tmp_path / "t", plan(), [LiftedOff(1, 5.0)]),
+        "merge the members of a fleet alone": written(tmp_path / "n", plan(ALONE, None), []),
         "there is no journal here": tmp_path / "nothing",
-        "it is merged already": written(tmp_path / "w", plan(member=0), []),
+        "is merged already": written(tmp_path / "w", plan(member=0), []),
         "holds the same flight as": pair[0],
     }
     for words, folder in strangers.items():

@@ -117,7 +117,7 @@ def test_mission_that_requires_a_return_without_satellites_returns(flown):
 
 def test_vehicle_without_flow_is_left_to_its_autopilot(flown):
     flight = flown('gnss_loss = "map"', LOST)
-    assert "taken by a pilot or a failsafe" in flight.shown or flight.summary["notes"]
+    assert "changed by the pilot or a failsafe" in flight.shown or flight.summary["notes"]
     assert not flight.summary["completed"]
     assert flight.modes >= {"GUIDED", "LAND"}
     assert "RTL" not in flight.modes

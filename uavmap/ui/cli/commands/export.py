@@ -18,7 +18,7 @@ from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
 from uavmap.output.documents import FORMATS, Format, files_of, refuse_open, save
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.ground_station_plan import (
     Firmware,
     SearchFlight,
@@ -252,7 +252,7 @@ def export_map(options: argparse.Namespace, show: Callable[[str], None]) -> int:
     return 0
 
 
-def report_incomplete(flown: Flown, show: Callable[[str], None]) -> None:
+def report_incomplete(flown: FlownMission, show: Callable[[str], None]) -> None:
     """Show a line for a map that is not complete."""
     if flown.values.get("no_verdict"):
         show(f"{flown.folder}: {flown.values['finding']}")

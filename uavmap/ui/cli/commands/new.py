@@ -21,18 +21,18 @@ from missions.units import LatLon
 from uavmap.journal.results_folder import folder_name
 from uavmap.load.areas.drawing import Area, Drawing
 from uavmap.load.areas.drones import camera_named, drone_named, table_lines
-from uavmap.load.areas.layout import Layout, Wishes, lay_out, rectangle
+from uavmap.load.areas.layout import Layout, LayoutOptions, lay_out, rectangle
 from uavmap.load.areas.mission_text import (
     STRATEGY,
     WIND_M_S,
-    Figures,
-    Flying,
+    AircraftFigures,
+    FlightChoices,
     compose,
     largest_cell_m,
-    naming_zones,
+    with_zone_files,
 )
 from uavmap.load.areas.reading import KINDS, read_area_file
-from uavmap.load.detector_source import SIMULATORS, region_lines
+from uavmap.load.detector_source import SIMULATOR_DETECTOR, region_lines
 from uavmap.load.mission_source import mission_of_text
 from uavmap.output.documents import save
 from uavmap.runner.preflight.plan_figures import estimate, zone_lines
@@ -135,11 +135,11 @@ def run(options: argparse.Namespace) -> int:
     _check_files(out, preview)
     drawing = _drawing(options)
     figures = figures_of(options)
-    flying = Flying(
+    flying = FlightChoices(
         options.vehicles, options.strategy, options.wind, options.height, options.ceiling,
         options.find or "all",
     )  # fmt: skip
-    layout = lay_out(drawing, _layout_settings(options, drawing, largest_cell_m(figures, flying)))
+    layout = lay_out(drawing, _layout_options(options, drawing, largest_cell_m(figures, flying)))
     name = options.name or folder_name(out.stem)
     origin = Path(drawing.source).name
     detector = choose_detector(options)
@@ -149,7 +149,7 @@ def run(options: argparse.Namespace) -> int:
         text = compose(name, origin, layout, figures, flying, table)
         mission = mission_of_text(text, str(out), zones=options.zones)
         named = [os.path.relpath(file, out.parent) for file in options.zones]
-        return naming_zones(text, named) if named else text, setting_of(mission)
+        return with_zone_files(text, named) if named else text, setting_of(mission)
 
     try:
         text, setting = composed()
@@ -166,7 +166,9 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _print(layout: Layout, setting: Setting, aircraft: Figures, out: Path, preview: Path) -> None:
+def _print(
+    layout: Layout, setting: Setting, aircraft: AircraftFigures, out: Path, preview: Path
+) -> None:
     zones = zone_lines(setting.mission)
     for notice in (*layout.notices, *zones, *flyable.warnings(setting.mission, setting.grid)):
         complain(notice)
@@ -194,7 +196,7 @@ def _next(detector: str, out: str) -> str:
             f"uavmap fly {out} --sim; before a real flight choose a detector "
             "(docs/how-to/detectors.md) and set detector.name"
         )
-    simulators = "" if detector == SIMULATORS else f" --detector {SIMULATORS}"
+    simulators = "" if detector == SIMULATOR_DETECTOR else f" --detector {SIMULATOR_DETECTOR}"
     return f"uavmap check {out}; uavmap fly {out} --sim{simulators}"
 
 
@@ -247,7 +249,9 @@ def _place(option: str, text: str) -> LatLon:
     return LatLon(lat_deg, lon_deg)
 
 
-def _layout_settings(options: argparse.Namespace, drawing: Drawing, largest_m: float) -> Wishes:
+def _layout_options(
+    options: argparse.Namespace, drawing: Drawing, largest_m: float
+) -> LayoutOptions:
     name = options.area
     if name is None and len(drawing.areas) > 1 and not options.together and is_interactive():
         for number, area in enumerate(drawing.areas[:50], 1):
@@ -255,7 +259,7 @@ def _layout_settings(options: argparse.Namespace, drawing: Drawing, largest_m: f
         answer = ask("area (number or name):")
         known = {str(i): area.name for i, area in enumerate(drawing.areas, 1)}
         name = known.get(answer, answer)
-    return Wishes(
+    return LayoutOptions(
         None if options.home is None else _place("--home", options.home),
         name,
         options.together,
@@ -348,7 +352,7 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
     return pair(f"{option} {text}", text.lower().replace("x", ","), "WxH, such as 200x150")
 
 
-def figures_of(options: argparse.Namespace) -> Figures:
+def figures_of(options: argparse.Namespace) -> AircraftFigures:
     """Return the aircraft's figures from table and options. Raises `AreaError` if some miss."""
     _ask_for_drone(options)
     drone = None if options.drone is None else drone_named(options.drone)
@@ -374,7 +378,7 @@ def figures_of(options: argparse.Namespace) -> Figures:
     for part in (drone, camera):
         values |= {} if part is None else asdict(part)
     values |= {"speed_m_s": speed_m_s, **given, "title": title}
-    return Figures(**{field.name: values[field.name] for field in fields(Figures)})
+    return AircraftFigures(**{field.name: values[field.name] for field in fields(AircraftFigures)})
 
 
 def _ask_for_drone(options: argparse.Namespace) -> None:

@@ -11,7 +11,7 @@ from missions.errors import OutputError
 from uavmap.base.extras import install_command
 from uavmap.base.terminal import Terminal
 from uavmap.output.documents import REPORT, REPORT_PDF, prints_pdf, write_pdf, write_report
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.results import flown_of
 from uavmap.ui.cli.commands.export import report_incomplete
 from uavmap.ui.cli.common import print_summary
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _write(flown: Flown, out: Path | None) -> Iterator[str]:
+def _write(flown: FlownMission, out: Path | None) -> Iterator[str]:
     """Write the chosen files, and yield a line about each."""
     if out is None or out.suffix.lower() != ".pdf":
         write_report(flown, out)

@@ -11,7 +11,7 @@ from missions.mission.schema import positions
 from missions.units import LatLon
 from uavmap.base.terminal import Terminal
 from uavmap.load.areas.reading import read_area_file
-from uavmap.load.map_tiles import FINEST, Bounds, Source, fetch, wanted
+from uavmap.load.map_tiles import FINEST, Bounds, Source, fetch, tiles_in
 from uavmap.load.mission_source import load, shipped_missions
 
 EXAMPLES: Final = """\
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     """Fetch the tiles."""
     show, source = Terminal().show, Source(options.source, options.attribution)
     bounds = Bounds.around(places_of(options.area))
-    tiles = wanted(bounds, options.zoom)
+    tiles = tiles_in(bounds, options.zoom)
     show(f"{len(tiles)} tiles of {source.url} into {options.out}")
 
     def show_count(count: int) -> None:

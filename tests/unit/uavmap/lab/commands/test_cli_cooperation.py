@@ -168,7 +168,7 @@ def test_geojson_file_keeps_its_hole_and_keep_out_zone(tmp_path):
         ('{"name": "polygon_m"}', r"polygon_m\[0\] = null"),
         ('{"polygon_m": [[0, 0], [1, 0], [0, 1]], "holes_m": 3}', "holes_m: expected"),
         ('{"polygon_m": ', "not JSON"),
-        ("nothing", "not a kind of file"),
+        ("nothing", "unknown kind of file"),
     ],
 )
 def test_file_that_is_no_polygon_is_named(tmp_path, text, expected):

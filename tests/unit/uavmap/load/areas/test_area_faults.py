@@ -22,8 +22,8 @@ from missions.units import LatLon
 from tests.support.areas import area_files as files
 from tests.support.areas.area_files import FIELD, collection, feature, kml, placemark, saved
 from tests.unit.uavmap.load.areas.test_area_kinds import SIM
-from uavmap.load.areas.layout import Wishes, lay_out
-from uavmap.load.areas.mission_text import Flying, compose
+from uavmap.load.areas.layout import LayoutOptions, lay_out
+from uavmap.load.areas.mission_text import FlightChoices, compose
 from uavmap.load.areas.reading import read_area_file
 from uavmap.load.areas.shp import read_shapefile
 
@@ -96,8 +96,8 @@ FAULTS: dict[str, tuple[Maker, str]] = {
     "a folder": (lambda folder: folder, "cannot be read"),
     "a device": (lambda _: Path("/dev/zero"), "not an ordinary file"),
     "an empty file": (text("a.kml", " \n"), "is empty"),
-    "a picture": (text("a.png", b"\x89PNG\r\n\x1a\n" + bytes(range(256))), "not a kind of file"),
-    "a spreadsheet": (text("a.csv", "a,b\n1,2\n"), "not a kind of file"),
+    "a picture": (text("a.png", b"\x89PNG\r\n\x1a\n" + bytes(range(256))), "unknown kind of file"),
+    "a spreadsheet": (text("a.csv", "a,b\n1,2\n"), "unknown kind of file"),
     "XML that reads a file": (text("a.kml", OUTSIDE), "document type or entities"),
     "XML of an unknown encoding": (
         text("a.kml", '<?xml version="1.0" encoding="klingon"?><kml/>'), "not well-formed",
@@ -118,7 +118,7 @@ FAULTS: dict[str, tuple[Maker, str]] = {
         "more than 100 layers",
     ),
     "an empty GPX": (text("a.gpx", "<gpx version='1.1'/>"), "holds no polygon"),
-    "XML of something else": (text("a.kml", "<html/>"), "no KML"),
+    "XML of something else": (text("a.kml", "<html/>"), "not KML"),
     "KML without a polygon": (
         text("a.kml", kml(placemark("here", files.point(FIELD[0])))), "holds no polygon",
     ),
@@ -127,7 +127,7 @@ FAULTS: dict[str, tuple[Maker, str]] = {
         "a link to another file",
     ),
     "KML with words for numbers": (drawn(("x", 1.0), *FIELD[1:]), "is not longitude,latitude"),
-    "KML with NaN": (drawn((float("nan"), 1.0), *FIELD[1:]), "no finite number"),
+    "KML with NaN": (drawn((float("nan"), 1.0), *FIELD[1:]), "not a finite number"),
     "KML of a polygon with two corners": (drawn(*FIELD[:2]), "a polygon needs three"),
     "KML with latitude first": (
         drawn((-33, 151), (-33, 151.1), (-33.1, 151.1)), "they are swapped; give --swap",
@@ -141,12 +141,12 @@ FAULTS: dict[str, tuple[Maker, str]] = {
         text("a.kmz", b"PK\3\4PK\5\6" + struct.pack("<4H2IH", 0, 0, 9, 9, 2**31, 0, 0)),
         "too many files",
     ),
-    "a zip named KMZ that is none": (text("a.kmz", "<kml/>"), "not what .kmz says"),
+    "a zip named KMZ that is none": (text("a.kmz", "<kml/>"), "not of the kind .kmz"),
     "a Shapefile without its .shp": (text("a.dbf", b"\x03"), "a part of a Shapefile"),
-    "a Shapefile that ends early": (parts(lambda shp: shp[:150]), "damaged Shapefile"),
+    "a Shapefile that ends early": (parts(lambda shp: shp[:150]), "not a Shapefile, or"),
     "a Shapefile of billions of points": (
         parts(lambda shp: shp[:144] + struct.pack("<2i", 1, 2**31 - 1) + shp[152:]),
-        "damaged Shapefile",
+        "not a Shapefile, or a damaged one",
     ),
     "a Shapefile with NaN": (
         parts(lambda shp: shp[:156] + struct.pack("<d", float("nan")) + shp[164:]), "finite",
@@ -162,9 +162,9 @@ FAULTS: dict[str, tuple[Maker, str]] = {
         "is not known; save the area in WGS84",
     ),
     "a GeoPackage that is none": (text("a.gpkg", b"SQLite format 3\0" + b"\1" * 600), "GeoPackage"),
-    "a GeoPackage named so": (text("a.gpkg", "x"), "not what .gpkg says"),
-    "an SQLite file without tables": (gpkg("DROP TABLE gpkg_contents"), "no GeoPackage"),
-    "a GeoPackage whose view never ends": (gpkg(ENDLESS), "no GeoPackage that can be read"),
+    "a GeoPackage named so": (text("a.gpkg", "x"), "not of the kind .gpkg"),
+    "an SQLite file without tables": (gpkg("DROP TABLE gpkg_contents"), "not a readable"),
+    "a GeoPackage whose view never ends": (gpkg(ENDLESS), "not a readable"),
     "a GeoPackage with text for a geometry": (gpkg("UPDATE fields SET geom = 'x'"), "geometry"),
     "a GeoPackage with billions of points": (
         gpkg("UPDATE fields SET geom = x'4750000100000000010300000001000000ffffffff'"), "geometry",
@@ -207,10 +207,10 @@ FAULTS: dict[str, tuple[Maker, str]] = {
     "GeoJSON of too many corners": (
         geometry("Polygon", [[[i % 7, i % 5] for i in range(100_002)]]), "corners",
     ),
-    "a plan of another program": (text("a.plan", "{}"), "no plan of QGroundControl"),
+    "a plan of another program": (text("a.plan", "{}"), "not a plan of QGroundControl"),
     "a plan without anything": (plan(), "holds no polygon"),
     "a plan with a list for a mission": (
-        text("a.plan", '{"fileType": "Plan", "mission": [1]}'), "is no table",
+        text("a.plan", '{"fileType": "Plan", "mission": [1]}'), "is not a table",
     ),
     "a plan with text for a corner": (
         plan(mission={"items": [files.SURVEY | {"polygon": [["a", 1]] * 3}]}), "is no coordinate",
@@ -266,7 +266,7 @@ def test_faulty_file_takes_little_memory(fault, tmp_path):
 def laid_out(folder: Path, *features: object, **wishes: object) -> str:
     path = saved(folder, "a.geojson", collection(*features))
     with pytest.raises(AreaError) as error:
-        lay_out(read_area_file(str(path)), Wishes(**wishes))
+        lay_out(read_area_file(str(path)), LayoutOptions(**wishes))
     return str(error.value)
 
 
@@ -289,7 +289,7 @@ BAD_LAYOUTS: dict[str, tuple[list[object], dict[str, object], str]] = {
         "km from the area",
     ),
     "all kept out of": (
-        [feature(name="field"), feature(AROUND, name="no-fly zone")], {}, "kept out of",
+        [feature(name="field"), feature(AROUND, name="no-fly zone")], {}, "keep-out polygons",
     ),
     "a home outside of the fence": (
         [feature(name="field"), feature(AROUND, name="fence")],
@@ -316,10 +316,10 @@ def test_one_of_several_areas_is_chosen_and_all_are_enclosed(tmp_path):
     two = feature(name="North"), feature(moved(0.003), name="South")
     path = saved(tmp_path, "a.geojson", collection(*two))
     drawing = read_area_file(str(path))
-    south = lay_out(drawing, Wishes(area="south"))
+    south = lay_out(drawing, LayoutOptions(area="south"))
     assert south.name == "South"
     assert min(place.lon_deg for place in south.box) == pytest.approx(13.306)
-    both = lay_out(drawing, Wishes(together=True))
+    both = lay_out(drawing, LayoutOptions(together=True))
     assert min(place.lon_deg for place in both.box) == pytest.approx(13.303)
     assert max(place.lon_deg for place in both.box) == pytest.approx(13.3075)
 
@@ -328,8 +328,8 @@ def test_keep_out_zone_is_cut_to_the_fence(tmp_path):
     road = [(x + 0.001, y) for x, y in files.POND[:2]] + [(13.31, 52.4566), (13.31, 52.4563)]
     shapes = feature(name="field"), feature(road, name="keep-out road")
     drawing = read_area_file(str(saved(tmp_path, "a.geojson", collection(*shapes))))
-    layout = lay_out(drawing, Wishes())
-    text = compose("a", "a\n[flight]\n", layout, SIM, Flying())
+    layout = lay_out(drawing, LayoutOptions())
+    text = compose("a", "a\n[flight]\n", layout, SIM, FlightChoices())
     (hole,) = parse_mission(text, "a").fence.holes
     fence = Polygon([(place.lon_deg, place.lat_deg) for place in layout.fence])
     assert fence.contains(Polygon([(lon, lat) for lat, lon in hole]))
@@ -338,7 +338,7 @@ def test_keep_out_zone_is_cut_to_the_fence(tmp_path):
 def test_area_over_the_antimeridian_is_laid_out(tmp_path):
     ring = [(179.9995, -17.0), (-179.9995, -17.0), (-179.9995, -16.999), (179.9995, -16.999)]
     path = saved(tmp_path, "fiji.geojson", collection(feature(ring)))
-    layout = lay_out(read_area_file(str(path)), Wishes())
+    layout = lay_out(read_area_file(str(path)), LayoutOptions())
     assert abs(layout.home.lon_deg) > 179.99
 
 
@@ -346,7 +346,7 @@ def test_coast_line_is_simplified(tmp_path):
     x0, y0 = FIELD[0]
     coast = [(x0 + i * 1e-6, y0 + 1e-6 * (i % 3)) for i in range(1500)]
     path = saved(tmp_path, "coast.geojson", collection(feature([*coast, *FIELD[2:]])))
-    layout = lay_out(read_area_file(str(path)), Wishes())
+    layout = lay_out(read_area_file(str(path)), LayoutOptions())
     assert len(layout.box) <= 300
     assert any("corners of the area" in notice for notice in layout.notices)
 
@@ -361,14 +361,14 @@ def test_file_without_a_coordinate_system_is_read_by_its_epsg(tmp_path):
     path = files.beside(tmp_path, "a", in_metres())
     ring = read_area_file(str(path), epsg=32633).areas[0].ring
     assert ring[0].lat_deg == pytest.approx(52.456, abs=0.002)
-    with pytest.raises(AreaError, match="leave it out"):
+    with pytest.raises(AreaError, match="leave --crs out"):
         read_area_file(str(files.KINDS["qgis_shapefile"](tmp_path)), epsg=25833)
 
 
 def test_geopackage_open_in_another_program_is_refused(tmp_path):
     path = files.KINDS["qgis_geopackage"](tmp_path)
     saved(tmp_path, "qgis_geopackage.gpkg-wal", b"x")
-    with pytest.raises(AreaError, match="is open in another program"):
+    with pytest.raises(AreaError, match="another program has it open"):
         read_area_file(str(path))
 
 

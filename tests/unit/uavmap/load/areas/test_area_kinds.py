@@ -15,14 +15,14 @@ from missions.units import LatLon
 from tests.support.areas.area_files import FIELD, HOME, HOME_INSIDE, KINDS, POND
 from uavmap.load.areas.drawing import Positions
 from uavmap.load.areas.drones import CAMERAS, DRONES
-from uavmap.load.areas.layout import Wishes, lay_out
-from uavmap.load.areas.mission_text import Figures, Flying, compose
+from uavmap.load.areas.layout import LayoutOptions, lay_out
+from uavmap.load.areas.mission_text import AircraftFigures, FlightChoices, compose
 from uavmap.load.areas.reading import read_area_file
 from uavmap.load.mission_source import DRAWINGS
 
 AREAS = Path(__file__).parents[4] / "data" / "areas"
 BESIDE_A_SHAPEFILE = {".dbf", ".shx", ".prj", ".cpg", ".qmd", ".xml"}
-SIM = Figures("the simulator's", 80.0, 640, 480, 0.2, "fixed", 60.0, 300.0, 12.0, 6.0)
+SIM = AircraftFigures("the simulator's", 80.0, 640, 480, 0.2, "fixed", 60.0, 300.0, 12.0, 6.0)
 HOMES = {
     "kml_with_roles": HOME,
     "qgc_survey_with_fence": HOME,
@@ -74,8 +74,8 @@ def test_file_of_each_kind_becomes_the_field_and_a_mission(kind, tmp_path):
     else:
         assert drawing.home is None
 
-    layout = lay_out(drawing, Wishes())
-    mission = parse_mission(compose("field", kind, layout, SIM, Flying()), kind)
+    layout = lay_out(drawing, LayoutOptions())
+    mission = parse_mission(compose("field", kind, layout, SIM, FlightChoices()), kind)
     box, fence = (metres(tuple(LatLon(*v) for v in ring)) for ring in (
         mission.search.box, mission.fence.polygon
     ))  # fmt: skip
@@ -89,10 +89,10 @@ def test_file_of_each_kind_becomes_the_field_and_a_mission(kind, tmp_path):
 
 @pytest.mark.parametrize("drone", DRONES)
 def test_every_drone_of_the_table_can_fly_a_field(drone, tmp_path):
-    layout = lay_out(read_area_file(str(KINDS["geojson_io"](tmp_path))), Wishes(vehicles=2))
+    layout = lay_out(read_area_file(str(KINDS["geojson_io"](tmp_path))), LayoutOptions(vehicles=2))
     values = asdict(DRONES[drone])
-    figures = Figures(**{**asdict(CAMERAS[values.pop("camera")]), **values})
-    mission = parse_mission(compose("f", "f", layout, figures, Flying(vehicles=2)), drone)
+    figures = AircraftFigures(**{**asdict(CAMERAS[values.pop("camera")]), **values})
+    mission = parse_mission(compose("f", "f", layout, figures, FlightChoices(vehicles=2)), drone)
     assert len(mission.vehicles) == 2
     assert mission.altitude_m(1) <= 60.0
 

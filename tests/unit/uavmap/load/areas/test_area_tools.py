@@ -104,30 +104,30 @@ REFUSED: dict[str, tuple[Maker, str]] = {
     ),
     "a mission of an old QGroundControl": (
         text("a.mission", json.dumps({"fileType": "Mission", "items": []})),
-        "open it there and save it as a plan",
+        "open it there, and save it as a plan",
     ),
     "a structure scan": (plan(mission={"items": [STRUCTURE]}), "draw a survey around it"),
-    "a corridor without a width": (corridor(CorridorWidth=0), "it needs two, and width"),
-    "a corridor of one point": (corridor(polyline=[[52.0, 13.0]]), "it needs two, and width"),
+    "a corridor without a width": (corridor(CorridorWidth=0), "two points and a width"),
+    "a corridor of one point": (corridor(polyline=[[52.0, 13.0]]), "two points and a width"),
     "a corridor of one place": (corridor(polyline=[[52.0, 13.0]] * 2), "no length"),
     "a corridor of a thousand bends": (
         corridor(polyline=[[52.0 + k % 7 / 100, 13.0 + k % 5 / 100] for k in range(1000)]),
         "simplify it to at most 300",
     ),
-    "a corridor beyond the pole": (corridor(polyline=[[95.0, 13.0]] * 2), "no latitude"),
+    "a corridor beyond the pole": (corridor(polyline=[[95.0, 13.0]] * 2), "not latitude"),
     "rally points": (text("a.rally", "RALLY 52.4 13.3 30 20 0 0\n"), "rally points alone"),
     # GPX and tables
-    "a GPX of a way to somewhere": (text("a.gpx", gpx(tracks={"way": FIELD})), "do not come back"),
+    "a GPX of a way to somewhere": (text("a.gpx", gpx(tracks={"way": FIELD})), "do not return"),
     "a GPX without degrees": (
-        text("a.gpx", "<gpx><trk><trkseg><trkpt lat='x'/></trkseg></trk></gpx>"), "no degrees",
+        text("a.gpx", "<gpx><trk><trkseg><trkpt lat='x'/></trkseg></trk></gpx>"), "not degrees",
     ),
     "a GPX with NaN": (
         text("a.gpx", "<gpx><trk><trkseg><trkpt lat='nan' lon='1'/></trkseg></trk></gpx>"),
         "is no coordinate",
     ),
-    "a table of words": (text("a.csv", "lat,lon\nhere,there\n"), "is not latitude and longitude"),
+    "a table of words": (text("a.csv", "lat,lon\nhere,there\n"), "has no latitude and longitude"),
     "a table with short rows": (text("a.csv", "id,lat,lon\n1,2\n"), "row 2"),
-    "WKT that is none": (text("a.csv", "wkt\nPOLYGON ((1 2\n"), "is no WKT"),
+    "WKT that is none": (text("a.csv", "wkt\nPOLYGON ((1 2\n"), "is not WKT"),
     "WKT of a point": (text("a.csv", "wkt\nPOINT (1 2)\n"), "holds no polygon"),
 }  # fmt: skip
 

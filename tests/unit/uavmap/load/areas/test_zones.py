@@ -188,7 +188,7 @@ def test_zone_that_cuts_off_a_part_of_the_box_is_named_in_the_warning(tmp_path):
         (
             '{"features": [{"geometry": {"type": "Point", "coordinates": [480, 11], '
             '"extent": {"radius": 5}}}]}',
-            "are they swapped",
+            "check whether they are swapped",
         ),
         (
             '{"features": [{"geometry": [{"horizontalProjection": {"type": "Circle", '

@@ -19,9 +19,9 @@ from uavmap.output.facts.detector_fit import (
     FIRST_FRAMES,
     LEAST_FRAMES,
     DetectorFit,
-    doubted,
     is_untouched,
     no_verdict,
+    with_unsure,
 )
 from uavmap.output.facts.map_model import CellRow, CellTable
 from uavmap.runner.operator.progress import ProgressTable
@@ -46,9 +46,9 @@ def fit_of(positive, frames=LEAST_FRAMES):
 @pytest.mark.parametrize(
     ("positive", "expected", "warns"),
     [
-        (0, "takes nothing of what the first 100 pictures show for region; the search", False),
-        (9, "takes 90 % of what the first 100 pictures show for region: check whether", True),
-        (10, "takes 100 % of what the first 100 pictures show for region: check", True),
+        (0, "marks no region in the first 100 pictures; the search", False),
+        (9, "marks 90 % of the ground in the first 100 pictures as region: check whether", True),
+        (10, "marks 100 % of the ground in the first 100 pictures as region: check", True),
         (1, None, False),
         (8, None, False),
     ],
@@ -132,7 +132,7 @@ def test_terminal_and_page_report_a_detector_that_finds_region_everywhere():
         table.notice(frame(number, 10))
         table.update(frame(number, 10), state, 0)
         watcher.apply(frame(number, 10), state)
-    assert "takes 100% of what the first 100 pictures show for region" in out.getvalue()
+    assert "marks 100% of the ground in the first 100 pictures as region" in out.getvalue()
     watcher.refresh(whole=True)
     ((_, level, text),) = [line[-3:] for line in watcher.board.since(0)["log"]]
     assert level == "warning"
@@ -161,7 +161,7 @@ def test_flight_with_unsure_cells_is_not_complete_and_asks_for_pictures(tmp_path
         "mission": "runway", "strategy": "swath", "completed": True, "finding": "a patch",
         "aircraft_down": [], "seed": None,
     }  # fmt: skip
-    summary = doubted(flown, CellTable.of(cells), setting)
+    summary = with_unsure(flown, CellTable.from_rows(cells), setting)
     assert (summary["completed"], summary["flown_to_the_end"]) == (False, True)
     assert (summary["cells_unsure"], summary["cells_unsure_m2"]) == (1, 16.0)
     assert summary["finding"].startswith("a patch; 1 cells (16 sq m) are unsure")
@@ -171,4 +171,4 @@ def test_flight_with_unsure_cells_is_not_complete_and_asks_for_pictures(tmp_path
     assert dict(rows(summary, tmp_path))["paint next"].endswith("next.txt")
     assert "paint pictures of them" in shown.err
     assert "uavmap resume" not in shown.err
-    assert doubted(flown, CellTable.of(cells[1:]), setting)["completed"] is True
+    assert with_unsure(flown, CellTable.from_rows(cells[1:]), setting)["completed"] is True

@@ -139,7 +139,7 @@ def test_bad_names_are_refused_in_a_line(tmp_path):
 
 def test_film_that_cannot_be_written_is_an_output_error(tmp_path, monkeypatch):
     monkeypatch.setattr(writers.os, "access", lambda path, mode: False)
-    with pytest.raises(OutputError, match="may not be written to"):
+    with pytest.raises(OutputError, match="is read-only"):
         write_film(small_film(cells=4), tmp_path / "film.gif", print)
     monkeypatch.undo()
 

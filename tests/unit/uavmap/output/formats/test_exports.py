@@ -25,7 +25,7 @@ from uavmap.base.version import __version__
 from uavmap.output.documents import FORMATS, files_of
 from uavmap.output.drawing.palette import STATES
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.flown_mission import Calendar, Flown
+from uavmap.output.facts.flown_mission import Calendar, FlownMission
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 from uavmap.output.formats.geopackage_layers import APPLICATION_ID
@@ -60,7 +60,7 @@ def flown_at(data, tmp):
     values = {"completed": True, "finding": "a ring"}
     setting = STOPS.setting()
     log, calendar = FlightLog(), Calendar(0.0)
-    return Flown(tmp, PLAN, setting, data, values, log, calendar, recorded=True)
+    return FlownMission(tmp, PLAN, setting, data, values, log, calendar, recorded=True)
 
 
 # --- GeoPackage ----------------------------------------------------------------------------------

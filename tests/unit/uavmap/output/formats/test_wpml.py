@@ -182,7 +182,7 @@ def test_wpml_of_results_without_a_region_is_refused_in_a_line(tmp_path, refused
     before = [event for event in EVENTS if event.t_s < 15.0]
     folder = folder_of(tmp_path, before, PLAN)
     line = refused("export", folder, "--to", "wpml")
-    assert "has no region to fly over again" in line
+    assert "has no region; export" in line
     assert not (folder / "follow-up.kmz").exists()
 
 

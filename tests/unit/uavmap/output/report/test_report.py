@@ -235,7 +235,7 @@ def test_geopackage_open_in_another_program_is_left_alone(tmp_path):
     told = []
     write_documents(flown_of(folder), told.append)
     assert len(told) == 1
-    assert "is open in another program (map.gpkg-wal)" in told[0]
+    assert "another program has it open (map.gpkg-wal)" in told[0]
     assert (folder / "map.gpkg").read_bytes() == b"edited"
     assert (folder / REPORT).exists()
 

@@ -28,7 +28,7 @@ from tests.unit.uavmap.output.report.test_words import photographed
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output import documents
 from uavmap.output.documents import REPORT, REPORT_PDF, write_documents
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.results import flown_of
 from uavmap.ui.cli import main
 
@@ -39,7 +39,7 @@ A4_PT = (595.28, 841.89)
 HALF = next(i for i, event in enumerate(EVENTS) if event.t_s > 50.0)
 
 
-def encoded(flown: Flown) -> bytes:
+def encoded(flown: FlownMission) -> bytes:
     from uavmap.output.report.two_pages import encode  # noqa: PLC0415 - an extra
 
     return encode(flown)
@@ -97,7 +97,7 @@ def test_pdf_of_a_flight_has_two_pages_with_unknowns_first(tmp_path: Path) -> No
             "vehicle 1",
             "0:00 is 2020-01-01 00:00:00 UTC, simulated",
             "Corners of the map",
-            "How it was judged, and what was not done",
+            "Judging, and work not done",
             "Region is: darker than",
             "checked by",
             "signature",

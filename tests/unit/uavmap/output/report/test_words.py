@@ -13,7 +13,7 @@ from missions.events import Event, FrameSeen, Tracked, Vote
 from missions.units import Cell, GridPoint
 from tests.support.page.html_page import Page
 from tests.unit.uavmap.output.flown_folders import CLASS_EVENTS, CLASS_PLAN, EVENTS, PLAN, folder_of
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.report import words
 from uavmap.output.report.page import encode
 from uavmap.output.results import flown_of
@@ -24,7 +24,7 @@ UNSEEN = (
 )
 
 
-def flown(tmp: Path, events: Sequence[Event] = EVENTS, **meta: Any) -> Flown:
+def flown(tmp: Path, events: Sequence[Event] = EVENTS, **meta: Any) -> FlownMission:
     plan = meta.pop("plan", PLAN)
     return flown_of(folder_of(tmp, events, plan, **meta))
 
@@ -92,7 +92,7 @@ def test_words_of_a_flight_that_has_not_begun(tmp_path: Path) -> None:
     assert words.outcome(found).endswith("No region is found so far.")
     assert "(100 %) have no verdict: 12 cells in no picture" in words.unknowns(found)[0]
     assert words.size(found) is None
-    assert words.whereabouts(found).name == "Home"
+    assert words.middle_place(found).name == "Home"
 
 
 def test_words_of_a_flight_without_a_region(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_words_of_a_flight_without_a_region(tmp_path: Path) -> None:
 
 def test_words_of_a_flight_without_a_verdict(tmp_path: Path) -> None:
     found = flown(tmp_path)
-    why = "the detector took 97% of the 1,204 cells seen for region"
+    why = "the detector marked 97% of the 1,204 observed cells as region"
     found = replace(found, values={**found.values, "completed": False, "no_verdict": why})
     assert words.outcome(found) == f"No verdict: {why}. The map does not show the region."
 
@@ -141,8 +141,8 @@ def test_unsure_ground_comes_first(tmp_path: Path) -> None:
     assert cells > 0
     first, second = words.unknowns(found)[:2]
     assert first == (
-        f"Unsure ground: {words.area(16.0 * cells)} look like nothing that the detector was shown. "
-        "The area of the region is without them; they may belong to it."
+        f"Unsure ground: {words.area(16.0 * cells)} are unlike what the detector knows. They may "
+        "belong to the region; its area does not contain them."
     )
     assert second == UNSEEN
     assert words.outcome(found) == "The region is mapped, except where ground is unsure."

@@ -76,6 +76,6 @@ def test_alarms_follow_link_pilot_battery_and_fence():
     flown.happen(Tracked(1, last.t_s + 2.0, last.position, 12.0, 4.0))
     record, alarms = flown.figures_and_alarms()
     assert record["low"]
-    assert "vehicle 1: battery below what the path home needs" in alarms
+    assert "vehicle 1: battery below the need of the return path" in alarms
     flown.happen(Tracked(1, last.t_s + 4.0, GridPoint(900.0, 0.0), 12.0, 40.0))
     assert "vehicle 1: outside of the fence" in flown.figures_and_alarms()[1]

@@ -247,7 +247,7 @@ def test_each_detector_has_an_explanation():
         (["field.kml"], "no drone; give --drone NAME"),
         (["field.kml", "--hover", "300", "--camera", "rpi-v2"], "or --battery WH"),
         (["field.kml", "--drone", "x50"], "did you mean 'x500'?"),
-        (["field.kml", "--drone", "dji-m300"], "do not take orders over MAVLink"),
+        (["field.kml", "--drone", "dji-m300"], "accept no orders over MAVLink"),
         (["field.kml", "--drone", "sim", "--camera", "rpi"], "--camera rpi: not in the table"),
         (["field.kml", "--drone", "sim", "--pixels", "640"], "--pixels 640 is not WxH"),
         (["fields.kml", "--drone", "sim"], "did you mean 'field.kml'?"),

@@ -125,7 +125,7 @@ def test_mission_that_is_flown_holds_the_checksum_of_its_model(tuned, tmp_path):
     (folder / MODEL).write_bytes((folder / MODEL).read_bytes() + b" ")
     from uavmap.aircraft.imaging.classifier import detector_of  # noqa: PLC0415
 
-    with pytest.raises(MissionFileError, match="has changed since the mission was begun"):
+    with pytest.raises(MissionFileError, match="has changed since the mission began"):
         detector_of(mission)
 
 
