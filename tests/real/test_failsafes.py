@@ -26,7 +26,7 @@ async def failed(rig: Rig, what: str) -> Run:
     return run
 
 
-def told_from_m(rig: Rig, run: Run) -> float:
+def reported_from_m(rig: Rig, run: Run) -> float:
     """Return the distance between the true position and the last one that was reported, m."""
     places = PLACE.findall("\n".join(run.lines))
     assert places, f"no place was told: {run.lines[-5:]}"
@@ -56,7 +56,7 @@ async def test_battery_failsafe_brings_the_vehicle_home(rig: Rig) -> None:
 async def test_vehicle_without_satellites_lands_and_its_place_is_reported(rig: Rig) -> None:
     run = await failed(rig, "satellites")
     await rig.ends_well(run, 4)
-    rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
+    rig.row.detail = f"reported {reported_from_m(rig, run):.0f} m from its place"
 
 
 @scenario("satellites 55 m off for 15 s", near=True)
@@ -71,7 +71,7 @@ async def test_glitch_of_the_satellites_ends_well(rig: Rig) -> None:
 async def test_motor_that_fails_stops_all_motors(rig: Rig) -> None:
     run = await failed(rig, "motor")
     await rig.ends_well(run, 4, put_back=False)  # no one flies it from there
-    rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
+    rig.row.detail = f"reported {reported_from_m(rig, run):.0f} m from its place"
 
 
 @scenario("disarmed by force in the air", near=True)
@@ -79,7 +79,7 @@ async def test_motors_stopped_in_the_air_are_a_crash(rig: Rig) -> None:
     run = await in_search(rig)
     await rig.aircraft[0].pilot.command(400, 0, 21196)
     await rig.ends_well(run, 4, put_back=False)  # no one flies it from there
-    rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
+    rig.row.detail = f"reported {reported_from_m(rig, run):.0f} m from its place"
 
 
 @scenario("fence made smaller in flight", near=True)

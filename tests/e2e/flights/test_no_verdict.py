@@ -47,10 +47,10 @@ def test_flight_with_region_everywhere_ends_without_a_verdict(tmp_path):
     flight = rig.flown_text(text, tmp_path, "--strategy", "swath")
     done, folder = flight.done, flight.folder
     assert_no_verdict(done, folder, "% of the ")
-    assert done.err.count("for region: check whether it fits this ground") == 1
+    assert done.err.count("as region: check whether it fits this ground") == 1
     (folder / "report.html").unlink()
     assert rig.uavmap("report", folder).code == 0  # from the journal, which agrees
-    assert "No verdict: no verdict: the detector took" in (folder / "report.html").read_text(
+    assert "No verdict: no verdict: the detector marked" in (folder / "report.html").read_text(
         "utf-8"
     )
 

@@ -105,8 +105,8 @@ PX4_CHECKS: Final = (
     Check("NAV_RCL_ACT", lambda v, n: v["NAV_RCL_ACT"] in (1, 2, 3), "2 (return)",
           "a lost radio control is not noticed"),
     Check("NAV_DLL_ACT", lambda v, n: v["NAV_DLL_ACT"] in (1, 2, 3), "2 (return)",
-          "when this computer dies it hovers until its battery is low; to a PX4 this program is a "
-          "ground station, and it listens to any of them"),
+          "when this computer dies it hovers until its battery is low; any ground station "
+          "counts, this program included"),
     Check("COM_OF_LOSS_T", lambda v, n: 0.5 <= v["COM_OF_LOSS_T"] <= 2.0, "1 s",
           "time that it flies on without setpoints"),
     Check("COM_OBL_RC_ACT", lambda v, n: v["COM_OBL_RC_ACT"] in (3, 4, 5), "3 (return)",

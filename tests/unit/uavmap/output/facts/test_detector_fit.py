@@ -136,7 +136,7 @@ def test_terminal_and_page_report_a_detector_that_finds_region_everywhere():
     watcher.refresh(whole=True)
     ((_, level, text),) = [line[-3:] for line in watcher.board.since(0)["log"]]
     assert level == "warning"
-    assert "for region" in text
+    assert "as region" in text
 
 
 @pytest.mark.parametrize(
