@@ -21,7 +21,7 @@ from missions.mission.schema import MAX_VEHICLES, Mission
 from uavmap.base.arguments import choice, number, whole
 from uavmap.base.version import __version__
 from uavmap.journal.event_log import PLAN, JournalReader
-from uavmap.load.detector_source import refuse_undecided, with_kept_detector
+from uavmap.load.detector_source import require_detector, with_kept_detector
 from uavmap.load.strategy_source import compile_planner, warn_if_uncompiled
 
 Driver = Literal["pymavlink", "mavsdk"]
@@ -171,7 +171,7 @@ class FlightPlan(FlightOptions):
     def check_simulated_only(self) -> None:
         """Raise if a real aircraft would fly without a detector, or by a strategy of papers."""
         if not self.simulated:
-            refuse_undecided(self.mission.detector, self.mission_source)
+            require_detector(self.mission.detector, self.mission_source)
         name = self.mission.strategy
         if name in FLOWN or name not in STRATEGIES:
             return

@@ -56,7 +56,7 @@ def detector_descriptions() -> Mapping[str, str]:
     return {**FINDS, **dict.fromkeys(sorted(_plugins()), "A detector of a plug-in.")}
 
 
-def refuse_undecided(section: DetectorSection, source: str) -> None:
+def require_detector(section: DetectorSection, source: str) -> None:
     """Raise `MissionFileError` if no detector is chosen for real pictures."""
     if section.name == LATER:
         raise MissionFileError(

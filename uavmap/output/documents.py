@@ -82,7 +82,7 @@ def write_documents(flown: FlownMission, report: Callable[[str], None]) -> None:
 def write_geopackage(flown: FlownMission) -> None:
     """Write map.gpkg. Raises `OutputError`."""
     path = flown.folder / GEOPACKAGE
-    refuse_open(path)
+    require_closed(path)
     save(path, files_of(flown, "gpkg")[GEOPACKAGE])
 
 
@@ -111,7 +111,7 @@ def write_pdf(flown: FlownMission, path: Path | None = None) -> None:
     save(path, encode(flown))
 
 
-def refuse_open(path: Path) -> None:
+def require_closed(path: Path) -> None:
     """Raise `OutputError` if a program has a GeoPackage open: its log would change a new file."""
     for suffix in ("-wal", "-journal"):
         log = path.with_name(f"{path.name}{suffix}")

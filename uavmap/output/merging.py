@@ -122,7 +122,7 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
     # the order must not depend on the names of folders
     sources = sorted(sources, key=lambda s: (s.plan.member or 0, s.plan.epoch_utc_s, s.digest))
     first = sources[0]
-    _refuse_strangers(sources)
+    _check_compatible(sources)
     fleet = first.plan.member is not None
     if fleet:
         plan, before = replace(first.plan, member=0, comms=None), [0] * len(sources)
@@ -143,13 +143,13 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
             last_s = max(last_s, moved.t_s)
             dated.append((last_s, place, k, moved))
     if fleet:
-        only_heard = _only_heard(sources)
-        dated.extend((event.t_s, len(sources), k, event) for k, event in enumerate(only_heard))
+        received_only = _received_only(sources)
+        dated.extend((event.t_s, len(sources), k, event) for k, event in enumerate(received_only))
     dated.sort(key=lambda item: item[:3])
     return replace(plan, epoch_utc_s=zero_s), [event for *_, event in dated]
 
 
-def _only_heard(sources: Sequence[Source]) -> list[FactsShared]:
+def _received_only(sources: Sequence[Source]) -> list[FactsShared]:
     known, counted = Knowledge(), dict[int, int]()
     for source in sources:
         own = facts_of(source.plan.known_setting())
@@ -166,7 +166,7 @@ def _only_heard(sources: Sequence[Source]) -> list[FactsShared]:
     return shared
 
 
-def _refuse_strangers(sources: Sequence[Source]) -> None:
+def _check_compatible(sources: Sequence[Source]) -> None:
     first = sources[0]
     members = [source.plan.member for source in sources]
     for source in sources[1:]:

@@ -31,8 +31,8 @@ from uavmap.journal.results_folder import make_folder, refuse_unwritable, result
 from uavmap.load.detector_source import (
     detector_text,
     keep_detector,
-    refuse_undecided,
     region_in_words,
+    require_detector,
     with_relative_model,
 )
 from uavmap.load.mission_source import load, mission_of_text
@@ -106,7 +106,7 @@ def _replayed(options: ReplayOptions, crew: Crew, complain: Callable[[str], None
     # faults of the mission and the detector are reported before pictures are read
     given = None if options.mission is None else load(options.mission, options.detector)
     if given is not None:
-        refuse_undecided(given.detector, options.mission or "")
+        require_detector(given.detector, options.mission or "")
     detector = DETECTOR
     if given is None and options.detector is not None:
         detector = detector_text(Path(options.detector))

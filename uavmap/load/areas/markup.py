@@ -228,7 +228,7 @@ def read_gpx(root: Element, source: str) -> Layer:
 def _gpx_shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shape]:
     open_ones, looked_at = 0, 0
     for name, points in _tracks(root, source):
-        if len(points) < 3 or not _comes_back(points):
+        if len(points) < 3 or not _is_closed(points):
             open_ones += 1
             continue
         looked_at += len(points)
@@ -271,7 +271,7 @@ def _place(point: Element, source: str) -> Point:
         ) from None
 
 
-def _comes_back(points: list[Point]) -> bool:
+def _is_closed(points: list[Point]) -> bool:
     """Return whether the ends of a track are near each other for its length."""
     lons, lats = zip(*points, strict=True)
     gap_m = _GEOD.inv(*points[-1], *points[0])[2]

@@ -221,8 +221,8 @@ def _table_of(value: Schema, root: Schema) -> Schema | None:
 def _one_type(value: Schema, root: Schema) -> str:
     value = _resolved(value, root)
     if "enum" in value:
-        several = [f"`{json.dumps(one)}`" for one in value["enum"]]
-        return (" or " if len(several) < 4 else ", ").join(several)
+        values = [f"`{json.dumps(one)}`" for one in value["enum"]]
+        return (" or " if len(values) < 4 else ", ").join(values)
     if "const" in value:
         return f"`{json.dumps(value['const'])}`"
     if "prefixItems" in value:

@@ -79,7 +79,7 @@ def compose(
     header = _header(name, origin, layout, figures)
     if flying.altitude_m is None:
         first = mission_text(values, header, flying.vehicles)
-        values |= _seeing_enough(parse_fields(first, name))
+        values |= _height_and_pixels(parse_fields(first, name))
     if flying.find == "all" and flying.strategy == STRATEGY:
         values |= _SEARCHED_HIGH
         high = parse_fields(mission_text(values, header, flying.vehicles), name)
@@ -115,7 +115,7 @@ def _values(
     return values
 
 
-def _seeing_enough(mission: Mission) -> dict[str, Any]:
+def _height_and_pixels(mission: Mission) -> dict[str, Any]:
     """Return values for height and pixels that replace `altitude_m = "auto"`, if it does not fit.
 
     It does not fit above `HIGHEST_M`, and where the lowest of several vehicles would see too little

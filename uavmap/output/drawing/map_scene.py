@@ -102,7 +102,7 @@ def _cells(data: MapData) -> tuple[Cells, Layer]:
     colours, opaque = list[Colour](), list[bool]()
     classes, which = data.class_areas, table.classes
     for state, colour in palette.STATES.items():
-        there = table.are(state) & (which < 0)
+        there = table.in_state(state) & (which < 0)
         codes[there] = len(colours)
         colours.append(colour)
         opaque.append(state not in NOT_ROI or state == "unsure")

@@ -73,10 +73,10 @@ def _corners(ring: shapely.LinearRing) -> NDArray[np.float64]:
 NEIGHBOURS: Final = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]], np.int32)
 
 
-def beside(cells: NDArray[np.int32]) -> NDArray[np.bool_]:
+def open_sides(cells: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Return for each cell which of its four neighbours are not among the cells, (n, 4).
 
-    >>> beside(np.array([[0, 0], [1, 0]], np.int32)).tolist()
+    >>> open_sides(np.array([[0, 0], [1, 0]], np.int32)).tolist()
     [[True, False, True, True], [True, True, True, False]]
     """
     near = packed((cells[:, None] + NEIGHBOURS).reshape(-1, 2))

@@ -13,7 +13,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from missions.classes import Classes
 from missions.geo.grid import Grid
 from missions.units import Cell
-from uavmap.output.facts.cell_outlines import beside, outline
+from uavmap.output.facts.cell_outlines import open_sides, outline
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ def class_areas(
         name, share, there = classes.names[number], shares[:, column], which == column
         own = tuple(Cell(*cell) for cell in cells[there].tolist())
         rim = np.zeros(len(cells), np.bool_)
-        rim[there] = beside(cells[there]).any(axis=1)
+        rim[there] = open_sides(cells[there]).any(axis=1)
         inside_m2, rim_m2, other_m2 = (
             float(share[some].sum()) * cell_m2 for some in (there, rim, ~there)
         )

@@ -55,7 +55,7 @@ class DetectorFit:
             self.marks += positive
         if self.frames != FIRST_FRAMES or not ayes:
             return None
-        if self.takes_nearly_all:
+        if self.marks_nearly_all:
             return Notice(
                 f"the detector marks {self.share:.0%} of the ground in the first {FIRST_FRAMES} "
                 f"pictures as region: check whether it fits this ground; {REMEDY}",
@@ -85,7 +85,7 @@ class DetectorFit:
         return self.region / max(self.cells, 1)
 
     @property
-    def takes_nearly_all(self) -> bool:
+    def marks_nearly_all(self) -> bool:
         """Return whether nearly all observed cells have a majority for region."""
         return self.frames >= LEAST_FRAMES and self.share >= MOST_REGION
 
@@ -97,7 +97,7 @@ def no_verdict(state: State, fit: DetectorFit, *, real: bool) -> str:
     """
     if not state.is_over:
         return ""
-    if fit.takes_nearly_all:
+    if fit.marks_nearly_all:
         return f"the detector marked {fit.share:.0%} of the {fit.cells:,} observed cells as region"
     section = state.setting.mission.detector
     if real and state.completed and not state.belief.roi and is_untouched(section):
@@ -123,7 +123,7 @@ def is_untouched(section: DetectorSection) -> bool:
 # --- figures of the summary ---------------------------------------------------------------------
 def with_unsure(values: Mapping[str, Any], cells: CellTable, setting: Setting) -> dict[str, Any]:
     """Add the cells to a summary of which the detector is unsure: they are not mapped."""
-    count = int(np.count_nonzero(cells.are("unsure")))
+    count = int(np.count_nonzero(cells.in_state("unsure")))
     area_m2 = round(count * setting.grid.cell_m**2, 1)
     found = {**values, "cells_unsure": count, "cells_unsure_m2": area_m2}
     if count:

@@ -22,7 +22,7 @@ from missions.mission.views import rim_share
 from uavmap.base.text_files import read_text
 from uavmap.base.version import __version__
 from uavmap.journal.flight_plan import FlightPlan
-from uavmap.output.facts.cell_outlines import NEIGHBOURS, beside, packed
+from uavmap.output.facts.cell_outlines import NEIGHBOURS, open_sides, packed
 from uavmap.output.facts.class_areas import class_figures
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.map_model import MapData, on_ground
@@ -153,7 +153,7 @@ def extent(data: MapData, least: float, most: float) -> Extent:
     """
     table = data.cells
     roi = table.cells[table.roi]
-    rim, beside, beyond, open_cells = _around(roi, table.cells[table.are("non-roi")])
+    rim, beside, beyond, open_cells = _around(roi, table.cells[table.in_state("non-roi")])
     cell_m2 = data.grid.cell_m**2
     shape = data.outline
     parts = [] if shape.is_empty else list(getattr(shape, "geoms", [shape]))
@@ -176,7 +176,7 @@ def _around(roi: NDArray[np.int32], judged: NDArray[np.int32]) -> tuple[int, int
     (1, 3, 1, 1)
     """
     near, known = packed((roi[:, None] + NEIGHBOURS).reshape(-1, 2)), packed(judged)
-    outer = beside(roi).ravel()
+    outer = open_sides(roi).ravel()
     unjudged = outer & ~np.isin(near, known)
     rim, open_cells = (int(side.reshape(-1, 4).any(axis=1).sum()) for side in (outer, unjudged))
     outside, beyond = (len(np.unique(near[side])) for side in (outer, unjudged))

@@ -108,7 +108,7 @@ class CellTable:
         shares = sums.shares(self.cells, numbers) if numbers else None
         return replace(self, codes=codes, shares=shares)
 
-    def which(self, some: slice | Sequence[int] | NDArray[np.bool_]) -> CellTable:
+    def subset(self, some: slice | Sequence[int] | NDArray[np.bool_]) -> CellTable:
         """Return the table of some of the cells."""
         belief, shares = (
             None if column is None else column[some] for column in (self.belief, self.shares)
@@ -119,7 +119,7 @@ class CellTable:
     def parts(self) -> Iterator[CellTable]:
         """Yield the table in parts of at most `AT_ONCE` cells."""
         for first in range(0, len(self), AT_ONCE):
-            yield self.which(slice(first, first + AT_ONCE))
+            yield self.subset(slice(first, first + AT_ONCE))
 
     def values(self) -> Iterator[tuple[list[int], State, int, int, float | None]]:
         """Yield the fields of each row."""
@@ -142,7 +142,7 @@ class CellTable:
         known = self.roi & (self.shares.max(axis=1) > 0.0)
         return np.where(known, self.shares.argmax(axis=1), -1)
 
-    def are(self, state: State) -> NDArray[np.bool_]:
+    def in_state(self, state: State) -> NDArray[np.bool_]:
         """Return true for each cell in a state, shape (n,)."""
         found: NDArray[np.bool_] = self.codes == _CODES[state]
         return found
@@ -258,7 +258,7 @@ class CellCorners:
         lon_deg, lat_deg = (np.ascontiguousarray(degrees) for degrees in places.T)
         return cls(lon_deg, lat_deg, which.reshape(-1, 4).astype(np.int32))
 
-    def which(self, some: NDArray[np.bool_]) -> CellCorners:
+    def subset(self, some: NDArray[np.bool_]) -> CellCorners:
         """Return the corners of some of the cells."""
         return CellCorners(self.lon_deg, self.lat_deg, self.rings[some])
 

@@ -145,13 +145,13 @@ def _class_mark(data: MapData, one: ClassArea) -> str:
 def _cells(data: MapData) -> Iterator[str]:
     """Write a folder per state, `AT_ONCE` of thousands of cells at a time."""
     for state in palette.STATES:
-        there = data.cells.are(state)
+        there = data.cells.in_state(state)
         if not there.any():
             continue
         name = state if data.pictures is None else palette.RECORDED_NAMES[state]
         yield f"<Folder><name>{name}</name>\n"
         style = state.replace(" ", "-")
-        some, corners = data.cells.which(there), data.corners.which(there)
+        some, corners = data.cells.subset(there), data.corners.subset(there)
         texts = corners.written(data.start, lambda *at: _place(at))
         for table, rings in zip(some.parts(), texts, strict=True):
             for ring, row in zip(rings, table.values(), strict=True):

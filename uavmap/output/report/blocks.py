@@ -137,7 +137,7 @@ def height_of(blocks: Sequence[Any], wide_pt: float = ACROSS_PT) -> float:
     return float(sum(block.wrap(wide_pt, HIGH_PT)[1] for block in blocks))
 
 
-def put(page: Any, blocks: Sequence[Any], top_pt: float, most_pt: float) -> float:
+def draw_column(page: Any, blocks: Sequence[Any], top_pt: float, most_pt: float) -> float:
     """Draw a column of blocks, shrunk to a height; return its lower end, points."""
     kept = KeepInFrame(ACROSS_PT, most_pt, list(blocks), mode="shrink")
     _, high_pt = kept.wrapOn(page, ACROSS_PT, most_pt)

@@ -40,11 +40,11 @@ from uavmap.output.report.blocks import (
     Drawing,
     alert,
     beside,
+    draw_column,
     facts_table,
     heading,
     height_of,
     list_table,
-    put,
     text,
 )
 from uavmap.output.report.map_figure import CORNER_HEADS, map_figure
@@ -105,7 +105,7 @@ def _foot(page: Any, flown: FlownMission, number: int) -> None:
 
 # --- the first page: what was found ---------------------------------------------------------------
 def _first(page: Any, flown: FlownMission) -> None:
-    top_pt = put(page, [*_head(flown), *_size(flown)], _TOP_PT, _HEAD_PT) - GAP_PT
+    top_pt = draw_column(page, [*_head(flown), *_size(flown)], _TOP_PT, _HEAD_PT) - GAP_PT
     figure = map_figure(flown)
     rows = list(_legend_rows(figure.scene.legend))
     legend_pt = len(rows) * sheet.LEGEND_ROW_PX * _PX_PT
@@ -121,7 +121,7 @@ def _first(page: Any, flown: FlownMission) -> None:
     pdf.draw_map(page, figure.scene, figure.lines, figure.labels, photograph, corner)
     low_pt = top_pt - high_pt
     pdf.draw(page, _legend(rows), View.page(1, 1), Spot(EDGE_PT, low_pt, _PX_PT))
-    put(page, notes, low_pt - legend_pt - 2.0, notes_pt + 2.0)
+    draw_column(page, notes, low_pt - legend_pt - 2.0, notes_pt + 2.0)
 
 
 def _head(flown: FlownMission) -> Iterator[Any]:
@@ -184,7 +184,7 @@ def _legend(rows: Sequence[Sequence[tuple[float, Entry]]]) -> Iterator[Shape]:
 def _second(page: Any, flown: FlownMission) -> None:
     above = [*_times(flown), *_pieces(flown), *_corners(flown)]
     room_pt = _TOP_PT - _LOW_PT - _SIGNED_PT
-    put(page, [*above, *_judging(flown, room_pt - height_of(above))], _TOP_PT, room_pt)
+    draw_column(page, [*above, *_judging(flown, room_pt - height_of(above))], _TOP_PT, room_pt)
     _signature(page)
 
 

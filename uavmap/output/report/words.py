@@ -193,13 +193,13 @@ def middle_place(flown: FlownMission) -> NamedPlace:
     """Return the middle of the region; without one, that of the map's cells, or the home."""
     grid, outline = flown.data.grid, flown.extent.outline
     if outline.is_empty:
-        return _somewhere(flown, "Home", flown.data.start)
+        return _named_place(flown, "Home", flown.data.start)
     middle = shapely.get_coordinates(outline.centroid)
     ((lon, lat),) = on_earth(middle, grid, flown.data.t_s).tolist()
-    return _somewhere(flown, "Middle of the region", LatLon(lat, lon))
+    return _named_place(flown, "Middle of the region", LatLon(lat, lon))
 
 
-def _somewhere(flown: FlownMission, name: str, at: LatLon) -> NamedPlace:
+def _named_place(flown: FlownMission, name: str, at: LatLon) -> NamedPlace:
     zone = flown.data.grid.zone
     ((east, north),) = zone.utm(np.array([[at.lon_deg, at.lat_deg]])).tolist()
     lon_deg = (at.lon_deg + 180.0) % 360.0 - 180.0

@@ -152,7 +152,7 @@ def test_unsure_cells_are_those_of_all_vehicles_on_every_map(
     for folder in (one, two, station, tmp_path / "all"):
         flown = flown_of(folder)
         table = flown.data.cells
-        unsure = {Cell(*cell) for cell in table.cells[table.are("unsure")].tolist()}
+        unsure = {Cell(*cell) for cell in table.cells[table.in_state("unsure")].tolist()}
         assert unsure == {beside, CELLS[2], once}  # `beside` was decided first by its doubts
         assert flown.values["cells_unsure"] == 3
         assert not flown.values["completed"]

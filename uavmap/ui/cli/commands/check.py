@@ -16,7 +16,7 @@ from missions.flight.state import Setting
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.places import drawn
-from uavmap.load.detector_source import refuse_undecided, region_in_words, region_lines
+from uavmap.load.detector_source import region_in_words, region_lines, require_detector
 from uavmap.load.mission_source import load
 from uavmap.output.documents import save
 from uavmap.output.drawing.map_scene import preflight_scene
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     if options.map is not None:
         check_kind(options.map, "--map")
     mission = load(options.mission)
-    refuse_undecided(mission.detector, options.mission)
+    require_detector(mission.detector, options.mission)
     setting = setting_of(mission)
     figures, sighted_s = estimate(setting), first_sighting_s(setting)
     warnings = flyable.warnings(setting.mission, setting.grid)

@@ -20,7 +20,7 @@ from uavmap.base.clock import run as run_on
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import FlightOptions
-from uavmap.load.detector_source import refuse_undecided
+from uavmap.load.detector_source import require_detector
 from uavmap.load.mission_source import load, shipped_missions
 from uavmap.runner.flight_links import Link, cameras_of, check_urls
 from uavmap.runner.preflight.autopilot_fence import outside_m
@@ -115,7 +115,7 @@ def _setting(name: str | None, links: int) -> Setting | None:
     if name is None:
         return None
     mission = load(name)
-    refuse_undecided(mission.detector, name)
+    require_detector(mission.detector, name)
     if links > len(mission.vehicles):
         raise MissionFileError(
             f"{name}: {len(mission.vehicles)} vehicles, but {links} connection URLs; give "

@@ -17,7 +17,7 @@ from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
-from uavmap.output.documents import FORMATS, Format, files_of, refuse_open, save
+from uavmap.output.documents import FORMATS, Format, files_of, require_closed, save
 from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.ground_station_plan import (
     Firmware,
@@ -244,7 +244,7 @@ def export_map(options: argparse.Namespace, show: Callable[[str], None]) -> int:
     if options.out is not None:
         _refuse_existing(shown, files, made)
     for name in files:
-        refuse_open(target / name)
+        require_closed(target / name)
     _write_map(target, files, made)
     size_kb = sum(map(len, files.values())) / 1000.0
     end, many = (os.sep, f"{len(files)} files, ") if made.several else ("", "")

@@ -13,7 +13,7 @@ from rich.table import Table
 from missions.errors import ImageError, OutputError
 from missions.mission.height_and_speed import refuse_unknown_ground
 from uavmap.base.terminal import PipeConsole
-from uavmap.load.detector_source import detector_text, refuse_undecided
+from uavmap.load.detector_source import detector_text, require_detector
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output.documents import save
 from uavmap.output.summary import encode
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
     """Judge one picture."""
     mission = None if options.mission is None else load(options.mission, options.detector)
     if mission is not None:
-        refuse_undecided(mission.detector, options.mission)
+        require_detector(mission.detector, options.mission)
     lens = calibration_of(options.calibration, mission, options.mission)
     source = options.mission or "derived from the picture"
     detector = DETECTOR

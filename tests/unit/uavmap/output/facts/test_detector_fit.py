@@ -72,7 +72,7 @@ def test_detector_fit_counts_ground_once_however_often_seen():
     for _ in range(200):
         fit.note(frame(1, 20, 20))
     assert fit.share == pytest.approx(20 / 100)
-    assert not fit.takes_nearly_all
+    assert not fit.marks_nearly_all
 
 
 def flight():
