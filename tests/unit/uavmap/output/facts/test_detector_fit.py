@@ -92,7 +92,7 @@ def with_detector(state, **section):
 def test_no_verdict_nearly_all_is_region_on_any_ground():
     setting, state = flight()
     for real in (False, True):
-        assert "90% of the 200 cells seen" in no_verdict(state, fit_of(9), real=real)
+        assert "90% of the 200 observed cells" in no_verdict(state, fit_of(9), real=real)
     assert no_verdict(state, fit_of(8), real=True) == ""
     assert no_verdict(state, fit_of(9, LEAST_FRAMES - 1), real=True) == ""
     assert no_verdict(setting.initial_state(), fit_of(9), real=True) == ""  # not over

@@ -136,7 +136,7 @@ def test_wpml_of_a_mission_that_is_too_fast_is_refused(tmp_path, refused):
     file.write_text(text, "utf-8")
     line = refused("export", file, "--wpml", tmp_path / "x.kmz")
     assert "flight.speed_m_s = 16" in line
-    assert "at most 15 m/s" in line
+    assert "up to 15 m/s" in line
 
 
 # --- over a mapped region -----------------------------------------------------------------------
