@@ -75,12 +75,12 @@ def _text(rows: Sequence[MethodResult]) -> str:
     above = max(_mean(rows, g, "plan") / _mean(rows, g, BEST) - 1.0 for g in _grids(rows))
     short = sum(row.most * row.cells < row.cells - 3 - 1e-9 for row in corridors)
     return f"""\
-Wongngamnit and Angluin, *The Robot, the Grid, and the Algorithm* (1999): a robot senses the eight
-neighbours of its cell and finds out its cell, with the given width and height of the grid.
+Source: Wongngamnit and Angluin, *The Robot, the Grid, and the Algorithm* (1999). A robot senses the
+eight neighbours of its cell and finds its cell, with the given width and height of the grid.
 Moves from cell to cell are counted, over the n cells of the grid.
 
 **Bounds.** {max((row.runs for row in grids), default=0)} random grids (rooms with obstacles, and
-grown regions), a start each: **{broken} violations** in {runs} runs of the
+grown regions) have one start each. **{broken} violations** are in {runs} runs of the
 Homing Robot (4 n), the Depth-first Robot (2 n - 2) and the planner (4 n); {wrong} in the other
 parts.
 
@@ -98,13 +98,13 @@ the robot ends when one cell alone fits its readings, which is soon.
 
 **How good a plan can be.** On regions of up to 120 cells the best of all plans can be found by
 branch and bound. Cells that look like others need one move at least. The best of all plans takes
-{_best_of_homing(rows)} of the moves of the Homing Robot with the same map;
-the planner needs {above:.1%} more moves than the best at most.
+{_best_of_homing(rows)} of the moves of the Homing Robot with the same map.
+The planner needs at most {above:.1%} more moves than the best plan.
 
 {_optimum(rows).markdown()}
 
 **With errors**: 27 of 483 obstructed cells look unobstructed, 53 of 483 the reverse (counted in
-flight by Sung and Tokekar), one move of fifty stays or goes elsewhere; the robot has a map and ends
+flight by Sung and Tokekar). One move of fifty stays or goes elsewhere. The robot has a map and ends
 at 95 % certainty. Methods get the neighbours of the most probable cell.
 
 {_errors(rows).markdown()}

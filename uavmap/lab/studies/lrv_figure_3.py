@@ -122,14 +122,14 @@ def conclude(covers: Sequence[Cover]) -> Page:
     text = f"""\
 Batalin and Sukhatme, section V: LRV's cover time over V^1.0005 on lattices of m x m vertices.
 {sum(within)} of {len(within)} simulated values are within 0.2 % (m = 100) or 0.05 % (beyond) of the
-printed ones. In the steady state LRV is a rotor-router, which goes round all edges once in each
-direction: 2 |E| = 4 m (m - 1) steps, and the formula 4 (1 - 1/m) / m^0.001 gives the printed
-sequence, its fall at the end included. So the growth that the paper fits by V^1.0005 is that of the
-share of inner vertices: the cover time stays below 4 V for every m.
+printed ones. In the steady state LRV is a rotor-router, which passes all edges once in each
+direction: 2 |E| = 4 m (m - 1) steps. The formula 4 (1 - 1/m) / m^0.001 gives the printed sequence,
+with its fall at the end. So the growth that the paper fits by V^1.0005 is that of the share of
+inner vertices. The cover time stays below 4 V for every m.
 
-Depth-first search takes 2 V - 2 with a map. 1-LRTA* beats LRV, as in Figure 3c, when ties are
-broken in a fixed order (the first {MEASURED[LRTA_FIXED]} coverages); by chance it does so on small
-lattices only. The random walk lies between V ln V and 2 V^2.
+Depth-first search takes 2 V - 2 with a map. With ties broken in a fixed order (the first
+{MEASURED[LRTA_FIXED]} coverages), 1-LRTA* beats LRV, as in Figure 3c. With ties broken by
+chance, it beats LRV only on small lattices. The random walk lies between V ln V and 2 V^2.
 """
 
     def draw(figure: Figure) -> None:

@@ -115,8 +115,8 @@ Sung and Tokekar's bounds on Algorithm 1 on resting ROIs, in moves.
 `rdfs-paper` is the listing in the fixed order north, east, south, west. `{PLAIN}` has the child
 rule: an unexplored child first, then the one with the fewest robots below. `rdfs` moreover takes
 the outermost of equal children and goes home by a shortest way. Theorem 1's ratio counts as broken
-only where the makespan exceeds it times a tour that exists: a depth-first tour of the shortest-path
-tree cut into R pieces.
+only if the makespan exceeds the ratio times an existing tour. Such a tour is depth-first in the
+shortest-path tree, cut into R pieces.
 
 On {largest} cells, of which the farthest is on average {far:.0f} away, the tree of `{PLAIN}` is
 {plain_deep:.0f} deep. In {len(plain)} runs it exceeds Lemma 1 with depth_T

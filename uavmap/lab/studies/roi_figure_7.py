@@ -143,8 +143,8 @@ def conclude(times: Sequence[Times]) -> Page:
     )  # fmt: skip
     violations = sum(t.violated for t in times)
     text = f"""\
-Sung and Tokekar, section 6: C = 120, R = 20, Sr / Sp = 2.5 while one of them varies, the ROI
-drifting at Sp = 1 cell a unit of time in a random one of the four directions. The paper prints no
+Source: Sung and Tokekar, section 6. C = 120, R = 20, Sr / Sp = 2.5, while one of them varies. The
+ROI drifts at Sp = 1 cell a unit of time in a random one of the four directions. The paper prints no
 values, so its statements are set beside ours. Upper and lower bound are the ones that this project
 states; the paper's, as printed, are in the table. The lawn mower knows the rectangle around the ROI
 and its ways are not counted: a baseline, not a lower bound.

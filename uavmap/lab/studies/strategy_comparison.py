@@ -96,9 +96,10 @@ def conclude(found: Sequence[Explored]) -> Page:
     sets = list(dict.fromkeys(key[:3] for key in groups))
     broken = _broken(found)
     text = f"""\
-Mean makespan over the mean lower bound on the optimum, resting ROIs at unit speed, from a random
-cell of the boundary, all robots sharing one map. In brackets: prototypes of the same strategies on
-other ROIs of the same kind. *Offline*: the best known tours with a known ROI.
+The table has the mean makespan over the mean lower bound on the optimum. ROIs rest, robots fly at
+unit speed from a random cell of the boundary, and all robots share one map. In brackets: prototypes
+of the same strategies on other ROIs of the same kind. *Offline*: the best known tours with a known
+ROI.
 
 {_matrix(names, sets, ratios).markdown()}
 

@@ -137,20 +137,20 @@ _COLUMNS: Final = (
     "off, %  ",
 )  # fmt: skip
 _NOTES: Final = """\
-Rekleitis, Dudek and Milios, *Multi-Robot Exploration of an Unknown Environment* (IJCAI 1997),
-Table 1: {stripes} stripes of {moves} moves each, range 10 m, explored by two robots that do not
-know the rectangle. The formulas leave out the ends of stripes. There the robots stand side by side,
-which takes up to three steps more in a stripe. A stripe has one diamond's tip less, and those
-beside the walls are cut off. No robot leaves the last stripe. So up to one breadth of a stripe is
-missing from the 2Y between stripes, and so are two turns. The largest differences are
+Source: Rekleitis, Dudek and Milios, *Multi-Robot Exploration of an Unknown Environment* (IJCAI
+1997), Table 1. Two robots that do not know the rectangle explore {stripes} stripes of
+{moves} moves each, with a range of 10 m. The formulas leave out the ends of stripes. There the
+robots stand side by side, which needs at most three steps more in a stripe. A stripe has one
+diamond's tip less, and those beside the walls are cut off. No robot leaves the last stripe.
+So up to one breadth of a stripe is missing from the 2Y between stripes, and so are two turns. The largest differences are
 path by {path:.2f} %, steps by {steps:.2f} %, and turns by {turns:.2f} % of the corrected formula.
 
 The diamonds' turns as printed, 2Y/R + 4X/(R sqrt(2 - 2 cos theta)), count the turns inside of one
 stripe. Multiplied by the Y/R stripes they are those of the robots.
 
-The table below has the errors of the believed places at the end of squares, root mean square of
-both robots: watched, and by the same odometers alone. NEES is the normalised estimation error
-squared of place and heading, which is 3 for an honest filter.
+The table below has the errors of the believed places at the end of squares, as root mean square of
+both robots. They are watched, or have the same odometers alone. NEES is the normalised estimation
+error squared of place and heading, which is 3 for an honest filter.
 
 {table}
 """

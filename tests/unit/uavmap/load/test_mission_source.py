@@ -181,8 +181,8 @@ def test_path_of_a_file_is_read_in_any_spelling(tmp_path, prior):
 
 BAD = {
     "no JSON": ("{", "not JSON"),
-    "a list": ("[1]", "no FeatureCollection with features"),
-    "nothing in it": (collection(), "no FeatureCollection with features"),
+    "a list": ("[1]", "not a FeatureCollection with features"),
+    "nothing in it": (collection(), "not a FeatureCollection with features"),
     "no geometry": (collection({"type": "Feature"}), "features[0]: no feature with a geometry"),
     "a line": (collection(feature("LineString", RING)), "geometry.type = 'LineString'"),
     "swapped": (collection(feature("Point", [48.0, 111.0])), "check whether they are swapped"),
