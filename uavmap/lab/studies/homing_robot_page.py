@@ -80,7 +80,7 @@ eight neighbours of its cell and finds its cell, with the given width and height
 Moves from cell to cell are counted, over the n cells of the grid.
 
 **Bounds.** {max((row.runs for row in grids), default=0)} random grids (rooms with obstacles, and
-grown regions) have one start each. **{broken} violations** are in {runs} runs of the
+grown regions) have one start each. There are **{broken} violations** in {runs} runs of the
 Homing Robot (4 n), the Depth-first Robot (2 n - 2) and the planner (4 n); {wrong} in the other
 parts.
 

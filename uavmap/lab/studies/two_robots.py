@@ -142,8 +142,9 @@ Source: Rekleitis, Dudek and Milios, *Multi-Robot Exploration of an Unknown Envi
 {moves} moves each, with a range of 10 m. The formulas leave out the ends of stripes. There the
 robots stand side by side, which needs at most three steps more in a stripe. A stripe has one
 diamond's tip less, and those beside the walls are cut off. No robot leaves the last stripe.
-So up to one breadth of a stripe is missing from the 2Y between stripes, and so are two turns. The largest differences are
-path by {path:.2f} %, steps by {steps:.2f} %, and turns by {turns:.2f} % of the corrected formula.
+So up to one breadth of a stripe is missing from the 2Y between stripes, and so are two turns. The
+largest differences are path by {path:.2f} %, steps by {steps:.2f} %, and turns by {turns:.2f} %
+of the corrected formula.
 
 The diamonds' turns as printed, 2Y/R + 4X/(R sqrt(2 - 2 cos theta)), count the turns inside of one
 stripe. Multiplied by the Y/R stripes they are those of the robots.
