@@ -262,10 +262,10 @@ def test_each_detector_has_an_explanation():
         (["field.kml", "--drone", "sim", "--preview", "a.jpg"], "must end with .html or .png"),
         (["field.kml", "--drone", "sim", "--out", "no/a.toml"], "there is no folder no"),
         (["field.kml", "--drone", "sim", "--area", "x"], "there are 'Field'"),
-        (["field.kml", "--drone", "sim", "--crs", "25833"], "leave it out"),
+        (["field.kml", "--drone", "sim", "--crs", "25833"], "leave --crs out"),
         (["--drone", "sim"], "no area; give a file, or --at LAT,LON"),
         (["field.kml", "--drone", "sim", "--detector", "grass"], "grass cannot be read"),
-        (["field.kml", "--drone", "sim", "--detector", "learned"], "made of a file; give its"),
+        (["field.kml", "--drone", "sim", "--detector", "learned"], "it needs a file; give its"),
         (["field.kml", "--drone", "sim", "--like", "a.jpg"], "a.jpg: no such photo"),
     ],
 )

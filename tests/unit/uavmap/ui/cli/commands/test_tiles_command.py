@@ -110,7 +110,7 @@ def test_source_that_failed_is_asked_for_the_missing_tiles_only(maps, tmp_path, 
 def test_answer_that_is_no_picture_is_refused(maps, tmp_path, capsys):
     maps.odd = True
     assert tiles(maps, tmp_path / "field.mbtiles") == 2
-    assert "is no picture of a tile" in capsys.readouterr().err
+    assert "is not a picture" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
