@@ -1,14 +1,14 @@
-"""For every test: what asyncio complains of fails it; property tests draw the same examples.
+"""Rules for every test: an error log of asyncio fails it; property tests draw the same examples.
 
-Two marks are set here, and nowhere else: `slow`, for the tests that `slow.txt` lists, and `system`,
-for files that need a simulator, a socket, another process or a whole command.
+Two marks are set here, and nowhere else. `slow` marks the tests that `slow.txt` lists. `system`
+marks files that need a simulator, a socket, another process or a whole command.
 
-Files whose tests wait for sockets and processes are spread evenly among those that compute, so that
-several workers of the tests keep all cores busy.
+Files whose tests wait for sockets and processes are spread evenly among those that compute. Thus
+several workers keep all cores busy.
 
-A test that draws other examples at every run fails on somebody else's machine for a reason that is
-not in the change. `HYPOTHESIS_PROFILE=random` draws new ones, to look for what nobody thought of;
-what it finds becomes an `@example`.
+A test that draws other examples at every run may fail for a reason that is not in the change.
+`HYPOTHESIS_PROFILE=random` draws new examples, in a search for unforeseen cases. A case that it
+finds becomes an `@example`.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ import missions.lab.strategies  # noqa: F401 - the strategies of papers register
 from tests.support.shown_lines import ShownLines
 from uavmap.base.messages import shown_on
 
-# what imports leave behind is no garbage: see `pytest_collection_finish`
+# objects of imports are no garbage: see `pytest_collection_finish`
 gc.disable()
-# how fast the machine is just now says nothing of the program
+# the present speed of the machine is no property of the program
 _PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("repeatable", _PATIENT, derandomize=True)
 settings.register_profile("random", _PATIENT, derandomize=False)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 
-# Of the constants in all files that happen to be loaded, hypothesis would draw some: an edit of any
-# file, or a run of one test alone, would change what the others draw.
+# Hypothesis would draw constants from all loaded files. Then an edit of any file, or a run of one
+# test alone, would change the examples of the others.
 providers._get_local_constants = lambda: providers._local_constants
 
-# a shell's job in the background has Ctrl-C ignored, and so has all that it starts
+# a background job of a shell ignores Ctrl-C, and so do its children
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -80,12 +80,12 @@ SYSTEM = re.compile(
     r"|tests\.(?:conformance|e2e|fake_fleet|support\.(?:fleet_rig|flights|mavlink_peer|scenarios)))\b",
     re.MULTILINE,
 )
-"""What a file of system tests imports."""
+"""Imports of a file of system tests."""
 
 
 @pytest.fixture
 def said() -> Iterator[ShownLines]:
-    """The lines for the operator, of the test's own context."""
+    """Collect the lines for the operator, of the test's own context."""
     lines = ShownLines()
     with shown_on(lines):
         yield lines
@@ -101,7 +101,7 @@ def _needs_system(path: Path) -> bool:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Import no file of which the marks that are asked for leave nothing: that takes seconds."""
+    """Import no file without a test of the requested marks: that takes seconds."""
     asked, name = config.option.markexpr, collection_path.name
     if collection_path.suffix != ".py" or name == "__init__.py":
         return None
@@ -112,7 +112,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collect_file(file_path: Path) -> Generator[None, list[Any], list[Any]]:
-    """Import and search no file for doctests that has none; benchmarks are seen to import."""
+    """Import and search no file without doctests; benchmarks have to import."""
     found = yield
     if "benchmarks" in file_path.parts or ">>> " in file_path.read_text("utf-8", "ignore"):
         return found
@@ -126,11 +126,11 @@ def _is_quick(file: tuple[Path, list[pytest.Item]]) -> bool:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark tests; spread the files that wait, those that compute, and doctests evenly.
 
-    Of each kind the files with slow tests come first: none of them is the last to end.
+    In each kind the files with slow tests come first: none of them is the last to end.
     """
     kinds: dict[str, dict[Path, list[pytest.Item]]] = {}
     for item in items:
-        # a line without parameters is for all of them
+        # a line without parameters means all of them
         names = {item.name, item.name.partition("[")[0]}
         lines = [line for line in SLOW if item.path.name in line]
         if any(fnmatchcase(f"{item.path}::{n}", f"*/{line}") for n in names for line in lines):
@@ -149,7 +149,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Leave what was collected out of every later collection of garbage: it is not garbage."""
+    """Leave the collected tests out of every later collection of garbage."""
     gc.collect()
     gc.freeze()
     gc.enable()

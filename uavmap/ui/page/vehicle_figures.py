@@ -52,7 +52,7 @@ class Home(NamedTuple):
 
 
 @dataclass(slots=True)
-class _Known:
+class _Reports:
     """The reports of one vehicle."""
 
     amsl_m: float | None = None
@@ -69,7 +69,7 @@ class VehicleFigures:
     def __init__(self, setting: Setting, counts: Mapping[int, Count]) -> None:
         self._setting = setting
         self._counts = counts
-        self._known: dict[int, _Known] = defaultdict(_Known)
+        self._known: dict[int, _Reports] = defaultdict(_Reports)
 
     def note(self, event: ev.Event) -> None:
         """Note an event."""
@@ -151,7 +151,7 @@ class VehicleFigures:
             found.append("fence")
         return found
 
-    def _home(self, known: _Known, vehicle: VehicleState, t_s: float) -> Home | None:
+    def _home(self, known: _Reports, vehicle: VehicleState, t_s: float) -> Home | None:
         """Return the return path, computed again after `HOME_S`; None without a position."""
         if not known.fixes:
             return None

@@ -20,7 +20,7 @@ from tests.prop.missions.test_fleet import map_is_whole
 from tests.support.folding import fold
 from tests.support.small_missions import Scenario, random_scenario
 
-HEARD_S = 60.0
+VALID_S = 60.0
 FROM_M = 1500.0
 
 
@@ -66,7 +66,7 @@ def flown(seed: int) -> tuple[Fleet, set[Answer]]:
 
     def watched(flight: Fleet) -> bool:
         if flight.t_s % 1.0 == 0.0:
-            near = [i for i in intruders if i.begin_s <= flight.t_s < i.begin_s + HEARD_S]
+            near = [i for i in intruders if i.begin_s <= flight.t_s < i.begin_s + VALID_S]
             if near:
                 seen = TrafficSeen(flight.now_s, tuple(i.track(flight.t_s) for i in near))
                 flight.post(seen)

@@ -74,7 +74,7 @@ def stood(armed, landed_state, height_m):
 
 
 ON, UP = mav.MAV_LANDED_STATE_ON_GROUND, mav.MAV_LANDED_STATE_IN_AIR
-UNSAID = mav.MAV_LANDED_STATE_UNDEFINED
+UNDEFINED = mav.MAV_LANDED_STATE_UNDEFINED
 STEPS = (
     ("we send NAV_TAKEOFF", lambda start: start.with_take_off(0.0)),
     ("armed, off the ground", stood(True, UP, 5.0)),
@@ -86,9 +86,9 @@ STEPS = (
     (f"the same {MAX_LIFT_OFF_S:g} s after NAV_TAKEOFF", stood(True, ON, 0.0)),
     ("motors off, on the ground", stood(False, ON, 0.0)),
     ("motors off, off the ground", stood(False, UP, 5.0)),
-    (f"no landed state, armed, above {OFF_GROUND_M:g} m", stood(True, UNSAID, 5.0)),
-    ("no landed state, armed, lower", stood(True, UNSAID, 0.0)),
-    ("no landed state, motors off", stood(False, UNSAID, 0.0)),
+    (f"no landed state, armed, above {OFF_GROUND_M:g} m", stood(True, UNDEFINED, 5.0)),
+    ("no landed state, armed, lower", stood(True, UNDEFINED, 0.0)),
+    ("no landed state, motors off", stood(False, UNDEFINED, 0.0)),
     ("the guardian sees that it crashed", lambda start: start.with_crash()),
 )
 

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -24,8 +23,6 @@ from uavmap.output.facts.figures import figures, summary
 from uavmap.output.facts.patch_certificates import beyond_fence, certificates
 from uavmap.output.summary import lines
 from uavmap.ui.cli.common import report
-
-Told = tuple[list[dict[str, Any]], dict[str, Any]]
 
 
 @lru_cache
