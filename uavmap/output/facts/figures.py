@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
 from missions.events import Event, FrameSeen
 from missions.fleet_events import FactsShared
@@ -22,6 +22,9 @@ from uavmap.output.facts.flight_log import Counter, FlightLog
 from uavmap.output.facts.patch_certificates import certificates
 from uavmap.output.facts.patch_drift import Shares
 from vision.projection import SEEN_SHARE
+
+WEAK_RATIO: Final = 20.0
+"""Exploration in lower bounds above which the bound is too weak to be shown to operators."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +61,11 @@ class Figures:
     passing: Sequence[FrameSeen] = field(default=(), compare=False, repr=False)
     """The frames that were taken in passing, which judge the rim."""
     log: FlightLog = field(default_factory=FlightLog, compare=False, repr=False)
+
+    @property
+    def is_compared(self) -> bool:
+        """True if the lower bound is strong enough to compare the exploration with it."""
+        return self.ratio is not None and self.ratio <= WEAK_RATIO
 
     @property
     def ratio(self) -> float | None:

@@ -148,8 +148,8 @@ def _cells(data: MapData) -> Iterator[str]:
         there = data.cells.in_state(state)
         if not there.any():
             continue
-        name = state if data.pictures is None else palette.RECORDED_NAMES[state]
-        yield f"<Folder><name>{name}</name>\n"
+        names = palette.STATE_NAMES if data.pictures is None else palette.RECORDED_NAMES
+        yield f"<Folder><name>{names[state]}</name>\n"
         style = state.replace(" ", "-")
         some, corners = data.cells.subset(there), data.corners.subset(there)
         texts = corners.written(data.start, lambda *at: _place(at))

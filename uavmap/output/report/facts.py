@@ -11,6 +11,7 @@ import numpy as np
 
 from uavmap.base.printable import printable
 from uavmap.load.detector_source import region_in_words
+from uavmap.output.facts.figures import WEAK_RATIO
 from uavmap.output.facts.flight_log import Fix, navigation_in_words
 from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.summary import MOST_PATCHES, box_in_words, litres_in_words, state_in_words
@@ -126,7 +127,7 @@ def certificate(flown: FlownMission) -> tuple[Facts, Facts]:
 
 def _bounds(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     took_s, lower_s = number(values, "exploration_s"), number(values, "lower_bound_s")
-    if took_s and lower_s:
+    if took_s and lower_s and took_s / lower_s <= WEAK_RATIO:
         yield (
             "Exploration",
             f"{took_s:,.1f} s; any team needs at least {lower_s:,.1f} s for the same cells, a "

@@ -264,7 +264,7 @@ class Watcher:
             "certificate",
             {
                 "exploration_s": found.exploration_s,
-                "lower_bound_s": found.lower_bound_s,
+                "lower_bound_s": found.lower_bound_s if found.is_compared else None,
                 "ratio": found.ratio,
                 "bound_s": found.bound_makespan_s,
                 "t_s": round(self.state.t_s, 1),

@@ -113,7 +113,7 @@ def test_kml_has_a_folder_for_each_state_that_occurs():
     assert root.findtext("k:Document/k:name", namespaces=NS) == "test <map> & more"
     states = folder(root, "Cells").findall("k:Folder", NS)
     counts = {f[0].text: len(f.findall("k:Placemark", NS)) for f in states}
-    assert counts == {"explored": 22, "under exploration": 1, "unexplored": 1, "non-roi": 5}
+    assert counts == {"explored": 22, "under exploration": 1, "unexplored": 1, "not region": 5}
 
 
 def test_kml_styles_are_defined_with_reversed_colours():
