@@ -10,10 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from missions.units import Cell
 
-MOST_NUMBER: Final = 254
+MAX_CLASS_NUMBER: Final = 254
 """Maximum number of a class; 0 means no region, and 255 undecided."""
 
-ClassNumber = Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBER)]
+ClassNumber = Annotated[int, Field(strict=True, ge=1, le=MAX_CLASS_NUMBER)]
 _Micrometres = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 
 

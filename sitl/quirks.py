@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 CameraKind = Literal["component", "autopilot", "none"]
-_MOST_PPM = 200_000.0
+_MAX_PPM = 200_000.0
 _MOST = {"home_moves_m": 20, "height_sigma_m": 8, "tilt_sigma_deg": 10, "heading_sigma_deg": 10}
 
 
@@ -54,8 +54,8 @@ class Quirks:
             problems.append("camera is component, autopilot or none")
         if not math.isfinite(self.camera_clock_s):
             problems.append("camera_clock_s is a number of seconds")
-        if not abs(self.clock_ppm) <= _MOST_PPM:
-            problems.append(f"clock_ppm is -{_MOST_PPM:.0f} to {_MOST_PPM:.0f}")
+        if not abs(self.clock_ppm) <= _MAX_PPM:
+            problems.append(f"clock_ppm is -{_MAX_PPM:.0f} to {_MAX_PPM:.0f}")
         for name, most in _MOST.items():
             if not 0.0 <= getattr(self, name) <= most:
                 problems.append(f"{name} is 0 to {most}")

@@ -19,7 +19,7 @@ from sitl.world.world import Conditions, Patch, World, WorldSpec
 _BETWEEN_M = 3.0  # from one vehicle's place of start to the next
 _A_ROW = 8
 _MOST = 100
-_MOST_WIND_M_S = 40.0
+_MAX_WIND_M_S = 40.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +94,10 @@ class Setup(Conditions, Equipment):
             raise UavmapError(f"speedup: {self.speedup} is not above 0 and at most 1000")
         if not (isinstance(self.seed, int) and self.seed >= 0):
             raise UavmapError(f"seed: {self.seed} is not 0 or more")
-        if not (0.0 <= self.wind_speed_m_s <= _MOST_WIND_M_S and math.isfinite(self.wind_from_deg)):
+        if not (0.0 <= self.wind_speed_m_s <= _MAX_WIND_M_S and math.isfinite(self.wind_from_deg)):
             raise UavmapError(
                 f"wind: {self.wind_speed_m_s} m/s from {self.wind_from_deg} is not 0 to "
-                f"{_MOST_WIND_M_S:g} m/s from a bearing"
+                f"{_MAX_WIND_M_S:g} m/s from a bearing"
             )
         if not 0.0 <= self.gust_m_s <= 10.0:
             raise UavmapError(f"gusts: {self.gust_m_s} m/s is not 0 to 10")

@@ -20,7 +20,7 @@ from sitl.px4.interpreter import Px4Interpreter
 from sitl.px4.telemetry import Px4Telemetry
 from sitl.quirks import Quirks
 
-MOST_DRIFT = 0.5
+MAX_DRIFT = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +73,8 @@ class VehicleSpec(Equipment):
             problems.append("system_id is 1 to 254")
         if not (self.gps_sigma_m >= 0.0 and self.gps_tau_s > 0.0):
             problems.append("gps_sigma_m is not negative, gps_tau_s positive")
-        if not 0.0 <= self.odometry_drift <= MOST_DRIFT:
-            problems.append(f"odometry_drift is a share of 0 to {MOST_DRIFT:g}")
+        if not 0.0 <= self.odometry_drift <= MAX_DRIFT:
+            problems.append(f"odometry_drift is a share of 0 to {MAX_DRIFT:g}")
         if not (self.max_speed_m_s > 0.0 and self.max_accel_m_s2 > 0.0):
             problems.append("max_speed_m_s and max_accel_m_s2 are positive")
         if not 5.0 <= self.max_tilt_deg <= 30.0:

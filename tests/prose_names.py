@@ -1,6 +1,6 @@
 """Check the names that Python modules define: functions, methods, classes and constants.
 
-    python -m tests.prose_names                       the modules of `tests.prose_code`
+    python -m tests.prose_names                       the product's modules of `tests.prose_code`
     python -m tests.prose_names missions/geo/*.py     these modules
 
 Names of fields stay, because files and missions hold them; so do names within a function.
@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Final
 
 from tests import prose_code
-from tests.prose import Fault, fault_lines
+from tests.prose import ROOT, Fault, fault_lines
 
+_PRODUCT: Final = ("missions", "sitl", "uavmap", "vision")
 _ALONE: Final = {"take": "add, receive", "of": "from_rings, parse"}
 """Names that no function has by themselves, each with better ones."""
 _SPOKEN: Final = re.compile(
@@ -66,9 +67,14 @@ def name_faults(source: str) -> list[Fault]:
     return found
 
 
+def checked() -> list[Path]:
+    """Return the modules that are checked."""
+    return [p for p in prose_code.checked() if p.relative_to(ROOT).parts[0] in _PRODUCT]
+
+
 def main(names: Iterable[str]) -> int:
     """Print every fault; return 1 if there is one."""
-    paths = [Path(name).resolve() for name in names] or prose_code.checked()
+    paths = [Path(name).resolve() for name in names] or checked()
     lines = fault_lines(paths, lambda path: name_faults(path.read_text("utf-8")))
     print("\n".join(lines) if lines else f"names: {len(paths)} modules without a fault")
     return 1 if lines else 0

@@ -37,7 +37,7 @@ def resume(state: State) -> State:
             was_down=_lies_somewhere(v),  # it may still lie there
             wind_m_s=0.0,
             frames_lost=0,
-            empty_passes=0,
+            empty_lanes=0,
             called_home=False,
             note=v.note if v.was_down or v.phase is Phase.DOWN else "",
         )

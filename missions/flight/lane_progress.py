@@ -111,13 +111,13 @@ def lane_flown(vehicle: VehicleState, cell_m: float) -> VehicleState:
     """End a vehicle's first lane; it flies back along the unseen parts, nearest first."""
     rest = unseen_parts(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
     back = tuple((end, start) for start, end in reversed(rest))
-    empty = 0 if vehicle.lane_seen_m else vehicle.empty_passes + 1
+    empty = 0 if vehicle.lane_seen_m else vehicle.empty_lanes + 1
     return replace(
         vehicle,
         lanes=(*back, *vehicle.lanes[1:]),
         on_lane=False,
         lane_seen_m=(),
-        empty_passes=empty,
+        empty_lanes=empty,
         fruitless_sorties=vehicle.fruitless_sorties if empty else 0,
     )
 

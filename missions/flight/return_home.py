@@ -13,7 +13,7 @@ from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import OFF_LAYER_M, Phase, ReturnReason, VehicleState
 from missions.geo.braking import braked
 from missions.geo.fence import first_part, route_length_m
-from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.mission.height_and_speed import MIN_HEIGHT_M
 from missions.orders import FlyPath, Hold, Land, Order, TakeOff
 from missions.traffic import Answer
 from missions.units import GridPoint
@@ -88,7 +88,7 @@ def _come_lower(state: State, vehicle: VehicleState) -> State:
     mission, order = state.setting.mission, vehicle.order
     descends = mission.flight.descent_m_s is not None and state.setting.team.climbs_on_path
     for number in range(vehicle.vehicle - 1 if descends else 0):
-        layer_m = max(mission.altitude_m(number), vehicle.home_level_m + LEAST_HEIGHT_M)
+        layer_m = max(mission.altitude_m(number), vehicle.home_level_m + MIN_HEIGHT_M)
         if layer_m < vehicle.cruise_altitude_m and isinstance(order, FlyPath):
             lower = replace(vehicle, cruise_altitude_m=layer_m)
             down = replace(order, height_m=lower.cruise_height_m)

@@ -200,7 +200,7 @@ class Team(ABC):
         change its layer wherever the air is clear."""
         return None
 
-    def way_out(self, state: State, vehicle: VehicleState) -> State:
+    def leave_column(self, state: State, vehicle: VehicleState) -> State:
         """Return the state in which a waiting vehicle leaves its pad past those of others."""
         return state
 

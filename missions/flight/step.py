@@ -18,17 +18,17 @@ from missions.flight.airspace.airspace import Airspace
 from missions.flight.operator_orders import failsafe_explained, respond_to_traffic
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.state import Setting, State
-from missions.flight.strategy.lane_passes import drop_seen
+from missions.flight.strategy.lane_paths import drop_seen
 from missions.flight.strategy.searching import find_work
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.mission.energy import FRESH
-from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.mission.height_and_speed import MIN_HEIGHT_M
 from missions.orders import AwaitBattery, Order, TakeOff
 
 Orders = tuple[tuple[int, Order], ...]
 
-MOST_FRUITLESS_SORTIES = 3
+MAX_FRUITLESS_SORTIES = 3
 """Maximum number of sorties in a row without progress to one place."""
 CLIMB_ROOM_M = 0.5
 """Maximum distance of a climb from its starting point, m."""
@@ -111,7 +111,7 @@ def _grounded(state: State, vehicle: VehicleState) -> State:
         return strategy.without_target(state, vehicle)
     if refusal := _unfit(setting, vehicle):
         return state.with_vehicle(vehicle.stood_down(Phase.FAILED, refusal))
-    if vehicle.fruitless_sorties >= MOST_FRUITLESS_SORTIES:
+    if vehicle.fruitless_sorties >= MAX_FRUITLESS_SORTIES:
         return _out_of_reach(state, vehicle)
     if not has_energy_for(setting, vehicle, target, setting.look_s):
         if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
@@ -133,7 +133,7 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
             f"it stands {room_m:.1f} m from the edge of the geofence, and may stray that far while "
             "it climbs; move it, or the fence"
         )
-    if vehicle.cruise_height_m < LEAST_HEIGHT_M:
+    if vehicle.cruise_height_m < MIN_HEIGHT_M:
         return (
             f"it stands {vehicle.home_level_m:.0f} m higher than the start, and its layer "
             f"is only {vehicle.cruise_height_m:.0f} m above it; raise flight.altitude_m"

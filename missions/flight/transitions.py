@@ -88,7 +88,7 @@ def crashed(event: ev.Crashed, vehicle: VehicleState, setting: Setting) -> Vehic
 _DRAW_SMOOTHING_S = 15.0
 REST_M_S = 0.5
 """Speed below which a vehicle is at rest, m/s."""
-MOST_FRAMES_LOST = 5
+MAX_FRAMES_LOST = 5
 """Number of lost pictures in a row after which a vehicle returns."""
 MIN_PICTURE_GAP_S = 10.0
 """Minimum time without a picture on a path before that return, s."""
@@ -98,13 +98,13 @@ MAX_RETURN_ATTEMPTS = 2
 """Number of attempts at the return path before the autopilot returns by itself."""
 MAX_RETURN_ATTEMPTS_AROUND_HOLE = 10
 """The same if the straight return leads over a hole of the fence: about 15 s."""
-MOST_BEHIND = 3
+MAX_CONTINUATIONS_BEHIND = 3
 """Number of times in a row that a vehicle behind its path continues from its place."""
 BEHIND_S = 30.0
 """Maximum time between two such events, s."""
 BESIDE_PAD_M = 5.0
 """Distance to its pad beyond which a vehicle has flown only a part of its return, m."""
-MOST_EMPTY_PASSES = 2
+MAX_EMPTY_LANES = 2
 """Number of lanes in a row without a judged frame after which a vehicle returns."""
 
 
@@ -192,7 +192,7 @@ def _arrived(event: ev.Arrived, vehicle: VehicleState, setting: Setting) -> Vehi
         begun = bool(lanes) and here.distance_to(lanes[0][0]) <= near_m
         return replace(arrived, on_lane=begun)
     flown = lane_flown(arrived, setting.grid.cell_m)
-    if flown.empty_passes < MOST_EMPTY_PASSES:
+    if flown.empty_lanes < MAX_EMPTY_LANES:
         return flown
     note = "the camera is silent: no frame of its lanes was judged"
     if event.t_s - vehicle.judged_s < MIN_PICTURE_GAP_S:
@@ -207,7 +207,7 @@ def _frame_lost(event: ev.FrameLost, vehicle: VehicleState, setting: Setting) ->
     silent_s, on_path = event.t_s - vehicle.judged_s, vehicle.path is not None
     soon = on_path and silent_s < MIN_PICTURE_GAP_S
     nothing = on_path and silent_s >= _nothing_s(setting)
-    if not vehicle.works or soon or (lost.frames_lost < MOST_FRAMES_LOST and not nothing):
+    if not vehicle.works or soon or (lost.frames_lost < MAX_FRAMES_LOST and not nothing):
         return lost
     note = f"{lost.frames_lost} pictures in a row were lost: {event.reason}"
     return _comes_home(lost, event.t_s, setting, note)
@@ -253,7 +253,7 @@ def _order_failed(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting
     if vehicle.works and event.behind:
         soon = event.t_s - vehicle.behind_s < BEHIND_S
         vehicle = replace(vehicle, behind=vehicle.behind * soon + 1, behind_s=event.t_s)
-        if vehicle.behind <= MOST_BEHIND:
+        if vehicle.behind <= MAX_CONTINUATIONS_BEHIND:
             return lane_left(vehicle.interrupted(event.t_s), setting.grid.cell_m)
     if vehicle.works:  # it cannot stay there
         return _comes_home(vehicle, event.t_s, setting, note)

@@ -107,7 +107,7 @@ class VehicleState:
     on_lane: bool = False
     lane_seen_m: tuple[float, ...] = ()
     """Positions of judged frames along its first lane, m."""
-    empty_passes: int = 0
+    empty_lanes: int = 0
     """Lanes in a row without a judged frame."""
     frames_lost: int = 0
     """Pictures in a row that were lost or are not credible."""

@@ -24,8 +24,8 @@ def braked(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
         if speed < 0.0:
             speed = max(0.0, piece.speed_m_s + piece.accel_m_s2 * into_s)
         here = piece.after(into_s)
-        heading = piece.heading_rad + piece.curvature_1_m * piece.way_m(into_s)
-        left_m = piece.length_m - piece.way_m(into_s)
+        heading = piece.heading_rad + piece.curvature_1_m * piece.distance_m(into_s)
+        left_m = piece.length_m - piece.distance_m(into_s)
         slows = ARC_BRAKE_M_S2 if piece.curvature_1_m else brake_m_s2
         stop_m = speed * speed / (2.0 * slows)
         end = 0.0 if stop_m <= left_m else math.sqrt(speed * speed - 2.0 * slows * left_m)

@@ -28,8 +28,10 @@ GATE_STEPS: Final = 15
 """Number of steps from the pad in which a gate is searched."""
 ROW_TIMES: Final = 1.5
 """Ratio of length to width from which on pads count as a row."""
-WAY_M: Final = 120.0
-WAYS_RAD: Final = tuple(math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0, 25.0, 50.0, 75.0))
+BEYOND_GATE_M: Final = 120.0
+GATE_DIRECTIONS_RAD: Final = tuple(
+    math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0, 25.0, 50.0, 75.0)
+)
 """Directions from a gate that must lead past all columns."""
 
 
@@ -98,7 +100,10 @@ def gate_past_columns(fence: Fence, whole: Fence, pad: GridPoint, cell_m: float)
         gate = _beyond(pad, out, step * GATE_STEP_M)
         if not fence.allows(gate):
             continue
-        ways = [LineString([gate, _beyond(gate, out + turn, WAY_M)]) for turn in WAYS_RAD]
+        ways = [
+            LineString([gate, _beyond(gate, out + turn, BEYOND_GATE_M)])
+            for turn in GATE_DIRECTIONS_RAD
+        ]
         if not any(way.intersects(columns) for way in ways):
             return gate
     return pad

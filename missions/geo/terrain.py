@@ -31,7 +31,7 @@ FOLLOW_M = 1.0
 
 On a leg a vehicle is at most this far above its layer.
 """
-LEAST_AHEAD_M = 1.0
+MIN_AHEAD_M = 1.0
 """Minimum distance of a target, m, however steep the ground is."""
 CLEAR_M = 5.0
 """Minimum clearance of a vehicle over the ground, m; a lower one climbs before it flies on."""
@@ -126,7 +126,7 @@ class Terrain:
         north = here.north_m + (end.north_m - here.north_m) * ahead_m / whole_m
         heights = self.at(east, north)
         highest, lowest = np.maximum.accumulate(heights), np.minimum.accumulate(heights)
-        near = (highest - lowest <= FOLLOW_M) | (ahead_m <= LEAST_AHEAD_M)
+        near = (highest - lowest <= FOLLOW_M) | (ahead_m <= MIN_AHEAD_M)
         last = int(near.argmin()) - 1 if not near.all() else steps
         last = max(last, 1)
         if last == steps and reach_m == whole_m:

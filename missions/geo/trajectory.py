@@ -61,18 +61,18 @@ class Piece:
     speed_m_s: float
     accel_m_s2: float
 
-    def way_m(self, time_s: float) -> float:
+    def distance_m(self, time_s: float) -> float:
         """Return the distance along it `time_s` after its beginning, 0 to `duration_s`, m."""
         return (self.speed_m_s + 0.5 * self.accel_m_s2 * time_s) * time_s
 
     @property
     def length_m(self) -> float:
         """Length from end to end, along it, m."""
-        return self.way_m(self.duration_s)
+        return self.distance_m(self.duration_s)
 
     def place_after(self, time_s: float) -> tuple[float, float]:
         """Return the east and north position `time_s` after its beginning, 0 to `duration_s`."""
-        way_m = self.way_m(time_s)
+        way_m = self.distance_m(time_s)
         begin, bend = self.heading_rad, self.curvature_1_m
         if bend == 0.0:
             return self.east_m + way_m * math.cos(begin), self.north_m + way_m * math.sin(begin)
@@ -87,7 +87,7 @@ class Piece:
         speed = max(self.speed_m_s + self.accel_m_s2 * time_s, 0.0)
         bend = self.curvature_1_m
         east, north = self.place_after(time_s)
-        heading = self.heading_rad + bend * self.way_m(time_s)
+        heading = self.heading_rad + bend * self.distance_m(time_s)
         cos, sin = math.cos(heading), math.sin(heading)
         along, across = self.accel_m_s2, speed * speed * bend
         return Motion(

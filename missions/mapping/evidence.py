@@ -24,7 +24,7 @@ from missions.units import Cell
 
 PRIOR_WEIGHT: Final = 0.15
 """Weight of the mean of the set; a picture from straight above has about 1."""
-LEAST_WEIGHT: Final = 0.05
+MIN_WEIGHT: Final = 0.05
 """Weight of all pictures below which a cell is left undecided: no region."""
 _STEPS: Final = 1000  # shares and weights are stored in thousandths
 _HALF: Final = 1 << 31
@@ -157,7 +157,7 @@ class Evidence:
         """Return the evidence on every cell that was seen."""
         cells, sums = self._sums.table()
         weight, _, positive, pictures = sums.T
-        decided = weight >= LEAST_WEIGHT * _STEPS
+        decided = weight >= MIN_WEIGHT * _STEPS
         return Weighings(cells, self._beliefs(sums), decided, positive, pictures)
 
     def _beliefs(self, sums: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -177,7 +177,7 @@ class Evidence:
 
     def is_roi(self, cell: Cell, share: float) -> bool:
         """Return whether a cell has weight enough and is region in at least that share."""
-        return self.weight(cell) >= LEAST_WEIGHT and self.belief(cell) >= share
+        return self.weight(cell) >= MIN_WEIGHT and self.belief(cell) >= share
 
     def cells(self) -> dict[Cell, tuple[int, int]]:
         """Return every cell that was seen, sorted: pictures that vote for region, and all."""

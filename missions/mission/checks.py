@@ -26,9 +26,9 @@ STRATEGIES: Final = ChainMap[str, Any](EXPLORERS, ON_PATHS)
 FLOWN: Final = ("swath", "survey", "rdfs", "horizon", "leapfrog")
 """Strategies for real aircraft; the others serve comparisons in papers, in simulation."""
 DETECTORS = ("threshold", "paved")
-LEAST_REACH_M: Final = 1.5
+MIN_REACH_M: Final = 1.5
 """Minimum half length of a hop, m: shorter ones take longer to start and stop than to fly."""
-LEAST_EDGE_PX: Final = 10.0
+MIN_EDGE_PX: Final = 10.0
 """Minimum length of the marker's edge in the tracker's picture for reliable detection, px."""
 
 
@@ -173,16 +173,16 @@ def _leapfrog(mission: Mission) -> Iterator[str]:
         reach_m = tracker_view(mission).reach_m
     except ValueError:
         reach_m = 0.0
-    if reach_m < LEAST_REACH_M:
+    if reach_m < MIN_REACH_M:
         yield (
             f"team.layer_m = {layer_m:g}: so far above the mapper the tracker sees it up to "
             f"{reach_m:.1f} m aside only, beside what it leans in the wind, and hops need "
-            f"{LEAST_REACH_M:g} m; raise it, or take a wider camera.hfov_deg"
+            f"{MIN_REACH_M:g} m; raise it, or take a wider camera.hfov_deg"
         )
-    if _edge_px(mission) < LEAST_EDGE_PX:
-        larger_m = math.ceil(100.0 * navigation.tag_m * LEAST_EDGE_PX / _edge_px(mission)) / 100.0
+    if _edge_px(mission) < MIN_EDGE_PX:
+        larger_m = math.ceil(100.0 * navigation.tag_m * MIN_EDGE_PX / _edge_px(mission)) / 100.0
         yield (
             f"navigation.tag_m = {navigation.tag_m:g}: from team.layer_m = {layer_m:g} m above it "
-            f"has {_edge_px(mission):.1f} pixels in a picture, and is read from {LEAST_EDGE_PX:g} "
+            f"has {_edge_px(mission):.1f} pixels in a picture, and is read from {MIN_EDGE_PX:g} "
             f"on; take a marker of {larger_m:g} m, or a lower layer"
         )

@@ -21,7 +21,7 @@ CLIMB_OVERHEAD_S = 5.0
 """Time for arming, spinning up, and levelling out at the top, s."""
 AIRSPEED_LIMIT_M_S = 12.0
 """Airspeed that a mapping multicopter can hold, m/s; ArduCopter's tilt limit mostly allows more."""
-LEAST_HEADWAY_M_S = 0.5
+MIN_HEADWAY_M_S = 0.5
 """Minimum ground speed of a return against the wind, m/s."""
 NOMINAL_MARGIN = 1.15
 """Power of forward flight as a multiple of hovering."""
@@ -71,7 +71,7 @@ class EnergyModel:
         A multicopter keeps its ground speed against a head wind by tilting, at a higher power, up
         to its maximum airspeed.
         """
-        against_wind = max(self.max_airspeed_m_s - self.wind_m_s, LEAST_HEADWAY_M_S)
+        against_wind = max(self.max_airspeed_m_s - self.wind_m_s, MIN_HEADWAY_M_S)
         speed = min(self.speed_m_s, against_wind)
         # acceleration and braking are computed for still air, so that wind never shortens a leg
         return distance_m / speed + self.speed_m_s / self.accel_m_s2

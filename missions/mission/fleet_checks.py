@@ -9,7 +9,7 @@ from typing import Final
 from missions.errors import MissionFileError
 from missions.geo.columns import PAD_M, column_radius_m
 from missions.mission.flyable import lean_rad
-from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.mission.height_and_speed import MIN_HEIGHT_M
 from missions.mission.places import grid_of, homes
 from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sections import AUTO
@@ -44,11 +44,11 @@ def check_fleet(mission: Mission, source: str) -> None:
             f"{source}: strategy = {mission.strategy!r} needs one service for all vehicles; with "
             f"a service on each aircraft set it to {' or '.join(map(repr, STRATEGIES))}"
         )
-    if (lowest_m := mission.altitude_m(0)) < LEAST_HEIGHT_M:
+    if (lowest_m := mission.altitude_m(0)) < MIN_HEIGHT_M:
         raise MissionFileError(
             f"{source}: with a service on each aircraft everybody has a layer of its own; of "
             f"{len(mission.vehicles)} that lie team.layer_m = {mission.team.layer_m:g} apart the "
-            f"lowest is at {lowest_m:g} m, and {LEAST_HEIGHT_M:g} m are needed; fly fewer vehicles"
+            f"lowest is at {lowest_m:g} m, and {MIN_HEIGHT_M:g} m are needed; fly fewer vehicles"
         )
     grid = grid_of(mission)
     pads = [grid.fixed(place) for place in homes(mission)]

@@ -16,7 +16,7 @@ from shapely.ops import nearest_points, unary_union
 
 from missions.geo.fence import Fence, route_length_m
 from missions.geo.grid import Grid
-from missions.mission.energy import CLIMB_SPEED_M_S, LEAST_HEADWAY_M_S, energy_model
+from missions.mission.energy import CLIMB_SPEED_M_S, MIN_HEADWAY_M_S, energy_model
 from missions.mission.height_and_speed import (
     altitude_reason,
     footprint_over,
@@ -57,11 +57,11 @@ def values(mission: Mission) -> Iterator[str]:
 
 def _wind(mission: Mission) -> Iterator[str]:
     wind_m_s, limit_m_s = mission.wind.speed_m_s, mission.flight.max_airspeed_m_s
-    if limit_m_s - wind_m_s < LEAST_HEADWAY_M_S:
+    if limit_m_s - wind_m_s < MIN_HEADWAY_M_S:
         yield (
             f"wind.speed_m_s = {wind_m_s:g}: against it an airframe that holds "
             f"flight.max_airspeed_m_s = {limit_m_s:g} does not come home; fly in less than "
-            f"{max(limit_m_s - LEAST_HEADWAY_M_S, 0.0):g} m/s of wind, or raise "
+            f"{max(limit_m_s - MIN_HEADWAY_M_S, 0.0):g} m/s of wind, or raise "
             "flight.max_airspeed_m_s if the airframe holds more"
         )
 

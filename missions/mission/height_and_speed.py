@@ -28,7 +28,7 @@ from missions.mission.schema import Mission
 from missions.mission.sections import AUTO
 from missions.planning.sweep.strategies import LEAPFROG, ON_PATHS
 
-LEAST_HEIGHT_M = 3.0
+MIN_HEIGHT_M = 3.0
 """Minimum height of a layer above the pad of its vehicle, m."""
 CLIMB_M_S = 1.2
 """Rate uphill and downhill, m/s; by default an ArduCopter and a PX4 descend at 1.5 m/s."""
@@ -50,12 +50,12 @@ def layer_faults(mission: Mission) -> Iterator[str]:
     lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(len(mission.vehicles) - 1)
     ceiling_m, team = mission.fence.ceiling_m, mission.team
     if mission.flight.altitude_m == AUTO:
-        if lowest_m < LEAST_HEIGHT_M:
+        if lowest_m < MIN_HEIGHT_M:
             yield (
                 f'flight.altitude_m = "auto": {altitude_reason(mission)} sets the highest layer to '
                 f"{top_m:g} m{_over_hills(mission)}; {last} layers of team.layer_m = "
                 f"{team.layer_m:g} below it the lowest is at {lowest_m:g} m, and "
-                f"{LEAST_HEIGHT_M:g} m are needed; fly fewer vehicles, or raise what sets it"
+                f"{MIN_HEIGHT_M:g} m are needed; fly fewer vehicles, or raise what sets it"
             )
     elif top_m > ceiling_m - mission.highest_ground_m:
         layers = f", {last} layers of {team.layer_m:g} m above it," if last else ""
@@ -70,10 +70,10 @@ def home_height_faults(mission: Mission) -> Iterator[str]:
     """Yield homes so high above the start that their layer is too near to them."""
     for i, vehicle in enumerate(mission.vehicles):
         layer_m, home_m = mission.altitude_m(i), vehicle.home_height_m
-        if mission.ground is None and home_m and layer_m - home_m < LEAST_HEIGHT_M:
+        if mission.ground is None and home_m and layer_m - home_m < MIN_HEIGHT_M:
             yield (
                 f"vehicles[{i}].home_height_m = {home_m:g}: its layer, {layer_m:g} m above the "
-                f"start, is less than {LEAST_HEIGHT_M:g} m above its home; raise flight.altitude_m"
+                f"start, is less than {MIN_HEIGHT_M:g} m above its home; raise flight.altitude_m"
             )
 
 
@@ -268,10 +268,10 @@ def _beyond(mission: Mission, grid: Grid) -> Iterator[str]:
 
 def _into_the_ground(mission: Mission, relief: Relief) -> Iterator[str]:
     layer_m = mission.altitude_m(0)
-    if relief.highest_m > layer_m - LEAST_HEIGHT_M:
+    if relief.highest_m > layer_m - MIN_HEIGHT_M:
         yield (
             f"flight.altitude_m = {layer_m:g}: by terrain.dem the ground in the fence rises to "
-            f"{relief.highest_m:.1f} m above the start, where {LEAST_HEIGHT_M:g} m of room are "
+            f"{relief.highest_m:.1f} m above the start, where {MIN_HEIGHT_M:g} m of room are "
             'needed; set flight.height_above = "ground", or fly higher'
         )
 

@@ -188,7 +188,7 @@ class DetectorSection(Section):
 
 
 # --- [terrain] ------------------------------------------------------------------------------------
-MOST_POINTS = 250_000
+MAX_POINTS = 250_000
 """Maximum number of points of a lattice: the ground in a journal stays small."""
 
 
@@ -201,14 +201,14 @@ class Lattice(Section):
     west_m: Number
     south_m: Number
     step_m: Positive
-    columns: Annotated[Count, Field(ge=2, le=MOST_POINTS)]
-    rows: Annotated[Count, Field(ge=2, le=MOST_POINTS)]
+    columns: Annotated[Count, Field(ge=2, le=MAX_POINTS)]
+    rows: Annotated[Count, Field(ge=2, le=MAX_POINTS)]
     heights: str
 
     @model_validator(mode="after")
     def _whole(self) -> Lattice:
-        if self.rows * self.columns > MOST_POINTS:
-            raise ValueError(f"{self.rows} x {self.columns} are more than {MOST_POINTS} heights")
+        if self.rows * self.columns > MAX_POINTS:
+            raise ValueError(f"{self.rows} x {self.columns} are more than {MAX_POINTS} heights")
         decoded(self.heights, self.rows, self.columns)
         return self
 

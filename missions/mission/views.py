@@ -9,18 +9,18 @@ from missions.geo.grid import Grid
 from missions.mission.height_and_speed import footprint_over, headway_m_s, speed_limits
 from missions.mission.schema import Mission
 
-MOST_M_S: Final = 8.0
+MAX_PATH_SPEED_M_S: Final = 8.0
 """Maximum speed of paths, m/s: faster, an ArduCopter leans over 22 degrees and follows worse."""
 TRACK_ERROR_M: Final = 0.3
 """Usual distance of a vehicle from its path, besides the error of its position, m."""
 G_M_S2: Final = 9.81
 DRAG_1_S: Final = 0.25
 """Thrust of a quadcopter by airspeed near 6 m/s, m/s^2 for each m/s."""
-MOST_LEVEL_M_S: Final = 10.0
+MAX_LEVEL_SPEED_M_S: Final = 10.0
 """Maximum speed with a gimbal camera, which stays level and is higher up, m/s."""
-LEAST_M_S: Final = 0.3
+MIN_PATH_SPEED_M_S: Final = 0.3
 """Minimum speed of paths, m/s; slower maps need stops."""
-LEAST_PART: Final = 0.5
+MIN_CELL_SHARE: Final = 0.5
 """Minimum part of `detector.share` that a cell on the map shows, for any error of the pose."""
 
 
@@ -30,8 +30,10 @@ def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> 
     `wind_m_s` is the measured wind; the mission file's counts if it is stronger.
     """
     held = mission.camera.mounting == "gimbal"
-    most_m_s = min(MOST_LEVEL_M_S if held else MOST_M_S, headway_m_s(mission, wind_m_s))
-    return max(LEAST_M_S, min(most_m_s, speed_limits(mission, height_m).least_m_s))
+    most_m_s = min(
+        MAX_LEVEL_SPEED_M_S if held else MAX_PATH_SPEED_M_S, headway_m_s(mission, wind_m_s)
+    )
+    return max(MIN_PATH_SPEED_M_S, min(most_m_s, speed_limits(mission, height_m).least_m_s))
 
 
 def rim_share(mission: Mission) -> float:
@@ -46,7 +48,7 @@ def rim_share(mission: Mission) -> float:
     0.125
     """
     hidden = mission.camera.pose_error_m / mission.grid.cell_m
-    return max(mission.detector.share - hidden, LEAST_PART * mission.detector.share)
+    return max(mission.detector.share - hidden, MIN_CELL_SHARE * mission.detector.share)
 
 
 def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:

@@ -24,7 +24,7 @@ from missions.navigation.network import (
 _ANYWHERE_M: Final = 1000.0  # error of a first keyframe whose satellites are not trusted
 _LEAP_M: Final = 100.0  # possible jump of a reported position, once links have shown that it jumped
 _KNOT_S: Final = 3.0  # between times at which scale and rotation are known; longer if needed
-_MOST_KNOTS: Final = 40
+_MAX_KNOTS: Final = 40
 # share of the variance of a process without inertia between knots: filters smooth
 _BEND: Final = 0.1
 
@@ -83,7 +83,7 @@ def knots_of(keys: Sequence[Key], errors: ReportedErrors) -> Knots:
     """Return knots that are far enough apart to be few."""
     times = np.array([key.t_s for key in keys])
     span_s = float(times[-1] - times[0])
-    gap_s = max(_KNOT_S, span_s / (_MOST_KNOTS - 1))
+    gap_s = max(_KNOT_S, span_s / (_MAX_KNOTS - 1))
     count = math.floor(span_s / gap_s) + 2
     along = (times - times[0]) / gap_s
     at = np.minimum(along.astype(np.intp), count - 2)

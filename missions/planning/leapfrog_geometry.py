@@ -30,7 +30,7 @@ Point = tuple[float, float]
 
 _STILL_M: Final = 1e-6
 _HALVINGS: Final = 32
-LEAST_M: Final = 0.5
+MIN_PATH_M: Final = 0.5
 """Shortest path that is flown, m."""
 
 
@@ -97,28 +97,28 @@ class Step:
 
     Attributes:
         mover: The vehicle that moves.
-        way: Its places, metres east and north, from the first to the last.
+        path: Its places, metres east and north, from the first to the last.
         hovering: Place of the other one.
     """
 
     mover: Role
-    way: tuple[Point, ...]
+    path: tuple[Point, ...]
     hovering: Point
 
     @property
     def start(self) -> Point:
         """Start of the mover."""
-        return self.way[0]
+        return self.path[0]
 
     @property
     def end(self) -> Point:
-        """End of its way."""
-        return self.way[-1]
+        """End of its path."""
+        return self.path[-1]
 
     @property
     def length_m(self) -> float:
-        """Length of its way, m."""
-        return sum(map(math.dist, self.way, self.way[1:]))
+        """Length of its path, m."""
+        return sum(map(math.dist, self.path, self.path[1:]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class Leapfrog:
         return sum(step.mover is Role.MAPPER for step in self.steps)
 
     def length_m(self, role: Role) -> float:
-        """Return the whole way of a vehicle, m."""
+        """Return the length of all paths of a vehicle, m."""
         return sum(step.length_m for step in self.steps if step.mover is role)
 
 
@@ -202,7 +202,7 @@ def steps_along(fence: Fence, view: TrackerView, way: list[GridPoint]) -> tuple[
     """
     path = [(float(east), float(north)) for east, north in way]
     length_m = sum(math.dist(a, b) for a, b in pairwise(path))
-    if length_m <= LEAST_M:
+    if length_m <= MIN_PATH_M:
         return ()
     plan = plan_leapfrog(path, view)
     inside = all(
@@ -210,10 +210,10 @@ def steps_along(fence: Fence, view: TrackerView, way: list[GridPoint]) -> tuple[
         for step in plan.steps
         if step.mover is Role.TRACKER
     )
-    return plan.steps if inside else _above_the_way(path, view)
+    return plan.steps if inside else _above_path(path, view)
 
 
-def _above_the_way(path: list[tuple[float, float]], view: TrackerView) -> tuple[Step, ...]:
+def _above_path(path: list[tuple[float, float]], view: TrackerView) -> tuple[Step, ...]:
     """Return steps whose tracker hovers above the middle of each piece, and flies along the
     path."""
     line = LineString(path)

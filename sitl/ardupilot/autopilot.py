@@ -13,7 +13,7 @@ from sitl.copter.modes import LEVEL, UNARMABLE, Mode, Phase
 from sitl.copter.params import Parameters, copter_tuning
 from sitl.copter.route import Progress
 from sitl.copter.trajectory import (
-    MOST_JERK_M_S3,
+    MAX_JERK_M_S3,
     Setpoint,
     ShapedFollower,
     copter_speed,
@@ -40,7 +40,7 @@ class Autopilot(Aircraft):
         parameters = Parameters()
         aiding = Ek3Aiding(device.body, device.error, parameters)
         # PSC_JERK_XY of 0 leaves it to what the vehicle can do
-        follower = ShapedFollower(lambda: shaping_jerk(parameters["PSC_JERK_XY"] or MOST_JERK_M_S3))
+        follower = ShapedFollower(lambda: shaping_jerk(parameters["PSC_JERK_XY"] or MAX_JERK_M_S3))
         super().__init__(device, parameters, Fence(), aiding, follower)
         self.mode = Mode.STABILIZE
         self.failsafes = ArduPilotFailsafes()

@@ -19,7 +19,7 @@ _FRAMES = (
 )  # fmt: skip
 _HIGHEST_M = 83_000.0
 _FAR_E7 = 2**31 - 1  # a coordinate that is nowhere
-_MOST_VERTICES = 250
+_MAX_VERTICES = 250
 
 # what the autopilot flies, one at a time
 NAVIGATION = {
@@ -139,7 +139,7 @@ def check(kind: int, item: Item) -> int:
             return int(mav.MAV_MISSION_INVALID_PARAM5_X)
         if abs(item.y) > 1_800_000_000:
             return int(mav.MAV_MISSION_INVALID_PARAM6_Y)
-    bounded = not (item.command in POLYGONS and not 3 <= item.p[0] <= _MOST_VERTICES)
+    bounded = not (item.command in POLYGONS and not 3 <= item.p[0] <= _MAX_VERTICES)
     if not bounded or (item.command in CIRCLES and not item.p[0] > 0.0):
         return int(mav.MAV_MISSION_INVALID_PARAM1)
     return OK

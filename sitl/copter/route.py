@@ -19,7 +19,7 @@ from sitl.copter.fence import Place
 from sitl.copter.mission_items import IDLE_COMMANDS, NAMES, NAVIGATION, SPEEDS, Item
 from sitl.copter.modes import Phase
 
-_MOST_JUMPS = 64  # without a navigation item between them
+_MAX_JUMPS = 64  # without a navigation item between them
 
 
 class Progress(IntEnum):
@@ -186,7 +186,7 @@ class Route:
             item = self.plan[index]
             if item.command == mav.MAV_CMD_DO_JUMP:
                 jumps += 1
-                if jumps > _MOST_JUMPS:
+                if jumps > _MAX_JUMPS:
                     break
                 index = self._jump(index, item)
             elif item.command in NAVIGATION:

@@ -24,12 +24,12 @@ _BRAKING_SHARE = 0.8  # of the acceleration: the rest is for the jerk
 _PLACE_SHARE, _SPEED_SHARE = 0.42, 0.85  # of jerk over acceleration, as gains
 
 
-MOST_JERK_M_S3 = 20.0
+MAX_JERK_M_S3 = 20.0
 
 
 def shaping_jerk(parameter: float) -> float:
     """Return PSC_JERK_XY, limited to a range in which flying is possible."""
-    return max(1.0, min(MOST_JERK_M_S3, parameter))
+    return max(1.0, min(MAX_JERK_M_S3, parameter))
 
 
 SpeedLaw = Callable[[float, float, float], float]

@@ -42,7 +42,7 @@ class _Upload:
     count: int
     partner: tuple[int, int]
     asked_s: float
-    heard_s: float
+    received_s: float
     received: list[Item] = field(default_factory=list)
 
 
@@ -105,7 +105,7 @@ class Transfer:
         upload = self._upload
         if upload is None:
             return []
-        if now_s - upload.heard_s >= self.give_up_s - _SOON_S:
+        if now_s - upload.received_s >= self.give_up_s - _SOON_S:
             self._break_off(upload)
             self.send_text(mav.MAV_SEVERITY_WARNING, f"{_NAMES[upload.kind]} upload timeout")
             result = mav.MAV_MISSION_OPERATION_CANCELLED
@@ -124,7 +124,7 @@ class Transfer:
             same = (m.mission_type, m.count) == (self._upload.kind, self._upload.count)
             # A second copy does not begin the upload again, which would lose the received items.
             # After a silence it does, perhaps with other items.
-            if same and now_s - self._upload.heard_s < self.retry_s:
+            if same and now_s - self._upload.received_s < self.retry_s:
                 return [self._ask(self._upload, now_s)]
             self._break_off(self._upload)
         self._finished = None
@@ -166,7 +166,7 @@ class Transfer:
         result = self.check(upload.kind, item)
         if result == OK:
             upload.received.append(item)
-            upload.heard_s = now_s
+            upload.received_s = now_s
             if upload.kind in self._at_once:
                 self.plans[upload.kind].append(item)
             if len(upload.received) < upload.count:

@@ -56,7 +56,7 @@ class Payload:
         quirks: Quirks,
     ) -> None:
         self.spec = spec
-        self._clock_s, self._tells_pose = quirks.camera_clock_s, quirks.camera_tells_pose
+        self._clock_s, self._reports_pose = quirks.camera_clock_s, quirks.camera_tells_pose
         self._world = world
         self._telemetry = telemetry
         self.url_prefix = url_prefix
@@ -128,7 +128,7 @@ class Payload:
         url = f"{self.url_prefix}{index}.jpg"
         place = self._telemetry.place(*exposure.believed)
         reported = (*place, round(exposure.believed_height_m * 1000.0), list(exposure.attitude))
-        if not self._tells_pose:
+        if not self._reports_pose:
             reported = (0, 0, 0, 0, [0.0] * 4)
         message = mav.MAVLink_camera_image_captured_message(
             self.boot_ms, 0, 0, *reported, index, 1, url.encode("ascii")

@@ -44,15 +44,15 @@ class Setpoints:
     """When SET_POSITION_TARGET_* was received last, whatever the mode."""
 
     def __init__(self) -> None:
-        self._heard_s = -math.inf
+        self._received_s = -math.inf
 
     def note(self, now_s: float) -> None:
         """Note a setpoint."""
-        self._heard_s = now_s
+        self._received_s = now_s
 
     def silent_s(self, now_s: float) -> float:
         """Return the seconds since the last one."""
-        return now_s - self._heard_s
+        return now_s - self._received_s
 
     def fresh(self, now_s: float) -> bool:
         """Return whether there is a stream to switch to."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions.flight.strategy import sweep_passes
+from missions.flight.strategy import sweep_paths
 from missions.planning.sweep.paths import Plan, Tuning
 from missions.planning.sweep.plan_memo import PlanMemo
 
@@ -22,11 +22,11 @@ def quick_plans() -> Iterator[None]:
 
     Do not use it where paths themselves are tested: good plans bring vehicles closer together.
     """
-    thorough = sweep_passes.plan_once
+    thorough = sweep_paths.plan_once
 
     def quick(plans: PlanMemo, tuning: Tuning, *how: object) -> Plan:
         return thorough(plans, replace(tuning, moves=MOVES), *how)  # type: ignore[arg-type]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sweep_passes, "plan_once", quick)
+        patch.setattr(sweep_paths, "plan_once", quick)
         yield

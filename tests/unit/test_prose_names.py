@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests import prose_code, prose_names
+from tests import prose_names
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_names_of_fields_and_locals_and_longer_words_pass(source):
 def test_names_of_checked_modules_are_without_a_fault():
     found = [
         (path.name, fault)
-        for path in prose_code.checked()
+        for path in prose_names.checked()
         for fault in prose_names.name_faults(path.read_text("utf-8"))
     ]
     assert found == []

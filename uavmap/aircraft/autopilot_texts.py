@@ -121,7 +121,7 @@ class AutopilotTexts:
         self._view = reporter.view
         self._known: dict[tuple[int, str], _EarlierText] = {}
         self._allowed = {True: _Allowance(), False: _Allowance()}
-        self._untold = 0
+        self._unshown = 0
         self._kept = 0
         self._open_s = float("-inf")
         """Time of a change of mode that no text has explained yet, s."""
@@ -156,7 +156,7 @@ class AutopilotTexts:
         if cause is None and known is not None and now_s - known.shown_s < REPEAT_S:
             return
         if cause is None and not self._allowed[text.severity <= GRAVE_SEVERITY].grants(now_s):
-            self._untold += 1
+            self._unshown += 1
             return
         times = 1 if known is None else known.times
         while len(self._known) >= MAX_REMEMBERED:
@@ -171,9 +171,9 @@ class AutopilotTexts:
 
     def _show(self, text: Text, times: int) -> None:
         number, line = self._reporter.number, self._reporter.line
-        if self._untold:
-            line(f"vehicle {number}: {self._untold} texts in quick succession are not shown")
-            self._untold = 0
+        if self._unshown:
+            line(f"vehicle {number}: {self._unshown} texts in quick succession are not shown")
+            self._unshown = 0
         severity = _SEVERITIES[min(max(text.severity, 0), 7)]
         again = f" ({times} times)" if times > 1 else ""
         line(f"[vehicle {number}, {severity}] {text.words}{again}")

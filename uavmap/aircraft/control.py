@@ -159,7 +159,7 @@ class Control:
     armed: bool = False
     failsafe: bool = False
     """True if the heartbeat reports that a failsafe flies."""
-    heard_s: float = float("-inf")
+    received_s: float = float("-inf")
     """Time of the last report of the mode, s."""
     mode_changes: int = 0
     taken_on_ground: bool = False
@@ -179,7 +179,7 @@ class Control:
 
     def is_mode_known(self, now_s: float) -> bool:
         """Return whether the mode is known well enough to command another."""
-        return now_s - self.heard_s <= MAX_MODE_AGE_S
+        return now_s - self.received_s <= MAX_MODE_AGE_S
 
     def flown(self, kind: Autopilot) -> FlownMode:
         """Return the mode by the guardian's name."""
@@ -197,14 +197,14 @@ class Control:
         """Return the control with the content of a heartbeat, before it is judged."""
         turned = self.mode is not None and beat.mode != self.mode
         return replace(
-            self, mode=beat.mode, armed=beat.armed, failsafe=beat.failsafe, heard_s=beat.t_s,
+            self, mode=beat.mode, armed=beat.armed, failsafe=beat.failsafe, received_s=beat.t_s,
             mode_changes=self.mode_changes + turned,
         )  # fmt: skip
 
     def with_beat(self, kind: Autopilot, beat: Beat) -> Control:
         """Return the control after a report of the mode."""
         if self._waits_for_heartbeat(kind, beat):
-            return replace(self, heard_s=float("-inf"))
+            return replace(self, received_s=float("-inf"))
         mode, armed, failsafe, now_s, _ = beat
         before, was_armed = self.mode, self.armed
         turned = before is not None and mode != before
@@ -264,7 +264,7 @@ class Control:
             return replace(self, holder=taken, taken_on_ground=False)
         if self.mode is None or (request is not None and request.mode == self.mode):
             return self
-        return self._holding(self.mode, self.heard_s)
+        return self._holding(self.mode, self.received_s)
 
     def with_acknowledgement(self, now_s: float) -> Control:
         """Return the control after the autopilot acknowledged the request."""
@@ -349,7 +349,7 @@ def _air_after(control: Control, ground: Ground, kind: Autopilot, now_s: float) 
         return AirState.LANDING if lands else AirState.AIRBORNE
     if air is AirState.TAKING_OFF:
         # its arming may be reported later than it was acknowledged
-        stands = ground.stands and control.heard_s - control.took_off_s > MOTORS_OFF_AFTER_S
+        stands = ground.stands and control.received_s - control.took_off_s > MOTORS_OFF_AFTER_S
         down = ground.on and now_s - control.took_off_s > MAX_LIFT_OFF_S
         return AirState.ON_GROUND if stands or down else air
     if ground.stands:

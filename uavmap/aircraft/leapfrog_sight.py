@@ -131,7 +131,7 @@ class Leapfrog:
     """The measurements of both vehicles of each other; `say` logs a line."""
 
     def __init__(self, wanted: NavigationSection, say: Callable[[str], None]) -> None:
-        self._wanted, self._say = wanted, say
+        self._wanted, self._log = wanted, say
         self.offsets = Offsets()
         self._members: dict[Role, Member] = {}
         self._sighted_s = float("-inf")
@@ -197,7 +197,7 @@ class Leapfrog:
         )
         if self._apart == CONTRADICTIONS:
             number = self._members[Role.MAPPER].reporter.number
-            self._say(
+            self._log(
                 f"vehicle {number} is seen {off_m:.1f} m from its place by both reports: "
                 "satellites or navigation.tag_m are wrong"
             )

@@ -121,12 +121,12 @@ class Manoeuvres:
             await self._fly_route(order)
         else:
             async with asyncio.TaskGroup() as tasks:
-                looking = tasks.create_task(self._find_way())
+                looking = tasks.create_task(self._take_navigation_frames())
                 await self._fly_route(order)
                 looking.cancel()
         self._arrived()
 
-    async def _find_way(self) -> None:
+    async def _take_navigation_frames(self) -> None:
         """Take pictures for navigation, until cancelled; no map depends on them."""
         with contextlib.suppress(LinkError):
             async with self._camera.to_navigate(NAVIGATION_INTERVAL_S) as frames:
@@ -207,7 +207,7 @@ class Manoeuvres:
             here, height_m = self._reporter.position(), self._view.height_m
             await self._reach(lambda: here, height_m, stop=True)
             if self.navigation is not None and self.navigation.watches_at_rest:
-                await self._find_way()  # until the next order
+                await self._take_navigation_frames()  # until the next order
 
     # --- along a path -------------------------------------------------------------------------
     def goes_on(self, order: FlyPath) -> bool:
@@ -338,7 +338,7 @@ class Manoeuvres:
         here = self._reporter.position()
         with contextlib.suppress(CommandRefusedError):
             async with asyncio.TaskGroup() as tasks:
-                looking = tasks.create_task(self._find_way())
+                looking = tasks.create_task(self._take_navigation_frames())
                 for _ in range(round(MAX_DESCENT_S / DRIFT_RESEND_S)):
                     await insist(lambda: self._aim(here, LOW_M))
                     low = self._view.height_m <= LOW_M + OTHER_LAYER_M

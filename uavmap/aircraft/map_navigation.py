@@ -97,7 +97,7 @@ class Navigation:
         self._last: GridPoint | None = None
         self._unsure_s: float | None = None
         self._taken_s = self._compared_s = float("-inf")
-        self._told_s = self._aided_s = float("-inf")
+        self._reported_s = self._aided_s = float("-inf")
         self._failed = False
 
     @property
@@ -223,7 +223,7 @@ class Navigation:
         return ""
 
     def _report(self, now_s: float) -> None:
-        self._told_s = now_s
+        self._reported_s = now_s
         if not self.by_map:
             self._reporter.happened(Navigated, self.gnss)
             return
@@ -312,7 +312,7 @@ class Navigation:
         if self._own is not None and now_s - self._pictured_s > UNSEEN_S:
             known_m = self._own.track.estimate().sigma_m if self._own.keyframes else math.inf
             self.sigma_m = math.hypot(known_m, self._own.errors.reckoned_share * self._flown_m)
-        if now_s - self._told_s >= REPORT_INTERVAL_S:
+        if now_s - self._reported_s >= REPORT_INTERVAL_S:
             self._report(now_s)
         if self._wanted.gnss_loss not in ("map", "leapfrog") or self._failed:
             return

@@ -305,7 +305,7 @@ class StreamTimeout:
         self._name = name
         self._view = session.view
         self._parameters = Parameters(session)
-        self._tell = tell
+        self._log = tell
         self._settled = False
         self._logged = False
 
@@ -329,6 +329,4 @@ class StreamTimeout:
     def _note(self, reason: str) -> None:
         if not self._logged:
             self._logged = True
-            self._tell(
-                f"{self._name}: {reason}: if the link fails, it flies on for its own timeout"
-            )
+            self._log(f"{self._name}: {reason}: if the link fails, it flies on for its own timeout")

@@ -94,5 +94,5 @@ class Streams:
                 self._session.request_interval(message_id, rate_hz)
 
     def _silent_s(self, message_id: int) -> float:
-        heard_s = self._session.heard_s.get(message_id, float("-inf"))
-        return asyncio.get_running_loop().time() - heard_s
+        received_s = self._session.received_s.get(message_id, float("-inf"))
+        return asyncio.get_running_loop().time() - received_s

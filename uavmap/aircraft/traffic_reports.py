@@ -48,9 +48,9 @@ class TrafficReports:
             return
         newest: dict[str, tuple[float, Track]] = {}
         known_s: dict[str, float] = {}
-        for heard_s, track in self._new_reports(known_s):
-            if track.ident not in newest or heard_s > newest[track.ident][0]:
-                newest[track.ident] = heard_s, track
+        for received_s, track in self._new_reports(known_s):
+            if track.ident not in newest or received_s > newest[track.ident][0]:
+                newest[track.ident] = received_s, track
         self._reported_s = known_s
         start = GridPoint(0.0, 0.0)
         tracks = sorted(
@@ -67,16 +67,16 @@ class TrafficReports:
         own = {session.view.uid for session in self._sessions.values()}
         for number, session in self._sessions.items():
             for ident, heard in session.traffic.aircraft.items():
-                known_s[ident] = max(heard.heard_s, known_s.get(ident, float("-inf")))
-                if ident in own or heard.heard_s <= self._reported_s.get(ident, float("-inf")):
+                known_s[ident] = max(heard.received_s, known_s.get(ident, float("-inf")))
+                if ident in own or heard.received_s <= self._reported_s.get(ident, float("-inf")):
                     continue
                 with contextlib.suppress(GeodesyError):
-                    yield heard.heard_s, self._track(number, session, heard)
+                    yield heard.received_s, self._track(number, session, heard)
 
     def _track(self, number: int, session: Session, heard: TrafficReport) -> Track:
         grid = self._grid
         place = grid.fixed(heard.position)
-        age_s = asyncio.get_running_loop().time() - heard.heard_s
+        age_s = asyncio.get_running_loop().time() - heard.received_s
         height_m, velocity_m_s = None, None
         if heard.amsl_m is not None:
             above_home_m = heard.amsl_m - session.view.home_amsl_m

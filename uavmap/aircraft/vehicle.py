@@ -293,7 +293,7 @@ class MavlinkVehicle:
         """Wait for the next position and heartbeat, where orders begin. Raises `LinkError`."""
         begin_s, view = asyncio.get_running_loop().time(), self._view
         if not await self._session.until(
-            lambda: min(view.position_s, view.heard_s) >= begin_s, MAX_RECONNECTION_S
+            lambda: min(view.position_s, view.received_s) >= begin_s, MAX_RECONNECTION_S
         ):
             raise LinkError(f"{self.name}: it does not report its place and its mode")
 
@@ -321,8 +321,8 @@ class MavlinkVehicle:
 
     def _is_received(self) -> bool:
         """Return whether it is received without delay; its position may be missing."""
-        heard_s = asyncio.get_running_loop().time() - self._view.heard_s
-        return heard_s < self._link_lost_s and not self._view.gate.clock.late
+        received_s = asyncio.get_running_loop().time() - self._view.received_s
+        return received_s < self._link_lost_s and not self._view.gate.clock.late
 
     def _missing(self, since_s: float) -> str:
         """Return the missing reports of the vehicle; a position from before does not count."""

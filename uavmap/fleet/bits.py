@@ -9,7 +9,7 @@ from itertools import groupby
 
 import numpy as np
 
-MOST_CELLS = 1 << 20
+MAX_CELLS = 1 << 20
 """Maximum number of cells in the rectangle of a fact."""
 
 

@@ -14,18 +14,18 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Final, Literal, NamedTuple, get_args
 
-from missions.classes import MOST_NUMBER, ClassShare
+from missions.classes import MAX_CLASS_NUMBER, ClassShare
 from missions.fleet_events import Fact, Part
 from missions.units import Cell, GridPoint, PadHeight
-from uavmap.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
-from uavmap.fleet.knowledge import MOST_RUNS, Holding
+from uavmap.fleet.bits import MAX_CELLS, BytesError, Reader, Writer, deflated, inflated
+from uavmap.fleet.knowledge import MAX_RUNS, Holding
 
 Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
 DOES: Final[tuple[Does, ...]] = get_args(Does)
 STEP_M: Final = 0.5
 PART_M: Final = 4.0
 """Resolution of observation points: a step of up to 250 m is one byte."""
-MOST_BYTES: Final = 1 << 20
+MAX_BYTES: Final = 1 << 20
 _MOST: Final = 10_000
 _CLASSES: Final = 3
 """Kind of a fact with classes; 0 to 2: decided, by a search, seen in passing."""
@@ -163,7 +163,7 @@ def decode(data: bytes) -> Message:
     batches = []
     while not inp.at_end:
         origin, first = inp.count(), inp.count()
-        batches.append(Batch(origin, first, bytes_to_facts(inflated(inp.raw(), MOST_BYTES))))
+        batches.append(Batch(origin, first, bytes_to_facts(inflated(inp.raw(), MAX_BYTES))))
     return Message(
         t_s, presence, have, tuple(batches), words, bool(flags & 1), ask, promised, parts, pad
     )
@@ -209,7 +209,7 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
         doubt = head == _DOUBT
         columns, kind = divmod(inp.count() if doubt else head, 4)
         rows = inp.count()
-        if not 0 < columns * rows <= MOST_CELLS:
+        if not 0 < columns * rows <= MAX_CELLS:
             raise BytesError("no fact is of so many cells")
         west += inp.signed()
         south += inp.signed()
@@ -246,7 +246,7 @@ def _classes(inp: Reader, cells: Sequence[Cell]) -> tuple[ClassShare, ...]:
     while number := inp.count():
         there = [cell for cell, is_of in zip(cells, inp.flags(len(cells)), strict=True) if is_of]
         found += [ClassShare(cell, number, inp.count() / _TENTHS) for cell in there]
-        if number > MOST_NUMBER or not there or any(one.share > 1.0 for one in found):
+        if number > MAX_CLASS_NUMBER or not there or any(one.share > 1.0 for one in found):
             raise BytesError("no class has such shares")
     if not found:
         raise BytesError("classes of nothing")
@@ -276,7 +276,7 @@ def _presence(inp: Reader, does: Does) -> Presence:
 
 
 def _put_holding(out: Writer, holding: Holding) -> None:
-    out.count((MOST_RUNS + 1) * holding.upto + len(holding.beyond))
+    out.count((MAX_RUNS + 1) * holding.upto + len(holding.beyond))
     end = holding.upto
     for first, after in holding.beyond:
         out.count(first - end)
@@ -285,7 +285,7 @@ def _put_holding(out: Writer, holding: Holding) -> None:
 
 
 def _holding(inp: Reader) -> Holding:
-    upto, runs = divmod(inp.count(), MOST_RUNS + 1)
+    upto, runs = divmod(inp.count(), MAX_RUNS + 1)
     beyond, end = [], upto
     for _ in range(runs):
         gap, length = inp.count(), inp.count()

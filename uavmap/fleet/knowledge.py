@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 
 from missions.fleet_events import Fact
 
-MOST_BEYOND: Final = 5_000
+MAX_BEYOND: Final = 5_000
 """Maximum number of a fact beyond the first missing one; a higher one is refused, and comes
 again."""
-MOST_RUNS: Final = 3
+MAX_RUNS: Final = 3
 """Maximum number of runs beyond the first missing fact that are sent."""
 
 
@@ -86,7 +86,7 @@ class Knowledge:
         if len(known) == upto:
             return Holding(upto)
         beyond = runs_of(sorted(number for number in known if number > upto))
-        return Holding(upto, tuple((run[0], run[-1] + 1) for run in beyond[:MOST_RUNS]))
+        return Holding(upto, tuple((run[0], run[-1] + 1) for run in beyond[:MAX_RUNS]))
 
     def add(self, origin: int, first: int, facts: Iterable[Fact]) -> list[Run]:
         """Add facts; return the new ones."""
@@ -94,7 +94,7 @@ class Knowledge:
         new = {
             number: fact
             for number, fact in enumerate(facts, start=first)
-            if number not in known and number < upto + MOST_BEYOND
+            if number not in known and number < upto + MAX_BEYOND
         }
         if not new:
             return []
@@ -130,7 +130,7 @@ class Knowledge:
             or any(
                 number not in self.facts.get(origin, {})
                 for first, end in held.beyond
-                for number in range(first, min(end, first + MOST_BEYOND))
+                for number in range(first, min(end, first + MAX_BEYOND))
             )
             for origin, held in theirs.items()
         )

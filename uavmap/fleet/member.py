@@ -50,7 +50,7 @@ BYTES_A_MINUTE: Final = 4_500
 """Budget of a member, bytes a minute, headers included: a narrow radio has 5 kB for each."""
 BURST_BYTES: Final = 2_000
 """Maximum budget that is saved up, for a member that comes back into contact."""
-MOST_BYTES: Final = 900
+MAX_BYTES: Final = 900
 """Maximum bytes of facts in a datagram, which stays below every network's maximum."""
 HEADER_BYTES: Final = CODE_BYTES + 12
 """Bytes of a seal."""
@@ -101,11 +101,11 @@ class Member:
         self._airspace = AirspaceLeases(
             setting, self._number, self.peers, now_s, post, hurry=self.beat_soon
         )
-        self._telling = FactSender(self._number, self.peers)
+        self._sender = FactSender(self._number, self.peers)
         self._budget = float(BURST_BYTES)
         self._budget_s = now_s()
         self._state: State | None = None
-        self._words: dict[int, OperatorOrder] = {}
+        self._orders: dict[int, OperatorOrder] = {}
         self._beaten_s = -math.inf
         self._messages = 0
         self._urgent = False
@@ -122,7 +122,7 @@ class Member:
             if isinstance(event, FactsShared):
                 self.knowledge.add(event.vehicle, event.first, event.frames)
             elif (word := _carried_out(event)) is not None:
-                self._words[word.vehicle] = word
+                self._orders[word.vehicle] = word
 
     def observe(self, event: Event, state: State) -> None:
         """Note an event that our service has handled."""
@@ -159,20 +159,20 @@ class Member:
         """Note that our clock was moved by `by_s`, the result of `agree`."""
         self._clock.moved(by_s)
         self._budget_s += by_s
-        self._telling.clock_moved(by_s)
+        self._sender.clock_moved(by_s)
 
     # --- an operator's word --------------------------------------------------------------------
     def command(self, order: Order, vehicle: int = 0) -> None:
         """Send an order of the operator here, newer than all others, by any clock."""
-        newest = max((word.stamp for word in self._words.values()), default=0)
+        newest = max((word.stamp for word in self._orders.values()), default=0)
         self.order(OperatorOrder(max(newest + 1, int(time.time())), vehicle, order))
 
     def order(self, word: OperatorOrder) -> None:
         """Send an operator's order, and carry it out."""
-        known = self._words.get(word.vehicle)
+        known = self._orders.get(word.vehicle)
         if known is not None and known.stamp >= word.stamp:
             return
-        self._words[word.vehicle] = word
+        self._orders[word.vehicle] = word
         t_s = round(self._now_s(), 3)
         if word.vehicle == 0:
             self._post(_OF_ALL[word.order](t_s, stamp=word.stamp))
@@ -217,7 +217,7 @@ class Member:
         """Send the present message, and note members out of contact."""
         now_s = self._now_s()
         for number, peer in sorted(self.peers.items()):
-            if not peer.apart and now_s - peer.heard_s > APART_S:
+            if not peer.apart and now_s - peer.received_s > APART_S:
                 peer.apart = True
                 self._post(MemberApart(number, round(now_s, 3)))
         self._budget += (now_s - self._budget_s) * BYTES_A_MINUTE / 60.0
@@ -234,11 +234,11 @@ class Member:
         if message.parts and self._state is not None and self._state.allotment is not None:
             self._parts_s = (self._state.allotment.made_s, now_s)
         self._messages += 1
-        room = min(spare, MOST_BYTES)
-        message = replace(message, batches=self._telling.batches(self.knowledge, now_s, room))
+        room = min(spare, MAX_BYTES)
+        message = replace(message, batches=self._sender.batches(self.knowledge, now_s, room))
         datagram = self._seal.sealed(encode(message))
         self._send(datagram)
-        if len(datagram) > MOST_BYTES / 2 and self._budget > MOST_BYTES / 2:
+        if len(datagram) > MAX_BYTES / 2 and self._budget > MAX_BYTES / 2:
             self.beat_soon()  # there is more to send, and enough was saved
 
     def _message(self, now_s: float) -> Message:
@@ -246,7 +246,7 @@ class Member:
             now_s,
             self._presence(),
             self.knowledge.have if self._messages % KNOWLEDGE_INTERVAL == 0 else {},
-            words=tuple(self._words[vehicle] for vehicle in sorted(self._words)),
+            words=tuple(self._orders[vehicle] for vehicle in sorted(self._orders)),
             begun=self._clock.begun or self._clock.agreed,
             ask=self._airspace.question,
             promised=self._airspace.promises(self._state),
@@ -285,7 +285,7 @@ class Member:
             return
         now_s = self._now_s()
         peer = self.peers.setdefault(sender, Peer(now_s))
-        peer.heard_s, peer.apart = now_s, False
+        peer.received_s, peer.apart = now_s, False
         self._clock.note_time(peer, message.t_s, now_s, begun=message.begun)
         for word in message.words:
             self.order(word)

@@ -29,7 +29,7 @@ from uavmap.fleet.knowledge import NOTHING, Holding, Knowledge, runs_of
 class Peer:
     """Another member, by its messages; times are those of our clock."""
 
-    heard_s: float
+    received_s: float
     have: dict[int, Holding] = field(default_factory=dict)
     """Its known facts of each member."""
     have_s: float = -math.inf
@@ -51,7 +51,7 @@ class Peer:
 
     def clock_moved(self, by_s: float) -> None:
         """Note that our clock was moved by `by_s`."""
-        self.heard_s += by_s
+        self.received_s += by_s
         self.have_s += by_s
         self.ahead_s -= by_s
         self.lacks_since_s = {o: at_s + by_s for o, at_s in self.lacks_since_s.items()}
@@ -201,14 +201,14 @@ class FactSender:
     def __init__(self, number: int, peers: Mapping[int, Peer]) -> None:
         self._number = number
         self._peers = peers
-        self._told_s: dict[int, dict[int, float]] = {}
+        self._sent_s: dict[int, dict[int, float]] = {}
         """Time of the last send of facts, by member and number, s."""
 
     def clock_moved(self, by_s: float) -> None:
         """Note that our clock was moved by `by_s`."""
-        for told_s in self._told_s.values():
-            for number in told_s:
-                told_s[number] += by_s
+        for sent_s in self._sent_s.values():
+            for number in sent_s:
+                sent_s[number] += by_s
 
     def batches(self, knowledge: Knowledge, now_s: float, room: int) -> tuple[Batch, ...]:
         """Return facts to send, in at most `room` bytes: lost ones first, but in half of the room.
@@ -231,18 +231,18 @@ class FactSender:
         know."""
         if self._peers and all(peer.apart for peer in self._peers.values()):
             return []  # no member receives it, and the saved bytes are for one that comes back
-        told_s = self._told_s.setdefault(self._number, {})
-        untold = sorted(
-            number for number in knowledge.facts.get(self._number, ()) if number not in told_s
+        sent_s = self._sent_s.setdefault(self._number, {})
+        unsent = sorted(
+            number for number in knowledge.facts.get(self._number, ()) if number not in sent_s
         )
         held = [
             peer.have.get(self._number, NOTHING)
             for peer in self._peers.values()
             if not peer.apart and peer.have_s > -math.inf
         ]
-        known = [number for number in untold if held and all(h.holds(number) for h in held)]
-        told_s.update(dict.fromkeys(known, now_s))
-        return [number for number in untold if number not in told_s]
+        known = [number for number in unsent if held and all(h.holds(number) for h in held)]
+        sent_s.update(dict.fromkeys(known, now_s))
+        return [number for number in unsent if number not in sent_s]
 
     def _put(
         self,
@@ -261,8 +261,8 @@ class FactSender:
                     return used
                 found.append(batch)
                 used += size
-                told_s = self._told_s.setdefault(origin, {})
-                told_s.update((batch.first + k, now_s) for k in range(len(batch.facts)))
+                sent_s = self._sent_s.setdefault(origin, {})
+                sent_s.update((batch.first + k, now_s) for k in range(len(batch.facts)))
         return used
 
     def _lost(self, knowledge: Knowledge, now_s: float) -> dict[int, list[int]]:
@@ -273,11 +273,11 @@ class FactSender:
                 ours = origin == self._number
                 if not ours and now_s < peer.lacks_since_s.get(origin, now_s) + RELAY_S:
                     continue
-                told_s = self._told_s.get(origin, {})
+                sent_s = self._sent_s.get(origin, {})
                 never_s = math.inf if ours else -math.inf
                 due_s = peer.have_s - MAX_TRANSIT_S
                 lost.setdefault(origin, set()).update(
-                    number for number in numbers if told_s.get(number, never_s) < due_s
+                    number for number in numbers if sent_s.get(number, never_s) < due_s
                 )
         first = sorted(lost, key=lambda origin: (origin != self._number, origin))
         return {origin: sorted(lost[origin]) for origin in first if lost[origin]}

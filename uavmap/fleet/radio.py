@@ -135,7 +135,7 @@ HEADER_BYTES: Final = 14 + 20 + 8
 LARGEST_BYTES: Final = 1_400
 RETRY_S: Final = 2.0
 """Time after which a lost interface is tried again, s of the loop."""
-MOST_AT_ONCE: Final = 64
+MAX_AT_ONCE: Final = 64
 """Number of datagrams that are read before other tasks have their turn."""
 
 
@@ -200,7 +200,7 @@ class MulticastRadio:
         self._again = asyncio.get_running_loop().call_later(RETRY_S, self.open)
 
     def _read(self) -> None:
-        for _ in range(MOST_AT_ONCE):
+        for _ in range(MAX_AT_ONCE):
             if self._socket is None:
                 return
             try:

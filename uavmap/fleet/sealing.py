@@ -27,7 +27,7 @@ CODE_BYTES: Final = 8
 NONCE_BYTES: Final = 8
 WINDOW: Final = 64
 """Maximum lag of a datagram's counter."""
-MOST_SENDERS: Final = 1_000
+MAX_SENDERS: Final = 1_000
 DATA: Final = 0
 ASKS: Final = 1
 """Kind of a datagram whose body is a random number, to be answered."""
@@ -61,7 +61,7 @@ class Seal:
     """True if a later one of the same sender was opened before the last one."""
     _counter: int = 0
     _nonce: bytes = field(default_factory=lambda: secrets.token_bytes(NONCE_BYTES))
-    _heard: dict[int, _SenderWindow] = field(default_factory=dict)
+    _windows: dict[int, _SenderWindow] = field(default_factory=dict)
     _asked: deque[bytes] = field(default_factory=lambda: deque(maxlen=16))
     """Random numbers of others that are not answered yet."""
     _ask: bool = False
@@ -105,12 +105,12 @@ class Seal:
         if kind == ASKS:
             self._asked.append(body)
             return None
-        heard = self._heard.get(sender)
+        heard = self._windows.get(sender)
         known = heard is not None and start <= heard.start
         answers = (body[k : k + NONCE_BYTES] for k in range(0, len(body), NONCE_BYTES))
-        room = heard is not None or len(self._heard) < MOST_SENDERS
+        room = heard is not None or len(self._windows) < MAX_SENDERS
         if kind == ANSWERS and self._nonce in answers and not known and room:
-            heard = self._heard[sender] = _SenderWindow(start)
+            heard = self._windows[sender] = _SenderWindow(start)
         if heard is None or start > heard.start:
             self._ask = True
             raise _RefusedError("not known to be alive yet")

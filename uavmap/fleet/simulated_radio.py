@@ -66,7 +66,7 @@ class Air:
     sent_bytes: dict[int, int] = field(default_factory=dict)
     """Bytes on the air, by sender, with `OVERHEAD_BYTES` a datagram."""
     _places: dict[int, Callable[[], tuple[GridPoint, float]]] = field(default_factory=dict)
-    _heard: dict[int, Callable[[bytes], None]] = field(default_factory=dict)
+    _receivers: dict[int, Callable[[bytes], None]] = field(default_factory=dict)
     _free_s: dict[int, float] = field(default_factory=dict)
     _random: random.Random = field(init=False)
 
@@ -80,7 +80,7 @@ class Air:
 
     def silence(self, member: int) -> None:
         """Note the end of a member's program: it neither receives nor is received."""
-        self._heard.pop(member, None)
+        self._receivers.pop(member, None)
 
     def are_in_range(self, one: int, other: int, t_s: float) -> bool:
         """Return whether two are in range of each other, and no partition separates them."""
@@ -102,7 +102,7 @@ class Air:
         end_s = begin_s + size / model.bytes_per_s
         self._free_s[sender] = end_s
         self.sent_bytes[sender] = self.sent_bytes.get(sender, 0) + size
-        for other in sorted(self._heard):
+        for other in sorted(self._receivers):
             if other == sender:
                 continue
             lost, twice = self._random.random() < model.loss, self._random.random() < model.doubled
@@ -113,13 +113,13 @@ class Air:
                 loop.call_at(end_s + model.delay_s + late_s[copy], self._deliver, other, datagram)
 
     def _deliver(self, member: int, datagram: bytes) -> None:
-        heard = self._heard.get(member)
+        heard = self._receivers.get(member)
         if heard is not None:
             heard(datagram)
 
     def joined(self, member: int, heard: Callable[[bytes], None]) -> None:
         """Note that a member listens from now on."""
-        self._heard[member] = heard
+        self._receivers[member] = heard
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,7 @@ DECLARE_S: Final = 20.0
 """Time between declarations over UDP, which may be lost, s."""
 LOOK_S: Final = 0.5
 CLOSE_S: Final = 3.0
-MOST_WAITING: Final = 256
+MAX_WAITING: Final = 256
 """Maximum number of datagrams that wait for the event loop; more are dropped."""
 _WHERE: Final = re.compile(r" at \S+\.rs:\d+\.?")
 SEND_BUFFER_BYTES: Final = 8_192
@@ -112,7 +112,7 @@ class ZenohRadio:
         self._listeners: list[Callable[[bytes], None]] = []
         self._publisher: Any = None
         self._waiting = 0
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._broken = threading.Event()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="fleet radio", daemon=True)
@@ -168,7 +168,7 @@ class ZenohRadio:
                 retry_s = min(1.5 * retry_s, RETRY_S[1])
                 continue
             retry_s = RETRY_S[0]
-            began_s = self._heard_s = time.monotonic()
+            began_s = self._received_s = time.monotonic()
             try:
                 self._live(session, silent_s)
             except Exception as error:
@@ -178,7 +178,7 @@ class ZenohRadio:
                 with contextlib.suppress(Exception):
                     session.close()
             self._stop.wait(RETRY_S[0])
-            heard = self._heard_s > began_s
+            heard = self._received_s > began_s
             silent_s = SILENT_S[0] if heard else min(2.0 * silent_s, SILENT_S[1])
 
     def _live(self, session: Any, silent_s: float) -> None:
@@ -196,7 +196,7 @@ class ZenohRadio:
         declared_s = time.monotonic()
         while not self._broken.wait(LOOK_S) and not self._stop.is_set():
             now_s = time.monotonic()
-            if session.is_closed() or now_s - self._heard_s > silent_s:
+            if session.is_closed() or now_s - self._received_s > silent_s:
                 return
             if by_udp and now_s - declared_s > DECLARE_S:
                 subscriber.undeclare()
@@ -230,8 +230,8 @@ class ZenohRadio:
     def _came_in(self, sample: Any) -> None:
         with contextlib.suppress(Exception):  # an exception here would go nowhere
             datagram = bytes(sample.payload)
-            self._heard_s = time.monotonic()
-            if len(datagram) <= LARGEST_BYTES and self._waiting < MOST_WAITING:
+            self._received_s = time.monotonic()
+            if len(datagram) <= LARGEST_BYTES and self._waiting < MAX_WAITING:
                 self._waiting += 1
                 if not self._in_loop(self._pass_on, datagram):
                     self._waiting -= 1

@@ -63,7 +63,7 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
 
     def __init__(self, folder: Path, say: Callable[[str], None], *, aside: bool = False) -> None:
         self._folder = folder / FRAMES
-        self._say = say
+        self._log = say
         self._over = False
         self._error = ""
         self._left_out = 0
@@ -99,7 +99,7 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
             self._writer.shutdown()
         self._log_failure()
         if self._left_out:
-            self._say(
+            self._log(
                 f"{self._left_out} pictures were not kept: {self._folder} takes them slower than "
                 "the camera makes them"
             )
@@ -107,7 +107,7 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
     def _log_failure(self) -> None:
         if self._error and not self._over:
             self._over = True
-            self._say(f"pictures are kept no longer: {self._error}")
+            self._log(f"pictures are kept no longer: {self._error}")
 
     def _write(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         if self._error:

@@ -31,7 +31,7 @@ class TlogWriter:
     ) -> None:
         self._path = path
         self._utc_s = utc_s
-        self._say = say
+        self._log = say
         self._file: int | None = None
         self._size = 0
         self._append = append
@@ -53,8 +53,8 @@ class TlogWriter:
         if self._file is not None:
             with contextlib.suppress(OSError):
                 os.close(self._file)
-        if self.lost and self._say is not None:
-            self._say(f"{self._path} lacks {self.lost} frames")
+        if self.lost and self._log is not None:
+            self._log(f"{self._path} lacks {self.lost} frames")
 
     def record(self, frame: bytes) -> None:
         """Write one frame with the present time. Never raises for an error of the disk."""
@@ -88,6 +88,6 @@ class TlogWriter:
 
     def _failed(self, error: OSError, now_s: float) -> None:
         self._retry_s = now_s + RETRY_S
-        if self._say is not None and not self._logged:
+        if self._log is not None and not self._logged:
             self._logged = True
-            self._say(f"{self._path} cannot be written ({error.strerror}); the flight goes on")
+            self._log(f"{self._path} cannot be written ({error.strerror}); the flight goes on")

@@ -25,7 +25,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain, encoded
 from missions.mission.places import drawn, positions_near
 from missions.mission.schema import Mission
-from missions.mission.sections import MOST_POINTS, Lattice, TerrainSection
+from missions.mission.sections import MAX_POINTS, Lattice, TerrainSection
 from missions.units import GridPoint, LatLon
 from uavmap.base.extras import install_command
 
@@ -128,7 +128,7 @@ def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
         metres, fine_m = metres_a_unit(model, where), spacing_m(model, mission.home)
         if not math.isfinite(fine_m):
             raise MissionFileError(f"{where}: {_ELSEWHERE}")
-        lattice = FenceLattice.around(mission, max(fine_m, LEAST_STEP_M), MOST_POINTS / 1.1)
+        lattice = FenceLattice.around(mission, max(fine_m, LEAST_STEP_M), MAX_POINTS / 1.1)
         if lattice.step_m > MOST_STEP_M:
             raise MissionFileError(
                 f"{where}: its heights, or as many as fit a fence of this size, are "

@@ -19,7 +19,7 @@ STANDSTILL_S: Final = 2.0
 """Time with the same stamp after which a clock stands still, s: old messages are repeated."""
 MAX_DELAY_S: Final = 5.0
 """Delay of messages from which on a link counts as lost, s."""
-MOST_AHEAD_S: Final = 10.0
+MAX_AHEAD_S: Final = 10.0
 FASTEST_CLOCK: Final = 30.0
 """Maximum ratio of a clock to ours, as of a simulator."""
 
@@ -34,7 +34,7 @@ SLACK_M: Final = 25.0
 OFFSET_WINDOW_S: Final = 120.0
 """Time whose fastest messages give a clock's offset, s: a backlog does not change it."""
 _OFFSET_STEP_S: Final = 2.0
-_LEAST_SPAN_S: Final = 30.0
+_MIN_SPAN_S: Final = 30.0
 """Minimum time over which a clock's drift is measured, s."""
 _DRIFT: Final = 0.001
 """Drift of two good clocks that needs no measurement, s/s."""
@@ -115,7 +115,7 @@ class ClockOffset:
         """Return the rise of the least difference, s/s; 0 if it falls, which shows by itself."""
         begin_s, end_s = self._least[0][0], self._least[-1][0]
         half_s = (end_s - begin_s) / 2.0
-        if 2.0 * half_s < _LEAST_SPAN_S:
+        if 2.0 * half_s < _MIN_SPAN_S:
             return 0.0
         halves: tuple[list[float], list[float]] = ([], [])
         for step_s, _, value in self._least:
@@ -138,7 +138,7 @@ class BootClock:
     late: bool = False
     """True while the link delivers old messages."""
     _asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=10))
-    _heard_s: float = float("-inf")
+    _received_s: float = float("-inf")
     _moved_s: float = float("-inf")
     _other: tuple[float, float, float] | None = None
     """First and last arrival, and time, of a clock that does not continue this one."""
@@ -155,7 +155,7 @@ class BootClock:
             self._adopt(boot_s, now_s)
         elif boot_s == self.boot_s:
             return None if now_s - self._moved_s <= STANDSTILL_S else "its clock stands still"
-        elif _goes_on(self.boot_s, self._heard_s, boot_s, now_s):
+        elif _goes_on(self.boot_s, self._received_s, boot_s, now_s):
             self._set(boot_s, now_s)
         elif not self._confirms(boot_s, now_s):
             return OLDER if boot_s < self.boot_s else "its clock leapt ahead"
@@ -192,18 +192,18 @@ class BootClock:
     def _set(self, boot_s: float, now_s: float) -> None:
         difference_s, offset_s = now_s - boot_s, self.offset_s
         if self.boot_s is not None and offset_s is not None:
-            kept_s = difference_s - (self._heard_s - self.boot_s)
+            kept_s = difference_s - (self._received_s - self.boot_s)
             late = self.late or kept_s > self.limit_s
             self.late = late and difference_s - offset_s > self.limit_s
-        self.boot_s, self._heard_s, self._moved_s = boot_s, now_s, now_s
+        self.boot_s, self._received_s, self._moved_s = boot_s, now_s, now_s
         self._other = None
         if not self.late:
             self._offset.add(difference_s, now_s)
 
 
-def _goes_on(boot_s: float, heard_s: float, next_boot_s: float, now_s: float) -> bool:
+def _goes_on(boot_s: float, received_s: float, next_boot_s: float, now_s: float) -> bool:
     """Return whether a clock that showed one time may show the other now."""
-    most_s = MOST_AHEAD_S + FASTEST_CLOCK * (now_s - heard_s)
+    most_s = MAX_AHEAD_S + FASTEST_CLOCK * (now_s - received_s)
     return 0.0 < next_boot_s - boot_s <= most_s
 
 

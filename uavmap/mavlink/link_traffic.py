@@ -32,7 +32,7 @@ PRESSURE_ERROR_M: Final = 300.0
 GEOID_ERROR_M: Final = 110.0
 """Largest error of a height by satellites, m: it may count from the ellipsoid."""
 NAME_LENGTH: Final = 12
-MOST_M_S: Final = 600.0
+MAX_SPEED_M_S: Final = 600.0
 LOWEST_M: Final = -500.0
 HIGHEST_M: Final = 30_000.0
 """Speeds and heights beyond these are unknown."""
@@ -49,7 +49,7 @@ class TrafficReport(NamedTuple):
 
     ident: str
     name: str
-    heard_s: float
+    received_s: float
     """When it was there, on the loop's clock."""
     position: LatLon
     amsl_m: float | None
@@ -76,14 +76,16 @@ class LinkTraffic:
         if heard is None or here is None or distance_m(heard.position, here) > FARTHEST_M:
             return
         before = self.aircraft.get(heard.ident)
-        if before is None or heard.heard_s >= before.heard_s:
+        if before is None or heard.received_s >= before.received_s:
             self.aircraft[heard.ident] = heard
         if len(self.aircraft) > MAX_AIRCRAFT:
             self._forget(here, now_s)
 
     def _forget(self, here: LatLon, now_s: float) -> None:
         """Forget old reports, or else the farthest aircraft."""
-        recent = [one for one in self.aircraft.values() if now_s - one.heard_s <= MAX_REPORT_AGE_S]
+        recent = [
+            one for one in self.aircraft.values() if now_s - one.received_s <= MAX_REPORT_AGE_S
+        ]
         recent.sort(key=lambda one: distance_m(one.position, here))
         self.aircraft = {one.ident: one for one in recent[:MAX_AIRCRAFT]}
 
@@ -99,7 +101,7 @@ def _adsb(message: Message, now_s: float) -> TrafficReport | None:
     moving = mav.ADSB_FLAGS_VALID_HEADING | mav.ADSB_FLAGS_VALID_VELOCITY
     velocity_m_s = None
     toward_deg, speed_m_s = message.heading / 100.0, message.hor_velocity / 100.0
-    if flags & moving == moving and toward_deg <= 360.0 and speed_m_s <= MOST_M_S:
+    if flags & moving == moving and toward_deg <= 360.0 and speed_m_s <= MAX_SPEED_M_S:
         toward = math.radians(toward_deg)
         velocity_m_s = speed_m_s * math.sin(toward), speed_m_s * math.cos(toward)
     return TrafficReport(

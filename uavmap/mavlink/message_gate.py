@@ -72,7 +72,7 @@ _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 _TURN = 2.0 * math.pi + 0.01
 _ARDUPILOT_MODES = 255
 _LARGEST_PARAMETER = 1e9
-_MOST_ITEMS = 65_534
+_MAX_ITEMS = 65_534
 
 
 def unit_fault(w: float, x: float, y: float, z: float) -> str | None:
@@ -184,10 +184,10 @@ RULES: Final[Mapping[str, Rule]] = {
     "TERRAIN_REPORT": Rule(
         Sender.AUTOPILOT, (*_degrees("lat", "lon"), Limit("terrain_height", -500, 9000))
     ),
-    "MISSION_COUNT": Rule(Sender.AUTOPILOT, (Limit("count", 0, _MOST_ITEMS),)),
+    "MISSION_COUNT": Rule(Sender.AUTOPILOT, (Limit("count", 0, _MAX_ITEMS),)),
     **dict.fromkeys(
         ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ITEM_INT"),
-        Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
+        Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MAX_ITEMS),)),
     ),
     **dict.fromkeys(
         ("AUTOPILOT_VERSION", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS", "EVENT", "MISSION_ACK"),
@@ -311,8 +311,8 @@ class Gate:
     def _is_overtaken(self, message: Message, now_s: float) -> bool:
         """Return whether a later one of its kind has come before."""
         key, number = (message.get_srcComponent(), message.get_type()), message.get_seq()
-        last, heard_s = self._numbers.get(key, (number, now_s))
-        if now_s - heard_s < OVERTAKEN_S and (number - last) % 256 >= 128:
+        last, received_s = self._numbers.get(key, (number, now_s))
+        if now_s - received_s < OVERTAKEN_S and (number - last) % 256 >= 128:
             return True
         self._numbers[key] = number, now_s
         return False

@@ -117,7 +117,7 @@ class MissionTransfer:
         self._session = session
         self._kind: Kind | None = None
         self._sending: Sequence[Item] | None = None
-        self._heard: list[Message] = []
+        self._received: list[Message] = []
         self._trip_s = 0.0
         """Shortest measured round trip, s."""
         self._sent_s: dict[int, tuple[float, float]] = {}
@@ -219,7 +219,7 @@ class MissionTransfer:
     # --- both ---------------------------------------------------------------------------------
     def _begin(self, kind: Kind, items: Sequence[Item] | None) -> None:
         self._kind, self._sending = kind, items
-        self._heard.clear()
+        self._received.clear()
         self._sent_s.clear()
 
     def _end(self) -> None:
@@ -227,9 +227,9 @@ class MissionTransfer:
 
     async def _next(self) -> Message | None:
         wait_s = max(WAIT_S, self._session.ack_wait_s, 1.5 * self._trip_s)
-        if not await self._session.until(lambda: bool(self._heard), wait_s):
+        if not await self._session.until(lambda: bool(self._received), wait_s):
             return None
-        return self._heard.pop(0)
+        return self._received.pop(0)
 
     def _on_message(self, message: Message) -> None:
         if self._kind is None or not message.get_type().startswith("MISSION_"):
@@ -241,7 +241,7 @@ class MissionTransfer:
         name = message.get_type()
         if name in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):
             self._requested(message.seq)
-        self._heard.append(message)
+        self._received.append(message)
 
     def _requested(self, seq: int) -> None:
         """Answer a request, if no answer to a copy of it can be on its way."""

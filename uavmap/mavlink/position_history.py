@@ -16,7 +16,7 @@ from missions.units import LatLon, Quaternion
 
 HISTORY_S: Final = 30.0
 """Maximum age of a picture that is judged, s."""
-MOST_KEPT: Final = 1000
+MAX_KEPT: Final = 1000
 _M_PER_DEG: Final = 111_195.0
 T = TypeVar("T")
 
@@ -56,7 +56,7 @@ class _History(Generic[T]):
     """The values of the last `HISTORY_S`, each with its time on the vehicle's clock."""
 
     def __init__(self) -> None:
-        self._kept: deque[tuple[float, T]] = deque(maxlen=MOST_KEPT)
+        self._kept: deque[tuple[float, T]] = deque(maxlen=MAX_KEPT)
 
     @property
     def last_s(self) -> float:
@@ -111,7 +111,7 @@ class Whereabouts(_History[Fix]):
 
 
 # --- how it was turned -----------------------------------------------------------------------
-MOST_GAP_S: Final = 0.5
+MAX_GAP_S: Final = 0.5
 """Maximum time to the nearest attitude for an interpolation, s."""
 _NEARLY_SAME: Final = 0.9995
 
@@ -127,10 +127,10 @@ class Attitudes(_History[Quaternion]):
     def at(self, boot_s: float) -> Quaternion | None:
         """Return its attitude at a time of its clock, between two on the shortest turn.
 
-        None if the nearest is more than `MOST_GAP_S` away.
+        None if the nearest is more than `MAX_GAP_S` away.
         """
         before, after = self._around(boot_s)
-        near = [s for s in (before, after) if s is not None and abs(s[0] - boot_s) <= MOST_GAP_S]
+        near = [s for s in (before, after) if s is not None and abs(s[0] - boot_s) <= MAX_GAP_S]
         if not near:
             return None
         if before is None or after is None:

@@ -78,7 +78,7 @@ class Session:
         """Acknowledgements by command and commanded component."""
         self._commanding: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
         """One command at a time for each component: no landing waits for a camera's answer."""
-        self.heard_s: dict[int, float] = {}
+        self.received_s: dict[int, float] = {}
         """Time of the autopilot's last message of a kind, by its id, on our clock."""
         self.view = VehicleView()
         self.traffic = LinkTraffic(self.view.gate)
@@ -125,7 +125,7 @@ class Session:
             return False
         self.bound_s = now_s if self.bound_s is None else self.bound_s
         if message.get_srcComponent() == self.view.autopilot_component:
-            self.heard_s[message.get_msgId()] = now_s
+            self.received_s[message.get_msgId()] = now_s
         kind = message.get_type()
         if kind == "COMMAND_ACK":
             self._receive_ack(message)

@@ -20,8 +20,8 @@ from uavmap.base.printable import printable
 from uavmap.mavlink.autopilots import PX4
 
 CHUNK_BYTES: Final = 50
-MOST_CHUNKS: Final = 16
-MOST_OPEN: Final = 4
+MAX_CHUNKS: Final = 16
+MAX_OPEN: Final = 4
 """Maximum number of a vehicle's texts that may be incomplete at a time."""
 MAX_CHUNK_WAIT_S: Final = 2.0
 """Maximum wait for the other chunks of a text, s; then it is passed on incomplete."""
@@ -68,10 +68,10 @@ class Texts:
         number, chunk = int(message.id), int(message.chunk_seq)
         if number == 0 or (chunk == 0 and not full):  # in one piece
             return [*done, _harmless(message.severity, words)]
-        if chunk >= MOST_CHUNKS:
+        if chunk >= MAX_CHUNKS:
             return done
         key = (component, number)
-        if key not in self._open and len(self._open) >= MOST_OPEN:
+        if key not in self._open and len(self._open) >= MAX_OPEN:
             done.append(self._open.pop(next(iter(self._open))).text())
         part = self._open.setdefault(key, _Open(int(message.severity), now_s))
         part.chunks[chunk] = words

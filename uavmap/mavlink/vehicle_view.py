@@ -107,9 +107,9 @@ class VehicleView:
     """Bound with `system_id` by the first heartbeat of an autopilot."""
     camera_component: int = mav.MAV_COMP_ID_CAMERA
     """First component that sent a camera's heartbeat, while it is received."""
-    camera_heard_s: float = float("-inf")
+    camera_received_s: float = float("-inf")
     gate: Gate = field(default_factory=Gate)
-    heard_s: float = float("-inf")
+    received_s: float = float("-inf")
     mode: int | None = None
     armed: bool = False
     failsafe: bool = False
@@ -262,7 +262,7 @@ class VehicleView:
         An autopilot that restarted has lost its streams. Late messages count from when they were
         sent.
         """
-        known_s = now_s - min(self.heard_s, self.position_s)
+        known_s = now_s - min(self.received_s, self.position_s)
         return max(known_s, self.age_s(now_s)) if self.gate.clock.late else known_s
 
     def captured_s(self, boot_ms: int, now_s: float, since_s: float = float("-inf")) -> float:

@@ -59,7 +59,7 @@ def update(view: VehicleView, message: Message, now_s: float) -> bool:
         if message.autopilot != view.autopilot and view.autopilot is not None:
             view.gate.refuse(name, "another autopilot", now_s)
             return False
-        view.heard_s = now_s
+        view.received_s = now_s
     handler = _HANDLERS.get(name)
     if handler is not None:
         handler(view, message, now_s, component)
@@ -119,11 +119,11 @@ def _current_mode(view: VehicleView, message: Message, now_s: float, component: 
 def _note_camera(view: VehicleView, now_s: float, component: int) -> None:
     """Note a camera's message; a second camera does not replace the first while that is active."""
     if component != view.camera_component:
-        if now_s - view.camera_heard_s < CAMERA_SILENT_S:
+        if now_s - view.camera_received_s < CAMERA_SILENT_S:
             return
         view.camera_component = component
         view.gate.camera_clock = CameraClock()
-    view.camera_heard_s = now_s
+    view.camera_received_s = now_s
 
 
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:

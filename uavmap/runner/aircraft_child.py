@@ -67,7 +67,7 @@ class AircraftChild:
         self._over = self._asked_to_end = False
         self._side: AircraftSide | None = None
         self._running: asyncio.Task[None] | None = None
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
         """Time of the mission's last message, on the monotonic clock, s."""
 
     async def run(self) -> None:
@@ -149,7 +149,7 @@ class AircraftChild:
                             return
                         decoder.known = True
                     elif writer is self._writer:
-                        self._heard_s = time.monotonic()
+                        self._received_s = time.monotonic()
                         if isinstance(message, msg.Beat):
                             while self._unkept and self._unkept[0].serial <= message.kept:
                                 self._unkept.popleft()
@@ -188,7 +188,7 @@ class AircraftChild:
         writer.write(msg.encode(answer))
         if answer.state in ("refused", "returning"):
             return False
-        self._writer, self._heard_s = writer, time.monotonic()
+        self._writer, self._received_s = writer, time.monotonic()
         self._met.set()
         self._gone.clear()
         for early in self._early:
@@ -226,7 +226,7 @@ class AircraftChild:
     async def _watch(self) -> None:
         while True:
             await asyncio.sleep(BEAT_WALL_S * self._speedup)
-            silent_s = time.monotonic() - self._heard_s
+            silent_s = time.monotonic() - self._received_s
             side = self._side
             if self._writer is not None:
                 self._send(msg.Beat() if side is None else side.beat())
@@ -237,7 +237,7 @@ class AircraftChild:
                 side.host.receive(msg.Finish(GONE))
 
     def _hold(self) -> None:
-        self._heard_s = time.monotonic() - SILENT_WALL_S
+        self._received_s = time.monotonic() - SILENT_WALL_S
         if self._side is not None and self._side.host.state == "flying":
             self.show(
                 f"{GONE} without a last message: the vehicles hold for {self._hold_s:.0f} s, then "

@@ -60,7 +60,7 @@ class AircraftProcess:
         self._child: Child | None = None
         self._address: Address | None = None
         self._speedup = plan.speedup or 1.0
-        self._heard_s = 0.0
+        self._received_s = 0.0
 
     @contextlib.asynccontextmanager
     async def connected(self, port: Port, begin: Callable[[], msg.Begin]) -> AsyncIterator[None]:
@@ -97,7 +97,7 @@ class AircraftProcess:
         self._address = found.address
         found.socket.setblocking(False)
         reader, writer = await asyncio.open_connection(sock=found.socket)
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
         return _Line(reader, writer)
 
     def _begun(self) -> Attachment:
@@ -196,7 +196,7 @@ class AircraftProcess:
         beating = asyncio.create_task(self._beat(port, line))
         try:
             while data := await line.reader.read(_READ_BYTES):
-                self._heard_s = time.monotonic()
+                self._received_s = time.monotonic()
                 for message in decoder.feed(data):
                     port.receive(message)
         except OSError:
@@ -207,7 +207,7 @@ class AircraftProcess:
     async def _beat(self, port: Port, line: _Line) -> None:
         while True:
             line.send(msg.Beat(kept=port.kept))
-            if time.monotonic() - self._heard_s > 2.0 * SILENT_WALL_S:
+            if time.monotonic() - self._received_s > 2.0 * SILENT_WALL_S:
                 line.writer.close()
             await asyncio.sleep(BEAT_WALL_S * self._speedup)
 

@@ -27,9 +27,9 @@ from uavmap.mavlink.identity import wait_for_autopilot
 from uavmap.mavlink.session import Message, Session
 from uavmap.runner.preflight.examination import open_answering_links
 
-LEAST_STEP_M: Final = 10.0
+MIN_STEP_M: Final = 10.0
 """Minimum distance of two requested places, m: databases of autopilots have 30 to 100 m."""
-MOST_PLACES: Final = 1500
+MAX_PLACES: Final = 1500
 
 
 def with_ground(plan: FlightPlan) -> FlightPlan:
@@ -78,7 +78,7 @@ async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
 
 async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:
     await wait_for_autopilot(session, name)
-    lattice = FenceLattice.around(mission, LEAST_STEP_M, MOST_PLACES / 1.2)
+    lattice = FenceLattice.around(mission, MIN_STEP_M, MAX_PLACES / 1.2)
     if lattice.step_m > MOST_STEP_M:
         raise LinkError(
             f"{name}: the places of a fence so large that an autopilot can be asked for lie "

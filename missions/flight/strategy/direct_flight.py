@@ -20,7 +20,7 @@ from missions.planning.sweep.memo import valued
 from missions.planning.sweep.paths import Tuning
 from missions.units import Cell, GridPoint
 
-MOST_ROUTES: Final = 12
+MAX_ROUTES: Final = 12
 """Number of places, nearest first, that are tried for a route inside the fence."""
 
 
@@ -40,7 +40,7 @@ def fetch(
     found: list[tuple[float, int, Cell, tuple[GridPoint, ...]]] = []
     for number, vehicle in sorted(team.items()):
         places = _vantages(state, vehicle, known, needed, tried)
-        for away_m, cell, place in places[:MOST_ROUTES]:
+        for away_m, cell, place in places[:MAX_ROUTES]:
             if found and away_m >= found[0][0]:
                 break
             route = state.setting.fence.route(vehicle.position, place)

@@ -14,7 +14,7 @@ from typing import Final
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.state import Setting, State
 from missions.flight.strategy.sweep import Paths
-from missions.flight.strategy.sweep_passes import give_up_rest, pass_memory
+from missions.flight.strategy.sweep_paths import give_up_rest, path_memory
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.mapping.tree import beside
@@ -125,7 +125,7 @@ class EveryPatch(Covering):
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:
         """Have a vehicle wait for members out of contact over its pad, in range of all."""
         away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
-        waits = vehicle.vehicle in pass_memory(state).waiting
+        waits = vehicle.vehicle in path_memory(state).waiting
         waits = waits and any(state.t_s < v.held_until_s for v in away)
         if waits and not vehicle.is_over_pad:
             return Airspace(state).over_own_pad(vehicle)

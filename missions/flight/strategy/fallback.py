@@ -5,7 +5,7 @@ move is a leg between two cells and half an observation. Paths may take `patienc
 is not decided by then, all vehicles fly to its root, and `rdfs` explores it. Cells whose neighbours
 are all decided count as visited. B grows with C and D, so the exploration takes at most
 
-    max(LEAST_PATIENCE_S, B(C, D)) + a leg to the root + B(C, D)
+    max(MIN_PATIENCE_S, B(C, D)) + a leg to the root + B(C, D)
 
 seconds, without returns and battery swaps. Paths take a fifth of B or less.
 """
@@ -19,7 +19,7 @@ from missions.flight.state import Setting, State
 from missions.flight.vehicle_state import VehicleState
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 
-LEAST_PATIENCE_S: Final = 120.0
+MIN_PATIENCE_S: Final = 120.0
 
 
 def bound_s(setting: Setting, cells: int, depth: int) -> float:
@@ -30,16 +30,16 @@ def bound_s(setting: Setting, cells: int, depth: int) -> float:
 def patience_s(state: State) -> float:
     """Return the time that paths may take to explore the known part of a region, s."""
     if state.tree is None:
-        return LEAST_PATIENCE_S
+        return MIN_PATIENCE_S
     known = max(len(state.tree), len(state.belief.roi))
-    return max(LEAST_PATIENCE_S, bound_s(state.setting, known, state.tree.depth))
+    return max(MIN_PATIENCE_S, bound_s(state.setting, known, state.tree.depth))
 
 
 def whole_bound_s(setting: Setting, cells: int, depth: int) -> float:
     """Return the maximum time of an exploration by paths and their fallback, s."""
     stops_s = bound_s(setting, cells, depth)
     to_root_s = setting.energy.leg_s(cells * setting.grid.cell_m)
-    return max(LEAST_PATIENCE_S, stops_s) + to_root_s + stops_s
+    return max(MIN_PATIENCE_S, stops_s) + to_root_s + stops_s
 
 
 def fall_back(state: State) -> State:

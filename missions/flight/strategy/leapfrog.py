@@ -20,13 +20,13 @@ from missions.flight.path_orders import PLAN_LEAD_S, give_path, through
 from missions.flight.return_home import send_home
 from missions.flight.state import Setting, State
 from missions.flight.strategy.every_patch import Survey
-from missions.flight.strategy.lane_passes import flown_along
-from missions.flight.strategy.sweep_passes import give_up_rest
+from missions.flight.strategy.lane_paths import flown_along
+from missions.flight.strategy.sweep_paths import give_up_rest
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.path_in_fence import is_outside
 from missions.geo.trajectory import ACCELERATION_M_S2, least_s
 from missions.mission.fleet_checks import tracker_view
-from missions.planning.leapfrog_geometry import LEAST_M, Role, Step, steps_along
+from missions.planning.leapfrog_geometry import MIN_PATH_M, Role, Step, steps_along
 from missions.planning.search.lanes import Blocks, Lane, turned
 from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import Cell, GridPoint
@@ -121,13 +121,13 @@ def _move(state: State, memory: LeapfrogMemory) -> State:
     if state.t_s - waits_s >= STALLED_S:
         return give_up_rest(replace(state, memory=memory))
     state = replace(state, memory=replace(memory, waits_since_s=waits_s))
-    places = [GridPoint(*place) for place in step.way[1:]]
+    places = [GridPoint(*place) for place in step.path[1:]]
     if step.mover is Role.TRACKER:
         mover = state.vehicles[TRACKER]
         state = Airspace(state).reserve_or_wait(mover, mover.leg(places))
     else:
         mover = state.vehicles[MAPPER]
-        if mover.position.distance_to(places[0]) < LEAST_M and len(places) > 1:
+        if mover.position.distance_to(places[0]) < MIN_PATH_M and len(places) > 1:
             places = places[1:]
         begin_s = round(state.t_s + PLAN_LEAD_S, 3)
         path = through(state.setting, mover, places, [False] * len(places), begin_s)

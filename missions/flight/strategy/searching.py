@@ -10,7 +10,7 @@ from missions.flight.airspace.airspace import Airspace
 from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.state import State
-from missions.flight.strategy.lane_passes import give_up_lane
+from missions.flight.strategy.lane_paths import give_up_lane
 from missions.flight.vehicle_state import OVER_PAD_M, Phase, ReturnReason, VehicleState
 from missions.geo.fence import route_length_m
 from missions.orders import FlyTo, Look, Order, Sweep

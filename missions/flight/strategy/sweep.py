@@ -1,7 +1,7 @@
 """`swath` with `find = "first"`: search until the region is seen, then sweep over it.
 
-`Paths` is the common part of all strategies that fly paths. `missions.flight.strategy.lane_passes`
-and `sweep_passes` plan and give the paths.
+`Paths` is the common part of all strategies that fly paths. `missions.flight.strategy.lane_paths`
+and `sweep_paths` plan and give the paths.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.sightings import on_a_lane
 from missions.flight.state import Setting, State, Strategy
 from missions.flight.strategy.fallback import whole_bound_s
-from missions.flight.strategy.lane_passes import end_searched, search_passes
+from missions.flight.strategy.lane_paths import end_searched, search_paths
 from missions.flight.strategy.searching import find_work, search
 from missions.flight.strategy.stepwise import RDFS
-from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, go_straight_home
+from missions.flight.strategy.sweep_paths import explore_paths, give_up_rest, go_straight_home
 from missions.flight.strategy.work import Area, Lanes
 from missions.flight.vehicle_state import VehicleState
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
@@ -100,7 +100,7 @@ class Paths(Strategy):
         if state.exploration_finished:
             return go_straight_home(state)
         begun = self.flies_all_lanes or state.tree is not None
-        return explore_passes(self, state) if begun else state
+        return explore_paths(self, state) if begun else state
 
     def next_order(self, state: State, vehicle: VehicleState) -> State:
         """Give a path along the lanes; an exploration plans paths for all at once."""
@@ -120,7 +120,7 @@ class Paths(Strategy):
             vehicle = replace(vehicle, asks=None)
             state = state.with_vehicle(vehicle)
         if state.tree is None and vehicle.lanes:
-            return search_passes(state, vehicle)
+            return search_paths(state, vehicle)
         return self.without_lanes(state, vehicle)
 
     def without_lanes(self, state: State, vehicle: VehicleState) -> State:

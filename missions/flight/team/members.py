@@ -24,7 +24,7 @@ from missions.fleet_events import (
 )
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Setting, State
-from missions.flight.strategy.lane_passes import still_open
+from missions.flight.strategy.lane_paths import still_open
 from missions.flight.team.work_shares import back_from_lanes_s, held_until_s
 from missions.flight.vehicle_state import Allotment, Column, Phase, ReturnReason
 from missions.geo.trajectory import rounded_path
@@ -34,7 +34,7 @@ from missions.mapping.own_cells import as_frames
 from missions.orders import FlyPath
 from missions.planning.search.lanes import number_among
 
-LEAST_STEP_M: Final = 1.0
+MIN_STEP_M: Final = 1.0
 """Minimum distance of two places of a path; nearer places are one, m."""
 _PHASES: Final = {
     "stands": Phase.GROUNDED,
@@ -136,7 +136,7 @@ def _path(setting: Setting, event: MemberReport) -> FlyPath | None:
     """Return another vehicle's path, as nearly as its reported places allow; None without one."""
     places = [event.position]
     for place in event.path:
-        if place.distance_to(places[-1]) >= LEAST_STEP_M:
+        if place.distance_to(places[-1]) >= MIN_STEP_M:
             places.append(place)
     if len(places) < 2:
         return None

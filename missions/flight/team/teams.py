@@ -22,7 +22,7 @@ from missions.flight.lane_progress import lanes_held
 from missions.flight.path_orders import fly_route
 from missions.flight.state import Fences, Setting, State, Team
 from missions.flight.strategy.charting import gate_of
-from missions.flight.strategy.lane_passes import cells_drift_out, still_open
+from missions.flight.strategy.lane_paths import cells_drift_out, still_open
 from missions.flight.team.work_shares import mark_unreported, own_part, share_parts, shared_out
 from missions.flight.vehicle_state import OFF_LAYER_M, Phase, VehicleState
 from missions.geo.columns import PAD_M, columns_over, fence_without
@@ -122,7 +122,7 @@ class Member(Team):
         given = air.reserve(moved, moved.leg((vehicle.asks.place,)))
         return state.holding(vehicle) if given is None else given
 
-    def way_out(self, state: State, vehicle: VehicleState) -> State:
+    def leave_column(self, state: State, vehicle: VehicleState) -> State:
         """Have a vehicle leave its column straight where its way leads past those of others."""
         gate = gate_of(state.setting, vehicle)
         if not vehicle.is_over_pad or vehicle.position.distance_to(gate) < GATE_M:

@@ -231,7 +231,7 @@ def _other(role: Role) -> Role:
 
 
 def _legs(step: Step) -> Sequence[Array]:
-    pairs = ((np.array(a), np.array(b)) for a, b in pairwise(step.way) if math.dist(a, b) > 0.0)
+    pairs = ((np.array(a), np.array(b)) for a, b in pairwise(step.path) if math.dist(a, b) > 0.0)
     return [b - a for a, b in pairs]
 
 

@@ -22,7 +22,7 @@ from missions.units import GridPoint
 
 EVEN_SHARE: Final = 0.1
 """Share of the probability that lies evenly over the box, for any prior."""
-_MOST_POINTS: Final = 200_000
+_MAX_POINTS: Final = 200_000
 _POINTS_A_CELL: Final = 3
 _FEWEST_COLUMNS: Final = 50
 
@@ -126,7 +126,7 @@ def _points(box: Polygon, cell_m: float, across: int) -> Points:
     rows = np.arange(first, last + 1) * apart_m
     if not len(rows):
         rows = np.asarray([(low + high) / 2.0])
-    most = max(_MOST_POINTS // len(rows), _FEWEST_COLUMNS)
+    most = max(_MAX_POINTS // len(rows), _FEWEST_COLUMNS)
     count = min(max(math.ceil((far - near) / apart_m), 1), most)
     columns = near + (np.arange(count) + 0.5) * (far - near) / count
     points = np.empty((len(rows) * count, 2))

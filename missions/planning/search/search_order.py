@@ -28,9 +28,9 @@ EXACT_VEHICLES: Final = 8
 """Maximum number of vehicles, with as many lanes, that are ordered exactly, in a tenth of a
 second."""
 LONGEST_MOVED: Final = 3
-_MOST_ROUNDS: Final = 50
+_MAX_ROUNDS: Final = 50
 _MOVES: Final = 2000
-_LEAST_REACH: Final = 20
+_MIN_REACH: Final = 20
 _GAIN_S: Final = 1e-9
 
 Block = tuple[LikelyLane, ...]
@@ -165,7 +165,7 @@ class _Tours:
         self._vehicles = len(homes)
         # length of a part that is reversed, and distance of a move: with many lanes not all are
         # tried
-        self._reach = max(_LEAST_REACH, _MOVES // (len(likely) + len(homes)))
+        self._reach = max(_MIN_REACH, _MOVES // (len(likely) + len(homes)))
         starts = np.asarray([*(way.lane[0] for way in self._ways), *homes], float)
         ends = np.asarray([*(way.lane[1] for way in self._ways), *homes], float)
         legs_m = np.hypot(*np.moveaxis(ends[:, None, :] - starts[None, :, :], 2, 0))
@@ -226,7 +226,7 @@ class _Tours:
     def improved(self, tour: Ints) -> Ints:
         """Return the sequence after moves that help, place after place, until none does."""
         cost_s = float(self.costs_s(tour[None, :])[0])
-        for _ in range(_MOST_ROUNDS):
+        for _ in range(_MAX_ROUNDS):
             before_s = cost_s
             for place, moves in itertools.product(range(1, len(tour)), (self._turned, self._moved)):
                 batch = moves(tour, place)

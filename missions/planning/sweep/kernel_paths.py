@@ -53,7 +53,7 @@ def within(path: Trajectory, t_s: float) -> PlaceOnPath | None:
         ends_s = piece.begin_s + piece.duration_s
         if t_s < ends_s or index == len(path.pieces) - 1:
             dt_s = min(max(t_s - piece.begin_s, 0.0), piece.duration_s)
-            into_m = piece.way_m(dt_s)
+            into_m = piece.distance_m(dt_s)
             found = piece.after(dt_s)
             speed = piece.speed_m_s + piece.accel_m_s2 * dt_s
             return PlaceOnPath(

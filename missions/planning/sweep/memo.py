@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 from missions.planning.sweep.chart import Chart, KnownMap
 from missions.planning.sweep.paths import (
-    LEAST_WORK,
     MIN_TOUR_GAIN_S,
+    MIN_WORK,
     Flyer,
     Kinematics,
     Plan,
@@ -90,7 +90,7 @@ def tours_once(
     begin_s: float,
     decision: int,
     before: Waypoints,
-    least: int = LEAST_WORK,
+    least: int = MIN_WORK,
     keep_s: float = MIN_TOUR_GAIN_S,
 ) -> Tours | None:
     """Return tours of a team past all cells to see; None if they are fewer than `least`."""

@@ -120,7 +120,7 @@ class Plan:
     cost_s: float
 
 
-LEAST_WORK: Final = 24
+MIN_WORK: Final = 24
 """Minimum number of cells for a tour; fewer are left to annealing alone."""
 MIN_TOUR_GAIN_S: Final = 2.0
 """Minimum gain of new tours over the last ones, s."""

@@ -61,7 +61,7 @@ def worth_of_detours(tuning: Tuning, chart: Chart, team: Sequence[Flyer], valued
     return worth, need, cells, work
 
 
-_MOST_LEAD: Final = 24  # pieces of a lead-in
+_MAX_LEAD: Final = 24  # pieces of a lead-in
 
 
 @dataclass(slots=True)
@@ -81,7 +81,7 @@ class _Search:
             kernels.Team(
                 rows,
                 np.zeros((count, begins, 4)),
-                np.zeros((count, begins, _MOST_LEAD, kernels.PIECE)),
+                np.zeros((count, begins, _MAX_LEAD, kernels.PIECE)),
                 np.zeros((count, begins), np.int64),
                 np.zeros(count),
             ),

@@ -18,8 +18,8 @@ from missions.planning.kernels import tour_kernels as kernels
 from missions.planning.sweep.chart import Chart
 from missions.planning.sweep.paths import (
     CUT_M,
-    LEAST_WORK,
     MIN_TOUR_GAIN_S,
+    MIN_WORK,
     Floats,
     Flyer,
     Ints,
@@ -28,7 +28,7 @@ from missions.planning.sweep.paths import (
     Waypoints,
 )
 
-MOST_PLACES: Final = 600
+MAX_PLACES: Final = 600
 MOVES: Final = 30_000
 HOT_S: Final = 2.0
 COLD_S: Final = 0.05
@@ -44,7 +44,7 @@ def lay_tours(
     begin_s: float,
     seed: int,
     before: Waypoints = (),
-    least: int = LEAST_WORK,
+    least: int = MIN_WORK,
     keep_s: float = MIN_TOUR_GAIN_S,
 ) -> Tours | None:
     """Return tours for a team past all work; None if it is less than `least` cells.
@@ -60,7 +60,7 @@ def lay_tours(
     flags[cells[:work]] = 1
     wide = min(_seen_cells(f.kinematics.half_east_m, chart.cell_m) for f in team)
     high = min(_seen_cells(f.kinematics.half_north_m, chart.cell_m) for f in team)
-    places, of = kernels.look_from(flags, chart.columns, chart.rows, wide, high, MOST_PLACES)
+    places, of = kernels.look_from(flags, chart.columns, chart.rows, wide, high, MAX_PLACES)
     places, count = (places + np.array([chart.west, chart.south])) * chart.cell_m, len(places)
     crew = _crew(team, delays_s, begin_s)
     order = np.zeros((len(team), count + 1), np.int64)

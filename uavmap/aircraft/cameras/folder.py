@@ -155,12 +155,12 @@ class CardClock:
     lead: RecentLeast = field(default_factory=lambda: RecentLeast(60.0))
     """Minimum time from an exposure to its file, by both clocks, s."""
 
-    def taken_s(self, told_s: float, heard_s: float) -> float:
+    def taken_s(self, told_s: float, received_s: float) -> float:
         """Return the exposure of a picture on our clock, by the shortest delay of a file, s."""
-        lead_s, least_s = heard_s - told_s, self.lead.value
+        lead_s, least_s = received_s - told_s, self.lead.value
         if least_s is not None and abs(lead_s - least_s) > self.same_s:
             self.lead.clear()
-        self.lead.add(lead_s, heard_s)
+        self.lead.add(lead_s, received_s)
         return told_s + (self.lead.value or 0.0)
 
 
@@ -192,11 +192,11 @@ class Card:
     ) -> None:
         self.folder = folder
         self._latency_s = latency_s
-        self._say = say
+        self._log = say
         self._slowly = slowly
         self._watch = FolderWatch(folder)
         self._clock = CardClock()
-        self._told_s = float("-inf")
+        self._logged_s = float("-inf")
 
     async def begin(self) -> None:
         """Note the existing files. Raises `LinkError` without such a folder."""
@@ -215,9 +215,9 @@ class Card:
                 for new, exif_s in await self._slowly(look):
                     found(self._picture(new, exif_s))
             except LinkError as error:
-                if loop.time() - self._told_s >= _LOG_INTERVAL_S:
-                    self._told_s = loop.time()
-                    self._say(str(error))
+                if loop.time() - self._logged_s >= _LOG_INTERVAL_S:
+                    self._logged_s = loop.time()
+                    self._log(str(error))
             await asyncio.sleep(POLL_S)
 
     def _picture(self, new: NewFile, exif_s: float | None) -> CardPicture:
@@ -254,7 +254,7 @@ class FolderSource(LocalSource):
 
     def _found(self, picture: CardPicture) -> None:
         if self._cadence.selects(picture.taken_s):
-            self._heard(
+            self._deliver(
                 Announcement(
                     name=str(picture.path),
                     taken_s=picture.taken_s,

@@ -267,7 +267,7 @@ class MavlinkSource(CommandedSource):
         self._session.request(mav.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED, index)
 
     def _on_message(self, message: Message) -> None:
-        self._heard(self._announcement(message))
+        self._deliver(self._announcement(message))
 
     async def fetch(self, url: str) -> bytes:
         """Return the file of a picture, by MAVLink FTP or by HTTP. Raises `LinkError`."""

@@ -90,7 +90,7 @@ class Poses:
         self._view = session.view
         self._mount = mount
         self._grid = grid
-        self._told = False
+        self._logged = False
         self.streams: dict[int, float] = {}
         """Rates, Hz, by message id, that it needs besides a mission's."""
 
@@ -125,9 +125,9 @@ class Poses:
 
     def _log_missing_pose(self, picture: Announcement) -> None:
         """Log once that a camera does not report its pose."""
-        if self._told or picture.kind != "CAMERA_IMAGE_CAPTURED":
+        if self._logged or picture.kind != "CAMERA_IMAGE_CAPTURED":
             return
-        self._told = True
+        self._logged = True
         what = "attitude" if picture.reported.attitude is None else "position"
         self._view.gate.say(
             f"the camera does not report its {what}: the autopilot's is used, with "

@@ -64,11 +64,11 @@ class FrameSource(ABC):
     """
 
     def __init__(self) -> None:
-        self._heard: Callable[[Announcement], None] = lambda announcement: None
+        self._deliver: Callable[[Announcement], None] = lambda announcement: None
 
     def listen(self, heard: Callable[[Announcement], None]) -> None:
         """Call only `heard` with each picture, from the loop, in their order."""
-        self._heard = heard
+        self._deliver = heard
 
     @abstractmethod
     async def start(

@@ -96,7 +96,7 @@ class ThreadReader:
         self._frames: deque[RawFrame] = deque(maxlen=_WAITING)
         self._news = asyncio.Event()
         self._ended = False
-        self._heard_s = 0.0
+        self._received_s = 0.0
 
     async def open(self, wants: Wants) -> None:
         """Open it, in its thread; `wants` selects frames to decode by time. Raises `LinkError`."""
@@ -140,11 +140,11 @@ class ThreadReader:
         self._thread = threading.Thread(target=read, name="camera", daemon=True)
         self._thread.start()
         await opened
-        self._heard_s = loop.time()
+        self._received_s = loop.time()
 
     def _put(self, over: threading.Event, there_s: float, frame: RawFrame | None) -> None:
         if over is self._over:
-            self._heard_s = there_s
+            self._received_s = there_s
             if frame is not None:
                 self._frames.append(frame)
             self._news.set()
@@ -160,7 +160,7 @@ class ThreadReader:
             if self._ended:
                 return None
             self._news.clear()
-            left_s = self._heard_s + SILENT_S - asyncio.get_running_loop().time()
+            left_s = self._received_s + SILENT_S - asyncio.get_running_loop().time()
             try:
                 async with asyncio.timeout(max(left_s, 0.0)):
                     await self._news.wait()
@@ -195,11 +195,11 @@ class StreamSource(LocalSource):
         self._name = name
         self._reader = reader
         self._size_px = size_px
-        self._say = say
+        self._log_line = say
         self._first = False
         self._number = 0
         self._held: OrderedDict[int, Loaded | ImageError] = OrderedDict()
-        self._told_s = float("-inf")
+        self._logged_s = float("-inf")
 
     async def begin(self) -> None:
         """Open it and check a picture. Raises `LinkError` if it is not as configured."""
@@ -251,9 +251,9 @@ class StreamSource(LocalSource):
 
     def _log(self, text: str) -> None:
         now_s = asyncio.get_running_loop().time()
-        if now_s - self._told_s >= _LOG_INTERVAL_S:
-            self._told_s = now_s
-            self._say(text)
+        if now_s - self._logged_s >= _LOG_INTERVAL_S:
+            self._logged_s = now_s
+            self._log_line(text)
 
     def _keep_frame(self, frame: RawFrame) -> None:
         taken_s = frame.there_s - self._latency_s
@@ -264,7 +264,7 @@ class StreamSource(LocalSource):
         held[number] = frame.loaded
         if len(held) > MAX_HELD_PICTURES:
             held.popitem(last=False)
-        self._heard(
+        self._deliver(
             Announcement(f"{self._name} frame {number}", taken_s, lambda: self._load(number))
         )
 

@@ -149,7 +149,7 @@ class TriggeredSource(CommandedSource):
             self._announce(near, str(path), partial(self._card.load, path))
 
     def _announce(self, shot: _Shot, name: str, load: Callable[[], Any]) -> None:
-        self._heard(
+        self._deliver(
             Announcement(name, shot.taken_s, load, reported=shot.reported, kind="CAMERA_FEEDBACK")
         )
 

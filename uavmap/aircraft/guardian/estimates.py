@@ -30,12 +30,12 @@ LEARNED_FROM_M_S: Final = 1.5
 """Minimum difference of two mean velocities by which the airframe's drag is learned, m/s."""
 DRAG_PRIOR: Final = 1.5
 """Weight of the quadcopter against the learned factor: less than one leg at 6 m/s."""
-MOST_LEARNED: Final = 60
+MAX_LEARNED: Final = 60
 """Maximum number of last legs that are kept."""
 FAR_OFF: Final = 2.0
 """Maximum ratio of a leg's drag to the median of the others; beyond it, it is left out."""
-LEAST_FACTOR: Final = 0.5
-MOST_FACTOR: Final = 8.0
+MIN_FACTOR: Final = 0.5
+MAX_FACTOR: Final = 8.0
 
 
 def drag_m_s2(airspeed_m_s: float) -> float:
@@ -83,7 +83,7 @@ class WindEstimate:
         self._samples: list[tuple[float, float, float, float, float]] = []
         self._blocks: deque[_Block] = deque(maxlen=BLOCKS)
         # drag factors of single legs, with their weights
-        self._learned: deque[tuple[float, float]] = deque(maxlen=MOST_LEARNED)
+        self._learned: deque[tuple[float, float]] = deque(maxlen=MAX_LEARNED)
 
     def forget(self) -> None:
         """Begin anew on the ground; the learned factor of the airframe stays."""
@@ -102,7 +102,7 @@ class WindEstimate:
         near = [(f, w) for f, w in self._learned if middle / FAR_OFF <= f <= middle * FAR_OFF]
         learned = DRAG_PRIOR + sum(factor * weight for factor, weight in near)
         mean = learned / (DRAG_PRIOR + sum(weight for _, weight in near))
-        return min(max(mean, LEAST_FACTOR), MOST_FACTOR)
+        return min(max(mean, MIN_FACTOR), MAX_FACTOR)
 
     def tilted(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> None:
         """Add an attitude: right side down, nose up, clockwise from true north, rad."""
@@ -240,8 +240,8 @@ DESCENT_END_S: Final = 0.6
 """End of a descent, s: a vehicle that comes to rest in the air was slow this long before."""
 IMPACT_KEPT_S: Final = 5.0
 """Time for which an impact is kept, s: until motors off is reported, and over a bounce."""
-LEAST_FALL: Final = 0.3
-MOST_FALL: Final = 1.5
+MIN_FALL: Final = 0.3
+MAX_FALL: Final = 1.5
 """Shares of gravity with which a free fall gains speed by its messages."""
 FALLS_S: Final = 2.0
 """Time for which a vehicle that reports its landing may still fall, s: from 20 m."""
@@ -300,4 +300,4 @@ def _falls(one: tuple[float, float], other: tuple[float, float]) -> bool:
     """Return whether it gained speed as in a free fall, or nearly, with some thrust and drag."""
     elapsed_s, gained_m_s = other[0] - one[0], other[1] - one[1]
     most_m_s = GRAVITY_M_S2 * elapsed_s
-    return LEAST_FALL * most_m_s <= gained_m_s <= MOST_FALL * most_m_s
+    return MIN_FALL * most_m_s <= gained_m_s <= MAX_FALL * most_m_s

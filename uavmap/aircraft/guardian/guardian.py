@@ -350,7 +350,7 @@ class Guardian:
         endurance_s = (
             self._last_wh * 3600.0 / self._limits.energy.hover_power_w + SILENCE_AFTER_BATTERY_S
         )
-        return max(self._view.heard_s, 0.0) + endurance_s - self._reporter.loop_s()
+        return max(self._view.received_s, 0.0) + endurance_s - self._reporter.loop_s()
 
     async def leave(self, reason: str) -> None:
         """Have a vehicle that is in the air return, and wait only until that is seen."""

@@ -133,8 +133,8 @@ class Host:
     async def judge(self, taken: PosedPicture) -> bool:
         """Have a picture judged by the mission. Raises `ImageError` for one that is too large."""
         size = len(taken.data) if isinstance(taken.data, bytes) else taken.data.nbytes
-        if size > msg.MOST_PICTURE_BYTES:
-            most = msg.MOST_PICTURE_BYTES
+        if size > msg.MAX_PICTURE_BYTES:
+            most = msg.MAX_PICTURE_BYTES
             raise ImageError(f"{taken.name}: {size} bytes; a picture has at most {most}")
         serial = next(self._serials)
         waiting: asyncio.Future[bool] = asyncio.get_running_loop().create_future()

@@ -27,9 +27,9 @@ from missions.units import Cell, LatLon, PadHeight, Pose
 VERSION: Final = 3
 """Number of this set of messages; two processes with different numbers do not connect."""
 _LENGTHS: Final = struct.Struct(">II")
-MOST_TEXT_BYTES: Final = 32 << 20
+MAX_TEXT_BYTES: Final = 32 << 20
 """Maximum length of the JSON of a message, bytes: a verdict on 400,000 cells."""
-MOST_PICTURE_BYTES: Final = 96 << 20
+MAX_PICTURE_BYTES: Final = 96 << 20
 """Maximum length of a picture, bytes: the pixels of an 8K frame; files are smaller."""
 FIRST_BYTES: Final = 1024
 """Maximum length of a connection's data before its token is known, bytes."""
@@ -325,7 +325,7 @@ class Decoder:
         self._buffer += data
         while len(self._buffer) >= _LENGTHS.size:
             text_size, data_size = _LENGTHS.unpack_from(self._buffer)
-            most = (MOST_TEXT_BYTES, MOST_PICTURE_BYTES) if self.known else (FIRST_BYTES, 0)
+            most = (MAX_TEXT_BYTES, MAX_PICTURE_BYTES) if self.known else (FIRST_BYTES, 0)
             if text_size > most[0] or data_size > most[1]:
                 raise LinkError(
                     "the aircraft process and the mission do not understand each other: a message "

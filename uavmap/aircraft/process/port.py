@@ -52,7 +52,7 @@ class Port:
         self.taken_in = taken_in
         self._swap = swap
         self._ask = ask
-        self._hear = hear
+        self._followers = hear
         self._send: Callable[[msg.Message], None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._swaps: dict[int, asyncio.Task[None]] = {}
@@ -137,7 +137,7 @@ class Port:
                 if self._keeping is None or self._keeping.done():
                     self._keeping = self._begin(self._keep())
             case msg.Telemetry():
-                for hear in self._hear:
+                for hear in self._followers:
                     hear(message)
             case msg.Picture():
                 self._begin(self._judged(message))

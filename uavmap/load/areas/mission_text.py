@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from missions.mission import flyable
-from missions.mission.height_and_speed import LEAST_HEIGHT_M, search_layer_faults
+from missions.mission.height_and_speed import MIN_HEIGHT_M, search_layer_faults
 from missions.mission.messages import section_of
 from missions.mission.schema import Mission, VehicleSection, parse_fields
 from missions.mission.sections import AUTO
@@ -125,7 +125,7 @@ def _height_and_pixels(mission: Mission) -> dict[str, Any]:
     top_m = mission.altitude_m(0) + above_m
     if top_m <= HIGHEST_M and not list(flyable.values(mission)):
         return {}
-    lowest_m = float(math.floor(max(min(top_m, HIGHEST_M) - above_m, LEAST_HEIGHT_M)))
+    lowest_m = float(math.floor(max(min(top_m, HIGHEST_M) - above_m, MIN_HEIGHT_M)))
     while lowest_m + above_m <= mission.fence.ceiling_m:
         optics = mission.camera.optics
         pixels = math.floor(optics.pixels_per_cell(lowest_m + above_m, mission.grid.cell_m))

@@ -46,7 +46,7 @@ class Losses:
 
 _V2, _V1 = mav.PROTOCOL_MARKER_V2, mav.PROTOCOL_MARKER_V1
 _MARKS: Final = (_V1, _V2)
-_MOST_KEPT: Final = 2 * 280
+_MAX_KEPT: Final = 2 * 280
 _SIGNATURE_BYTES: Final = 13
 
 
@@ -89,7 +89,7 @@ class Splitter:
             else:
                 at += 1
         del buffer[:at]
-        if len(buffer) > _MOST_KEPT:
+        if len(buffer) > _MAX_KEPT:
             buffer.clear()
         return found
 

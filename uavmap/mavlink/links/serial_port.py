@@ -11,9 +11,9 @@ from typing import Final
 import serial
 
 REOPEN_S: Final = 1.0
-MOST_UNSENT: Final = 1 << 14
+MAX_UNSENT: Final = 1 << 14
 """Maximum number of waiting bytes, three seconds at 57600 baud; more are lost."""
-_MOST_READS: Final = 64
+_MAX_READS: Final = 64
 """Maximum number of reads in one turn of the loop, until the port is empty."""
 
 
@@ -42,7 +42,7 @@ class SerialPort:
 
         Full or unplugged it drops the data, and the session misses the heartbeats.
         """
-        if self._port is None or len(self._unsent) + len(data) > MOST_UNSENT:
+        if self._port is None or len(self._unsent) + len(data) > MAX_UNSENT:
             return
         waits = bool(self._unsent)
         self._unsent += data
@@ -71,7 +71,7 @@ class SerialPort:
                 port.close()
 
     def _read(self) -> None:
-        for _ in range(_MOST_READS):
+        for _ in range(_MAX_READS):
             try:
                 data = self._port.read(4096) if self._port is not None else b""
             except (serial.SerialException, OSError):  # unplugged

@@ -30,7 +30,7 @@ EPOCH_UTC_S: Final = 1420070400
 TICKS_PER_S: Final = 100_000
 NEW_STREAM_BEHIND: Final = 60 * TICKS_PER_S
 """Maximum lag of a new stream behind the newest timestamp: one minute."""
-MOST_STREAMS: Final = 256
+MAX_STREAMS: Final = 256
 LINK_ID: Final = 0
 
 UNSIGNED: Final = "not signed"
@@ -104,7 +104,7 @@ class Signing:
         last = self._stamps.heard.get(stream)
         if last is None:
             new = tick + NEW_STREAM_BEHIND >= self._stamps.sent
-            if not new or len(self._stamps.heard) >= MOST_STREAMS:
+            if not new or len(self._stamps.heard) >= MAX_STREAMS:
                 return REPLAYED
         elif tick <= last:
             return REPLAYED
@@ -137,7 +137,7 @@ SAVE_S: Final = 2.0
 """Time between two writes of timestamps, real seconds."""
 _AHEAD: Final = int(2 * SAVE_S * TICKS_PER_S)
 """Lead of the written timestamps over the used ones: a killed process used less."""
-_MOST_CHARACTERS: Final = 4096
+_MAX_CHARACTERS: Final = 4096
 
 
 def new_key(path: Path) -> None:
@@ -163,7 +163,7 @@ def read_key(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
             found = os.fstat(file.fileno())
-            text = file.read(_MOST_CHARACTERS)
+            text = file.read(_MAX_CHARACTERS)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise LinkError(

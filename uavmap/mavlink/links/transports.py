@@ -24,9 +24,9 @@ from uavmap.mavlink.links.urls import Endpoint
 
 PEER_SILENT_S: Final = 10.0
 """Silence after which our vehicle may be received from another address, real seconds."""
-MOST_STRANGERS: Final = 16
+MAX_STRANGERS: Final = 16
 """Maximum number of strangers that a link logs."""
-MOST_AT_ONCE: Final = 1000
+MAX_AT_ONCE: Final = 1000
 """Maximum number of datagrams in one turn of the loop: a flood must not stop the rest."""
 _DATAGRAM_BYTES: Final = 65_535
 
@@ -41,19 +41,19 @@ class Strangers:
 
     def __init__(self, endpoint: Endpoint, say: Log) -> None:
         self._url = endpoint.url
-        self._say = say
+        self._log = say
         self._known: set[Any] = set()
 
     def log(self, address: Any, what: str) -> None:
         """Log the action of a stranger, the first time."""
-        if address in self._known or len(self._known) >= MOST_STRANGERS:
+        if address in self._known or len(self._known) >= MAX_STRANGERS:
             return
         self._known.add(address)
-        self._say(f"{self._url}: {_place(address)} {what}")
+        self._log(f"{self._url}: {_place(address)} {what}")
 
     def moved(self, before: Any, now: Any) -> None:
         """Log that the vehicle is received from another address."""
-        self._say(f"{self._url}: the vehicle is received from {_place(now)}, not {_place(before)}")
+        self._log(f"{self._url}: the vehicle is received from {_place(now)}, not {_place(before)}")
 
 
 def _place(address: Any) -> str:
@@ -91,7 +91,7 @@ class UdpSocket:
         self._loop.add_reader(self._socket.fileno(), self._read, hear)
 
     def _read(self, hear: Callable[[bytes, Address], None]) -> None:
-        for _ in range(MOST_AT_ONCE):
+        for _ in range(MAX_AT_ONCE):
             try:
                 data, address = self._socket.recvfrom(_DATAGRAM_BYTES)
             except OSError:  # it is empty, or closed
@@ -125,7 +125,7 @@ class UdpLink:
         self._strangers = strangers
         self._named = named is not None
         self._peer: Address | None = named
-        self._heard_s = float("-inf")
+        self._received_s = float("-inf")
 
     @property
     def peer_host(self) -> str | None:
@@ -141,16 +141,16 @@ class UdpLink:
         """Handle a datagram from an address."""
         if address == self._peer:
             if self._on_bytes(data):
-                self._heard_s = time.monotonic()
+                self._received_s = time.monotonic()
             return
-        silent_s = time.monotonic() - self._heard_s
+        silent_s = time.monotonic() - self._received_s
         if self._named or (self._peer is not None and silent_s < PEER_SILENT_S):
             self._strangers.log(address, "sends as well, and is ignored")
             return
         if self._on_bytes(data):
             if self._peer is not None:
                 self._strangers.moved(self._peer, address)
-            self._peer, self._heard_s = address, time.monotonic()
+            self._peer, self._received_s = address, time.monotonic()
 
     def send(self, data: bytes) -> None:
         """Send to the peer; drop without one."""
@@ -158,7 +158,7 @@ class UdpLink:
             self._socket.send(data, self._peer)
 
 
-MOST_UNSENT: Final = 1 << 18
+MAX_UNSENT: Final = 1 << 18
 """Maximum number of bytes that wait for a TCP peer; more are lost, as on any other link."""
 _KEEPALIVE_S: Final = 5
 
@@ -210,7 +210,7 @@ class TcpLink:
         transport = self._transport
         if transport is None or transport.is_closing():
             return
-        if transport.get_write_buffer_size() < MOST_UNSENT:  # else the other end does not read
+        if transport.get_write_buffer_size() < MAX_UNSENT:  # else the other end does not read
             transport.write(data)
 
     def close(self) -> None:

@@ -15,7 +15,7 @@ FRAMES: Final = b"F"
 JSON_OBJECT: Final = b"W"
 """A JSON object."""
 _HEAD: Final = struct.Struct("<cI")
-MOST_BYTES: Final = 1 << 20
+MAX_BYTES: Final = 1 << 20
 """Maximum length of a piece: a longer one is an error of its writer."""
 
 
@@ -42,7 +42,7 @@ class Pieces:
         self._unread += data
         while len(self._unread) >= _HEAD.size:
             letter, length = _HEAD.unpack_from(self._unread)
-            if letter not in (FRAMES, JSON_OBJECT) or length > MOST_BYTES:
+            if letter not in (FRAMES, JSON_OBJECT) or length > MAX_BYTES:
                 raise ValueError(f"no piece begins with {bytes(self._unread[: _HEAD.size])!r}")
             end = _HEAD.size + length
             if len(self._unread) < end:

@@ -25,7 +25,7 @@ ANSWER_S: Final = 20.0
 """Maximum wait for an answer, real seconds; then it hangs: the library gives up at 2."""
 SILENT_S: Final = 5.0
 """Maximum silence while its vehicle is received, real seconds; then it hangs as well."""
-MOST_UNREAD: Final = 1 << 20
+MAX_UNREAD: Final = 1 << 20
 """Maximum number of bytes that wait to be read."""
 _READ_BYTES: Final = 1 << 16
 _END_S: Final = 2.0
@@ -54,7 +54,7 @@ class MavsdkProcess:
         )  # fmt: skip
         self._take_frames = take_frames
         self._take_message = take_message
-        self._say = say
+        self._log = say
         self._speedup = speedup
         self._process: asyncio.subprocess.Process | None = None
         self._living: asyncio.Task[None] | None = None
@@ -112,7 +112,7 @@ class MavsdkProcess:
                     )
                 )
                 return
-            self._say(f"MAVSDK has ended ({why}) and is started again")
+            self._log(f"MAVSDK has ended ({why}) and is started again")
             await asyncio.sleep(RESTART_WAIT_S * self._speedup)
 
     async def _run_once(self) -> str:
@@ -235,7 +235,7 @@ class MavsdkProcess:
         process = self._process
         if process is None or process.stdin is None or process.stdin.is_closing():
             return False
-        if process.stdin.transport.get_write_buffer_size() > MOST_UNREAD:
+        if process.stdin.transport.get_write_buffer_size() > MAX_UNREAD:
             with contextlib.suppress(ProcessLookupError):
                 process.kill()
             return False

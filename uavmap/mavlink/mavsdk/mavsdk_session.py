@@ -201,7 +201,7 @@ class MavsdkSession(Session):
         speedup: float = 1.0,
     ) -> None:
         super().__init__(send, record, ack_wait_s)
-        self._say = say
+        self._log = say
         self.outbox = Outbox(self._emit)
         self.process = MavsdkProcess(
             GROUND_SYSTEM_ID, COMPONENT, self.outbox.forward, self._receive_object, say, speedup
@@ -242,7 +242,7 @@ class MavsdkSession(Session):
             self.outbox.not_sent(message)
             if result not in _NOT_SENT and not self._complained:
                 self._complained = True
-                self._say(f"MAVSDK does not send {message.get_type()}: {printable(result)}")
+                self._log(f"MAVSDK does not send {message.get_type()}: {printable(result)}")
 
         self.process.request(
             answered, do="send", name=message.get_type(), fields=fields_of(message)

@@ -9,7 +9,7 @@ from missions.flight.state import State
 from missions.traffic import Answer, Track
 from uavmap.base.printable import printable
 
-MOST_SHOWN: Final = 20
+MAX_SHOWN: Final = 20
 """Maximum number of aircraft on a page."""
 _WINDS: Final = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 DOING: Final = {
@@ -51,7 +51,7 @@ def traffic_marks(state: State) -> list[dict[str, Any]]:
     """
     marks: list[dict[str, Any]] = []
     turned = state.setting.grid.convergence_rad
-    for track in state.traffic.tracks[:MOST_SHOWN]:
+    for track in state.traffic.tracks[:MAX_SHOWN]:
         place = state.setting.grid.to_moving(track.at(state.t_s), state.t_s)
         toward_deg = speed_m_s = None
         if (velocity := track.velocity_m_s) is not None:

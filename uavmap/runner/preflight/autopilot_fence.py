@@ -17,14 +17,14 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.guardian.thresholds import OUTSIDE_S
-from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.mission.height_and_speed import MIN_HEIGHT_M
 from missions.mission.layout import Layout
 from missions.mission.places import drawn
 from missions.units import GridPoint, LatLon
 from uavmap.mavlink.autopilots import PX4, Autopilot
 from uavmap.mavlink.mission_transfer import Item
 
-LEAST_OUTSIDE_M: Final = 5.0
+MIN_OUTSIDE_M: Final = 5.0
 """Minimum distance from the mission's fence, m: two receivers, a home that moves, a gust."""
 ABOVE_M: Final = 10.0
 """Height of the ceiling above the highest layer, m: climbs overshoot, barometers drift."""
@@ -67,7 +67,7 @@ def outside_m(speed_m_s: float, accel_m_s2: float) -> float:
     21.0
     """
     brakes_m = speed_m_s**2 / (2.0 * accel_m_s2)
-    return max(LEAST_OUTSIDE_M, speed_m_s * OUTSIDE_S + brakes_m)
+    return max(MIN_OUTSIDE_M, speed_m_s * OUTSIDE_S + brakes_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class VehicleFence:
         """
         if self._sets_return:
             layer_m = self.setting.mission.altitude_m(self.number - 1) - self._level_m
-            return max(layer_m, LEAST_HEIGHT_M) + self._highest_m
+            return max(layer_m, MIN_HEIGHT_M) + self._highest_m
         name, units = self._return_name
         return self.found[name] / units if name in self.found else None
 
@@ -229,7 +229,7 @@ class VehicleFence:
     def _return_faults(self) -> list[str]:
         """Return a fault of a kept return height that does not clear the ground."""
         name, units = self._return_name
-        needed_m, set_to = self._highest_m + LEAST_HEIGHT_M, self.found.get(name, 0.0)
+        needed_m, set_to = self._highest_m + MIN_HEIGHT_M, self.found.get(name, 0.0)
         if self.setting.ground is None or set_to / units >= needed_m:
             return []
         return [f"{name} = {set_to:g} does not clear the ground: {needed_m:.0f} m needed"]

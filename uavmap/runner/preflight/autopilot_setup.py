@@ -347,7 +347,7 @@ class AutopilotSetup:
 
     async def _not_now(self) -> str:
         view, patience_s = self._view, max(MAX_SILENCE_S, 2.0 * self._session.ack_wait_s)
-        if asyncio.get_running_loop().time() - view.heard_s > patience_s:
+        if asyncio.get_running_loop().time() - view.received_s > patience_s:
             return "it is silent"
         if view.armed:
             return "its motors are armed"

@@ -134,7 +134,7 @@ MUCH_LOST: Final = 0.05
 TOO_MUCH_LOST: Final = 0.3
 SLOW_TRIP_S: Final = 0.5
 FEW_FRAMES_HZ: Final = 5.0
-LEAST_SATELLITES: Final = 6
+MIN_SATELLITES: Final = 6
 HIGH_HDOP: Final = 2.0
 """HDOP from which on a position is some metres off, half a cell."""
 FRESH_PERCENT: Final = 90
@@ -207,10 +207,10 @@ def _fix(measured: Measurement) -> Iterator[Finding]:
         found += f", {fix.satellites_visible} satellites"
     if fix.eph != 65535:
         found += f", HDOP {fix.eph / 100.0:.1f}"
-    good = f"a 3D fix, {LEAST_SATELLITES} satellites, HDOP below {HIGH_HDOP:g}"
+    good = f"a 3D fix, {MIN_SATELLITES} satellites, HDOP below {HIGH_HDOP:g}"
     if fix.fix_type < mav.GPS_FIX_TYPE_3D_FIX:
         yield bad("GPS", found, good, "wait under open sky; is the antenna connected?")
-    elif fix.satellites_visible < LEAST_SATELLITES or (
+    elif fix.satellites_visible < MIN_SATELLITES or (
         fix.eph != 65535 and fix.eph / 100.0 >= HIGH_HDOP
     ):
         yield warn("GPS", found, good, "wait for more satellites")

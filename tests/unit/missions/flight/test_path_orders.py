@@ -19,7 +19,7 @@ from missions.events import (
 from missions.flight.path_orders import PLAN_LEAD_S, come_inside
 from missions.flight.return_home import turn_back
 from missions.flight.strategy.charting import flyer_of
-from missions.flight.transitions import BEHIND_S, MOST_BEHIND
+from missions.flight.transitions import BEHIND_S, MAX_CONTINUATIONS_BEHIND
 from missions.flight.vehicle_state import ReturnReason
 from missions.geo.braking import Course
 from missions.geo.fence import Fence
@@ -205,7 +205,7 @@ def test_vehicle_behind_schedule_stops_and_continues_as_fast_as_the_wind_allows(
 def test_vehicle_behind_schedule_again_and_again_returns(every_s: float, comes_home: bool) -> None:
     made = flying()
     order = made.state.vehicles[1].order
-    for k in range(MOST_BEHIND + 1):
+    for k in range(MAX_CONTINUATIONS_BEHIND + 1):
         t_s = 17.0 + every_s * k
         made.put(1, order=order, braking_until_s=None, judged_s=t_s)
         assert made.state.vehicles[1].return_reason is None

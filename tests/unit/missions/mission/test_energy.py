@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from missions.mission.energy import (
     LANDING_OVERHEAD_S,
     LANDING_SPEED_M_S,
-    LEAST_HEADWAY_M_S,
+    MIN_HEADWAY_M_S,
     EnergyModel,
     energy_model,
 )
@@ -132,7 +132,7 @@ def test_a_leg_of_no_length_is_not_free():
         (7.0, 5.0),  # below the limit it leans more, and the margin on the power covers it
         (7.1, 4.9), (8.0, 4.0), (11.0, 1.0), (11.5, 0.5),
         # measured wind may be anything: the return is then costly, not endless or negative
-        *((beyond_m_s, LEAST_HEADWAY_M_S) for beyond_m_s in (11.6, 12.0, 40.0)),
+        *((beyond_m_s, MIN_HEADWAY_M_S) for beyond_m_s in (11.6, 12.0, 40.0)),
     ],
 )  # fmt: skip
 def test_leg_against_wind_has_the_rest_of_the_airspeed(wind_m_s, made_good_m_s):

@@ -43,9 +43,9 @@ def test_mapper_never_leaves_the_picture_and_the_path_is_flown(path):
         assert step.start == pytest.approx(places[step.mover], abs=1e-6)
         assert step.hovering == pytest.approx(places[other], abs=1e-6)
         # the path is straight between its places, so its ends are the farthest
-        assert max(math.dist(p, step.hovering) for p in step.way) <= VIEW.reach_m + 1e-6
+        assert max(math.dist(p, step.hovering) for p in step.path) <= VIEW.reach_m + 1e-6
         places[step.mover] = step.end
-    flown = [p for step in plan.steps if step.mover is Role.MAPPER for p in step.way]
+    flown = [p for step in plan.steps if step.mover is Role.MAPPER for p in step.path]
     assert sum(map(math.dist, flown, flown[1:])) == pytest.approx(LineString(path).length)
     assert LineString(flown).hausdorff_distance(LineString(path)) < 1e-6
     assert all(a.mover is not b.mover for a, b in pairwise(plan.steps) if a.mover is Role.TRACKER)

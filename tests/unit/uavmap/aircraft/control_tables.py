@@ -28,7 +28,7 @@ GUIDED, LOITER, RTL, LAND = ARDUPILOT.follows, 5, ARDUPILOT.rtl, ARDUPILOT.land
 NOW_S = EARLIER_MODE_AFTER_S + 0.1
 
 FLYING = Control(
-    air=AirState.AIRBORNE, mode=GUIDED, armed=True, heard_s=MAX_LIFT_OFF_S, took_off_s=0.0
+    air=AirState.AIRBORNE, mode=GUIDED, armed=True, received_s=MAX_LIFT_OFF_S, took_off_s=0.0
 )
 ASKED = replace(FLYING, request=Request(RTL, 0.0, before=GUIDED))
 """Control of a vehicle that flies in GUIDED after a request for RTL."""

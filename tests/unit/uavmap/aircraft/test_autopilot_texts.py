@@ -13,7 +13,7 @@ from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.autopilot_texts import BURST, MAX_RECORDED, failsafe_of, may_be_a_failsafe
 from uavmap.mavlink.autopilots import CurrentModeMessage, EventMessage
-from uavmap.mavlink.status_texts import MAX_CHUNK_WAIT_S, MOST_OPEN, Texts, number_of
+from uavmap.mavlink.status_texts import MAX_CHUNK_WAIT_S, MAX_OPEN, Texts, number_of
 
 CRITICAL, WARNING, INFO, DEBUG = (
     mav.MAV_SEVERITY_CRITICAL, mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_INFO,
@@ -59,7 +59,7 @@ def test_unfinished_texts_are_bounded():
     texts, said = Texts(), 0
     for number in range(1, 1000):
         said += len(texts.add(1, statustext(b"z" * 50, number=number, chunk=0), 0.0))
-    assert said == 999 - MOST_OPEN
+    assert said == 999 - MAX_OPEN
     assert texts.add(1, statustext(b"z", number=1, chunk=200), 0.0) == []
 
 

@@ -91,7 +91,12 @@ HOLD = PX4.follows
 def lands(mode, holder):
     confirmed = Request(mode, 0.0, confirmed=True) if holder is Holder.OURS else None
     return Control(
-        air=AirState.LANDING, mode=mode, armed=True, heard_s=9.0, request=confirmed, holder=holder
+        air=AirState.LANDING,
+        mode=mode,
+        armed=True,
+        received_s=9.0,
+        request=confirmed,
+        holder=holder,
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions import events as ev
-from missions.flight.strategy.sweep_passes import PLAN_LEAD_S
+from missions.flight.strategy.sweep_paths import PLAN_LEAD_S
 from missions.geo.trajectory import rounded_path
 from missions.mission.sim_section import SimQuirks
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, StandDown, Sweep, TakeOff

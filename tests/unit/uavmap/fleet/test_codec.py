@@ -24,7 +24,7 @@ from uavmap.fleet.codec import (
     decode,
     encode,
 )
-from uavmap.fleet.knowledge import MOST_RUNS, Holding
+from uavmap.fleet.knowledge import MAX_RUNS, Holding
 
 CHECKED = settings(max_examples=60, deadline=None)
 halves = st.integers(-4000, 4000).map(lambda k: k / 2)
@@ -86,7 +86,7 @@ def holding(upto: int, steps: list[tuple[int, int]]) -> Holding:
 
 
 counts = st.integers(1, 500)
-holdings = st.builds(holding, numbers, st.lists(st.tuples(counts, counts), max_size=MOST_RUNS))
+holdings = st.builds(holding, numbers, st.lists(st.tuples(counts, counts), max_size=MAX_RUNS))
 messages = st.builds(
     Message,
     numbers.map(lambda ms: ms / 1000),

@@ -306,14 +306,14 @@ def test_news_is_sent_soon_and_once_and_lost_facts_again(loss):
             members.append(member)
         said = Counter[tuple[int, int]]()
         for member in members:
-            tell = member._telling.batches
+            tell = member._sender.batches
 
             def counted(known, now_s, room, tell=tell):
                 batches = tell(known, now_s, room)
                 said.update(fact_numbers(batches))
                 return batches
 
-            member._telling.batches = counted
+            member._sender.batches = counted
         tasks = [asyncio.create_task(member.run()) for member in members]
         found = Talk(members)
         for k in range(FACTS + int(SLOWEST_S)):

@@ -127,7 +127,7 @@ def test_impossible_message_changes_nothing(message):
 
 def seen(view):
     return (
-        view.mode, view.armed, view.heard_s, view.position, view.position_s, view.height_m,
+        view.mode, view.armed, view.received_s, view.position, view.position_s, view.height_m,
         view.home_amsl_m, view.velocity_ned_m_s, view.home, view.battery_percent, view.battery_s,
         view.energy_consumed_j, view.landed_state, view.uid, view.camera_component,
     )  # fmt: skip

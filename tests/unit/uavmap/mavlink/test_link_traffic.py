@@ -45,7 +45,7 @@ async def test_adsb_report_has_place_height_name_and_velocity(peer, /):
     assert (heard.ident, heard.name, heard.position) == ("3C6444 DLH1", "DLH1", LatLon(47.31, 8.5))
     assert (heard.amsl_m, heard.error_m) == (650.0, GEOID_ERROR_M)
     assert heard.velocity_m_s == pytest.approx((50.0, 0.0))
-    assert heard.heard_s == pytest.approx(-2.0, abs=0.1)
+    assert heard.received_s == pytest.approx(-2.0, abs=0.1)
 
 
 @by(conversation)

@@ -100,10 +100,11 @@ def announcement(t_s, metres, height_m=12.0):
     )  # fmt: skip
 
 
-def fault_of(message, heard_s=10.0, last_s=10.0):
+def fault_of(message, received_s=10.0, last_s=10.0):
     """Return the fault of an announcement of a vehicle that flies north since 0 s of its clock.
 
-    Its positions come five times a second until `last_s`; the announcement is judged at `heard_s`.
+    Its positions come five times a second until `last_s`; the announcement is judged at
+    `received_s`.
     """
 
     async def main():
@@ -116,7 +117,7 @@ def fault_of(message, heard_s=10.0, last_s=10.0):
             place = north_of_home(SPEED_M_S * t_s)
             here = position(place, t_s=t_s, velocity=(round(SPEED_M_S * 100), 0, 0))
             peer.session.feed(peer.frame(here))
-        await asyncio.sleep(heard_s - loop.time())
+        await asyncio.sleep(received_s - loop.time())
         view = peer.session.view
         taken_s = view.captured_s(message.time_boot_ms, loop.time())
         reported = reported_pose(message, view)
@@ -156,9 +157,9 @@ def test_height_of_a_picture_is_that_of_its_exposure():
 
 def test_picture_without_telemetry_may_be_farther_on():
     """Two seconds after its last position the limit is 50 m wider: it may have turned."""
-    assert fault_of(announcement(12.0, 96.0), heard_s=12.0) is None
-    assert fault_of(announcement(12.0, 96.0 - 60.0), heard_s=12.0) is None
-    assert fault_of(announcement(12.0, 96.0 - 70.0), heard_s=12.0) is not None
+    assert fault_of(announcement(12.0, 96.0), received_s=12.0) is None
+    assert fault_of(announcement(12.0, 96.0 - 60.0), received_s=12.0) is None
+    assert fault_of(announcement(12.0, 96.0 - 70.0), received_s=12.0) is not None
 
 
 # --- in flight -------------------------------------------------------------------------------

@@ -65,10 +65,10 @@ async def test_stream_that_does_not_come_is_requested_again():
     flight.session.send = lambda m: _doubled(flight, m) if dropped(m) else real(m)
     async with under_way(flight):
         flight.session.send = real
-        heard_s = flight.session.heard_s.get(wanted, 0.0)
+        received_s = flight.session.received_s.get(wanted, 0.0)
         assert not flight.session.view.prearm_ok
         await flight.until(lambda: flight.session.view.prearm_ok, within_s=40.0)
-        assert flight.session.heard_s[wanted] > heard_s
+        assert flight.session.received_s[wanted] > received_s
 
 
 def _doubled(flight: Flight, message: Any) -> None:

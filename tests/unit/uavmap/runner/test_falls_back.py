@@ -8,7 +8,7 @@ from pathlib import Path
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.strategy import fallback
-from missions.flight.strategy import sweep_passes as passes
+from missions.flight.strategy import sweep_paths as passes
 from missions.mapping.tree import Tree
 from missions.units import Cell
 from tests.support.plans import named_text, plan_of
@@ -54,12 +54,12 @@ def test_fallback_is_not_used_where_frames_decide(tmp_path, monkeypatch):
 def test_patience_grows_with_the_known_region():
     setting = setting_of(load(MISSION))
     state = setting.initial_state()
-    assert fallback.patience_s(state) == fallback.LEAST_PATIENCE_S
+    assert fallback.patience_s(state) == fallback.MIN_PATIENCE_S
     root = Cell(0, 0)
     tree = Tree.rooted(root)
     for east in range(200):
         tree = tree.with_observation(Cell(east, 0), [Cell(east + 1, 0)])
     known = replace(state, tree=tree)
     bound_s = fallback.bound_s(setting, 201, 200)
-    assert fallback.patience_s(known) == bound_s > fallback.LEAST_PATIENCE_S
+    assert fallback.patience_s(known) == bound_s > fallback.MIN_PATIENCE_S
     assert fallback.whole_bound_s(setting, 201, 200) > 2.0 * bound_s

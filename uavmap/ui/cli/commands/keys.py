@@ -113,7 +113,7 @@ async def _require_disarmed(session: Session, url: str) -> None:
     begin_s = asyncio.get_running_loop().time()
     while True:
         session.heartbeat()  # some vehicles only answer
-        if await session.until(lambda: session.view.heard_s > begin_s, 1.0):
+        if await session.until(lambda: session.view.received_s > begin_s, 1.0):
             break
         if asyncio.get_running_loop().time() - begin_s > ANSWER_S:
             raise LinkError(f"{url}: no vehicle answered within {ANSWER_S:g} s")
@@ -128,7 +128,7 @@ async def install_key(session: Session, signing: Signing, url: str) -> None:
         session.send(signing.set_up(view.system_id, view.autopilot_component))
     session.signing = signing
     begin_s = asyncio.get_running_loop().time()
-    if not await session.until(lambda: view.heard_s > begin_s, PROOF_S):
+    if not await session.until(lambda: view.received_s > begin_s, PROOF_S):
         raise LinkError(
             f"{url}: no message of the vehicle is signed with this key: it cannot sign, or has "
             "another key already (ArduPilot accepts a new one by USB)"

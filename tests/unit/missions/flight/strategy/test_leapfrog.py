@@ -50,9 +50,9 @@ def test_pair_stays_in_the_fence_and_the_mapper_in_the_picture(places):
         other = Role.TRACKER if step.mover is Role.MAPPER else Role.MAPPER
         assert at[step.mover].distance_to(GridPoint(*step.start)) < 1e-6
         assert at[other].distance_to(GridPoint(*step.hovering)) < 1e-6
-        for place in step.way:
+        for place in step.path:
             assert math.dist(place, step.hovering) <= VIEW.reach_m + 1e-6
-        for a, b in pairwise(step.way):
+        for a, b in pairwise(step.path):
             assert fence.allows_leg(GridPoint(*a), GridPoint(*b))
         at[step.mover] = GridPoint(*step.end)
     length_m = sum(a.distance_to(b) for a, b in pairwise(way))

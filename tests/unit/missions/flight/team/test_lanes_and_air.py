@@ -13,7 +13,7 @@ from missions.fleet_events import AirLeased, MemberApart, MemberReport
 from missions.flight.airspace.airspace import MAX_LEASE_WAIT_S, Airspace
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
-from missions.flight.strategy.lane_passes import drop_seen
+from missions.flight.strategy.lane_paths import drop_seen
 from missions.flight.strategy.sweep import change_layer
 from missions.flight.team.members import member_reported
 from missions.flight.transitions import apply

@@ -18,7 +18,7 @@ from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
 from missions.flight.strategy.charting import chart_of, flyer_of
 from missions.flight.strategy.searching import find_work
-from missions.flight.strategy.sweep_passes import NEAR_PAD_M
+from missions.flight.strategy.sweep_paths import NEAR_PAD_M
 from missions.flight.team.work_shares import PARTS_VALID_S, SHARE_INTERVAL_S, own_part, share_parts
 from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Allotment, Phase

@@ -101,9 +101,9 @@ def test_invalid_bytes_are_refused(data):
 @pytest.mark.parametrize(
     ("known", "text", "picture", "fits"),
     [
-        (True, msg.MOST_TEXT_BYTES, msg.MOST_PICTURE_BYTES, True),
-        (True, msg.MOST_TEXT_BYTES + 1, 0, False),
-        (True, 2, msg.MOST_PICTURE_BYTES + 1, False),
+        (True, msg.MAX_TEXT_BYTES, msg.MAX_PICTURE_BYTES, True),
+        (True, msg.MAX_TEXT_BYTES + 1, 0, False),
+        (True, 2, msg.MAX_PICTURE_BYTES + 1, False),
         (False, msg.FIRST_BYTES, 0, True),
         (False, msg.FIRST_BYTES + 1, 0, False),
         (False, 2, 1, False),
@@ -120,7 +120,7 @@ def test_message_too_long_is_refused_by_its_head(known, text, picture, fits):
 @by(on_virtual_time)
 async def test_picture_that_is_too_large_for_the_mission_is_lost_and_nothing_is_sent():
     sent = list[msg.Message]()
-    data = bytes(msg.MOST_PICTURE_BYTES + 1)
+    data = bytes(msg.MAX_PICTURE_BYTES + 1)
     with pytest.raises(ImageError, match="a picture has at most"):
         await Host(sent.append).judge(PosedPicture(1, 2.0, POSE, None, True, "huge", data))
     assert sent == []

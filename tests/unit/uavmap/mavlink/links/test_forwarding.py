@@ -21,8 +21,8 @@ from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.framing import Splitter, sender_of, target_of
-from uavmap.mavlink.links.serial_port import MOST_UNSENT, SerialPort
-from uavmap.mavlink.links.transports import MOST_UNSENT as MOST_UNSENT_TCP
+from uavmap.mavlink.links.serial_port import MAX_UNSENT, SerialPort
+from uavmap.mavlink.links.transports import MAX_UNSENT as MOST_UNSENT_TCP
 from uavmap.mavlink.links.transports import open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
@@ -166,8 +166,8 @@ async def _peer_of(ground, vehicle, ours):
 class Wire:
     peer_host = None
 
-    def __init__(self, way):
-        self.way = way
+    def __init__(self, destination):
+        self.destination = destination
         self.sent = []
 
     def send(self, data):
@@ -206,7 +206,7 @@ def test_full_serial_port_delays_no_link_and_is_written_later():
         port = SerialPort(os.ttyname(ours), 57600, lambda data: None)
         for _ in range(5000):
             port.send(FRAMES[0])
-        assert len(port._unsent) <= MOST_UNSENT
+        assert len(port._unsent) <= MAX_UNSENT
         os.set_blocking(operator, False)
         heard = b""
         async with asyncio.timeout(10.0):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from uavmap.mavlink.mavsdk.driver_pipe import MOST_BYTES, Pieces, frames_piece, object_piece
+from uavmap.mavlink.mavsdk.driver_pipe import MAX_BYTES, Pieces, frames_piece, object_piece
 from uavmap.mavlink.mavsdk.mavsdk_session import Outbox, fields_of, message_of
 
 _BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
@@ -78,7 +78,7 @@ def test_pieces_of_a_stream_come_out_unchanged(parts, size):
     assert [json.loads(c)["n"] for letter, c in out if letter == b"W"] == [*map(len, parts)]
 
 
-@pytest.mark.parametrize("data", [b"x1234", b"F" + (MOST_BYTES + 1).to_bytes(4, "little")])
+@pytest.mark.parametrize("data", [b"x1234", b"F" + (MAX_BYTES + 1).to_bytes(4, "little")])
 def test_invalid_piece_is_a_value_error(data):
     with pytest.raises(ValueError, match="no piece"):
         list(Pieces().feed(data))

@@ -6,7 +6,7 @@ import pytest
 
 from missions import events as ev
 from missions.flight.setting_of import setting_of
-from missions.flight.strategy import sweep_passes as passes
+from missions.flight.strategy import sweep_paths as passes
 from missions.mapping.belief import FrameId
 from missions.mapping.tree import Tree
 from missions.units import Cell, GridPoint

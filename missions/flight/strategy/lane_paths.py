@@ -25,7 +25,7 @@ WORTH_S: Final = 8.0
 """Minimum remaining time of a path that is ended early, s."""
 
 
-def search_passes(state: State, vehicle: VehicleState) -> State:
+def search_paths(state: State, vehicle: VehicleState) -> State:
     """Give an idle vehicle a path along its lanes, as many as its battery allows."""
     setting = state.setting
     at = setting.to_lanes(vehicle.position, state.t_s)

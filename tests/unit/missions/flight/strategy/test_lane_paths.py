@@ -11,10 +11,10 @@ from missions.events import Arrived, FrameSeen, Vote
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.step import step
-from missions.flight.strategy.lane_passes import (
+from missions.flight.strategy.lane_paths import (
     flown_along,
     give_up_lane,
-    search_passes,
+    search_paths,
     still_open,
 )
 from missions.flight.vehicle_state import Phase, VehicleState
@@ -147,7 +147,7 @@ def test_path_round_the_pads_of_others_is_always_found_in_a_drift(t_s: float) ->
             state.vehicles[number], phase=Phase.AIRBORNE, landed=False, order=None, height_m=90.0,
             position=setting.pad_of(number), remaining_wh=60.0, lanes=setting.shares[number - 1],
         )  # fmt: skip
-        after = search_passes(state.with_vehicle(vehicle), vehicle).vehicles[number]
+        after = search_paths(state.with_vehicle(vehicle), vehicle).vehicles[number]
         if isinstance(after.order, FlyPath):
             assert allowed(setting.fence, after.order.trajectory)
         else:

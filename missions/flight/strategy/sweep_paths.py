@@ -42,7 +42,7 @@ STALLED_SHARE: Final = 1.2
 """Time without a vote after which plans are stalled: s, and multiples of the longest path."""
 STEP_M: Final = 1.0
 """Minimum length of a path that leads anywhere, m."""
-MOST_PRIORITY: Final = 3
+MAX_PRIORITY: Final = 3
 """Maximum number of rises of priority for undone work, before a direct flight."""
 PRIORITY: Final = 4.0
 """Factor of the penalty of work left undone for each step of its priority."""
@@ -55,7 +55,7 @@ NEAR_PAD_M: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class PassMemory:
+class PathMemory:
     """Memory of the last plan for the next one."""
 
     planned_s: float = float("-inf")
@@ -82,11 +82,11 @@ class PassMemory:
     tour: TourMemory = field(default_factory=TourMemory)
 
 
-def explore_passes(strategy: Strategy, state: State) -> State:
+def explore_paths(strategy: Strategy, state: State) -> State:
     """Plan anew for all vehicles that explore, if there is news and the last plan is old enough."""
     setting, tree = state.setting, state.tree
     lanes_left = strategy.flies_all_lanes and any(v.lanes for v in state.vehicles.values())
-    memory = pass_memory(state)
+    memory = path_memory(state)
     team = {
         n: v for n, v in sorted(state.vehicles.items()) if _takes_part(strategy, state, v, memory)
     }
@@ -151,7 +151,7 @@ def explore_passes(strategy: Strategy, state: State) -> State:
     )
     if idle != ours or blocked or others_can:
         return replace(state, memory=replace(memory, waiting=idle))
-    if all(map(_nowhere, plan.paths)) and memory.priority < MOST_PRIORITY:
+    if all(map(_nowhere, plan.paths)) and memory.priority < MAX_PRIORITY:
         # once more, with a higher priority
         memory = replace(memory, priority=memory.priority + 1, waiting=frozenset())
         return replace(state, memory=memory)
@@ -168,7 +168,7 @@ def _homeward(state: State, waiting: frozenset[int]) -> State:
     return state
 
 
-def _fetch(state: State, memory: PassMemory, known: KnownMap, idle: frozenset[int]) -> State:
+def _fetch(state: State, memory: PathMemory, known: KnownMap, idle: frozenset[int]) -> State:
     """Have the nearest waiting vehicle fly to the rest; give it up if none can."""
     waiting = {n: state.vehicles[n] for n in idle}
     found = fetch(state, waiting, known, memory.tried)
@@ -189,7 +189,7 @@ def _fetch(state: State, memory: PassMemory, known: KnownMap, idle: frozenset[in
 
 def go_straight_home(state: State) -> State:
     """Straighten return paths once all is explored."""
-    setting, memory = state.setting, pass_memory(state)
+    setting, memory = state.setting, path_memory(state)
     if state.t_s < memory.planned_s + REPLAN_S:
         return state
     begin_s, memory = round(state.t_s + PLAN_LEAD_S, 3), replace(memory, planned_s=state.t_s)
@@ -208,9 +208,9 @@ def go_straight_home(state: State) -> State:
     return replace(state, memory=memory)
 
 
-def pass_memory(state: State) -> PassMemory:
+def path_memory(state: State) -> PathMemory:
     """Return the memory of the last plan."""
-    return state.memory if isinstance(state.memory, PassMemory) else PassMemory()
+    return state.memory if isinstance(state.memory, PathMemory) else PathMemory()
 
 
 def _able(vehicle: VehicleState) -> bool:
@@ -220,8 +220,8 @@ def _able(vehicle: VehicleState) -> bool:
 
 
 def _note_progress(
-    memory: PassMemory, state: State, team: Mapping[int, VehicleState]
-) -> PassMemory:
+    memory: PathMemory, state: State, team: Mapping[int, VehicleState]
+) -> PathMemory:
     """Return the memory at a new plan: whether the last plans have added a vote."""
     votes = sum(total for _, total in state.belief.open_tallies.values())
     since_s = min(state.t_s - memory.planned_s, RETRY_S)
@@ -237,7 +237,7 @@ def _note_progress(
 
 
 def _takes_part(
-    strategy: Strategy, state: State, vehicle: VehicleState, memory: PassMemory
+    strategy: Strategy, state: State, vehicle: VehicleState, memory: PathMemory
 ) -> bool:
     path, ours = vehicle.path, vehicle.vehicle in state.our_numbers
     idle = path is None and vehicle.idle
@@ -259,7 +259,7 @@ def _plan(
     setting: Setting,
     known: KnownMap,
     flyers: Mapping[int, Flyer],
-    memory: PassMemory,
+    memory: PathMemory,
     begin_s: float,
     tours: Waypoints,
     times: float,
@@ -273,8 +273,8 @@ def _plan(
 
 
 def _fly(
-    state: State, team: Mapping[int, VehicleState], plan: Plan, memory: PassMemory
-) -> tuple[State, PassMemory, bool]:
+    state: State, team: Mapping[int, VehicleState], plan: Plan, memory: PathMemory
+) -> tuple[State, PathMemory, bool]:
     """Give the new paths that may be flown; return also whether a vehicle waits for clear air."""
     routes, paths = dict(memory.routes), dict(memory.paths)
     longest_s, blocked = memory.longest_s, False
@@ -296,7 +296,7 @@ def _fly(
         elif vehicle.idle and allowed(state.setting.fence, flown):
             blocked = True  # its air is reserved, which passes: no plan is stalled yet
         elif vehicle.idle:
-            state = state.setting.team.way_out(state, vehicle)
+            state = state.setting.team.leave_column(state, vehicle)
     stalled_s = 0.0 if blocked else memory.stalled_s
     memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, stalled_s=stalled_s)
     return state, memory, blocked
