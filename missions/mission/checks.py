@@ -25,7 +25,8 @@ STRATEGIES: Final = ChainMap[str, Any](EXPLORERS, ON_PATHS)
 """All strategies by name, those that fly paths first; with those that register later."""
 FLOWN: Final = ("swath", "survey", "rdfs", "horizon", "leapfrog")
 """Strategies for real aircraft; the others serve comparisons in papers, in simulation."""
-DETECTORS = ("threshold", "paved")
+_DETECTORS: Final = ("threshold", "paved")
+"""Names of detectors where the caller states none; `vision.detectors` has the registry."""
 MIN_REACH_M: Final = 1.5
 """Minimum half length of a hop, m: shorter ones take longer to start and stop than to fly."""
 MIN_EDGE_PX: Final = 10.0
@@ -51,7 +52,7 @@ def with_strategy(mission: Mission, strategy: str) -> Mission:
     return mission.model_copy(update={"strategy": strategy, "search": search})
 
 
-def check(mission: Mission, source: str, *, detectors: Collection[str] = DETECTORS) -> None:
+def check(mission: Mission, source: str, *, detectors: Collection[str] = _DETECTORS) -> None:
     """Raise `MissionFileError`, with a line for each fault, for a mission that cannot be flown.
 
     The geometry is not checked while a place is far from the start or a polygon is invalid: lengths

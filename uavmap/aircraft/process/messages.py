@@ -25,7 +25,10 @@ from missions.orders import Order
 from missions.units import Cell, LatLon, PadHeight, Pose
 
 VERSION: Final = 3
-"""Number of this set of messages; two processes with different numbers do not connect."""
+"""Number of this set of messages; two processes with different numbers do not connect.
+
+Raise it with each change of a field; a test holds both.
+"""
 _LENGTHS: Final = struct.Struct(">II")
 MAX_TEXT_BYTES: Final = 32 << 20
 """Maximum length of the JSON of a message, bytes: a verdict on 400,000 cells."""
