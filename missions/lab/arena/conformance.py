@@ -277,7 +277,7 @@ class _Watch:
         decision = self.explorer.decide(situation)
         kept = copy.deepcopy(decision)
         if situation.memory != before.memory or situation.at != before.at:
-            self.faults.append("it changes what it is given")
+            self.faults.append("it changes its arguments")
         again = self.explorer.decide(before)
         if set(decision.moves) != set(situation.robots):
             self.faults.append(f"asked for {situation.robots}, it moves {sorted(decision.moves)}")

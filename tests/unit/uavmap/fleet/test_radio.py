@@ -270,7 +270,7 @@ def test_invalid_link_model_is_refused_with_a_reason(read, text, expected):
         ("free,apart:1-2:1++2", "write apart:BEGIN-END"),
         ("free,apart:1-2:0+1", "robot 0 is none of 1 to 4"),
         ("free,apart:1-2:1+5", "robot 5 is none of 1 to 4"),
-        ("free,apart:1-2:1+2/2", "robot 2 stands there twice"),
+        ("free,apart:1-2:1+2/2", "robot 2 is named twice"),
     ],
 )
 def test_invalid_link_model_on_the_grid_is_refused_with_a_reason(text, expected):

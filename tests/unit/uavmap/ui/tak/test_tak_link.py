@@ -40,10 +40,9 @@ class Flight(BoardFlight):
         self.version = delta["v"]
 
     def report(self):
-        """Wait for the next report."""
-        while not self.reports:
+        """Wait for the next report; it may have come with the message before it."""
+        while self.silent():
             assert select.select([self.feed.orders_file], [], [], PATIENCE_S)[0]
-            self.reports += [words["report"] for words in self.feed.orders()]
         return self.reports.pop(0)
 
     def silent(self):
