@@ -7,29 +7,14 @@ from dataclasses import replace
 from typing import Any, Final
 
 from missions import events as ev
-from missions.fleet_events import (
-    AirLeased,
-    AirRequested,
-    FactsShared,
-    MemberApart,
-    MemberReport,
-    OfVehicle,
-    PartsAllotted,
-)
+from missions.fleet_events import OfVehicle
 from missions.flight import connections
 from missions.flight.connections import LIFT_OFF_M, control_lost
 from missions.flight.lane_progress import lane_flown, lane_left, set_free
 from missions.flight.operator_orders import finish_skipped_cells, skip, stop_all, vehicle_recalled
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.flight.state import Setting, State
-from missions.flight.team.members import (
-    air_leased,
-    air_requested,
-    facts_shared,
-    member_apart,
-    member_reported,
-    parts_allotted,
-)
+from missions.flight.team import members
 from missions.flight.vehicle_state import OFF_LAYER_M, Phase, ReturnReason, VehicleState
 from missions.guardian import PAD_M, corners_home
 from missions.orders import AwaitBattery, FlyTo, StandDown, TakeOff
@@ -284,12 +269,7 @@ _OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
     ev.FrameSeen: lambda state, event: finish_skipped_cells(frame_seen(state, event)),
     ev.LookEnded: lambda state, event: finish_skipped_cells(look_ended(state, event)),
     ev.CellSkipped: skip,
-    MemberReport: member_reported,
-    FactsShared: facts_shared,
-    MemberApart: member_apart,
-    PartsAllotted: parts_allotted,
-    AirRequested: air_requested,
-    AirLeased: air_leased,
+    **members.ON_EVENT,
 }
 """Rules for events that change more than one vehicle, or more than vehicles."""
 

@@ -38,7 +38,7 @@ import numpy as np
 from missions.errors import JournalError
 from tests.benchmarks.frame import asked
 from tests.e2e.rig import bodies, mission, written
-from tests.support.failing_disk import How, failing_disk
+from tests.failing_disk import How, failing_disk
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import TLOG
 from uavmap.ui.cli import main as uavmap

@@ -74,8 +74,7 @@ class Airspace:
         return self.state.with_vehicle(replace(vehicle, order=order))
 
     def reserve_or_wait(self, vehicle: VehicleState, order: Order) -> State:
-        """Reserve the air for an order, or for a detour on the return path; else the vehicle
-        waits."""
+        """Reserve the air for an order, or a detour of the return path; else the vehicle waits."""
         if (given := self.reserve(vehicle, order)) is not None:
             return given
         if isinstance(order, FlyTo) and vehicle.return_reason is not None:
@@ -264,12 +263,10 @@ class Airspace:
     def ask_for_column(
         self, vehicle: VehicleState, layer_m: float
     ) -> tuple[VehicleState, bool | None]:
-        """Request the air from here to a layer.
+        """Request the air from here to a layer; return the vehicle with its request, and an answer.
 
-        Returns:
-            The vehicle with its request, and the answer. It is True if granted, None while it
-            waits,
-            False if a member cannot be asked or does not answer within `MAX_LEASE_WAIT_S`.
+        It is True if granted, None while it waits, False if a member cannot be asked or does not
+        answer within `MAX_LEASE_WAIT_S`.
         """
         if self.has_column(vehicle, layer_m):
             return vehicle, True

@@ -105,9 +105,7 @@ def _next_round(state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
     left = len(setting.strategy.open_cells(state))
     lanes = () if memory.open == left else lanes_left(state)
     view = tracker_view(setting.mission)
-    steps = (
-        steps_along(setting.fence, view, _points_along_lanes(state, mapper, lanes)) if lanes else ()
-    )
+    steps = steps_along(setting.fence, view, _along(state, mapper, lanes)) if lanes else ()
     if steps:
         return LeapfrogMemory(steps, open=left)
     home = setting.fence.route(mapper.position, mapper.pad) or ()
@@ -150,10 +148,8 @@ def lanes_left(state: State) -> tuple[Lane, ...]:
     return tuple(part for lane, strip in strips for part in strip.parts_left(lane, done))
 
 
-def _points_along_lanes(
-    state: State, mapper: VehicleState, lanes: Iterable[Lane]
-) -> list[GridPoint]:
-    """Return the way from the mapper along lanes, inside the fence; others are left out."""
+def _along(state: State, mapper: VehicleState, lanes: Iterable[Lane]) -> list[GridPoint]:
+    """Return the path from the mapper along lanes, inside the fence; others are left out."""
     places, fence = [mapper.position], state.setting.fence
     for lane in turned(mapper.position, lanes, keep=state.setting.aimed_lanes):
         start, end = flown_along(state, mapper, lane)
@@ -170,7 +166,7 @@ def steps_left_s(state: State) -> float:
     steps = memory.steps[memory.index :]
     if not memory.steps:
         mapper = state.vehicles[MAPPER]
-        way = _points_along_lanes(state, mapper, lanes_left(state))
+        way = _along(state, mapper, lanes_left(state))
         way.extend(setting.fence.route(way[-1], mapper.pad) or ())
         steps = steps_along(setting.fence, tracker_view(setting.mission), way)
     speed_m_s = setting.path_speed_m_s(setting.mission.altitude_m(0), 0.0)

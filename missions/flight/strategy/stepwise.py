@@ -140,9 +140,8 @@ class Stepwise(Strategy):
         if state.tree is None:
             return search(state, vehicle)
         assert vehicle.vertex is not None
-        return visit(
-            state, vehicle, vehicle.vertex, stop=not state.tree.is_observed(vehicle.vertex)
-        )
+        at = vehicle.vertex
+        return visit(state, vehicle, at, stop=not state.tree.is_observed(at))
 
     def give_up_far(self, state: State, vehicle: VehicleState) -> State | None:
         """Go on in the tree without the vertex."""
@@ -155,9 +154,8 @@ class Stepwise(Strategy):
         if state.tree is None:
             return vehicle.candidate
         at = vehicle.vertex
-        return (
-            at if at is not None and at in state.tree and not state.tree.is_observed(at) else None
-        )
+        tree = state.tree
+        return None if at is None or at not in tree or tree.is_observed(at) else at
 
 
 RDFS: Final = Stepwise(EXPLORERS["rdfs"])

@@ -11,17 +11,11 @@ depend on any of this: `missions.geo.columns`.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
-from missions.fleet_events import (
-    AirLeased,
-    AirRequested,
-    FactsShared,
-    MemberApart,
-    MemberReport,
-    PartsAllotted,
-)
+from missions import fleet_events as fleet
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Setting, State
 from missions.flight.strategy.lane_paths import still_open
@@ -50,7 +44,7 @@ FLY_LANES: Final = ("stands", "flies", "returns")
 """Reported activities of members that will fly the lanes they hold; other lanes may be taken."""
 
 
-def member_reported(state: State, event: MemberReport) -> State:
+def member_reported(state: State, event: fleet.MemberReport) -> State:
     """Return the state after another member's report on its vehicle."""
     before = state.vehicles[event.vehicle]
     flies = event.does not in ON_GROUND
@@ -76,7 +70,7 @@ def member_reported(state: State, event: MemberReport) -> State:
     return _share_lanes(state.with_vehicle(vehicle), event)
 
 
-def member_apart(state: State, event: MemberApart) -> State:
+def member_apart(state: State, event: fleet.MemberApart) -> State:
     """Return the state with a member out of contact; its work stays reserved for it for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
@@ -93,13 +87,13 @@ def member_apart(state: State, event: MemberApart) -> State:
     return state.with_vehicle(gone)
 
 
-def parts_allotted(state: State, event: PartsAllotted) -> State:
+def parts_allotted(state: State, event: fleet.PartsAllotted) -> State:
     """Return the state after another member has assigned the parts of the map."""
     parts = {part.vehicle: part.places for part in event.parts}
     return replace(state, allotment=Allotment(event.vehicle, event.t_s, parts))
 
 
-def air_requested(state: State, event: AirRequested) -> State:
+def air_requested(state: State, event: fleet.AirRequested) -> State:
     """Return the state with air that another member closes to ours, or opens again."""
     closed = {n: c for n, c in state.closed.items() if n != event.vehicle and c.until_s > event.t_s}
     if event.until_s > event.t_s:
@@ -109,7 +103,7 @@ def air_requested(state: State, event: AirRequested) -> State:
     return replace(state, closed=closed)
 
 
-def air_leased(state: State, event: AirLeased) -> State:
+def air_leased(state: State, event: fleet.AirLeased) -> State:
     """Return the state in which our vehicle has the air that it requested, for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.asks is None or vehicle.asks.place != event.place:
@@ -117,7 +111,7 @@ def air_leased(state: State, event: AirLeased) -> State:
     return state.with_vehicle(replace(vehicle, leased_until_s=event.until_s))
 
 
-def facts_shared(state: State, event: FactsShared) -> State:
+def facts_shared(state: State, event: fleet.FactsShared) -> State:
     """Return the state after the decisions of another member's frames."""
     votes = state.setting.mission.votes
     state = replace(state, shared_s=event.t_s)
@@ -132,7 +126,7 @@ def facts_shared(state: State, event: FactsShared) -> State:
     return state
 
 
-def _path(setting: Setting, event: MemberReport) -> FlyPath | None:
+def _path(setting: Setting, event: fleet.MemberReport) -> FlyPath | None:
     """Return another vehicle's path, as nearly as its reported places allow; None without one."""
     places = [event.position]
     for place in event.path:
@@ -145,7 +139,7 @@ def _path(setting: Setting, event: MemberReport) -> FlyPath | None:
     return FlyPath(path, event.height_m, None, mission.camera.interval_s)
 
 
-def _share_lanes(state: State, event: MemberReport) -> State:
+def _share_lanes(state: State, event: fleet.MemberReport) -> State:
     """Give another member the lanes that it holds; it also keeps those of ours that it reaches
     sooner.
 
@@ -156,9 +150,8 @@ def _share_lanes(state: State, event: MemberReport) -> State:
     """
     setting = state.setting
     if event.does not in FLY_LANES:
-        taken = {
-            number_among(setting.lanes, lane) for ours in state.own_vehicles for lane in ours.lanes
-        }
+        own = [lane for vehicle in state.own_vehicles for lane in vehicle.lanes]
+        taken = {number_among(setting.lanes, lane) for lane in own}
         left = tuple(number for number in event.lanes if number not in taken)
         event = replace(event, lanes=left)
     theirs = {number: place for place, number in enumerate(event.lanes)}
@@ -215,3 +208,14 @@ def concluded(state: State) -> State:
     vehicles = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=vehicles, unreachable_lanes=left)
     return strategy.concluded(state, left)
+
+
+ON_EVENT: Final[Mapping[type, Callable[[State, Any], State]]] = {
+    fleet.MemberReport: member_reported,
+    fleet.FactsShared: facts_shared,
+    fleet.MemberApart: member_apart,
+    fleet.PartsAllotted: parts_allotted,
+    fleet.AirRequested: air_requested,
+    fleet.AirLeased: air_leased,
+}
+"""The transition of each event of a fleet."""

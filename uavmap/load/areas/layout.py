@@ -93,9 +93,7 @@ def lay_out(drawing: Drawing, options: LayoutOptions) -> Layout:
     holes = _cut_to(keep_out, fence)
     free = box.difference(unary_union(holes)) if holes else box
     if free.is_empty:
-        raise AreaError(
-            f"{drawing.source}: keep-out polygons cover the whole area; draw them smaller"
-        )
+        raise AreaError(f"{drawing.source}: keep-out polygons cover all of it; draw them smaller")
     title = chosen[0].name if len(chosen) == 1 else f"{len(chosen)} areas"
     return Layout(
         title,
@@ -240,8 +238,7 @@ def _inside(box: Polygon, fence: Polygon, source: str, notices: list[str]) -> Po
     if not parts:
         raise AreaError(f"{source}: the fence leaves nothing of the area; draw it wider")
     largest = Polygon(max(parts, key=lambda part: float(part.area)).exterior)
-    lost_m2 = box.area - largest.area
-    notices.append(f"the fence cuts {lost_m2:.0f} m2 off the area")
+    notices.append(f"the fence cuts {box.area - largest.area:.0f} m2 off the area")
     return largest
 
 

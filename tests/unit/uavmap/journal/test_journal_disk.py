@@ -9,7 +9,7 @@ import pytest
 
 from missions.errors import JournalError
 from missions.events import Continued, Paused, to_json
-from tests.support.failing_disk import HOWS, How, Killed, failing_disk
+from tests.failing_disk import HOWS, How, Killed, failing_disk
 from uavmap.journal.event_log import Journal, JournalReader
 
 

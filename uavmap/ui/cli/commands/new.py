@@ -391,8 +391,7 @@ def _ask_for_drone(options: argparse.Namespace) -> None:
     if not missing:
         return
     if is_interactive():
-        for line in table_lines():
-            sys.stderr.write(f"{line}\n")
+        sys.stderr.writelines(f"{line}\n" for line in table_lines())
         options.drone = ask("drone:")
         return
     raise AreaError(

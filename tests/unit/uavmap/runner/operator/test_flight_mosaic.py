@@ -13,7 +13,7 @@ import rasterio
 
 from missions.flight.setting_of import setting_of
 from missions.units import GridPoint
-from tests.support.failing_disk import failing_disk
+from tests.failing_disk import failing_disk
 from tests.support.small_missions import mission, square
 from tests.unit.vision.scene import nadir_pose
 from uavmap.journal.kept_frames import ROOM_MIB, KeptFrame
