@@ -96,7 +96,7 @@ def test_right_strategy_passes():
         (waits, "explores everything and returns", "all robots wait"),
         (jumps, "explores everything and returns", "moves from"),
         (forgets_a_robot, "a pure function of the situation", "it moves"),
-        (changes_its_memory, "a pure function of the situation", "changes what it is given"),
+        (changes_its_memory, "a pure function of the situation", "changes its arguments"),
         (fails_at(20), "more robots than cells to visit", "block, 20 robots: ZeroDivisionError"),
         (goes_home_early, "explores everything and returns", ""),
         (goes_home_early, "robots drop out and join", ""),
