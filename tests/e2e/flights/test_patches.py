@@ -73,7 +73,7 @@ def test_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     text = text.replace("[search]", high).replace("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
     summary = rig.flown_text(text, tmp_path).complete()
     file = tmp_path / "field.toml"
-    assert "from layers of its own:\n    30 m:" in rig.uavmap("check", file).out
+    assert "layers for the search of the box:\n    30 m:" in rig.uavmap("check", file).out
     assert len(summary["patches"]) == 2
     assert summary["false_positives"] == 0
     assert summary["min_separation_m"] > 3.0

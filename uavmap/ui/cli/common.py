@@ -305,7 +305,7 @@ def figures(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield name and value of the other figures.
 
     >>> list(figures({"ratio": 4.589, "bound_held": True, "lower_bound_s": None}))
-    [('exploration / lower bound', '4.589'), ('bound held', 'yes')]
+    [('exploration / lower bound', '4.589'), ('bound kept', 'yes')]
     """
     for key, name in _FIGURES.items():
         value = summary.get(key)

@@ -366,7 +366,7 @@ def test_interrupted_tuning_leaves_no_file(error, tmp_path, monkeypatch):
 
     monkeypatch.setattr(tuning, "load_examples", lambda *_: [])
     monkeypatch.setattr(tuning, "need_learner", lambda: None)
-    monkeypatch.setattr(tuning, "learned", lambda *_: tuning.Learned(MODEL, None, [], [], {}))
+    monkeypatch.setattr(tuning, "learn", lambda *_: tuning.LearnedModel(MODEL, None, [], [], {}))
     monkeypatch.setattr(tuning, "_report", lambda *_: {"pixels": {}, "cells": {}})
     monkeypatch.setattr(tuning, "_detector_toml", lambda *_: "")
     monkeypatch.setattr(tuning, "_draw", fails)  # the last file that is written

@@ -148,7 +148,7 @@ async def test_vehicle_left_in_the_air_is_brought_home_if_the_connection_fails()
             await run_with_keeper(Guardians({1: again.driver.guardian}), connect(), leave=True)
         world.cancel()
     assert flight.vehicle.truth.landed
-    assert again.said == [
+    assert again.service_lines == [
         "vehicle 1: the mission failed (vehicle 2: no vehicle answered); it is commanded to "
         "return (RTL)"
     ]

@@ -46,7 +46,7 @@ def test_name_that_is_no_file_name_is_refused(tmp_path, name, refused, monkeypat
     (below / "field.toml").write_text(named(name))
     line = refused("fly", "field.toml", "--sim")
     assert re.search(BAD[name], line)
-    assert line.startswith("uavmap: field.toml:14: name = ")
+    assert line.startswith("uavmap: field.toml:13: name = ")
     assert len(line) < 250
     assert line.isprintable()
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["a", "b", "c", "field.toml"]
