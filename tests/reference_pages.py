@@ -1,4 +1,4 @@
-"""Pages of the reference that are made of the program: events, parameters of autopilots.
+"""Pages of the reference that are made: events, parameters of autopilots, seeded faults.
 
 python -m tests.reference_pages      writes them into docs/reference
 """
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions import events, fleet_events
+from tests.campaign import mutants
 from uavmap.runner.preflight import autopilot_parameters as checked
 
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "reference"
@@ -114,8 +115,36 @@ def parameters_page() -> str:
     return "\n".join(lines)
 
 
+_FAULTS: Final = f"""\
+# Seeded faults
+
+{_MADE}
+
+Do the referee and the tests see faults? `python -m tests.campaign.mutants` sows one fault after the
+other into a copy of the program. Flights of the campaign look for it first, then tests. A flight is
+named by its world and seed, with the promise that [the referee](referee.md) saw broken. The page on
+[reliability](../reliability.md) has the numbers.
+
+| part | fault | found by |
+|---|---|---|
+"""
+
+
+def faults_page() -> str:
+    """Return the page with what found each seeded fault."""
+    results, rows = mutants.results(), []
+    for fault in mutants.table()[0]:
+        by = "not sown yet"
+        if fault.name in results:
+            how, which, what, _ = results[fault.name] or ("", "nothing", "", "")
+            by = f"`{which}`: {what}" if how == "flight" else f"`{which}`, {what}"
+        rows.append(f"| {fault.part} | {fault.fault} | {by} |\n")
+    return _FAULTS + "".join(rows)
+
+
 PAGES: Final[Mapping[str, Callable[[], str]]] = {
     "events.md": events_page,
+    "seeded-faults.md": faults_page,
     "parameters.md": parameters_page,
 }
 

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 from scipy.stats import beta
 
+from tests.campaign import mutants
 from tests.campaign.outcome import FORBIDDEN
 from tests.campaign.record import Run, kept
 from tests.real import figures
@@ -161,6 +162,17 @@ def coverage(found: Mapping[str, Mapping[str, Any]]) -> str:
     return table(("part", "lines", "branches", "branches that no test takes"), rows)
 
 
+def seeded(faults: Sequence[mutants.Mutant], results: Mapping[str, mutants.Found]) -> str:
+    """Return the number of seeded faults of each part, and by what they were found."""
+    rows = []
+    for part in [*dict.fromkeys(fault.part for fault in faults), "all"]:
+        found = [results.get(f.name, ["later"]) for f in faults if part in (f.part, "all")]
+        by = Counter(each[0] if each else "" for each in found)
+        rows.append((part, len(found), by["flight"], by["test"], by[""], by["later"]))
+    header = ("part", "faults", "found by flights", "found by tests", "not found", "not sown yet")
+    return table(header, rows)
+
+
 def failures(found: Iterable[Mapping[str, Any]]) -> str:
     """Return the list of failures that campaigns found, the newest first."""
     return "\n".join(_failure(each) for each in reversed(list(found)))
@@ -180,6 +192,7 @@ def page(runs: Sequence[Run]) -> str:
         "campaigns": flown(runs), "troubles": injected(runs), "outcomes": outcomes(runs),
         "promises": promises(runs), "forgiven": forgiven(runs), "real": real(),
         "coverage": coverage(json.loads(COVERAGE.read_text("utf-8"))),
+        "seeded": seeded(mutants.table()[0], mutants.results()),
         "failures": failures(tomllib.loads(FAILURES.read_text("utf-8"))["failure"]),
     }  # fmt: skip
     text = PAGE.read_text("utf-8")

@@ -4,9 +4,11 @@
 The file `--failures` keeps all failures. `--record` adds the campaign to `flights.json`, from
 which `python -m tests.reliability` makes `docs/reliability.md`.
 
-`--world reducer` flies a fleet of points. `--find` ("first", "all" or "all, from on high") chooses
-the patches of the region. `--receivers` is the standard deviation of heights above the sea, m.
-Pads differ by up to `--pads` metres in height. `--teams` leaves out seeds of a single vehicle.
+`--world reducer` flies a fleet of points. Missions of seeds that end in 1, 3 or 5 press on energy
+and air: batteries just suffice, and pads lie below the paths of others. `--find` ("first", "all" or
+"all, from on high") chooses the patches of the region. `--receivers` is the standard deviation of
+heights above the sea, m. Pads differ by up to `--pads` metres in height. `--teams` leaves out seeds
+of a single vehicle.
 `--world sitl` flies the bundled simulator. With `--pilots` a pilot turns a mode switch at a random
 moment of every flight. `--quirk` KEY=VALUE ... are quirks of all aircraft, as in [sim.quirks].
 `--world fleet` flies the simulator with a service on each of four vehicles.

@@ -15,15 +15,23 @@ from tests.support.small_missions import at_heights, scattered, unkind_scenario
 
 from .outcome import Outcome, outcome
 from .plan import Plan, plan
+from .tight import Tight, tight_scenario
 
 LIMIT_S = 4000.0
 KINDS = (*ACTS, "homes")
 """`homes`: homes lie at different heights, and vehicles stand beside their planned places."""
 LEGS = ("search", "explore", "return")
+TIGHT = (1, 3, 5)
+"""Last digits of seeds whose missions press on energy and airspace (`tests.campaign.tight`)."""
 
 
 def plan_of(seed: int) -> Plan:
     return plan(seed, KINDS, PHASES)
+
+
+def tight_of(seed: int, strategy: str | None = None) -> Tight | None:
+    """Return the tight mission of a seed; None if its mission is another."""
+    return tight_scenario(seed, strategy) if seed % 10 in TIGHT else None
 
 
 def fleet_of(
@@ -40,7 +48,8 @@ def fleet_of(
     with them.
     """
     rng = random.Random(flight.seed)
-    scenario = unkind_scenario(flight.seed, strategy)
+    tight = tight_of(flight.seed, strategy)
+    scenario = unkind_scenario(flight.seed, strategy) if tight is None else tight.scenario
     if find != "first":
         scenario = scattered(scenario, flight.seed, high=find == "all, from on high")
     vehicles = len(scenario.mission.vehicles)
@@ -54,18 +63,23 @@ def fleet_of(
         )
     setting = setting_of(chosen)
     given = setting.energy.wind_m_s
-    bearing = rng.uniform(0.0, math.tau)
+    bearing, wind_m_s = rng.uniform(0.0, math.tau), 0.8 * given
+    draw = rng.uniform(0.95, 1.05)
+    if tight is not None:
+        draw, wind_m_s = tight.draw, tight.wind_m_s
     air = Air(
-        (0.8 * given * math.sin(bearing), 0.8 * given * math.cos(bearing)),
+        (wind_m_s * math.sin(bearing), wind_m_s * math.cos(bearing)),
         gust_m_s=0.1 * given + 0.3,
         rng=random.Random(flight.seed + 1),
     )
     made = Fleet(
-        setting, scenario.roi, draw=rng.uniform(0.95, 1.05), seed=flight.seed, air=air,
+        setting, scenario.roi, draw=draw, seed=flight.seed, air=air,
         receiver_sigma_m=receiver_sigma_m, stand_off_m=off_m,
     )  # fmt: skip
     made.troubles = _troubles(flight, vehicles, rng)
     reports_wind = rng.random() < 0.8
+    if tight is not None:
+        reports_wind = tight.reports_wind
     has_failsafe = rng.random() < 0.5
     for number, craft in made.vehicles.items():
         craft.noise_m = max(craft.noise_m, 0.2)
@@ -95,7 +109,9 @@ def _troubles(flight: Plan, vehicles: int, rng: random.Random) -> list[Trouble]:
 
 def has_team(seed: int) -> bool:
     """Return whether several vehicles fly."""
-    return len(unkind_scenario(seed).mission.vehicles) > 1
+    tight = tight_of(seed)
+    scenario = unkind_scenario(seed) if tight is None else tight.scenario
+    return len(scenario.mission.vehicles) > 1
 
 
 def fly(

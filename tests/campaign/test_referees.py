@@ -91,6 +91,18 @@ def test_a_landing_below_the_reserve_is_seen_unless_no_command_could_reach_it(de
     assert ("reserve" in kinds(fleet)) == (deaf_for_s == 0.0)
 
 
+@pytest.mark.parametrize("reports", [True, False])
+def test_referee_wind_above_the_given_one_is_a_storm_unless_telemetry_reports_it(reports):
+    fleet = untroubled(0)
+    fleet.air.given_m_s = (fleet.setting.energy.wind_m_s + 4.0, 0.0)
+    for driver in fleet.drivers.values():
+        driver.reports_wind = reports
+    airborne(fleet)
+    begin_s = fleet.t_s
+    fleet.run(until=lambda fleet: fleet.t_s >= begin_s + 30.0)
+    assert ("stormy" in fleet.referee.memories[1].ever) == (not reports)
+
+
 def test_vehicles_are_apart_by_their_true_heights():
     """Receivers 5.5 m apart: vehicles in layers of 12 and 18 m flew at 12.1 and 12.5 m."""
     fleet = next(f for f in map(untroubled, range(100)) if len(f.vehicles) > 1)

@@ -53,8 +53,10 @@ class Air:
         if self.gust_m_s > 0.0:
             self._gust = _wandered(self._gust, self.gust_m_s, GUST_TAU_S, dt_s, self.rng)
 
-    def wind(self, t_s: float, height_m: float) -> Vector:
-        east, north = self.given_m_s[0] + self._gust[0], self.given_m_s[1] + self._gust[1]
+    def wind(self, t_s: float, height_m: float, *, gusts: bool = True) -> Vector:
+        """Return the wind at a height; without `gusts` its mean."""
+        gust_east, gust_north = self._gust if gusts else (0.0, 0.0)
+        east, north = self.given_m_s[0] + gust_east, self.given_m_s[1] + gust_north
         for storm in self.storms:
             share = storm.share(t_s)
             east += share * storm.wind_m_s[0]

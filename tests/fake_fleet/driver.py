@@ -592,10 +592,11 @@ class Driver:
         measures = craft.flying and craft.height_m > 2.0
         self.winds = [*self.winds[-WIND_WINDOW:], craft.wind_m_s] if measures else []
         here = self.position, self.height_m, self.remaining_wh
-        self._report(Tracked, *here, wind_m_s=self._measured_m_s())
+        self._report(Tracked, *here, wind_m_s=self.measured_m_s())
         self.watch_over()
 
-    def _measured_m_s(self) -> float | None:
+    def measured_m_s(self) -> float | None:
+        """Return the wind that its telemetry reports; None if it reports none."""
         if not self.reports_wind or len(self.winds) < LEAST_WINDS:
             return None
         east, north = (sum(parts) / len(self.winds) for parts in zip(*self.winds, strict=True))
@@ -605,7 +606,7 @@ class Driver:
         """Run the guardian's check; return whether it found the vehicle down."""
         craft, now_s = self.craft, self.fleet.now_s
         mode: Mode = "other" if self.overridden else craft.mode
-        wind_m_s = self._measured_m_s()
+        wind_m_s = self.measured_m_s()
         seen = Snapshot(
             now_s, self.position, self.height_m, craft.ground_speed_m_s, craft.home, craft.armed,
             craft.flying or (craft.crashed and craft.armed), mode, self.remaining_wh, wind_m_s,

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 LIES_M: Final = 1.5  # positions with a larger error count as wrong
 COMPASS_RAD: Final = math.radians(30.0)
+LEARNS_S: Final = 20.0  # a vehicle measures the wind near its pad for so long
 
 
 @dataclass(slots=True)
@@ -32,6 +33,8 @@ class Recorder:
 
     known_wind_m_s: dict[int, float] = field(default_factory=dict)
     """Strongest wind in the estimates of each sortie, m/s."""
+    lifted_s: dict[int, float] = field(default_factory=dict)
+    """Time of the last take-off, s."""
 
     def sample(self, fleet: Fleet, craft: Aircraft) -> Sample:
         vehicle = fleet.state.vehicles[craft.number]
@@ -47,10 +50,16 @@ class Recorder:
         energy, vehicle = fleet.setting.energy, fleet.state.vehicles[craft.number]
         if not craft.flying:  # a sortie begins with another battery
             self.known_wind_m_s.pop(number, None)
+            self.lifted_s[number] = fleet.t_s
             fleet.emptied.pop(number, None)
         if vehicle.return_reason is None:
-            self.known_wind_m_s[number] = max(energy.wind_m_s, vehicle.wind_m_s)
+            reported_m_s = driver.measured_m_s() or 0.0
+            self.known_wind_m_s[number] = max(energy.wind_m_s, reported_m_s)
         wind_m_s = math.hypot(*craft.wind_m_s) if craft.flying else 0.0
+        up_m = craft.level_m + craft.height_m
+        mean_m_s = math.hypot(*fleet.air.wind(craft.clock_s, up_m, gusts=False))
+        reckoned_m_s = self.known_wind_m_s.get(number, energy.wind_m_s) + 1.0
+        learns = fleet.t_s - self.lifted_s.get(number, fleet.t_s) < LEARNS_S
         lies = math.hypot(*craft.offset_m) > LIES_M or abs(craft.compass_rad) > COMPASS_RAD
         emptied = fleet.emptied.get(number, 0.0)
         refuses = {*driver.refuses}
@@ -61,7 +70,7 @@ class Recorder:
             "deaf": not driver.receives_commands or fleet.is_without_service,
             "straight": "FlyTo" in refuses,
             "helpless": refuses >= {"FlyTo", "Land", "ReturnToLaunch"},
-            "stormy": wind_m_s > self.known_wind_m_s.get(number, energy.wind_m_s) + 1.0,
+            "stormy": mean_m_s > reckoned_m_s and not learns,
             "drained": emptied > 0.0,
             "emptied": emptied > 0.3,
             "falling": craft.motors_failed,

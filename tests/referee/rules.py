@@ -17,6 +17,8 @@ BESIDE_M: Final = 20.0
 """Distance within which a vehicle may land beside a blocked pad, m."""
 NO_VERDICT: Final = 5
 """Exit code with which the product states no map."""
+MOST_SHOWN: Final = 5
+"""Maximum number of cells in the text of a fault."""
 WITHOUT_ORDERS: Final = ("others", "over", "silent", "down", "lost")
 """Charges in which no order is given."""
 
@@ -102,10 +104,13 @@ def _fell(memory: Memory, before: Sample) -> str:
 
 def _reserve(memory: Memory, before: Sample) -> str:
     now, reserve_wh = memory.now, memory.bounds.reserve_wh
-    landed = before.flying and not now.flying and not now.crashed
-    if not landed or now.wh >= reserve_wh - 0.01:
+    if now.wh >= reserve_wh - 0.01 or now.crashed:
         return ""
-    return f"landed with {now.wh:.2f} Wh, reserve {reserve_wh:g}"
+    if before.flying and not now.flying:
+        return f"landed with {now.wh:.2f} Wh, reserve {reserve_wh:g}"
+    if now.flying and now.holder == "service":  # a failsafe of the battery would come too late
+        return f"flies with {now.wh:.2f} Wh, reserve {reserve_wh:g}"
+    return ""
 
 
 RULES: Final = (
@@ -168,12 +173,12 @@ def flight_faults(report: ProductReport, *, home: bool) -> Iterator[Fault]:
         return
     wrong = report.mapped - report.region
     if wrong:
-        yield "false", f"not region: {sorted(wrong)}"
+        yield "false", f"{len(wrong)} cells are not region: {sorted(wrong)[:MOST_SHOWN]}"
     if not report.completed:
         return
     missing = report.owed - report.mapped
     if len(missing) > report.missed_cells:
-        yield "lie", f"completed without {sorted(missing)}"
+        yield "lie", f"completed without {len(missing)} cells: {sorted(missing)[:MOST_SHOWN]}"
     if report.forbidden:
         yield "lie", "completed, although the fence forbids a part of the region"
     for lane in report.lanes:

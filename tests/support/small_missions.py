@@ -76,11 +76,13 @@ def mission_text(
     margin_m: float = 2.0,
     wind_m_s: float = 0.0,
     mounting: str = "fixed",
+    rate_m_s: float | None = None,
     regions: Collection[Points] = (),
 ) -> str:
     """Return the TOML of a mission from ground metres along the grid around the start.
 
     `regions` are those of the simulated ground; no key may be added to its `[sim]` above them.
+    `rate_m_s` is that of climbs and descents, if the mission states one.
     """
     grid = Grid.at(START, CELL_M)
     sections = []
@@ -90,6 +92,7 @@ def mission_text(
             place = grid.position(GridPoint(*list(homes)[i]))
             sections.append(f"home = [{place.lat_deg:.9f}, {place.lon_deg:.9f}]")
     rings = "".join(f"[[sim.roi]]\npolygon = {ring(grid, region)}\n" for region in regions)
+    rates = "" if rate_m_s is None else f"\nclimb_m_s = {rate_m_s}\ndescent_m_s = {rate_m_s}"
     return f"""
         strategy = "{strategy}"
         [start]
@@ -104,7 +107,7 @@ def mission_text(
         cell_m = {CELL_M}
         [flight]
         altitude_m = {altitude_m}
-        speed_m_s = {speed_m_s}
+        speed_m_s = {speed_m_s}{rates}
         [camera]
         mounting = "{mounting}"
         interval_s = {interval_s}

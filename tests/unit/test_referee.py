@@ -121,10 +121,17 @@ def test_order_for_a_vehicle_that_a_pilot_has_unnoticed_is_seen():
 def test_energy_below_the_reserve_and_at_zero_is_seen():
     landing = at(1.0, flying=False, up_m=0.0, wh=2.0)
     assert kinds(judged([at(0.0), landing])) == ["reserve"]
-    assert kinds(judged([at(0.0), at(1.0, wh=0.0)])) == ["fell"]
+    assert kinds(judged([at(0.0), at(1.0, wh=0.0)])) == ["fell", "reserve"]
     stormy = judged([at(-1.0, flying=False), at(0.0, ails=frozenset({"stormy"})), landing])
     assert kinds(stormy) == []
     assert stormy.forgiven == {"not reckoned with": 1}
+
+
+def test_energy_below_the_reserve_is_seen_before_a_failsafe_of_the_battery_acts():
+    failsafe = at(2.0, wh=1.0, mode="RTL", holder="failsafe")
+    landing = at(3.0, wh=0.5, flying=False, up_m=0.0)
+    referee = judged([at(0.0), at(1.0, wh=2.0), failsafe, landing])
+    assert referee.found == [("reserve", "1.00 s: vehicle 1 flies with 2.00 Wh, reserve 3")]
 
 
 def test_crash_that_is_not_reported_is_seen():
