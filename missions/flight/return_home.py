@@ -154,11 +154,23 @@ def fly_home(state: State, vehicle: VehicleState) -> State:
         return _land_beside(after, after.vehicles[vehicle.vehicle])
     if not waits or vehicle.over_home:
         return after
+    if (level := _home_at_its_height(state, vehicle)) is not None:
+        return level
     if _stalls(state, vehicle):
         # the air may be free; the battery will certainly be empty
         note = "its way home stayed blocked: its autopilot returns it (RTL)"
         return state.with_vehicle(vehicle.left_to_autopilot(note))
     return _come_nearer(state, after, vehicle)
+
+
+def _home_at_its_height(state: State, vehicle: VehicleState) -> State | None:
+    """Return the state in which a vehicle above its layer returns at its height. A vehicle that
+    waits below for its own return would block the descent for as long as both have energy."""
+    above_m = vehicle.level_m - vehicle.cruise_altitude_m
+    if above_m <= OFF_LAYER_M or not state.setting.team.climbs_on_path:
+        return None
+    level = replace(vehicle, cruise_altitude_m=vehicle.level_m)
+    return Airspace(state).reserve(level, home_order(state.setting, level))
 
 
 def _come_nearer(state: State, waiting: State, vehicle: VehicleState) -> State:

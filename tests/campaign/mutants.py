@@ -33,7 +33,7 @@ COPIED: Final = ("missions", "vision", "sitl", "uavmap", "tests", "pyproject.tom
 LIMIT_S: Final = 900.0
 """Longest time that flights, or tests, may look for a fault."""
 PRELOADED: Final = (
-    "cv2", "hypothesis", "numba", "pydantic", "pymavlink.dialects.v20.ardupilotmega", "pyproj",
+    "cv2", "numba", "pydantic", "pymavlink.dialects.v20.ardupilotmega", "pyproj",
     "scipy.sparse", "shapely",
 )  # fmt: skip
 """Packages of others, which are imported once for all faults."""

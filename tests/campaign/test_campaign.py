@@ -12,6 +12,8 @@ from tests.fake_fleet.troubles import PHASES
 FLIGHTS = 24
 # A seed alone is not enough: another list of troubles would draw another flight from it.
 ONCE_WRONG = {
+    71: "motor (search)",
+    653: "motor (search)",
     300136: "pilot (explore) + storm (search)",
     300307: "homes (ground) + storm (look)",
     400336: "homes (search) + order refused (search)",
