@@ -166,8 +166,8 @@ def fly_home(state: State, vehicle: VehicleState) -> State:
 def _home_at_its_height(state: State, vehicle: VehicleState) -> State | None:
     """Return the state in which a vehicle above its layer returns at its height. A vehicle that
     waits below for its own return would block the descent for as long as both have energy."""
-    above_m = vehicle.level_m - vehicle.cruise_altitude_m
-    if above_m <= OFF_LAYER_M or not state.setting.team.climbs_on_path:
+    above = vehicle.level_m - vehicle.cruise_altitude_m > OFF_LAYER_M
+    if not above or not state.setting.team.climbs_on_path:
         return None
     level = replace(vehicle, cruise_altitude_m=vehicle.level_m)
     return Airspace(state).reserve(level, home_order(state.setting, level))

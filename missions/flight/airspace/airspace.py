@@ -19,14 +19,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Final
 
-from missions.flight.airspace.needs import (
-    RESERVED_AHEAD_S,
-    column_air,
-    hover_air,
-    needed_air,
-    stopping_m,
-    uncontrolled_air,
-)
+from missions.flight.airspace import needs as volumes
 from missions.flight.lane_progress import lane_left
 from missions.flight.state import State
 from missions.flight.vehicle_state import OFF_LAYER_M, OVER_PAD_M, Column, Phase, VehicleState
@@ -56,7 +49,7 @@ class Airspace:
     """The air that each vehicle may use at an instant of a mission."""
 
     state: State
-    ahead_s: float = RESERVED_AHEAD_S
+    ahead_s: float = volumes.RESERVED_AHEAD_S
     """Reserved part of a path, s."""
 
     # --- reservations ---------------------------------------------------------------------------
@@ -114,11 +107,11 @@ class Airspace:
         """Return the state in which a vehicle leaves uncontrolled or closed air. None if it is in
         no such air, or if no place beside it is clear."""
         others = self._uncontrolled(vehicle) + self._closed()
-        if not self._is_in(hover_air(vehicle), others):
+        if not self._is_in(volumes.hover_air(vehicle), others):
             return None
         for place in self._ring(vehicle.position, RING_TIMES):
             route = self.state.setting.fence.route(vehicle.position, place)
-            if route is None or self._is_in(hover_air(vehicle, place), others):
+            if route is None or self._is_in(volumes.hover_air(vehicle, place), others):
                 continue
             order = vehicle.leg(route)
             if self.is_clear(vehicle, order):
@@ -132,7 +125,7 @@ class Airspace:
         others, closed = self.uncontrolled_but(vehicle), self._closed()
         if not others and not closed:
             return False
-        here, needs = hover_air(vehicle), self._needed(vehicle, order)
+        here, needs = volumes.hover_air(vehicle), self._needed(vehicle, order)
         # a vehicle in closed air leaves it: that air was not agreed yet
         if any(not self._meet(here, air) and self._meet(needs, air) for air in closed):
             return True
@@ -186,20 +179,20 @@ class Airspace:
         return any(self._meet(one, other) for other in others)
 
     def _needed(self, vehicle: VehicleState, order: Order | None) -> Volume:
-        return needed_air(self.state, vehicle, order, self.ahead_s)
+        return volumes.needed_air(self.state, vehicle, order, self.ahead_s)
 
     def _uncontrolled(self, vehicle: VehicleState) -> list[Volume]:
         """Return the air in which the other uncontrolled vehicles may be."""
         return [
             air
             for other in self.uncontrolled_but(vehicle)
-            for air in uncontrolled_air(self.state, other)
+            for air in volumes.uncontrolled_air(self.state, other)
         ]
 
     def _closed(self) -> list[Volume]:
         """Return the columns that are closed now because other members have requested them."""
         return [
-            column_air(column)
+            volumes.column_air(column)
             for _, column in sorted(self.state.closed.items())
             if column.until_s + CLOCK_MARGIN_S > self.state.t_s
         ]
@@ -212,7 +205,7 @@ class Airspace:
             for air in self._reserved_by(other, asking, order)
         ]
         closed = [] if asking.landed or isinstance(order, Land) else self._closed()
-        return found + [air for air in closed if not self._meet(hover_air(asking), air)]
+        return found + [air for air in closed if not self._meet(volumes.hover_air(asking), air)]
 
     def _reserved_by(
         self, other: VehicleState, asking: VehicleState, order: Order
@@ -221,9 +214,9 @@ class Airspace:
         climbing = isinstance(other.order, TakeOff)
         if other.phase is Phase.LOST or (other.landed and not climbing):
             return ()
-        here = hover_air(asking)
+        here = volumes.hover_air(asking)
         if other.uncontrolled:
-            airs = uncontrolled_air(self.state, other)
+            airs = volumes.uncontrolled_air(self.state, other)
             if asking.landed or isinstance(order, Land):
                 return airs
             # it cannot make way; a vehicle near it must be able to leave
@@ -297,11 +290,11 @@ class Airspace:
         """Return whether our vehicles can stay out of a column until it is open again. Each either
         stays on the ground, or is under our control and outside the column, with an order that does
         not lead into it."""
-        air = column_air(column)
+        air = volumes.column_air(column)
         for ours in self.state.own_vehicles:
             if ours.landed and not isinstance(ours.order, TakeOff):
                 continue
-            here = replace(hover_air(ours), stray_m=stopping_m(self.state.setting))
+            here = replace(volumes.hover_air(ours), stray_m=volumes.stopping_m(self.state.setting))
             needs = self._needed(ours, ours.order)
             if ours.uncontrolled or self._meet(here, air) or self._meet(needs, air):
                 return False
@@ -309,4 +302,4 @@ class Airspace:
 
     def columns_meet(self, one: Column, other: Column) -> bool:
         """Return whether two columns are closer than the separation."""
-        return self._meet(column_air(one), column_air(other))
+        return self._meet(volumes.column_air(one), volumes.column_air(other))

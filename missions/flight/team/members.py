@@ -140,8 +140,7 @@ def _path(setting: Setting, event: fleet.MemberReport) -> FlyPath | None:
 
 
 def _share_lanes(state: State, event: fleet.MemberReport) -> State:
-    """Give another member the lanes that it holds; it also keeps those of ours that it reaches
-    sooner.
+    """Give another member the lanes that it holds, and those of ours that it reaches sooner.
 
     Of two members with the same lane, the one in whose order it stands earlier keeps it. At a tie
     the one that flies keeps it, then the one with the lower number. A vehicle keeps the lane that

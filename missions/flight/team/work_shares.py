@@ -55,9 +55,7 @@ HEADING_LOOK_AHEAD_S: Final = 5.0
 def shared_out(state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
     """Close others' cells in the chart, and lay tours if that is due.
 
-    Returns:
-        The new memory, and waypoints for the team; none where the last plan continues.
-    """
+    Returns the new memory, and waypoints for the team; none where the last plan continues."""
     known, team, memory, _ = work
     waypoints: Waypoints = ()
     numbers = frozenset(team)
@@ -145,10 +143,8 @@ def own_part(
 ) -> tuple[Bits | None, TourMemory, Waypoints]:
     """Close others' cells in a chart, while our vehicle keeps to its part.
 
-    Returns:
-        The closed cells, None without a part; the memory; and the beginning of our plan, empty
-        where the last one continues.
-    """
+    Returns the closed cells, None without a part; the memory; and the beginning of our plan, empty
+    where the last one continues."""
     found = state.allotment
     if found is None or mine not in found.parts:
         return None, memory, ()
