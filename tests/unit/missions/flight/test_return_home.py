@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from missions.events import Arrived
-from missions.flight.return_home import fly_home, turn_back
+from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
 from missions.flight.strategy.every_patch import ALL
@@ -161,3 +161,44 @@ def test_a_vehicle_leaves_the_air_above_one_that_has_fallen_and_is_not_known_to_
     beyond = replace(above, position=GridPoint(80.0, 120.0))
     order = fly_home(state.with_vehicle(beyond), beyond).vehicles[1].order
     assert not isinstance(order, FlyTo) or order.route[-1] != above.pad or len(order.route) > 1
+
+
+def test_vehicle_needs_energy_for_the_flight_to_its_target_and_back() -> None:
+    setting = setting_of(load("bay"))
+    state = setting.initial_state()
+    target = GridPoint(300.0, 400.0)
+    there = out(state, setting, 4, target)
+    enough_wh = next(
+        wh
+        for wh in range(1, 500)
+        if has_energy_for(setting, replace(there, remaining_wh=wh), target, 0.0)
+    )
+    here = replace(there, position=there.pad, remaining_wh=enough_wh)
+    assert not has_energy_for(setting, here, target, 0.0)
+    assert has_energy_for(setting, replace(here, remaining_wh=3.0 * enough_wh), target, 0.0)
+
+
+def test_vehicle_over_a_blocked_pad_waits_while_its_reserve_is_whole_then_lands_beside() -> None:
+    setting = setting_of(load("bay"))
+    state = setting.initial_state()
+    waiting = replace(out(state, setting, 4, setting.pad_of(4)), over_home=True)
+    below = replace(out(state, setting, 5, setting.pad_of(4)), cruise_altitude_m=20.0)
+    blocking = replace(below, height_m=20.0, order=Hold())
+    state = state.with_vehicle(waiting).with_vehicle(blocking)
+    rich = fly_home(state, replace(waiting, remaining_wh=300.0)).vehicles[4]
+    assert (rich.order, rich.spare_pad) == (Hold(), None)
+    poor = fly_home(state, replace(waiting, remaining_wh=1.0)).vehicles[4]
+    assert poor.spare_pad is not None
+
+
+def test_vehicle_above_its_layer_returns_at_its_height_if_the_way_down_is_blocked() -> None:
+    """Two that waited for each other emptied their batteries."""
+    setting = setting_of(load("bay"))
+    state = setting.initial_state()
+    place, beside = GridPoint(300.0, 400.0), GridPoint(302.0, 400.0)
+    above = replace(out(state, setting, 4, place), height_m=70.0)
+    below = replace(out(state, setting, 5, beside), height_m=55.0, cruise_altitude_m=55.0)
+    state = state.with_vehicle(above).with_vehicle(replace(below, order=Hold()))
+    order = fly_home(state, above).vehicles[4].order
+    assert isinstance(order, FlyTo)
+    assert (order.height_m, order.route[-1]) == (70.0, above.pad)

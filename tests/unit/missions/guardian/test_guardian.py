@@ -415,3 +415,9 @@ def test_movement_without_observations_for_long_has_not_lasted():
     watched.look(t_s=23.0, position=GridPoint(-6.0, 0.0))
     assert watched.verdicts == []
     assert watched.pass_time(3, east_m=4.0) == []
+
+
+def test_vehicle_that_hovers_outside_of_the_fence_is_reported_within_seconds():
+    outside = GridPoint(0.0, 53.0)
+    task = Task("hold", 0.0, (outside,), False, 12.0, name="Look")
+    assert Watched(task, replace(IN_AIR, position=outside)).pass_time(4) == ["report"]

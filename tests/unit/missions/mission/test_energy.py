@@ -175,3 +175,9 @@ def test_energy_that_the_rule_keeps_brings_a_vehicle_home_in_a_simple_flight():
     at_touch_down_wh = left_wh - model.hover_wh(home_s)
     assert away_m > 500.0
     assert model.reserve_wh - 0.01 <= at_touch_down_wh <= model.reserve_wh + 0.5
+
+
+def test_energy_measured_wind_counts_if_it_is_stronger_than_the_given_one() -> None:
+    given = replace(MODEL, wind_m_s=4.0)
+    assert given.in_wind(3.0) == given
+    assert given.in_wind(9.0) == replace(given, wind_m_s=9.0)
