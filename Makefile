@@ -14,8 +14,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 # the generator of the site speaks of its own future otherwise
 SITE = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
-# four more than there are cores: tests on sockets and in browsers wait most of their time
-WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 4)
+# two more than there are cores: tests on sockets wait for a simulator most of their time
+WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
 # a flight waits for the disk at each of its events; memory is quicker, where there is a lot of it
 SCRATCH := $(shell df -Pm /dev/shm 2>/dev/null | awk 'NR == 2 && $$4 > 2000 && $$NF == "/dev/shm" {print $$NF}')
 PIP = $(BIN)/python -m pip install --disable-pip-version-check --no-compile --no-deps

@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.mission.schema import positions
 from tests.e2e.rig import uavmap
+from tests.support.plans import named_text
 from uavmap.output.results import flown_of
 
 LEAST_IOU = 0.6
@@ -61,10 +62,9 @@ def test_slick_flown_areas_and_litres_of_each_appearance_hold_the_true_ones(
 
 def test_slick_flown_by_a_fleet_has_in_each_map_the_classes_of_all(tmp_path: Path) -> None:
     """Each of two services maps a part, and receives the other's part."""
-    out = tmp_path / "fleet"
-    done = uavmap(
-        "fly", "slick", "--sim", "--vehicles", 2, "--comms", "free", "--json", "--out", out
-    )
+    out, slick = tmp_path / "fleet", tmp_path / "slick.toml"
+    slick.write_text(named_text("slick").text.replace("interval_s = 0.2", "interval_s = 0.4"))
+    done = uavmap("fly", slick, "--sim", "--vehicles", 2, "--comms", "free", "--json", "--out", out)
     assert done.code == 0, done.err
     whole = flown_of(out)
     for area, truth in zip(whole.data.class_areas, truths(out), strict=True):
