@@ -61,12 +61,13 @@ test-real: .venv/kernels
 # a flight of the whole program takes ten times as long, one of a fleet thirty times
 SEED ?= 1
 FLIGHTS ?= 300
-CAMPAIGN = $(BIN)/python -m tests.campaign --record --seed $(SEED) --workers 2
 reliability: .venv/kernels
-	$(BIN)/python -m tests.prop.missions.fleet_machine --record --seed $(SEED) --runs $(FLIGHTS)
-	for world in "reducer --flights $(FLIGHTS)" "sitl --flights $$(($(FLIGHTS) / 10))" \
-		"fleet --flights $$(($(FLIGHTS) / 30))"; do $(CAMPAIGN) --world $$world || failed=1; done; \
-		$(BIN)/python -m tests.reliability; exit $${failed:-0}
+	for flights in "campaign --workers 2 --flights $(FLIGHTS)" \
+		"prop.missions.fleet_machine --runs $(FLIGHTS)" \
+		"campaign --workers 2 --world sitl --flights $$((($(FLIGHTS) + 9) / 10))" \
+		"campaign --workers 2 --world fleet --flights $$((($(FLIGHTS) + 29) / 30))"; do \
+		$(BIN)/python -m tests.$$flights --record --seed $(SEED) || failed=1; done; \
+		$(BIN)/python -m tests.reliability && exit $${failed:-0}
 
 check: setup
 	$(BIN)/ruff check .

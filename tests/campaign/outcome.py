@@ -29,9 +29,10 @@ n flights; ok complete; inc honestly incomplete; home all vehicles landed at hom
 elsewhere; air one left in the air at the end; alone one in the air without a responsible part;
 taken a mode that a pilot chose was changed by the service;
 crash a crash (reported); breach out of the fence; far more than 150 m out; near two too near;
-fell out of energy in the air; reserve landed with less than the reserve; lie a false "complete",
-lost votes, or a journal with another state; unrep a crash or a landing away from home without a
-report; owner a setting of the owner not given back; end no end; tb a traceback. From air on, all
+fell out of energy in the air; reserve flies or lands with less than the reserve; lie a false
+"complete", lost votes, or a journal with another state; unrep a crash or a landing away from home
+without a report; owner a setting of the owner not given back; end no end; tb a traceback. From
+air on, all
 but crash are forbidden."""
 
 

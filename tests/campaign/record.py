@@ -76,9 +76,10 @@ def keep(run: Run, path: Path = KEPT) -> None:
 
 
 def commit_of_program() -> str:
-    """Return the short commit of this clone, with `+` after it if files differ from it."""
+    """Return the short commit of this clone, with `+` after it if code differs from it."""
     head = _git("rev-parse", "--short=8", "HEAD")
-    return head + ("+" if _git("status", "--porcelain", "--untracked-files=no") else "")
+    changed = _git("status", "--porcelain", "--untracked-files=no", "--", "*.py", "*.toml")
+    return head + ("+" if changed else "")
 
 
 def _git(*words: str) -> str:
