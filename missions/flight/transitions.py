@@ -95,8 +95,9 @@ MAX_EMPTY_LANES = 2
 
 def _lifted_off(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
     up = replace(vehicle, landed=False, landed_away_m=0.0, was_down=False)
-    if vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
-        # a take-off that was given up without an acknowledgement: it cannot stay in the air
+    waits = vehicle.phase is Phase.GROUNDED and vehicle.order is None
+    if waits or vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
+        # by a process that was killed, or given up without an acknowledgement: it lands again
         up = replace(up, phase=Phase.AIRBORNE, order=None, return_reason=ReturnReason.FAULT)
         return replace(up, note=vehicle.note or "it left the ground without an order")
     return up
@@ -259,9 +260,7 @@ def _order_failed(event: ev.OrderFailed, vehicle: VehicleState, setting: Setting
 _OF_ALL: Final[Mapping[type, Callable[[State, Any], State]]] = {
     ev.Recalled: lambda state, event: replace(state, recalled=True, paused=False),
     ev.Paused: lambda state, event: stop_all(replace(state, paused=True)),
-    ev.Continued: lambda state, event: replace(
-        state, paused=False, traffic=state.traffic.ignoring()
-    ),
+    ev.Continued: lambda state, _: replace(state, paused=False, traffic=state.traffic.ignoring()),
     ev.TrafficSeen: lambda state, event: replace(
         state, traffic=state.traffic.with_tracks(event.tracks)
     ),

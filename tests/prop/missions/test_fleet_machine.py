@@ -11,3 +11,12 @@ TestFleetMachine.settings = settings(
     max_examples=8, stateful_step_count=STEPS, deadline=None,
     suppress_health_check=list(HealthCheck),
 )  # fmt: skip
+
+
+def test_vehicle_that_takes_off_as_its_process_is_killed_lands_again_while_the_team_holds():
+    """Held for traffic, the resumed mission gave no order to a vehicle that it counted as landed."""
+    machine = FleetMachine()
+    machine.begin(number=246, pads_m=10.0)
+    machine.traffic(away_m=691, bearing=245, speed_m_s=1)
+    machine.kill_and_resume()
+    machine.teardown()
