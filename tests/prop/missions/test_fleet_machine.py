@@ -13,8 +13,8 @@ TestFleetMachine.settings = settings(
 )  # fmt: skip
 
 
-def test_vehicle_that_takes_off_as_its_process_is_killed_lands_again_while_the_team_holds():
-    """Held for traffic, the resumed mission gave no order to a vehicle that it counted as landed."""
+def test_vehicle_taking_off_as_its_process_is_killed_lands_again_while_the_team_holds():
+    """The resumed mission counted it as landed, and gave it no order."""
     machine = FleetMachine()
     machine.begin(number=246, pads_m=10.0)
     machine.traffic(away_m=691, bearing=245, speed_m_s=1)
