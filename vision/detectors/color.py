@@ -102,27 +102,32 @@ class ColorDetector:
         return ~np.isin(tuple(self.classes.names), self.classes.explored)[nearest]
 
     def _described(self, image: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-        """Return each pixel's likeness to a sample, 0 to 1, and the index of its class."""
-        lab = _lab(image)
-        away = np.stack([self._distance(lab, colors) for colors in self._by_key.values()])
-        nearest, near = away.argmin(axis=0), away.min(axis=0)
-        share = np.exp2(-((near / np.float32(self.distance)) ** 2))
-        if len(self.not_samples):
-            share[self._distance(lab, self.not_samples) < near] = 0.0
-        return np.asarray(share, np.float32), nearest
-
-    def _distance(self, lab: NDArray[np.float32], colors: Colors) -> NDArray[np.float32]:
-        """Return the distance of each pixel to the nearest of the colours.
+        """Return each pixel's likeness to a sample, 0 to 1, and the index of its class.
 
         |pixel - sample|^2 is |pixel|^2 + |sample|^2 - 2 pixel . sample: a product of matrices.
         """
         weights = np.array([self.lightness, 1.0, 1.0], np.float32)
-        samples = _lab(np.array([[color[::-1] for color in colors]], np.uint8))[0] * weights
-        pixels = lab.reshape(-1, 3) * weights
-        away = (samples * samples).sum(axis=1)[:, None] - 2.0 * (samples @ pixels.T)
-        squares = away.min(axis=0) + np.einsum("ij,ij->i", pixels, pixels)
-        near = np.sqrt(np.maximum(squares, 0.0)).reshape(lab.shape[:2])
-        return np.asarray(near, np.float32)
+        pixels = np.ascontiguousarray((_lab(image) * weights).reshape(-1, 3).T)
+
+        def away(colors: Colors) -> NDArray[np.float32]:
+            """Return the squared distance to the nearest of the colours, less |pixel|^2."""
+            bgr = np.array([[color[::-1] for color in colors]], np.uint8)
+            samples = _lab(bgr)[0] * weights
+            products = (np.float32(-2.0) * samples) @ pixels
+            products += (samples * samples).sum(axis=1)[:, None]
+            return np.asarray(products.min(axis=0), np.float32)
+
+        first, *others = self._by_key.values()
+        near, nearest = away(first), np.zeros(pixels.shape[1], np.intp)
+        for number, colors in enumerate(others, 1):
+            other = away(colors)
+            nearest[other < near] = number
+            np.minimum(near, other, out=near)
+        squares = np.maximum(near + (pixels * pixels).sum(axis=0), 0.0)
+        share = np.exp2(squares * np.float32(-1.0 / self.distance**2))
+        if len(self.not_samples):
+            share[away(self.not_samples) < near] = 0.0
+        return share.reshape(image.shape[:2]), nearest.reshape(image.shape[:2])
 
 
 def _lab(image: NDArray[Any]) -> NDArray[np.float32]:
