@@ -57,7 +57,7 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
         wind = f"the wind of {wind_m_s:.0f} m/s is more than it can hold"
         note = "it was outside the geofence" if outside else wind
         return send_home(state, replace(vehicle, note=note), ReturnReason.FAULT)
-    if not _can_still_turn(state.setting, vehicle, state.t_s):
+    if not _can_still_turn(state, vehicle):
         reason = done if state.exploration_finished else ReturnReason.BATTERY
         return send_home(state, vehicle, reason)
     return _come_lower(state, vehicle) if state.exploration_finished else state
@@ -70,7 +70,7 @@ def _no_longer_flees(state: State, vehicle: VehicleState, *, called: bool) -> Ve
         reason = ReturnReason.RECALLED
     elif state.exploration_finished:
         reason = ReturnReason.DONE
-    elif not _can_still_turn(state.setting, vehicle, state.t_s):
+    elif not _can_still_turn(state, vehicle):
         reason = ReturnReason.BATTERY
     if reason is None:
         vehicle = replace(vehicle.interrupted(state.t_s), spare_pad=None)
@@ -97,15 +97,17 @@ def _come_lower(state: State, vehicle: VehicleState) -> State:
     return state
 
 
-def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:
+def _can_still_turn(state: State, vehicle: VehicleState) -> bool:
     """Return whether the return may begin later than now. A vehicle on a path continues until it
     has received the order and has stopped."""
+    setting = state.setting
+    if _stalls(state, vehicle):
+        return False
     path = vehicle.path
     if path is None:
         return has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S)
-    stop = braked(path, max(path.begin_s, t_s + ORDER_DELAY_S), setting.energy.accel_m_s2)
-    place = stop.at(stop.end_s).place
-    return has_energy_for(setting, vehicle, place, hover_s=REST_S)
+    stop = braked(path, max(path.begin_s, state.t_s + ORDER_DELAY_S), setting.energy.accel_m_s2)
+    return has_energy_for(setting, vehicle, stop.at(stop.end_s).place, hover_s=REST_S)
 
 
 def has_energy_for(
@@ -149,18 +151,21 @@ def fly_home(state: State, vehicle: VehicleState) -> State:
     if vehicle.is_over_pad:
         vehicle = replace(vehicle, over_home=True)  # it may be half-way down: it need not climb
     after = Airspace(state).reserve_or_wait(vehicle, home_order(state.setting, vehicle))
-    waits = isinstance(after.vehicles[vehicle.vehicle].order, Hold)
-    if waits and vehicle.over_home and not _can_wait(state.setting, vehicle):
-        return _land_beside(after, after.vehicles[vehicle.vehicle])
-    if not waits or vehicle.over_home:
+    if not isinstance(after.vehicles[vehicle.vehicle].order, Hold):
         return after
-    if (level := _home_at_its_height(state, vehicle)) is not None:
-        return level
-    if _stalls(state, vehicle):
-        # the air may be free; the battery will certainly be empty
+    away = not vehicle.over_home
+    if away and (given := _home_at_its_height(state, vehicle) or _come_nearer(state, vehicle)):
+        return given
+    stalls = away and _stalls(state, vehicle)
+    urgent = stalls or not _can_wait(state.setting, vehicle)
+    # a member of a fleet that comes from afar has no column of its own but that over its pad
+    descends = vehicle.over_home or state.setting.team.climbs_on_path
+    if urgent and descends and (given := _land_beside(state, vehicle)):
+        return given
+    if stalls:  # the air may be free; the battery will certainly be empty
         note = "its way home stayed blocked: its autopilot returns it (RTL)"
         return state.with_vehicle(vehicle.left_to_autopilot(note))
-    return _come_nearer(state, after, vehicle)
+    return after
 
 
 def _home_at_its_height(state: State, vehicle: VehicleState) -> State | None:
@@ -173,43 +178,37 @@ def _home_at_its_height(state: State, vehicle: VehicleState) -> State | None:
     return Airspace(state).reserve(level, home_order(state.setting, level))
 
 
-def _come_nearer(state: State, waiting: State, vehicle: VehicleState) -> State:
+def _come_nearer(state: State, vehicle: VehicleState) -> State | None:
     """Fly a part of a return path whose air is reserved farther on. A vehicle that waited where it
     is would use up the energy for its own return."""
     route = return_route(state.setting, vehicle.position, vehicle.pad)
-    length_m = route_length_m(vehicle.position, route)
-    for share in PARTIAL_RETURN_SHARES:
-        if share * length_m < MIN_PARTIAL_RETURN_M:
-            break
-        order = vehicle.leg(first_part(vehicle.position, route, share * length_m))
-        nearer = Airspace(state).reserve(vehicle, order)
-        if nearer is not None:
-            return nearer
-    return waiting
+    length_m, air = route_length_m(vehicle.position, route), Airspace(state)
+    parts_m = [share * length_m for share in PARTIAL_RETURN_SHARES]
+    long_m = [part_m for part_m in parts_m if part_m >= MIN_PARTIAL_RETURN_M]
+    legs = (vehicle.leg(first_part(vehicle.position, route, part_m)) for part_m in long_m)
+    return next(filter(None, (air.reserve(vehicle, leg) for leg in legs)), None)
 
 
 def _stalls(state: State, vehicle: VehicleState) -> bool:
     """Return whether an uncontrolled vehicle blocks the return path until the last moment. After
     that moment the autopilot, which climbs first, cannot bring it home with the reserve."""
-    if not Airspace(state).uncontrolled_but(vehicle):
+    air, setting, energy = Airspace(state), state.setting, state.setting.energy
+    if not air.uncontrolled_but(vehicle):
         return False
-    returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + state.setting.relief_m
+    returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + setting.relief_m
     climb_m = max(returns_m - vehicle.height_m, 0.0)
-    energy = state.setting.energy
-    climb_s = climb_m / energy.climb_m_s + climb_m / energy.descent_m_s
-    hover_s = 2.0 * REACTION_S + climb_s
-    return not has_energy_for(state.setting, vehicle, vehicle.position, hover_s)
+    hover_s = 2.0 * REACTION_S + climb_m / energy.climb_m_s + climb_m / energy.descent_m_s
+    enough = has_energy_for(setting, vehicle, vehicle.position, hover_s)
+    return not enough and not air.is_clear(vehicle, home_order(setting, vehicle))
 
 
 def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
     """Return whether the energy allows to wait, and to land beside the pad with the reserve."""
-    energy = setting.energy.in_wind(vehicle.wind_m_s)
-    need_wh = energy.home_wh(LANDING_BESIDE_M, vehicle.height_m, vehicle.drawn_w)
-    need_wh += energy.hover_wh(REACTION_S, vehicle.drawn_w)
-    return vehicle.remaining_wh >= need_wh
+    beside_s = LANDING_BESIDE_M / setting.energy.speed_m_s
+    return has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S + beside_s)
 
 
-def _land_beside(state: State, vehicle: VehicleState) -> State:
+def _land_beside(state: State, vehicle: VehicleState) -> State | None:
     """Land beside a pad that stays blocked, while the reserve is whole."""
     air = Airspace(state)
     for spot in air.places_beside_pad(vehicle):
@@ -218,7 +217,7 @@ def _land_beside(state: State, vehicle: VehicleState) -> State:
         landing = replace(elsewhere, position=spot, over_home=True)
         if air.is_clear(landing, Land()) and (given := air.reserve(elsewhere, order)) is not None:
             return given
-    return state
+    return None
 
 
 def send_home(state: State, vehicle: VehicleState, reason: ReturnReason) -> State:

@@ -103,7 +103,7 @@ def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Out
     """Fly the flight of a seed to its end."""
     flight, rng, faults = plan_of_seed(seed), random.Random(seed), list[tuple[str, str]]()
     radio, text = radio_of(flight, rng), text_of(flight, rng)
-    observer = Observer(more_bounds={"forgives": False})
+    observer = Observer()
     with tempfile.TemporaryDirectory() as folder:
         fleet = Limited(plan_of("field.toml", text, seed=seed, comms="free"), Path(folder), radio)
         fleet.world.truth = observer

@@ -13,6 +13,8 @@ FLIGHTS = 24
 # A seed alone is not enough: another list of troubles would draw another flight from it.
 ONCE_WRONG = {
     71: "motor (search)",
+    81: "homes (search)",
+    113: "battery cell (look)",
     653: "motor (search)",
     300136: "pilot (explore) + storm (search)",
     300307: "homes (ground) + storm (look)",

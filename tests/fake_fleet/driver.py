@@ -307,7 +307,7 @@ class Driver:
             self._begin()
         if refused and self.clock_s >= REFUSED_S:
             self._fail("it was refused")
-        elif isinstance(order, COMMANDS) and self.link != "good" and self.clock_s >= NO_ACK_S:
+        elif self.clock_s >= NO_ACK_S and self._misses_acknowledgement(order):
             self._fail("it was not acknowledged 5 times")
         elif isinstance(order, TakeOff) and self.clock_s >= 60.0 + 3.0 * order.height_m:
             self._fail("it did not climb")
@@ -316,6 +316,12 @@ class Driver:
             self._fail("it failed half-way")
         elif self.begun:
             self._progress(order)
+
+    def _misses_acknowledgement(self, order: Order) -> bool:
+        """Return whether an order lacks its acknowledgement, and telemetry does not show it."""
+        lands = isinstance(order, Land) and self.craft.mode == "land"
+        climbs = isinstance(order, TakeOff) and self.craft.flying
+        return isinstance(order, COMMANDS) and self.link != "good" and not (lands or climbs)
 
     def _fail(self, reason: str) -> None:
         name = type(self.order).__name__

@@ -72,7 +72,7 @@ FORGIVENESSES: Final = (
     Forgiveness(
         "straight return", ("breach",),
         "60 s after it obeyed no target: only RTL is left, which is straight",
-        lambda m: m.now.mode.upper() == "RTL" and m.within("straight"),
+        lambda m: m.now.mode.upper() == "RTL" and (m.within("straight") or m.within("deaf")),
     ),
     Forgiveness(
         "no command arrives", ("far", "fell", "reserve"),

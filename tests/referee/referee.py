@@ -93,13 +93,12 @@ class Referee:
         noted = self._open.setdefault(episode, set())
         if kind in noted:
             return True
-        if kind != "near" or self.bounds.forgives:
-            for rule in BY_KIND.get(kind, ()):
-                if any(rule.holds(self.memories[number]) for number in numbers):
-                    if rule.name not in noted:
-                        noted.add(rule.name)
-                        self.forgiven[rule.name] += 1
-                    return False
+        for rule in BY_KIND.get(kind, ()):
+            if any(rule.holds(self.memories[number]) for number in numbers):
+                if rule.name not in noted:
+                    noted.add(rule.name)
+                    self.forgiven[rule.name] += 1
+                return False
         noted.add(kind)
         number = min(numbers)
         self.note(self.memories[number].now.t_s, kind, f"vehicle {number} {text}")

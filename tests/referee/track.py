@@ -87,8 +87,6 @@ class Bounds:
     """Distance from its pad within which a vehicle is at home."""
     ends_with_program: bool = False
     """The truth ends with the program, before the end of a return that is under way."""
-    forgives: bool = True
-    """Nearness is forgiven after events that take a vehicle out of its air."""
 
 
 @dataclass(frozen=True, slots=True)

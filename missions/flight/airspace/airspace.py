@@ -224,8 +224,8 @@ class Airspace:
         if other.vehicle not in self.state.our_numbers:
             return ()  # each member stays in air that no other may enter (`missions.geo.columns`)
         airs = [self._needed(other, other.order)]
-        if other.idle and self._leads_out(asking, order, airs[0]):
-            # two vehicles that a pilot has left too close would otherwise wait for each other
+        if self._leads_out(asking, order, airs[0]):
+            # two that are too close would otherwise wait, for each other or for a whole climb
             airs = []
         if other.over_home and other.idle:
             # it waits to land; a vehicle that is already in its column must be able to leave

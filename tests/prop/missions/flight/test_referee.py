@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import pytest
 
-from missions.events import Event, FrameSeen
+from missions.events import Event, FrameSeen, OrderFailed
 from missions.flight.state import State
 from missions.flight.step import Orders
 from missions.flight.vehicle_state import Phase
 from missions.units import Cell
 from tests.fake_fleet import Fleet, fleet
+from tests.fake_fleet.driver import Link
 from tests.fake_fleet.troubles import Trouble
 from tests.support.small_missions import mission, square
 
@@ -41,6 +42,18 @@ def test_a_kind_flight_is_not_failed() -> None:
     flight.conclude(twice=True)
     assert flight.faults == []
     assert flight.state.completed
+
+
+@pytest.mark.parametrize("link", ["acks lost", "commands lost"])
+def test_a_landing_that_telemetry_shows_needs_no_acknowledgement(link: Link) -> None:
+    """As in `uavmap.aircraft`: one that was repeated three times ended in an RTL, which climbs."""
+    flight = started()
+    flight.recall()
+    flight.run(until=lambda f: f.vehicles[1].mode == "land")
+    flight.drivers[1].link = link
+    flight.run()
+    assert not any(isinstance(event, OrderFailed) for event in flight.events)
+    assert flight.vehicles[1].mode == "land"
 
 
 def completed(roi: frozenset[Cell] = ROI) -> Fleet:

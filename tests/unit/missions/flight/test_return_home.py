@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from missions.events import Arrived
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting, State
@@ -14,7 +15,7 @@ from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Phase, ReturnReason, VehicleState
 from missions.geo.trajectory import rounded_path
 from missions.mission.fleet_checks import with_vehicles
-from missions.orders import FlyPath, FlyTo, Hold, Land
+from missions.orders import FlyPath, FlyTo, Hold, Land, TakeOff
 from missions.units import GridPoint
 from uavmap.load.mission_source import load
 
@@ -189,6 +190,59 @@ def test_vehicle_over_a_blocked_pad_waits_while_its_reserve_is_whole_then_lands_
     assert (rich.order, rich.spare_pad) == (Hold(), None)
     poor = fly_home(state, replace(waiting, remaining_wh=1.0)).vehicles[4]
     assert poor.spare_pad is not None
+
+
+def test_vehicle_whose_return_is_blocked_at_the_pad_lands_beside_before_its_reserve_is_used() -> (
+    None
+):
+    """Another landed near its pad for half a minute: it waited at 11 m until its guardian acted."""
+    setting = setting_of(load("bay"))
+    state, pad = setting.initial_state(), setting.pad_of(4)
+    waiting = out(state, setting, 4, GridPoint(pad.east_m, pad.north_m + 30.0))
+    blocking = replace(out(state, setting, 5, pad), order=Hold())
+    state = state.with_vehicle(waiting).with_vehicle(blocking)
+    rich = fly_home(state, replace(waiting, remaining_wh=300.0)).vehicles[4]
+    assert (rich.order, rich.spare_pad) == (Hold(), None)
+    poor = fly_home(state, replace(waiting, remaining_wh=1.0)).vehicles[4]
+    assert isinstance(poor.order, FlyTo)
+    assert poor.spare_pad == poor.order.route[-1]
+
+
+def test_vehicle_with_an_uncontrolled_one_in_its_way_turns_back_with_the_energy_of_an_rtl() -> None:
+    """It turned back with that of its path alone, and landed half-way, over the other."""
+    setting = setting_of(load("bay"))
+    state, pad = setting.initial_state(), setting.pad_of(4)
+    out_there = out(state, setting, 4, GridPoint(pad.east_m, pad.north_m + 100.0))
+    low = replace(out_there, height_m=12.0, cruise_altitude_m=12.0)
+    works = replace(low, return_reason=None, order=Hold())
+    hovers = replace(out(state, setting, 5, pad), phase=Phase.YIELDED)
+    enough_wh = next(
+        wh
+        for wh in range(1, 500)
+        if has_energy_for(setting, replace(works, remaining_wh=wh), works.position, 5.0)
+    )
+    works = replace(works, remaining_wh=enough_wh)
+    assert turn_back(state.with_vehicle(works), works).vehicles[4].return_reason is None
+    state = state.with_vehicle(hovers)
+    returns = turn_back(state.with_vehicle(works), works).vehicles[4]
+    assert returns.return_reason is ReturnReason.BATTERY
+    aside = replace(hovers, position=GridPoint(pad.east_m - 100.0, pad.north_m + 100.0))
+    state = state.with_vehicle(aside)
+    assert turn_back(state.with_vehicle(works), works).vehicles[4].return_reason is None
+
+
+def test_vehicle_strayed_into_the_column_of_a_climb_leaves_it() -> None:
+    """It waited for the end of the climb, 5 cm inside, until its energy was used up."""
+    setting = setting_of(load("bay"))
+    state, pad = setting.initial_state(), setting.pad_of(5)
+    near_m = setting.mission.team.separation_m + 1.95
+    beside = out(state, setting, 4, GridPoint(pad.east_m, pad.north_m + near_m))
+    climbing = replace(out(state, setting, 5, pad), height_m=5.0, order=TakeOff(60.0))
+    state = state.with_vehicle(beside).with_vehicle(replace(climbing, cruise_altitude_m=60.0))
+    away = beside.leg((GridPoint(pad.east_m, pad.north_m + 50.0),))
+    assert Airspace(state).is_clear(beside, away)
+    through = beside.leg((GridPoint(pad.east_m, pad.north_m - 50.0),))
+    assert not Airspace(state).is_clear(beside, through)
 
 
 def test_vehicle_above_its_layer_returns_at_its_height_if_the_way_down_is_blocked() -> None:

@@ -812,26 +812,40 @@ def test_vehicle_set_down_on_higher_ground_by_its_pilot_stands(service: Service)
     assert not service.state.is_over
 
 
-def test_vehicle_whose_return_path_stays_blocked_returns_by_its_autopilot(pair: Service) -> None:
-    """The air of a silent vehicle's return stays reserved for as long as its battery may last."""
+def until_it_leaves(pair: Service, route: tuple[GridPoint, ...]) -> tuple[float, Order | None]:
+    """Return charge and order with which a vehicle leaves, whose way home a silent one blocks.
+
+    The air of a silent vehicle's return stays reserved for as long as its battery may last.
+    """
     pair.connect_all()
-    above = GridPoint(40.0, 0.0)
-    for number, at in ((1, GridPoint(25.0, 0.0)), (2, above)):
-        pair.fly(number, at, order=Hold())
+    above, wall = GridPoint(40.0, 0.0), FlyTo(route, None, stop=True, height_m=12.0)
+    pair.fly(1, GridPoint(25.0, 0.0), order=wall if route else Hold())
+    pair.fly(2, above, order=Hold())
     pair.post(LinkLost(1, pair.now_s + 1.0))
     pair.post(Recalled(pair.now_s + 2.0))
     pair.now_s += 30.0
-    seen = []
     for tenths in range(600, 0, -1):
-        charge_wh = tenths / 10.0
         pair.now_s += 1.2
-        pair.post(Tracked(2, pair.now_s, above, 18.0, charge_wh))
-        seen.append((charge_wh, pair.order(2)))
-        if isinstance(pair.order(2), ReturnToLaunch):
+        pair.post(Tracked(2, pair.now_s, above, 18.0, tenths / 10.0))
+        if not isinstance(pair.order(2), Hold):
             break
-    assert [order for _, order in seen[:-1]] == [Hold()] * (len(seen) - 1)
-    charge_wh, last = seen[-1]
-    assert isinstance(last, ReturnToLaunch)
+    return tenths / 10.0, pair.order(2)
+
+
+def test_vehicle_whose_return_path_stays_blocked_lands_beside_its_pad(pair: Service) -> None:
+    charge_wh, order = until_it_leaves(pair, ())
+    assert isinstance(order, FlyTo)
+    vehicle = pair.state.vehicles[2]
+    assert order.route == (vehicle.spare_pad,)
+    assert 8.0 < order.route[-1].distance_to(vehicle.home) < 20.0
+    assert charge_wh > pair.setting.energy.home_wh(32.0, 30.0)
+
+
+def test_vehicle_without_a_clear_place_beside_its_pad_returns_by_its_autopilot(
+    pair: Service,
+) -> None:
+    charge_wh, order = until_it_leaves(pair, (GridPoint(25.0, 70.0), GridPoint(25.0, -70.0)))
+    assert isinstance(order, ReturnToLaunch)
     energy = pair.setting.energy
     # as late as the reserve allows: up to 30 m, home, and down
     assert charge_wh > energy.home_wh(32.0, 30.0)
