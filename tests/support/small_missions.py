@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -199,10 +199,6 @@ def at_heights(mission: Mission, heights_m: Sequence[float]) -> Mission:
         for vehicle, height_m in zip(mission.vehicles, heights_m, strict=True)
     ]
     return mission.model_copy(update={"vehicles": tuple(vehicles)})
-
-
-EXACT_ATTITUDE: Final = "\n[sim.quirks]\ntilt_sigma_deg = 0\nheading_sigma_deg = 0\n"
-"""Keys of a mission whose vehicles have exact roll, pitch and heading."""
 
 
 def first_patch(text: str) -> str:

@@ -20,7 +20,6 @@ from sitl.copter.modes import Mode
 from tests.benchmarks.watched import flown, mission_text
 from tests.support.flights import Flight, fly, no_task_left, small_mission
 from tests.support.running import by
-from tests.support.small_missions import EXACT_ATTITUDE
 from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal.event_log import Journal
@@ -29,6 +28,7 @@ from uavmap.runner.service import Service
 from uavmap.runner.vehicles import require_distinct_aircraft
 
 UP_M = 12.0
+EXACT_ATTITUDE = "\n[sim.quirks]\ntilt_sigma_deg = 0\nheading_sigma_deg = 0\n"
 FORBIDDEN = frozenset({"air", "breach", "end", "far", "lie", "reserve", "tb", "unrep"})
 Body = Callable[[Flight, Service], Coroutine[Any, Any, None]]
 
