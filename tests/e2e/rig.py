@@ -28,6 +28,8 @@ MISSIONS = ROOT / "tests" / "data"
 SHARED = ROOT / "../shared/data"
 LOOPBACK = "127.0.0.1"
 PATIENCE_S = 300.0
+RESTS = 4.0
+"""Time between two evaluations of a condition, in times of its own."""
 ROI_STATES = ("explored", "under exploration", "unexplored")
 """States of a cell in a map that belongs to the region."""
 
@@ -146,10 +148,13 @@ def flown_text(text: str, folder: Path, *more: object) -> Flight:
 
 
 def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
-    due_s = time.monotonic() + timeout_s
+    """Wait until a condition holds. One that takes long to evaluate is evaluated more rarely."""
+    begin_s = now_s = time.monotonic()
     while not condition():
-        assert time.monotonic() < due_s, f"waited {timeout_s:g} s in vain for {what}"
-        time.sleep(0.01)
+        took_s = time.monotonic() - now_s
+        assert now_s < begin_s + timeout_s, f"waited {timeout_s:g} s in vain for {what}"
+        time.sleep(max(0.01, RESTS * took_s))
+        now_s = time.monotonic()
 
 
 # --- journals --------------------------------------------------------------------------------

@@ -39,6 +39,7 @@ def test_stranger_goes_from_an_empty_folder_to_pdf_and_kmz_with_clicks_alone(tmp
         driver.get(url)
         page.wait("you have the controls")
         _make_missions(page, tmp_path / "drawn by a friend.kml")
+        _take_fewer_pictures(folder / "meadow.toml")
         _practise(page, folder)
         _paint_two(page, folder / "results" / "meadow-1" / "frames")
         page.choose("detector", "meadow-1-detector")
@@ -74,6 +75,13 @@ def _make_missions(page: Page, drawing: Path) -> None:
     page.write("name of the mission", "meadow")
     page.press("Make the mission")
     page.ended("uavmap new 'drawn by a friend.kml' --out meadow.toml")
+
+
+def _take_fewer_pictures(mission: Path) -> None:
+    """Take a fifth of the pictures: their map is ready sooner, which is all that changes."""
+    text = mission.read_text("utf-8")
+    assert "interval_s = 0.2 " in text
+    mission.write_text(text.replace("interval_s = 0.2 ", "interval_s = 1.0 "), "utf-8")
 
 
 def _drag(page: Page) -> None:
