@@ -20,6 +20,7 @@ from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by
 from tests.support.small_missions import square
 from uavmap.aircraft.control import AirState, Holder
+from uavmap.aircraft.controlled_commands import NotInControlError
 from uavmap.aircraft.vehicle import SILENCE_ON_GROUND_S
 
 HOUSE = square(-20, 28, 60, 6)
@@ -361,3 +362,36 @@ def only_forced_disarms(flight):
     flight.to_vehicle = to_vehicle
     autopilot.disarm = lambda force=False: real(force) if len(stops) > 1 else "not landed"
     return stops
+
+
+# --- commands at the last place before the wire --------------------------------------------------
+async def commands_are_refused(flight):
+    """Assert that each command of the mission is refused at the last place before the wire."""
+    commands, place = flight.driver._commands, flight.session.view.position
+    for command in (
+        commands.follow(), commands.land(), commands.return_to_launch(), commands.arm(),
+        commands.take_off(UP_M, lambda: False), commands.speed(3.0), commands.fly_to(place, UP_M),
+    ):  # fmt: skip
+        with pytest.raises(NotInControlError):
+            await command
+    with pytest.raises(NotInControlError):
+        commands.point_to(place, UP_M)
+
+
+@by(fly_up)
+async def test_no_command_of_the_mission_leaves_while_a_pilot_has_the_vehicle(flight, /):
+    flight.driving.cancel()
+    flight.pilot_mode(Mode.LOITER)
+    await flight.until(lambda: flight.driver._monitor.control.holder is Holder.PILOT)
+    sent = len(flight.sent)
+    await commands_are_refused(flight)
+    assert flight.commands_after(sent) == []
+
+
+@by(fly_up)
+async def test_no_command_of_the_mission_leaves_while_the_guardian_acts(flight, /):
+    flight.driving.cancel()
+    home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
+    await flight.until(lambda: flight.driver._monitor.control.holder is Holder.GUARDIAN)
+    await commands_are_refused(flight)
+    await asyncio.wait_for(home, 60.0)
