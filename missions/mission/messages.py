@@ -79,7 +79,7 @@ def _lower(message: str) -> str:
 
 def _keys_beside(loc: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
     for part in loc[:-1]:
-        if isinstance(part, int):
+        if part not in model.model_fields:  # a place in a list, or a name that the user chose
             continue
         found = section_of(model.model_fields[part].annotation)
         if found is None:

@@ -369,6 +369,8 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise MissionFileError(f"{source}: not a TOML file: {error}") from None
+    except RecursionError:
+        raise MissionFileError(f"{source}: not a TOML file: nested too deeply") from None
 
 
 def parse_fields(text: str, source: str) -> Mission:

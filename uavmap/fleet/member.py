@@ -296,7 +296,7 @@ class Member:
         if not self._clock.agreed or self._clock.is_elsewhere(sender):
             return  # refused facts are sent again
         for batch in message.batches:
-            if batch.origin == self._number:
+            if batch.origin == self._number or not self._is_vehicle(batch.origin):
                 continue
             for run in self.knowledge.add(batch.origin, batch.first, batch.facts):
                 self._post(FactsShared(batch.origin, round(now_s, 3), run.first, run.facts))

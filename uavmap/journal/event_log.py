@@ -61,7 +61,10 @@ class Position:
         prefix = b'{"seq":%d,"%s":' % (self.lines + 1, kind.encode())
         text = line[len(prefix) : -_CHECKSUM_BYTES]
         expected, after = self.sealed(kind, text)
-        return (text.decode(), after) if expected[:-1] == line else None
+        try:
+            return (text.decode(), after) if expected[:-1] == line else None
+        except UnicodeDecodeError:
+            return None
 
 
 class JournalReader:

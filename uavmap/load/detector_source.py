@@ -10,7 +10,6 @@ import contextlib
 import hashlib
 import os
 import shutil
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
@@ -22,7 +21,7 @@ from pydantic import ValidationError
 
 from missions.errors import MissionFileError, OutputError
 from missions.mission.messages import explain
-from missions.mission.schema import Mission
+from missions.mission.schema import Mission, parse_toml
 from missions.mission.sections import LATER, DetectorSection
 from uavmap.base.text_files import read_bytes, read_text
 from uavmap.load.onnx_model import LARGEST_TOML, onnx_detector, onnx_settings
@@ -225,7 +224,7 @@ def _given(detector: Path) -> dict[str, Any]:
         return {"name": name, name: {}}
     path = detector / DETECTOR_TOML if detector.is_dir() else detector
     try:
-        given = tomllib.loads(read_text(path, LARGEST_TOML))
+        given = parse_toml(read_text(path, LARGEST_TOML), f"--detector {detector}: {path}")
     except OSError as error:
         raise MissionFileError(
             f"--detector {detector}: {path.name} cannot be read ({error.strerror}); give a folder "

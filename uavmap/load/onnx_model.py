@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -13,6 +12,7 @@ from pydantic import ValidationError
 
 from missions.errors import ImageError, MissionFileError
 from missions.mission.messages import explain
+from missions.mission.schema import parse_toml
 from uavmap.base.extras import install_command
 from uavmap.base.text_files import read_text
 from vision.detectors import Detector, build_detector
@@ -35,7 +35,7 @@ def onnx_settings(model: Path) -> OnnxSettings:
     """Return the settings beside the file of a model. Raises `MissionFileError`."""
     path = model.with_suffix(".toml")
     try:
-        return OnnxSettings.model_validate(tomllib.loads(read_text(path, LARGEST_TOML)))
+        return OnnxSettings.model_validate(parse_toml(read_text(path, LARGEST_TOML), str(path)))
     except OSError as error:
         raise MissionFileError(
             f"{path} cannot be read ({error.strerror}); write it: tile_px, scale, mean, std, ..."

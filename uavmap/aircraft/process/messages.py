@@ -10,6 +10,7 @@ then the bytes of a picture. Simulated flights pass the same bytes inside one pr
 from __future__ import annotations
 
 import dataclasses
+import math
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -362,4 +363,9 @@ def _decoded(text: bytes, data: bytes) -> Message:
         raise LinkError(
             f"no message between mission and aircraft: {error.errors()[0]['msg']}"
         ) from None
-    return dataclasses.replace(message, data=data) if isinstance(message, Picture) else message
+    if not isinstance(message, Picture):
+        return message
+    shape = message.shape
+    if shape is not None and (min(shape) < 0 or math.prod(shape) != len(data)):
+        raise LinkError(f"no message between mission and aircraft: {len(data)} bytes for {shape}")
+    return dataclasses.replace(message, data=data)

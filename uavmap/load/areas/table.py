@@ -22,6 +22,7 @@ from uavmap.load.areas.drawing import (
     Role,
     Shape,
     layer_of,
+    number,
     parts_of,
     polygon,
     row_name,
@@ -104,14 +105,14 @@ def _place(row: list[str], columns: tuple[int, int], where: str) -> Point:
         raise AreaError(
             f"{where}: {printable(str(row), 40)} has no latitude and longitude"
         ) from None
-    return lon, lat
+    return number(lon, where), number(lat, where)
 
 
 def _by_wkt(rows: list[list[str]], wkt: int, title: int | None, source: str) -> Iterator[Shape]:
     stem = shown_name(PurePath(source).stem, "polygon")
-    for number, row in enumerate(rows[: MOST_SHAPES + 1], start=1):
+    for place, row in enumerate(rows[: MOST_SHAPES + 1], start=1):
         cells: Mapping[int, str] = dict(enumerate(row))
-        name = row_name("" if title is None else cells.get(title), stem, number, len(rows))
+        name = row_name("" if title is None else cells.get(title), stem, place, len(rows))
         where = f"{source}: {name}"
         try:
             shape = shapely.from_wkt(cells.get(wkt, ""))

@@ -83,7 +83,7 @@ def read_calibration(path: Path) -> Lens:
 def _from_json(text: str, path: Path) -> dict[str, Any]:
     try:
         found = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ImageError(f"{path}: not a JSON file ({error})") from None
 
     def first(keys: Iterable[str]) -> Any:

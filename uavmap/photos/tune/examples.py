@@ -225,7 +225,7 @@ def read_classes(where: Path) -> Classes | None:
         raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
     except ValidationError as error:
         raise ImageError(f"{path}: {explain(error, Classes)[0].removeprefix(': ')}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ImageError(f"{path}: not a TOML file: {error}") from None
 
 

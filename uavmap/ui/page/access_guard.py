@@ -70,7 +70,7 @@ class Guard:
             return
         asked = HTTPConnection(scope)
         given, origin = asked.query_params.getlist("token"), asked.headers.get("origin")
-        own = not origin or urlsplit(origin).netloc == asked.headers.get("host", "")
+        own = not origin or _host_of(origin) == asked.headers.get("host", "")
         path = scope["path"] if scope["type"] == "http" and given else ""
         if path == "/" and self._opens(given[-1]):
             cookie = f"{self._cookie}={given[-1]}; Path=/; HttpOnly; SameSite=Lax"
@@ -101,6 +101,14 @@ class Guard:
             await send(message)
 
         return sending
+
+
+def _host_of(origin: str) -> str | None:
+    """Return host and port of an origin; None for one that no browser sends."""
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return None
 
 
 def same(given: str, token: str) -> bool:

@@ -86,7 +86,7 @@ class Lines:
         for line in whole:
             try:
                 message = json.loads(line) if len(line) < MOST_LINE_BYTES else None
-            except ValueError:
+            except (ValueError, RecursionError):
                 message = None
             if isinstance(message, dict):
                 found.append(message)
