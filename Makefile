@@ -8,7 +8,7 @@
 # make docs       the documentation as a site: site/index.html
 # make wheel      dist/uavmap-*.whl, for `uv tool install` and `pipx install` without the source
 # make setup      .venv with everything; .venv/bin/uavmap is the command
-# make lock       resolve the requirements files anew (needs uv)
+# make lock       resolve the requirements files, and the wheel's bill of materials, anew (needs uv)
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -117,6 +117,8 @@ lock:
 		--group build -c requirements-dev.txt pyproject.toml -o requirements.txt
 	uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
 		--no-deps --group clients -o requirements-clients.txt
+	uv pip compile --universal --python-version 3.11 --no-annotate --no-header --quiet \
+		-c requirements.txt pyproject.toml | $(PYTHON) packaging/sbom.py > packaging/uavmap.cdx.json
 
 # results are nobody's to delete but their owner's
 clean:

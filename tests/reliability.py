@@ -21,6 +21,7 @@ from scipy.stats import beta
 from tests.campaign import mutants
 from tests.campaign.outcome import FORBIDDEN
 from tests.campaign.record import Run, kept
+from tests.fuzz import record as fuzz
 from tests.real import figures
 
 ROOT: Final = Path(__file__).parents[1]
@@ -45,6 +46,22 @@ PROMISES: Final = {
     "tb": "the program has no defect that stops it",
 }
 """The promise behind each forbidden column of the campaign's table."""
+
+
+DOORS: Final = {
+    "mavlink": "bytes of a link",
+    "pictures": "photographs and their tags",
+    "records": "subtitles, telemetry logs, geotag files, calibrations",
+    "missions": "mission files",
+    "areas": "drawings, archives with them, zones, prior places",
+    "journals": "lines of a journal",
+    "fleet": "datagrams of a member with the key, and without it",
+    "process": "messages between mission and aircraft",
+    "page": "requests and WebSocket connections, and the page's orders",
+    "models": "detectors, their tables, ONNX models",
+    "maps": "MBTiles and PMTiles",
+}
+"""The input of each target of `tests.fuzz`."""
 
 
 def upper_bound(violations: int, flights: int) -> float:
@@ -175,6 +192,24 @@ def seeded(faults: Sequence[mutants.Mutant], results: Mapping[str, mutants.Found
     return table(header, rows)
 
 
+def fuzzed(rows: Iterable[fuzz.Row]) -> str:
+    """Return the runs of hostile inputs by target: CPU time, inputs, branches and failures."""
+    found = defaultdict[str, list[fuzz.Row]](list)
+    for row in rows:
+        found[row["target"]].append(row)
+    cells = [
+        (
+            name, DOORS[name], f"{sum(row['minutes'] for row in each):g}",
+            f"{sum(row['executions'] for row in each):,}",
+            max((row["branches"] or 0 for row in each), default=0) or "not measured",
+            len({failure for row in each for failure in row["failures"]}),
+        )
+        for name in DOORS if (each := found[name])
+    ]  # fmt: skip
+    header = ("target", "input", "CPU minutes", "inputs", "branches", "failures")
+    return table(header, cells) if cells else "Not run yet."
+
+
 def failures(found: Iterable[Mapping[str, Any]]) -> str:
     """Return the list of failures that campaigns found, the newest first."""
     return "\n".join(_failure(each) for each in reversed(list(found)))
@@ -195,6 +230,7 @@ def page(runs: Sequence[Run]) -> str:
         "promises": promises(runs), "forgiven": forgiven(runs), "real": real(),
         "coverage": coverage(json.loads(COVERAGE.read_text("utf-8"))),
         "seeded": seeded(mutants.table()[0], mutants.results()),
+        "fuzzed": fuzzed(fuzz.kept()),
         "failures": failures(tomllib.loads(FAILURES.read_text("utf-8"))["failure"]),
     }  # fmt: skip
     text = PAGE.read_text("utf-8")

@@ -70,9 +70,10 @@ def alone(chosen: argparse.Namespace) -> int:
 
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
         folder = Path(name)
+        examples, seconds = target.examples(folder), 60.0 * chosen.minutes
         if is_guided:
-            engine.guided(target, folder, chosen.seed, 60.0 * chosen.minutes, end)
-        return end(engine.plain(target, folder, chosen.seed, sys.maxsize, 60.0 * chosen.minutes))
+            engine.guided(target, examples, folder, chosen.seed, seconds, end)
+        return end(engine.plain(target, examples, folder, chosen.seed, sys.maxsize, seconds))
 
 
 if __name__ == "__main__":

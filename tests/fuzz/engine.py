@@ -91,13 +91,10 @@ def _memory() -> int:
 
 
 def _place(error: BaseException) -> str:
-    """Return the innermost line of the product on which an error was raised."""
-    names = ("missions", "vision", "sitl", "uavmap", "tests")
+    """Return the innermost function of the project in which an error was raised."""
+    ours = tuple(f"{ROOT / name}/" for name in ("missions", "vision", "sitl", "uavmap", "tests"))
     frames = traceback.extract_tb(error.__traceback__)
-    ours = [
-        f for f in frames if str(Path(f.filename)).startswith(tuple(f"{ROOT / n}/" for n in names))
-    ]
-    last = (ours or list(frames))[-1]
+    last = [f for f in frames if f.filename.startswith(ours) and f.filename != __file__][-1]
     return f"{os.path.relpath(last.filename, ROOT)}:{last.name}"
 
 
@@ -128,13 +125,20 @@ def changed(rng: random.Random, data: bytes, examples: Sequence[bytes]) -> bytes
     return bytes(made[:LONGEST])
 
 
-def plain(target: Target, folder: Path, seed: int, executions: int, seconds: float) -> Result:
+def plain(
+    target: Target,
+    examples: Sequence[bytes],
+    folder: Path,
+    seed: int,
+    executions: int,
+    seconds: float,
+) -> Result:
     """Change examples at random, up to a number of executions or a CPU time.
 
     An input that is the first to get an answer is changed further.
     """
     rng, result, answers = random.Random(seed), Result(), set[str]()
-    inputs = list(target.examples(folder))
+    inputs = list(examples)
 
     def check(data: bytes, where: Path) -> None:
         try:
@@ -160,15 +164,21 @@ def _execute(target: Target, data: bytes, folder: Path, result: Result) -> None:
 
 
 def guided(
-    target: Target, folder: Path, seed: int, seconds: float, end: Callable[[Result], None]
+    target: Target,
+    examples: Sequence[bytes],
+    folder: Path,
+    seed: int,
+    seconds: float,
+    end: Callable[[Result], None],
 ) -> None:
     """Change inputs that reach new branches, by atheris; `end` gets the result.
 
-    The process ends with it: libFuzzer does not return.
+    The process ends with it: libFuzzer does not return. It keeps an input that ends the process.
     """
     import atheris  # noqa: PLC0415 - for long runs only
 
-    examples, result = list(target.examples(folder)), Result()
+    result, crashes = Result(), KEPT / target.name
+    crashes.mkdir(parents=True, exist_ok=True)
     corpus, log = folder / "corpus", folder / "log"
     corpus.mkdir()
     for number, data in enumerate(examples):
@@ -195,6 +205,7 @@ def guided(
         return changed(random.Random(number), data, examples)[:most]
 
     options = [
+        f"-artifact_prefix={crashes}/",
         f"-seed={seed}",
         f"-max_len={LONGEST}",
         "-rss_limit_mb=0",

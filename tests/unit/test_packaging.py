@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import configparser
+import json
+import re
+import runpy
 import shlex
 import shutil
 import subprocess
+import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
+from hatchling.builders.wheel import WheelBuilder
 
 from tests.unit.test_pages import ROOT, command_lines
 from uavmap.mavlink.links.urls import parse_url
@@ -95,3 +101,35 @@ def test_the_page_names_each_file_and_its_commands_are_held_by_the_test_of_the_p
     lines = list(command_lines(PAGE))
     assert any(line.startswith("uavmap fly") for line in lines)
     assert any("--recall" in line for line in lines)
+
+
+def test_wheel_has_a_bill_of_the_pinned_versions_of_all_that_it_needs(tmp_path):
+    builder = WheelBuilder(str(ROOT)).build(directory=str(tmp_path), versions=["standard"])
+    with zipfile.ZipFile(next(builder)) as wheel:
+        (name,) = (n for n in wheel.namelist() if "/sboms/" in n)
+        bill = json.loads(wheel.read(name))
+    assert name.endswith(".dist-info/sboms/uavmap.cdx.json")
+    assert (bill["bomFormat"], bill["specVersion"]) == ("CycloneDX", "1.6")
+    listed = bill["components"]
+    pinned = re.findall(r"(?m)^([\w.-]+==[^\s;]+)", (ROOT / "requirements.txt").read_text("utf-8"))
+    assert {f"{one['name']}=={one['version']}" for one in listed} <= set(pinned)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    needed = {text.partition(">=")[0] for text in project["dependencies"]}
+    assert needed <= {one["name"] for one in listed}
+    refs = [one["bom-ref"] for one in listed]
+    assert bill["dependencies"] == [{"ref": "uavmap", "dependsOn": refs}]
+    assert len(set(refs)) == len(refs)
+
+
+def test_bill_states_the_condition_of_a_version():
+    bill = runpy.run_path(str(ROOT / "packaging" / "sbom.py"))["bill"]
+    lines = [
+        "numpy==2.4.6 ; python_full_version < '3.12' \\",
+        "    --hash=sha256:0",
+        "rich==15.0.0",
+    ]
+    old, rich = bill(lines)["components"]
+    assert (old["purl"], old["description"]) == (
+        "pkg:pypi/numpy@2.4.6", "if python_full_version < '3.12'",
+    )  # fmt: skip
+    assert "description" not in rich

@@ -76,7 +76,7 @@ def read_calibration(path: Path) -> Lens:
     fx, _, cx, _, fy, cy = matrix[:6]
     try:
         return Lens(int(size[0]), int(size[1]), fx, fy, cx, cy, model, distortion)  # type: ignore[arg-type]
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise ImageError(f"{path}: {error}") from None
 
 
@@ -123,12 +123,12 @@ def _from_opencv(text: str, path: Path) -> dict[str, Any]:
         raise ImageError(f"{path}: not a YAML, XML or JSON file of OpenCV's calibration")
 
     def matrix(keys: Iterable[str]) -> list[float] | None:
-        for key in keys:
-            node = storage.getNode(key)
-            if not node.empty():
-                found = node.mat()
-                if found is not None:
-                    return [float(x) for x in np.asarray(found, dtype=np.float64).ravel()]
+        # not by `FileNode.mat`, which writes beyond a matrix whose columns are not stated
+        for node in map(storage.getNode, keys):
+            if node.isMap() and (data := node.getNode("data")).isSeq():
+                found = [data.at(k) for k in range(data.size())]
+                if all(one.isInt() or one.isReal() for one in found):
+                    return [float(one.real()) for one in found]
         return None
 
     def number(keys: Iterable[str]) -> float | None:

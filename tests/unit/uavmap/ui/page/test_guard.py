@@ -61,7 +61,7 @@ def test_wrong_cookie_is_refused(kind, cookie):
 
 @pytest.mark.parametrize("kind", ["http", "websocket"])
 def test_page_of_another_origin_is_refused_with_any_headers(kind):
-    for origin in (b"http://127.0.0.1:3000", b"https://example.org", b"null"):
+    for origin in (b"http://127.0.0.1:3000", b"https://example.org", b"null", b"http://["):
         assert not answered(kind, "/x", b"", GOOD, (b"origin", origin))[0]
     assert answered(kind, "/x", b"", GOOD, (b"origin", b"http://127.0.0.1:8470"))[0] == [kind]
 
