@@ -52,7 +52,7 @@ class Vehicle:
     @property
     def truth(self) -> VehicleTruth:
         """True state: `position`, `height_m`, `velocity_m_s`, `mode`, `armed`, ..."""
-        return self.fleet.asked(lambda: self._vehicle.truth)
+        return self.fleet.ask(lambda: self._vehicle.truth)
 
     @property
     def fail(self) -> Faults:
@@ -66,7 +66,7 @@ class Vehicle:
 
     def image(self, url: str) -> bytes | None:
         """Return the JPEG of a `file_url` in CAMERA_IMAGE_CAPTURED, None if there is none."""
-        return self.fleet.asked(lambda: self._vehicle.image(url))
+        return self.fleet.ask(lambda: self._vehicle.image(url))
 
     # --- virtual time ---------------------------------------------------------------------------
 
@@ -254,7 +254,7 @@ class Fleet(Sequence[Vehicle]):
                 raise TimeoutError(f"the simulation has stood still for {_STUCK_S:g} s")
         return found
 
-    def asked(self, question: Callable[[], T]) -> T:
+    def ask(self, question: Callable[[], T]) -> T:
         """Return the answer to a question, asked between two steps."""
         return question() if self._background is None else self._background.ask(question)
 

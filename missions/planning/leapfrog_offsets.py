@@ -65,8 +65,8 @@ class Offsets:
     """Errors of both reported places: reported less true, metres along the grid's axes.
 
     >>> both = Offsets()
-    >>> both.moved(Role.MAPPER, (10.0, 0.0), 5.0)
-    >>> both.sighted((10.0, 0.0), (9.8, 0.0), np.eye(2) * 1e-4, 10.0)
+    >>> both.add_move(Role.MAPPER, (10.0, 0.0), 5.0)
+    >>> both.add_sighting((10.0, 0.0), (9.8, 0.0), np.eye(2) * 1e-4, 10.0)
     True
     >>> round(both.off(Role.MAPPER)[0] - both.off(Role.TRACKER)[0], 2)
     0.2
@@ -112,7 +112,7 @@ class Offsets:
             self.spread[i + k, i + k] = noise.start_m**2
             self.spread[i + 2 + k, i + 2 + k] = noise.odometer**2
 
-    def moved(self, role: Role, told_m: tuple[float, float], passed_s: float) -> None:
+    def add_move(self, role: Role, told_m: tuple[float, float], passed_s: float) -> None:
         """Add its reported movement, east and north, in a time of at least 0 s."""
         i, noise = _INDEX[role], self._noise
         east, north = told_m
@@ -127,7 +127,7 @@ class Offsets:
         self.spread[i, i] += grown
         self.spread[i + 1, i + 1] += grown
 
-    def sighted(
+    def add_sighting(
         self,
         told_m: tuple[float, float],
         seen_m: tuple[float, float],

@@ -50,12 +50,12 @@ Change = Callable[[str], str]
 # --- verdicts and pictures -----------------------------------------------------------------------
 @contextlib.contextmanager
 def _verdicts(change: Callable[[tuple[Verdict, ...]], tuple[Verdict, ...]]) -> Iterator[None]:
-    judged = Classifier._judged  # the one place where all verdicts are given
+    judged = Classifier._judge  # the one place where all verdicts are given
 
     def changed(self: Classifier, frame: Frame, *where: Any) -> tuple[Verdict, ...]:
         return change(judged(self, frame, *where))
 
-    with mock.patch.object(Classifier, "_judged", changed):
+    with mock.patch.object(Classifier, "_judge", changed):
         yield
 
 

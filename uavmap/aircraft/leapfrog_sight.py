@@ -80,7 +80,7 @@ class Member:
         """Standard deviation of that, m."""
         return self.leapfrog.offsets.sigma_m(self.role)
 
-    def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
+    def add_move(self, told: GridPoint, now_s: float, *, good: bool) -> None:
         """Note its reported place; `good`: by satellites."""
         before, before_s = self.reported, self.reported_s
         self.reported, self.reported_s = told, now_s
@@ -89,7 +89,7 @@ class Member:
             self._leave()
         else:
             way = (told.east_m - before.east_m, told.north_m - before.north_m)
-            self.leapfrog.offsets.moved(self.role, way, max(now_s - before_s, 0.0))
+            self.leapfrog.offsets.add_move(self.role, way, max(now_s - before_s, 0.0))
         self.good = good
         strays = self.stopped_at is not None and told.distance_to(self.stopped_at) > STRAYS_M
         if strays or self.reporter.view.ground_speed_m_s > 2.0 * HOVERS_M_S:
@@ -188,7 +188,7 @@ class Leapfrog:
             # the grid is turned by a degree or two: a covariance is nearly the same along its axes
             covariance = seen.covariance_m2[:2, :2] + late_m**2 * np.eye(2)
             after_s = t_s - self._sighted_s
-            if self.offsets.sighted(told, apart, covariance, after_s, tilts_m):
+            if self.offsets.add_sighting(told, apart, covariance, after_s, tilts_m):
                 self._sighted_s = t_s
             return
         off_m = math.dist(told, apart)

@@ -153,7 +153,7 @@ class Navigation:
             return
         told = self._reporter.grid.fixed(self._view.reported)
         good = self._view.by_satellites and not self._view.has_no_fix
-        self.partner.moved(told, now_s, good=good)
+        self.partner.add_move(told, now_s, good=good)
         if self.gnss == "lost" and self._by_partner:
             self._correct(self.partner.off)
             self.sigma_m = self.partner.sigma_m
@@ -231,7 +231,7 @@ class Navigation:
         self._reporter.happened(Navigated, self.gnss, sigma_m=round(self.sigma_m, 2), off_m=off)
 
     # --- what its pictures say -----------------------------------------------------------------
-    def placed(self, frame: Frame) -> Frame:
+    def add_frame(self, frame: Frame) -> Frame:
         """Return a frame with the pose by the vehicle's pictures.
 
         Raises `ImageError` if it is not known well enough to decide on a cell.

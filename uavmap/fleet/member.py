@@ -157,7 +157,7 @@ class Member:
 
     def clock_moved(self, by_s: float) -> None:
         """Note that our clock was moved by `by_s`, the result of `agree`."""
-        self._clock.moved(by_s)
+        self._clock.shift(by_s)
         self._budget_s += by_s
         self._sender.clock_moved(by_s)
 

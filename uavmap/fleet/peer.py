@@ -162,7 +162,7 @@ class FleetClock:
             clocks.pop(0, None)
         return round(clocks[min(clocks)], 3) if clocks else 0.0
 
-    def moved(self, by_s: float) -> None:
+    def shift(self, by_s: float) -> None:
         """Note that our clock was moved by `by_s`, the result of `agree`."""
         self.agreed = True
         for peer in self._peers.values():

@@ -166,7 +166,7 @@ class BootClock:
         self._asked_ns.append(round(now_s * 1e9))
         return self._asked_ns[-1]
 
-    def answered(self, asked_ns: int, now_s: float) -> None:
+    def add_answer(self, asked_ns: int, now_s: float) -> None:
         """Add the answer to a TIMESYNC of this stamp."""
         soon = now_s - asked_ns / 1e9 < self.limit_s
         if self.late and self.boot_s is not None and asked_ns in self._asked_ns and soon:

@@ -88,7 +88,7 @@ class Parameters:
         async with self._one_at_a_time:
             for first in range(0, len(names), AT_ONCE):
                 requests = {name: self._request(name) for name in names[first : first + AT_ONCE]}
-                found |= await self._answered(requests)
+                found |= await self._wait_for_answers(requests)
         return found
 
     def _request(self, name: str) -> Message:
@@ -113,11 +113,11 @@ class Parameters:
         )
         async with self._one_at_a_time:
             for message in (request, self._request(name)):
-                if not await self._answered({name: message}, wanted):
+                if not await self._wait_for_answers({name: message}, wanted):
                     return False
         return True
 
-    async def _answered(
+    async def _wait_for_answers(
         self, requests: dict[str, Message], wanted: Parameter | None = None
     ) -> dict[str, Parameter]:
         self._wanted = wanted

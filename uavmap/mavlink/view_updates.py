@@ -100,9 +100,9 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
     critical = message.system_status == mav.MAV_STATE_CRITICAL
     view.failsafe = critical and view.kind.reports_failsafe
     if critical and not (view.critical or view.failsafe):
-        _spoken(view, [Text(mav.MAV_SEVERITY_WARNING, "system status CRITICAL")], now_s)
+        _add_texts(view, [Text(mav.MAV_SEVERITY_WARNING, "system status CRITICAL")], now_s)
     view.critical = critical
-    _spoken(view, view.chunks.late(now_s), now_s)
+    _add_texts(view, view.chunks.late(now_s), now_s)
 
 
 def _current_mode(view: VehicleView, message: Message, now_s: float, component: int) -> None:
@@ -200,7 +200,7 @@ def _battery(view: VehicleView, message: Message, now_s: float, component: int) 
     low = CHARGE_LOW.get(message.charge_state, "")
     if low and not view.battery_low:
         words = f"its battery is reported as {low}"
-        _spoken(view, [Text(mav.MAV_SEVERITY_WARNING, words)], now_s)
+        _add_texts(view, [Text(mav.MAV_SEVERITY_WARNING, words)], now_s)
     view.battery_low = low
 
 
@@ -243,7 +243,7 @@ def _gps(view: VehicleView, message: Message, now_s: float, component: int) -> N
 
 def _timesync(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     if message.tc1 != 0:
-        view.gate.clock.answered(message.ts1, now_s)
+        view.gate.clock.add_answer(message.ts1, now_s)
 
 
 def _version(view: VehicleView, message: Message, now_s: float, component: int) -> None:
@@ -256,10 +256,10 @@ def _version(view: VehicleView, message: Message, now_s: float, component: int) 
 
 
 def _text(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    _spoken(view, view.chunks.add(component, message, now_s), now_s)
+    _add_texts(view, view.chunks.add(component, message, now_s), now_s)
 
 
-def _spoken(view: VehicleView, texts: list[Text], now_s: float) -> None:
+def _add_texts(view: VehicleView, texts: list[Text], now_s: float) -> None:
     for text in texts:
         view.add_text(text, now_s)
 

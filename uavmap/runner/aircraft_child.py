@@ -89,7 +89,7 @@ class AircraftChild:
         sys.stdout.flush()
         try:
             with shown_on(self):
-                await self._flown()
+                await self._fly()
         finally:
             await self._closed()
             with contextlib.suppress(OSError):
@@ -100,7 +100,7 @@ class AircraftChild:
         """Send a line for the operator, as a display does."""
         self._send(msg.Line(text))
 
-    async def _flown(self) -> None:
+    async def _fly(self) -> None:
         plan = self._plan
         mission = plan.mission
         setting = plan.known_setting()

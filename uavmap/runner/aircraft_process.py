@@ -83,7 +83,7 @@ class AircraftProcess:
         if found is not None:
             return await self._line(found)
         starter = ThreadPoolExecutor(1, "aircraft")
-        begun = starter.submit(self._begun)
+        begun = starter.submit(self._begin)
         starter.shutdown(wait=False)
         try:
             return await self._line(await asyncio.wrap_future(begun))
@@ -100,7 +100,7 @@ class AircraftProcess:
         self._received_s = time.monotonic()
         return _Line(reader, writer)
 
-    def _begun(self) -> Attachment:
+    def _begin(self) -> Attachment:
         child = self._child = Child(MODULE, "aircraft")
         wanted = {
             "plan": self._plan.as_json(), "folder": str(self._folder), "append": self._append,

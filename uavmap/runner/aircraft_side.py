@@ -98,13 +98,13 @@ class AircraftSide:
         """Fly, take care of the aircraft however that ends, and report the result."""
         failure: Exception | None = None
         try:
-            await self._flown()
+            await self._fly()
         except Exception as error:
             failure = error
         fates = self._guardians.fates()
         self._send(ended_by(_first(failure), fates, _text(failure)))
 
-    async def _flown(self) -> None:
+    async def _fly(self) -> None:
         begin = await self._unless_ended(self.host.begin())
         if begin is None:
             return

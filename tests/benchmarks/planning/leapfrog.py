@@ -86,7 +86,7 @@ def fly_and_measure(job: Job, text: str) -> dict[str, Any]:
     true: list[tuple[float, float, float]] = []
     frames: list[tuple[float, float, float]] = []
     reckoned: list[tuple[float, float, float]] = []
-    placed = Navigation.placed
+    placed = Navigation.add_frame
 
     def record(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         truth = vehicles[MAPPER - 1].truth
@@ -100,7 +100,7 @@ def fly_and_measure(job: Job, text: str) -> dict[str, Any]:
             reckoned.append((taken.t_s, *grid.fixed(taken.pose.position)))
         return found
 
-    changes: dict[str, Any] = {"placed": placing}
+    changes: dict[str, Any] = {"add_frame": placing}
     if job.way == "alone":
         changes["_correct"] = lambda self, off: None
     with frame.truth_shown(record), mock.patch.multiple(Navigation, **changes):

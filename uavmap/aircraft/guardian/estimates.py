@@ -104,7 +104,7 @@ class WindEstimate:
         mean = learned / (DRAG_PRIOR + sum(weight for _, weight in near))
         return min(max(mean, MIN_FACTOR), MAX_FACTOR)
 
-    def tilted(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> None:
+    def add_attitude(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> None:
         """Add an attitude: right side down, nose up, clockwise from true north, rad."""
         if not abs(roll_rad) < 1.3 or not abs(pitch_rad) < 1.3 or not math.isfinite(yaw_rad):
             return
@@ -113,7 +113,7 @@ class WindEstimate:
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         self._tilt = (forward * cos - right * sin, forward * sin + right * cos)
 
-    def moved(self, t_s: float, north_m_s: float, east_m_s: float) -> None:
+    def add_velocity(self, t_s: float, north_m_s: float, east_m_s: float) -> None:
         """Add a velocity over ground, with the last received attitude."""
         if self._tilt is None:
             return

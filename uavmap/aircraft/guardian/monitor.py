@@ -77,7 +77,7 @@ class Monitor:
         elif name == "COMMAND_ACK":
             self._note_acknowledgement(message)
         elif name == "ATTITUDE":
-            self.wind.tilted(message.roll, message.pitch, message.yaw)
+            self.wind.add_attitude(message.roll, message.pitch, message.yaw)
         elif name == "GLOBAL_POSITION_INT":
             if self.navigation is not None and self.connected:
                 self.navigation.check(airborne=self.control.off_ground)
@@ -205,7 +205,7 @@ class Monitor:
     def _measure_wind(self) -> None:
         north_m_s, east_m_s, _ = self._view.velocity_ned_m_s
         if self.control.off_ground and self._view.height_m > OFF_GROUND_M:
-            self.wind.moved(self._reporter.loop_s(), north_m_s, east_m_s)
+            self.wind.add_velocity(self._reporter.loop_s(), north_m_s, east_m_s)
         else:
             self.wind.forget()
 

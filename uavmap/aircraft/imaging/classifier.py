@@ -88,22 +88,20 @@ class Classifier:
         size.
         """
         here = vantage or self.grid.cell_at(frame.pose.position, frame.t_s)
-        return here, self._judged(frame, self.mission.detector.view, here)
+        return here, self._judge(frame, self.mission.detector.view, here)
 
     def votes_anywhere(self, frame: Frame) -> Verdicts:
         """Return a frame's verdicts on every whole cell, `camera.pose_error_m` from its edge.
 
         It does not depend on `detector.view`. Raises `ImageError` as `votes`.
         """
-        return self._judged(frame, "all", None)
+        return self._judge(frame, "all", None)
 
     def doubt(self, frame: Frame) -> str | None:
         """Return why a frame is no evidence, beside the last judged one; None if it may be."""
         return implausible(frame.image, self._last, noiseless=self.mission.camera.noiseless)
 
-    def _judged(
-        self, frame: Frame, view: Literal["cross", "all"], vantage: Cell | None
-    ) -> Verdicts:
+    def _judge(self, frame: Frame, view: Literal["cross", "all"], vantage: Cell | None) -> Verdicts:
         reason = self.doubt(frame)
         self._last = frame.image
         if reason:

@@ -72,7 +72,7 @@ class CameraDriver:
 
     def every(self, interval_s: float, *, anywhere: bool = False) -> _Pictures:
         """Take pictures at an interval while the context lasts; `anywhere`: without a vantage."""
-        look = partial(self.judged, anywhere=anywhere)
+        look = partial(self.judge_picture, anywhere=anywhere)
         return self._announcing_to(
             Frames(self._source, look, self.lost, interval_s, anywhere=anywhere)
         )
@@ -88,7 +88,10 @@ class CameraDriver:
 
     def burst(self, most: int) -> _Pictures:
         """Take pictures in bursts of `votes.frames`, at most `most`."""
-        look, interval_s = partial(self.judged, anywhere=False), self._mission.camera.interval_s
+        look, interval_s = (
+            partial(self.judge_picture, anywhere=False),
+            self._mission.camera.interval_s,
+        )
         size = self._mission.votes.frames
         return self._announcing_to(
             Frames(self._source, look, self.lost, interval_s, most=most, burst_size=size)
@@ -107,7 +110,9 @@ class CameraDriver:
             if frames.capturing:
                 self._source.stop()
 
-    async def judged(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> bool:
+    async def judge_picture(
+        self, picture: Announcement, vantage: Cell | None, *, anywhere: bool
+    ) -> bool:
         """Have a picture judged; return whether it counts. Raises `ImageError`, `LinkError`."""
         return await self._judge(await self._posed(picture, vantage, anywhere=anywhere))
 
@@ -125,7 +130,7 @@ class CameraDriver:
             stalls = implausible(image, self._last, noiseless=self._mission.camera.noiseless)
             self._last = image
             if not stalls:
-                pose = finder.placed(Frame(image, pose, t_s, camera)).pose
+                pose = finder.add_frame(Frame(image, pose, t_s, camera)).pose
         return PosedPicture(self._number, t_s, pose, vantage, anywhere, picture.name, data)
 
     def lost(self, reason: str, picture: Announcement | None = None) -> FrameLost:

@@ -140,14 +140,14 @@ class Port:
                 for hear in self._followers:
                     hear(message)
             case msg.Picture():
-                self._begin(self._judged(message))
+                self._begin(self._send_verdict(message))
             case msg.SwapRequested():
                 self._swaps[message.vehicle] = self._begin(self._swapped(message.vehicle))
             case msg.SwapCancelled():
                 if message.vehicle in self._swaps:
                     self._swaps.pop(message.vehicle).cancel()
             case msg.Question():
-                self._begin(self._asked(message.text))
+                self._begin(self._ask_operator(message.text))
             case msg.Line():
                 self._log.info(message.text)
             case msg.Ready() | msg.Beat():
@@ -184,7 +184,7 @@ class Port:
             await self.taken_in()
             self.kept = received
 
-    async def _judged(self, picture: msg.Picture) -> None:
+    async def _send_verdict(self, picture: msg.Picture) -> None:
         verdict = self._judge.verdict(
             PosedPicture(
                 picture.vehicle, picture.t_s, picture.pose, picture.vantage, picture.anywhere,
@@ -200,7 +200,7 @@ class Port:
         self._swaps.pop(vehicle, None)
         self.send(msg.SwapDone(vehicle))
 
-    async def _asked(self, question: str) -> None:
+    async def _ask_operator(self, question: str) -> None:
         self.send(msg.Answered(await self._ask(question)))
 
     def close(self) -> None:

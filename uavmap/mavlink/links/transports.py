@@ -51,7 +51,7 @@ class Strangers:
         self._known.add(address)
         self._log(f"{self._url}: {_place(address)} {what}")
 
-    def moved(self, before: Any, now: Any) -> None:
+    def log_move(self, before: Any, now: Any) -> None:
         """Log that the vehicle is received from another address."""
         self._log(f"{self._url}: the vehicle is received from {_place(now)}, not {_place(before)}")
 
@@ -149,7 +149,7 @@ class UdpLink:
             return
         if self._on_bytes(data):
             if self._peer is not None:
-                self._strangers.moved(self._peer, address)
+                self._strangers.log_move(self._peer, address)
             self._peer, self._received_s = address, time.monotonic()
 
     def send(self, data: bytes) -> None:

@@ -136,7 +136,7 @@ class Outbox:
         """Number of blocked messages, by kind."""
 
     @contextlib.contextmanager
-    def asked(self, command: int, permit: Permit | None = None) -> Iterator[None]:
+    def permitting(self, command: int, permit: Permit | None = None) -> Iterator[None]:
         """Let MAVSDK send a command in the context as often as `permit` grants."""
         self._asked[command].append(permit)
         try:
@@ -278,7 +278,7 @@ class MavsdkSession(Session):
         else:
             await super().command(command, *params, component=component, done=done, permit=permit)
             return
-        told = await self.asked(command, action, permit, **more)
+        told = await self.ask(command, action, permit, **more)
         result = told["result"]
         if result == "SUCCESS" or done():
             return
@@ -290,13 +290,13 @@ class MavsdkSession(Session):
             )
         raise LinkError(f"{action} was not acknowledged, MAVSDK says: {result}")
 
-    async def asked(
+    async def ask(
         self, command: int, what: str, permit: Permit | None = None, **more: Any
     ) -> JsonObject:
         """Have MAVSDK carry out a request; its command may pass meanwhile, by the permit."""
         if permit is not None:
             await permit.granted()
-        with self.outbox.asked(command, permit):
+        with self.outbox.permitting(command, permit):
             return await self.process.ask(do=what, **more)
 
     async def _until_acknowledged(
@@ -332,7 +332,7 @@ class MavsdkSession(Session):
     async def _result(self, command: int, message: Message, permit: Permit | None) -> int | None:
         """Return the MAV_RESULT of a command; None without an answer."""
         self._packed(message)  # whose numbers fit
-        told = await self.asked(
+        told = await self.ask(
             command, "command", permit, name=message.get_type(), fields=fields_of(message)
         )
         answer = told.get("answer")

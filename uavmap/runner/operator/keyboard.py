@@ -122,7 +122,7 @@ class Keys:
         self._sure = ()
 
     def _act(self, key: str, numbers: tuple[int, ...]) -> None:
-        who = _named(numbers)
+        who = _numbers_text(numbers)
         if key == "r":
             self._home(numbers)
         elif key == "k":
@@ -137,9 +137,9 @@ class Keys:
             _LOG.info("all vehicles return; the mission can be resumed")
             self._service.recall()
         elif self._service.recall_vehicle(numbers[0]):
-            _LOG.info(f"{_named(numbers)} returns and stays there; the others continue")
+            _LOG.info(f"{_numbers_text(numbers)} returns and stays there; the others continue")
         else:
-            _LOG.info(f"{_named(numbers)} is recalled already")
+            _LOG.info(f"{_numbers_text(numbers)} is recalled already")
 
     def _land(self, numbers: tuple[int, ...]) -> None:
         for number in numbers:
@@ -150,7 +150,7 @@ class Keys:
 _QUESTIONS: Final = {"r": "home", "k": "skip a cell", "q": "land where it is"}
 
 
-def _named(numbers: tuple[int, ...]) -> str:
+def _numbers_text(numbers: tuple[int, ...]) -> str:
     plural = "s" if len(numbers) > 1 else ""
     return f"vehicle{plural} {', '.join(map(str, numbers))}"
 

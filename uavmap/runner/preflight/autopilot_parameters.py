@@ -189,11 +189,11 @@ def parameter_findings(
         )
         return
     for wish in parameter_checks(kind, setting):
-        yield _judged(wish, values, needs)
+        yield _finding_of(wish, values, needs)
     yield _capacity(CAPACITY[kind is PX4], values, setting, volts)
 
 
-def _judged(wish: Check, values: Values, needs: Needs) -> Finding:
+def _finding_of(wish: Check, values: Values, needs: Needs) -> Finding:
     if wish.name not in values:
         return warn(wish.name, "not reported", wish.wanted or "a value", "this autopilot has none?")
     found = f"{values[wish.name]:g}"

@@ -101,7 +101,7 @@ async def test_aircraft_that_cannot_restart_end_the_mission(*, reset, tmp_path, 
         starts.append(self)
         raise LinkError("it does not start")
 
-    monkeypatch.setattr(AircraftProcess, "_begun", start)
+    monkeypatch.setattr(AircraftProcess, "_begin", start)
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
     with running_process(tmp_path) as (process, other, server):
         server.close()
@@ -130,7 +130,7 @@ async def test_process_without_a_waiting_mission_is_ended(tmp_path, monkeypatch)
 
     monkeypatch.setattr(asyncio, "open_connection", hangs)
     with listening() as (_, address), socket.create_connection(("127.0.0.1", address.port)) as line:
-        monkeypatch.setattr(AircraftProcess, "_begun", lambda self: Attachment(address, line))
+        monkeypatch.setattr(AircraftProcess, "_begin", lambda self: Attachment(address, line))
         monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: ended.set())
         process = AircraftProcess(plan(), tmp_path, None, append=False)
         starting = asyncio.create_task(process._start())

@@ -139,7 +139,7 @@ def test_estimated_errors_of_both_are_honest():
                 errs_m_s = noise.wander_m_s + noise.changing * math.hypot(*reported) / 5.0
                 wander = rng.normal(0.0, math.sqrt(10.0 * errs_m_s**2 * 5.0), 2)
                 changed = scale * reported + turn * np.array([-reported[1], reported[0]]) + wander
-                both.moved(role, (float(reported[0]), float(reported[1])), 5.0)
+                both.add_move(role, (float(reported[0]), float(reported[1])), 5.0)
                 off[role] = off[role] + changed
                 true[role] = true[role] + reported - changed
                 if still:
@@ -150,7 +150,7 @@ def test_estimated_errors_of_both_are_honest():
             seen_apart = apart - heading * np.array([-apart[1], apart[0]])
             seen_apart = seen_apart + rng.normal(0.0, 0.05, 2)
             reported_apart = apart + off[Role.MAPPER] - off[Role.TRACKER]
-            both.sighted(tuple(reported_apart), tuple(seen_apart), np.eye(2) * 0.05**2, 100.0)
+            both.add_sighting(tuple(reported_apart), tuple(seen_apart), np.eye(2) * 0.05**2, 100.0)
         left = np.array(both.off(Role.MAPPER)) - off[Role.MAPPER]
         squares.append(float(left @ np.linalg.solve(both.covariance(Role.MAPPER), left)))
     # 24 degrees of freedom: 95 % lie between 1.03 and 3.28

@@ -59,8 +59,8 @@ def wind_estimates(wind, factor, legs, leg_s=20.0, gust_m_s=0.0):
             north += a_north * STEP_S
             east += a_east * STEP_S
             t_s += STEP_S
-            estimate.tilted(roll, pitch, 0.0)
-            estimate.moved(t_s, north, east)
+            estimate.add_attitude(roll, pitch, 0.0)
+            estimate.add_velocity(t_s, north, east)
         if estimate.speed_m_s is not None:
             found.append(estimate.speed_m_s)
     return found
@@ -90,14 +90,14 @@ def test_gusts_leave_the_airframe_estimate_and_are_no_gale(factor):
 
 def test_wind_in_the_first_seconds_and_on_the_ground_is_unknown():
     estimate = WindEstimate()
-    estimate.moved(0.0, 1.0, 1.0)
+    estimate.add_velocity(0.0, 1.0, 1.0)
     assert estimate.speed_m_s is None
     for i in range(40):
-        estimate.tilted(0.1, 0.0, 0.0)
-        estimate.moved(0.1 * i, 0.0, 0.0)
+        estimate.add_attitude(0.1, 0.0, 0.0)
+        estimate.add_velocity(0.1 * i, 0.0, 0.0)
     assert estimate.speed_m_s is None
     for i in range(60):
-        estimate.moved(4.0 + 0.1 * i, 0.0, 0.0)
+        estimate.add_velocity(4.0 + 0.1 * i, 0.0, 0.0)
     assert estimate.speed_m_s is not None
     estimate.forget()
     assert estimate.speed_m_s is None
@@ -106,8 +106,8 @@ def test_wind_in_the_first_seconds_and_on_the_ground_is_unknown():
 def test_implausible_numbers_change_no_estimate():
     estimate = WindEstimate()
     for attitude in ((math.nan, 0.0, 0.0), (0.0, 1.57, 0.0), (0.0, 0.0, math.inf)):
-        estimate.tilted(*attitude)
-    estimate.moved(0.0, 0.0, 0.0)
+        estimate.add_attitude(*attitude)
+    estimate.add_velocity(0.0, 0.0, 0.0)
     assert estimate.speed_m_s is None
 
 

@@ -73,7 +73,7 @@ class Verdicts:
 
     async def event_of(self, driver, picture):
         try:
-            await driver.judged(picture, None, anywhere=False)
+            await driver.judge_picture(picture, None, anywhere=False)
         except (ImageError, LinkError) as error:
             return driver.lost(str(error), picture)
         assert self._last is not None

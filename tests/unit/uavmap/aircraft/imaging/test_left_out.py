@@ -33,7 +33,7 @@ def take_pictures(anywhere):
 
     async def body():
         source = cast("FrameSource", camera)
-        frames = Frames(source, camera.judged, camera.lost, 0.1, anywhere=anywhere)
+        frames = Frames(source, camera.judge_picture, camera.lost, 0.1, anywhere=anywhere)
 
         async def judge():
             async for lost in frames.judged(None):

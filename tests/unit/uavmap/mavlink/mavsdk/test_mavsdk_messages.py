@@ -106,9 +106,9 @@ def test_command_passes_while_it_is_asked_for_and_no_other():
     ends = _Ends()
     arm, mode = (_command(c) for c in (mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_CMD_DO_SET_MODE))
     assert ends.wants(arm) == 0
-    with ends.outbox.asked(arm.command):
+    with ends.outbox.permitting(arm.command):
         assert ends.wants(arm, arm, mode) == 2
-        with ends.outbox.asked(arm.command):
+        with ends.outbox.permitting(arm.command):
             pass
         assert ends.wants(arm) == 1
     assert ends.wants(arm) == 0
@@ -128,7 +128,7 @@ class _Permit:
 
 def test_each_copy_of_a_mode_that_mavsdk_repeats_takes_a_permit():
     ends, mode = _Ends(), _command(mav.MAV_CMD_DO_SET_MODE)
-    with ends.outbox.asked(mode.command, _Permit()):
+    with ends.outbox.permitting(mode.command, _Permit()):
         assert ends.wants(mode, mode, mode) == 2
     assert ends.wants(mode) == 0
 
