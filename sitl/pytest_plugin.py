@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _OPTIONS: tuple[tuple[str, type, str], ...] = (
     ("autopilot", str, "flavour of the simulated vehicles: ardupilot or px4"),
     ("vehicles", int, "vehicles in a fleet"),
-    ("home", str, "where they start: LAT,LON,AMSL,YAW"),
+    ("home", str, "start of the vehicles: LAT,LON,AMSL,YAW"),
     ("speedup", float, "times real time, on sockets"),
     ("seed", int, "of wind, positioning errors and pictures"),
 )

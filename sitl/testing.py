@@ -161,7 +161,7 @@ class Vehicle:
         if self.fleet.serving:  # its frames go to its clients
             return doing
         self._decode()
-        return f"{doing}; it said: {'; '.join(self._texts) or 'nothing'}"
+        return f"{doing}; its texts: {'; '.join(self._texts) or 'none'}"
 
     def _decode(self) -> None:
         for message in self._framer.feed(self.receive_bytes()):

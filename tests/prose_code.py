@@ -1,6 +1,6 @@
-"""Check the prose of Python: docstrings, strings below fields, comments, and names of tests.
+"""Check the prose of code: docstrings, comments, names of tests, and texts that the product shows.
 
-    python -m tests.prose_code                       every module that is checked
+    python -m tests.prose_code                       every module and page that is checked
     python -m tests.prose_code missions/geo/*.py     these modules
 
 The words are those of `tests.prose`; a docstring begins with a verb or a noun as well. The name of
@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from tests import prose
+from tests import prose, prose_texts
 from tests.prose import ROOT, Fault
 
 _BEGINS: Final = re.compile(r"(?:Who|What|How|Where|Whether|Why|Nothing|Nobody)\b")
@@ -125,6 +125,8 @@ CHECKED: Final = (
     "vision/**/*.py",
 )  # fmt: skip
 """Modules that are checked, as patterns."""
+PRODUCT: Final = ("missions", "sitl", "uavmap", "vision")
+"""Folders whose strings are checked, with their scripts and pages."""
 
 
 def checked() -> list[Path]:
@@ -132,11 +134,34 @@ def checked() -> list[Path]:
     return sorted({path for pattern in CHECKED for path in ROOT.glob(pattern)})
 
 
+def pages() -> list[Path]:
+    """Return the scripts and pages of the product."""
+    return sorted(
+        path
+        for folder in PRODUCT
+        for path in (ROOT / folder).rglob("*.[jh]*")
+        if path.suffix in (".js", ".html")
+    )
+
+
+def file_faults(path: Path) -> list[Fault]:
+    """Return what is wrong with the prose of a module, a script or a page."""
+    source = path.read_text("utf-8")
+    found = source_faults(source) if path.suffix == ".py" else []
+    if path.relative_to(ROOT).parts[0] in PRODUCT:
+        found += [
+            Fault(line, what)
+            for line, text in prose_texts.shown(path.name, source)
+            for what in prose_texts.faults(text)
+        ]
+    return sorted(set(found))
+
+
 def main(names: Iterable[str]) -> int:
     """Print every fault; return 1 if there is one."""
-    paths = [Path(name).resolve() for name in names] or checked()
-    lines = prose.fault_lines(paths, lambda path: source_faults(path.read_text("utf-8")))
-    print("\n".join(lines) if lines else f"prose: {len(paths)} modules without a fault")
+    paths = [Path(name).resolve() for name in names] or [*checked(), *pages()]
+    lines = prose.fault_lines(paths, file_faults)
+    print("\n".join(lines) if lines else f"prose: {len(paths)} modules and pages without a fault")
     return 1 if lines else 0
 
 

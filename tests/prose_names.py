@@ -18,7 +18,6 @@ from typing import Final
 from tests import prose_code
 from tests.prose import ROOT, Fault, fault_lines
 
-_PRODUCT: Final = ("missions", "sitl", "uavmap", "vision")
 _ALONE: Final = {"take": "add, receive", "of": "from_rings, parse"}
 """Names that no function has by themselves, each with better ones."""
 _SPOKEN: Final = re.compile(
@@ -69,7 +68,7 @@ def name_faults(source: str) -> list[Fault]:
 
 def checked() -> list[Path]:
     """Return the modules that are checked."""
-    return [p for p in prose_code.checked() if p.relative_to(ROOT).parts[0] in _PRODUCT]
+    return [p for p in prose_code.checked() if p.relative_to(ROOT).parts[0] in prose_code.PRODUCT]
 
 
 def main(names: Iterable[str]) -> int:

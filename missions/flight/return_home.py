@@ -163,7 +163,7 @@ def fly_home(state: State, vehicle: VehicleState) -> State:
     if urgent and descends and (given := _land_beside(state, vehicle)):
         return given
     if stalls:  # the air may be free; the battery will certainly be empty
-        note = "its way home stayed blocked: its autopilot returns it (RTL)"
+        note = "its return path stayed blocked: its autopilot returns it (RTL)"
         return state.with_vehicle(vehicle.left_to_autopilot(note))
     return after
 

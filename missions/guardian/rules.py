@@ -194,7 +194,7 @@ def _trouble(limits: Limits, guard: Guard, seen: Snapshot) -> Verdict | None:
         # the same cause would mislead its autopilot, and a climb costs time
         return Verdict("land", f"{reason}, outside the geofence", hurry=True)
     if guard.task.homeward:
-        return Verdict("rtl", f"{reason}, on its way home")
+        return Verdict("rtl", f"{reason}, on its return")
     if not guard.reported:
         return Verdict("report", reason, behind=is_behind(guard, seen))
     if seen.t_s - guard.reported_s >= RECOVERY_S + limits.slack_s:

@@ -176,9 +176,9 @@ def _leapfrog(mission: Mission) -> Iterator[str]:
         reach_m = 0.0
     if reach_m < MIN_REACH_M:
         yield (
-            f"team.layer_m = {layer_m:g}: so far above the mapper the tracker sees it up to "
-            f"{reach_m:.1f} m aside only, beside what it leans in the wind, and hops need "
-            f"{MIN_REACH_M:g} m; raise it, or take a wider camera.hfov_deg"
+            f"team.layer_m = {layer_m:g}: from this height the tracker sees the mapper up to "
+            f"{reach_m:.1f} m aside, with its lean in the wind; hops need {MIN_REACH_M:g} m; "
+            f"raise it, or take a wider camera.hfov_deg"
         )
     if _edge_px(mission) < MIN_EDGE_PX:
         larger_m = math.ceil(100.0 * navigation.tag_m * MIN_EDGE_PX / _edge_px(mission)) / 100.0

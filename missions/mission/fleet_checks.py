@@ -46,7 +46,7 @@ def check_fleet(mission: Mission, source: str) -> None:
         )
     if (lowest_m := mission.altitude_m(0)) < MIN_HEIGHT_M:
         raise MissionFileError(
-            f"{source}: with a service on each aircraft everybody has a layer of its own; of "
+            f"{source}: with a service on each aircraft each vehicle has a layer of its own; of "
             f"{len(mission.vehicles)} that lie team.layer_m = {mission.team.layer_m:g} apart the "
             f"lowest is at {lowest_m:g} m, and {MIN_HEIGHT_M:g} m are needed; fly fewer vehicles"
         )

@@ -221,7 +221,7 @@ def terrain_faults(mission: Mission, grid: Grid) -> Iterator[str]:
     follows, relief = mission.flight.height_above == "ground", mission.relief
     if follows and mission.terrain is None:
         yield (
-            'flight.height_above = "ground": nothing says how high the ground is; add [terrain] '
+            'flight.height_above = "ground": the height of the ground is unknown; add [terrain] '
             'with dem = "FILE.tif", a GeoTIFF beside the mission file, or source = "autopilot"'
         )
     if relief is None:
@@ -287,8 +287,8 @@ def _layers_apart(mission: Mission, relief: Relief) -> Iterator[str]:
     if team.layer_m < needed_m:
         yield (
             f"team.layer_m = {team.layer_m:g}: above a slope of {relief.steepest:.0%} layers must "
-            f"lie {needed_m:.1f} m apart for team.separation_m = {team.separation_m:g}: there they "
-            f"are nearer to each other, and on legs vehicles fly up to {FOLLOW_M:g} m higher; "
+            f"lie {needed_m:.1f} m apart for team.separation_m = {team.separation_m:g}; the slope "
+            f"brings them nearer, and on legs vehicles fly up to {FOLLOW_M:g} m higher; "
             f"raise it to {math.ceil(needed_m * 10.0) / 10.0:g}"
         )
 

@@ -199,7 +199,7 @@ def _place(path: Path, kind: str, tags: Mapping[int, Any]) -> tuple[Matrix, int 
             if name.is_file():
                 return _world_file(name), None
     expected = path.with_suffix(_SUFFIXES[kind][0]).name
-    raise WorldError(f"{path}: nothing says where it lies: no GeoTIFF tags, no {expected} or .wld")
+    raise WorldError(f"{path}: its place is unknown: no GeoTIFF tags, no {expected} or .wld")
 
 
 def _world_file(path: Path) -> Matrix:

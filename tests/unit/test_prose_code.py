@@ -1,10 +1,13 @@
-"""The check of Python finds faults in docstrings, comments, names of tests, and nowhere else."""
+"""The check of code finds faults in docstrings, comments, names of tests, and nowhere else."""
 
 from __future__ import annotations
 
 import pytest
 
 from tests import prose_code
+from tests.prose import ROOT
+
+PAGES = ROOT / "uavmap"
 
 
 @pytest.mark.parametrize(
@@ -43,6 +46,8 @@ def test_fault_has_the_line_of_its_text_or_name():
 
 
 def test_check_reads_product_and_tests_and_finds_no_fault_here():
-    """`make check` reads all of these modules; one is enough here."""
+    """`make check` reads all of these; a module, a page and a script are enough here."""
     assert len(prose_code.checked()) > 600
-    assert prose_code.main([__file__]) == 0
+    page, script = (PAGES / name for name in ("photos/tune/paint.html", "ui/page/flight_view.js"))
+    assert {page, script} <= set(prose_code.pages())
+    assert prose_code.main([__file__, str(PAGES / "journal/flight_plan.py"), page, script]) == 0

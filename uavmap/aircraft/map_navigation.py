@@ -257,7 +257,7 @@ class Navigation:
         if self.gnss == "good":
             return frame
         if self.sigma_m > self._most_m:
-            raise ImageError(f"where it was taken is known to ±{self.sigma_m:.1f} m only")
+            raise ImageError(f"its place is known to ±{self.sigma_m:.1f} m only")
         place = GridPoint(told.east_m - self._off.east_m, told.north_m - self._off.north_m)
         position = self._reporter.grid.position(place)
         return replace(frame, pose=replace(frame.pose, position=position))

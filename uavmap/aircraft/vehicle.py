@@ -196,7 +196,7 @@ class MavlinkVehicle:
         if goes_on:
             return
         if isinstance(order, ReturnToLaunch):
-            self.guardian.return_home("its way home cannot be flown as planned")
+            self.guardian.return_home("its return path cannot be flown as planned")
             return
         self._task = self._tasks.create_task(self._carry_out(order))
 

@@ -117,7 +117,7 @@ class Seal:
         if start < heard.start:
             raise _RefusedError("from an earlier start")
         if not _is_new(heard, counter):
-            raise _RefusedError("heard before")
+            raise _RefusedError("received before")
         self.overtaken = counter < heard.last
         return (sender, body) if kind == DATA else None
 

@@ -145,7 +145,7 @@ _MEANT: Final = {
     "loss": "the share that is lost, such as loss:0.1",
     "delay": "a time, such as delay:0.5",
     "jitter": "a time, such as jitter:0.1",
-    "rate": "how much goes through in a unit of time, such as rate:300",
+    "rate": "an amount of data in a unit of time, such as rate:300",
 }
 
 

@@ -94,7 +94,7 @@ class FlightOptions:
             raise UavmapError("--sim and --connect exclude each other; give one of them")
         if self.simulated and self.cameras:
             raise LinkError(
-                "--camera goes with --connect: with --sim the cameras are simulated, too"
+                "--camera goes with --connect: with --sim the cameras are simulated also"
             )
         if self.simulated and self.driver == MAVSDK:
             raise LinkError(

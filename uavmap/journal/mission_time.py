@@ -159,7 +159,7 @@ def _by_last_event(
             f"; if the clock is right, the region has drifted on and every cell is displaced by "
             f"{drift_m_s * gap_s:,.0f} m"
         )
-    question = f"Have {duration(gap_s)} passed since the last event, as the wall clock says?"
+    question = f"Have {duration(gap_s)} passed since the last event, as by the wall clock?"
     return MissionTime(last_event_s, Basis.LAST_EVENT, note, question, wall_s)
 
 

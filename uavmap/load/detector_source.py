@@ -134,10 +134,10 @@ def region_in_words(section: DetectorSection) -> str:
 def _detector_in_words(section: DetectorSection) -> str:
     if section.model is not None:
         model = Path(section.model)
-        return f"what the model {model.parent.name}/{model.name} was trained to find"
+        return f"as learned by the model {model.parent.name}/{model.name}"
     words: str | None = getattr(detector_of_section(section), "words", None)
     if words is None:
-        return f"what the plug-in {section.name} marks"
+        return f"as marked by the plug-in {section.name}"
     if section.name == LATER:
         return f"not chosen yet; the simulator takes {SIMULATOR_DETECTOR}: {words}"
     simulated = section.name == "threshold"

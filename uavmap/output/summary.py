@@ -174,7 +174,7 @@ def lines(
         moved = f"; it {drift}" if drift else ""
         yield f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}{text}{moved}"
     if len(found) > MOST_PATCHES:
-        yield f"... and {len(found) - MOST_PATCHES} more patches"
+        yield f"{len(found) - MOST_PATCHES} more patches"
     if not verbose:
         return
     if len(found) > 1:

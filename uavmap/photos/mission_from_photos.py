@@ -68,6 +68,7 @@ def derived(
     clean = "".join(c if c.isalnum() or c in "-_ " else "-" for c in name).strip(" .")[:60]
     return f"""\
 # Derived from {len(placed)} pictures: edit it, and give it with --mission.
+
 name = {json.dumps(clean or "pictures", ensure_ascii=False)}
 [start]
 position = {_place(start)}

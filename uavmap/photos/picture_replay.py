@@ -277,7 +277,7 @@ class JudgedPictures:
         for line in lines[:_LINES]:
             _LOG.info(printable(line, LINE_LIMIT))  # a name may hold a line break
         if len(lines) > _LINES:
-            _LOG.info(f"... and {len(lines) - _LINES} lines like these: see pictures.csv")
+            _LOG.info(f"{len(lines) - _LINES} more lines like these: see pictures.csv")
         for line in self.gathered.left_out:
             _LOG.info(f"{self.gathered.source}: not read: {line}")
         fence, grid = self.setting.fence, self.setting.grid

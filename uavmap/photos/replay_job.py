@@ -207,8 +207,8 @@ def _choices(mission: Mission, options: ReplayOptions) -> list[str]:
     ]
     if options.detector is None:
         lines += [
-            f"that is the detector {mission.detector.name}, which depends least on the light and "
-            "needs no examples; it knows nothing of your region",
+            f"the default detector is {mission.detector.name}, which depends least on the light "
+            "and needs no examples; it knows nothing of your region",
             "another one: --detector NAME; one that has seen your region: "
             f"uavmap tune {path} --paint --examples painted --out my-field, then --detector "
             "my-field",

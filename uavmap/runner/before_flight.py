@@ -111,7 +111,7 @@ class BeforeFlight:
         else:  # its camera may be in use
             where = f"armed, {view.height_m:.0f} m up, in {view.mode_name}"
             wanted = "on the ground, motors off"
-            remedy = "say yes only if the mission is to take it over as it flies"
+            remedy = "answer yes only if the mission is to take it over as it flies"
             found += for_vehicle(number, [warn("vehicle", where, wanted, remedy)])
         if self._keep_fence:
             found += for_vehicle(number, await self._setups[number].keep_fence())

@@ -143,7 +143,7 @@ def check_urls(urls: Sequence[str]) -> None:
     for port, systems in ports.items():
         if len(systems) > 1 and (None in systems or len(set(systems)) < len(systems)):
             raise LinkError(
-                f"{port.url} is given {len(systems)} times; say which vehicle each means: "
+                f"{port.url} is given {len(systems)} times; add the vehicle to each: "
                 f"{port.url}?system=1, {port.url}?system=2"
             )
 

@@ -61,7 +61,7 @@ class Camera:
         if min(self.east_m, self.north_m) < least_m:
             raise StrategyError(
                 f"a footprint of {self.east_m:g} m x {self.north_m:g} m is too small for cells of "
-                f"{cell_m:g} m: it takes {least_m:g} m to fly past them and see them whole"
+                f"{cell_m:g} m; {least_m:g} m see them whole in passing"
             )
         half_east_m, half_north_m = (self.east_m - cell_m) / 2, (self.north_m - cell_m) / 2
         return Kinematics(speed_m_s, accel_m_s2, self.frame_s, half_east_m, half_north_m)

@@ -64,7 +64,7 @@ def assert_it_finds_the_field() -> None:
 def test_new_like_masks_beside_photographs_learns_and_names_the_detector(photos, capsys):
     assert main([*NEW, "--like", *map(str, sorted(photos.glob("*.jpg")))]) == 0
     out, err = capsys.readouterr()
-    assert "region = what the model field-detector/model.json was trained to find" in out
+    assert "region = as learned by the model field-detector/model.json" in out
     assert "uavmap fly field.toml --sim --detector threshold" in out
     assert "check field-detector/overlays before you use it" in err
     assert "check what it marks: field-detector/overlays (red: marked, green: painted)" in out

@@ -151,7 +151,7 @@ def test_replay_without_a_mission_explains_pictures_and_detector(photos, tmp_pat
     summary = replayed(photos, out, "--verbose")
     told = capsys.readouterr()
     assert re.search(r"photographs\s*.\s*6 of 6 in the map", told.out)
-    assert "that is the detector paved, which depends least on the light" in told.err
+    assert "the default detector is paved, which depends least on the light" in told.err
     assert f"uavmap tune {photos} --paint --examples painted --out my-field" in told.err
     report = (out / "report.html").read_text("utf-8")
     page = re.sub(r"<style>.*?</style>", "", report, flags=re.DOTALL)
@@ -174,7 +174,7 @@ def test_replay_with_a_mission_shows_the_box_and_fence_that_the_user_gave(photos
     mission = tmp_path / "field.toml"
     mission.write_text(field_text())
     replayed(photos, tmp_path / "out", "--mission", mission)
-    assert "that is the detector" not in capsys.readouterr().err
+    assert "the default detector is" not in capsys.readouterr().err
     assert "search box" in (tmp_path / "out" / "report.html").read_text("utf-8")
     assert fences(tmp_path / "out") == 2
 
@@ -183,4 +183,4 @@ def test_replay_detector_by_name_is_not_explained(photos, tmp_path, capsys):
     replayed(photos, tmp_path / "out", "--detector", "adaptive")
     told = capsys.readouterr().err
     assert "region = darker than its surroundings" in told
-    assert "that is the detector" not in told
+    assert "the default detector is" not in told

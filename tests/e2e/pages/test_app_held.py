@@ -151,7 +151,7 @@ def test_preflight_lists_the_doctors_findings_and_refuses_a_replayed_click(day: 
     page.see(".app-findings")
     page.wait("checking")
     columns = [cell.text for cell in page.driver.find_elements("css selector", ".app-findings th")]
-    assert columns == ["", "vehicle", "subject", "found", "expected", "what to do"]
+    assert columns == ["", "vehicle", "subject", "found", "expected", "remedy"]
     rows = [row.text for row in page.driver.find_elements("css selector", ".app-findings tr")]
     assert any("Python" in row for row in rows)
     keep_picture(page.driver, "app-preflight.jpg")

@@ -332,7 +332,7 @@ class Guardian:
     ) -> Task:
         return Task(
             "leg", self._reporter.now_s(), (here, corner), homeward=True, height_m=height_m,
-            estimate_s=estimate_s, name="way home",
+            estimate_s=estimate_s, name="return path",
         )  # fmt: skip
 
     def _over(self) -> bool:

@@ -16,7 +16,7 @@ from uavmap.base import messages
 
 DEFECT: Final = "defect"
 LAST_REPORT: Final = (
-    "that was its last report, and no program flies it now: take it by radio control, or its "
+    "this was its last report, and no program flies it now: take it by radio control, or its "
     "autopilot's failsafes decide"
 )
 

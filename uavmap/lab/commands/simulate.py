@@ -149,7 +149,7 @@ def _add_cooperation_options(parser: argparse.ArgumentParser) -> None:
         "with --polygon: one moves while others see it; path, exchanges, map, errors of place",
     )
     add, modes, covers = value_options(group), [m.value for m in Mode], [c.value for c in Cover]
-    add("--cooperate", None, "how the polygon is explored", choices=modes)
+    add("--cooperate", None, "mode of the exploration of the polygon", choices=modes)
     add("--range", "M", "range of a robot's sight, metres", number_type(float, 0.01, 1e5))
     theta = "angle of a move for its observer, 1 to 170 degrees (default 60)"
     add("--theta", "DEG", theta, number_type(float, 1.0, 170.0))

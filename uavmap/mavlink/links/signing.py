@@ -173,7 +173,7 @@ def read_key(path: Path) -> bytes:
         raise LinkError(
             f"{path}: others than its owner may use this key (mode "
             f"{stat.S_IMODE(found.st_mode):04o}); `chmod 600 {path}`, and make a new key if "
-            "somebody may have read it"
+            "another user may have read it"
         )
     if found.st_uid != os.geteuid():
         raise LinkError(f"{path}: this key is another user's; make one of your own")

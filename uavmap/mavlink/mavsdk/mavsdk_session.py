@@ -286,9 +286,9 @@ class MavsdkSession(Session):
             await self.receive_status_texts()
             words = result.lower().replace("_", " ")
             raise CommandRefusedError(
-                f"{action} was refused: {words}, MAVSDK says" + self.view.recent_texts()
+                f"{action} was refused: {words}, by MAVSDK" + self.view.recent_texts()
             )
-        raise LinkError(f"{action} was not acknowledged, MAVSDK says: {result}")
+        raise LinkError(f"{action} was not acknowledged, by MAVSDK: {result}")
 
     async def ask(
         self, command: int, what: str, permit: Permit | None = None, **more: Any
@@ -319,7 +319,7 @@ class MavsdkSession(Session):
                 if result in taken or (result is None and done()):
                     return
                 if result is None:
-                    raise LinkError(f"{name} was not acknowledged, MAVSDK says")
+                    raise LinkError(f"{name} was not acknowledged, by MAVSDK")
                 if result != mav.MAV_RESULT_TEMPORARILY_REJECTED:
                     await self.receive_status_texts()
                     break

@@ -207,7 +207,7 @@ def _lanes(setting: Setting) -> Layer:
         entries.append(Entry(Style(palette.track_colour(i + 1), palette.LANE_PX), text))
     if more := len(heights_m[_LISTED:]):
         entries.append(
-            Entry(Style(palette.track_colour(0), palette.LANE_PX), f"... and {more} more vehicles")
+            Entry(Style(palette.track_colour(0), palette.LANE_PX), f"{more} more vehicles")
         )
     return Layer(tuple(lines), tuple(entries))
 

@@ -107,7 +107,7 @@ def _report(
     flown_lanes = "1 lane" if number - left_out == 1 else f"{number - left_out} lanes"
     _LOG.info(
         f"{flown_lanes} at {pace.height_m:g} m, at most {apart_m:g} m apart, a picture "
-        f"each {pace.every_m:.1f} m: with the camera of the mission file, pictures overlap by at "
+        f"each {pace.every_m:.1f} m; with the camera of the mission file, pictures overlap by at "
         f"least {across} % sideways and {along} % along a lane"
     )
     if left_out:

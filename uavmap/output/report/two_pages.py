@@ -132,7 +132,7 @@ def _head(flown: FlownMission) -> Iterator[Any]:
     yield Spacer(1, GAP_PT)
     found = words.unknowns(flown)
     if len(found) > _MOST_UNKNOWNS:
-        found[_MOST_UNKNOWNS:] = [f"... and {len(found) - _MOST_UNKNOWNS} more in report.html."]
+        found[_MOST_UNKNOWNS:] = [f"{len(found) - _MOST_UNKNOWNS} more in report.html."]
     if found:
         yield alert(found)
         yield Spacer(1, GAP_PT)
@@ -227,7 +227,7 @@ def _corners(flown: FlownMission) -> Iterator[Any]:
 
 def _more(count: int) -> Iterator[Any]:
     if count > 0:
-        yield text(f"... and {count} more in report.html.", FAINT_TEXT)
+        yield text(f"{count} more in report.html.", FAINT_TEXT)
 
 
 def _judging(flown: FlownMission, room_pt: float) -> Iterator[Any]:

@@ -313,4 +313,4 @@ def left_undone(flown: FlownMission, most: int) -> list[str]:
     if not found:
         return ["Nothing is known to be missing, and no fault is known."]
     left = len(found) - most + more
-    return found if left <= 0 else [*found[:most], f"... and {left} more in report.html."]
+    return found if left <= 0 else [*found[:most], f"{left} more in report.html."]

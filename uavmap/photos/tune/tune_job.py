@@ -306,10 +306,10 @@ def _detector_toml(choice: Choice, report: dict[str, Any], classes: Classes | No
         section["classes"] = classes.model_dump(mode="json", exclude_unset=True)
     pixels, cells = report["pixels"], report["cells"]
     return (
-        "# Written by `uavmap tune`. On painted pictures that it was not learned from:\n"
+        "# Written by `uavmap tune`. Results on painted pictures that it was not learned from:\n"
         f"# pixels IoU {pixels['iou']:.2f}, cells IoU {cells['iou']:.2f} "
         f"(precision {cells['precision']:.2f}, recall {cells['recall']:.2f}).\n"
-        f"# Of the cells that it is sure of, at most {100 * report['wrong_at_most']:.0f} % are "
+        f"# In cells that it is sure of, at most {100 * report['wrong_at_most']:.0f} % are "
         "wrong in another picture.\n"
         f"{tomlkit.dumps({'detector': section})}"
     )

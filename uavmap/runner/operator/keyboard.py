@@ -57,7 +57,7 @@ class Keys:
         self._pressed_s = now_s
         sure, self._sure = self._sure, ()
         if sure:
-            self._land(sure) if key == "q" else _LOG.info("nobody lands")
+            self._land(sure) if key == "q" else _LOG.info("no vehicle is commanded to land")
             return True
         if self._key and self._number(key):
             return True

@@ -77,7 +77,7 @@ def time_left(state: State) -> TimeLeft:
         return done if state.exploration_finished else TimeLeft()
     if state.exploration_finished:
         way_s = _return_s(state)
-        what = "nothing more to explore" if way_s is None else "the way home"
+        what = "nothing more to explore" if way_s is None else "the return"
         return TimeLeft(what, "the mission", ALMOST, way_s)
     team = sum(v.phase not in _OUT and not v.called_home for v in state.vehicles.values())
     if state.recalled or not team:
@@ -89,7 +89,7 @@ def time_left(state: State) -> TimeLeft:
     way_s = _return_s(state)
     if left.about_s is None or way_s is None:
         return left
-    return replace(left, what=f"{left.what} and the way home", about_s=left.about_s + way_s)
+    return replace(left, what=f"{left.what} and the return", about_s=left.about_s + way_s)
 
 
 def _return_s(state: State) -> float | None:
@@ -152,7 +152,7 @@ def _region_left(state: State, team: int) -> TimeLeft:
     cells = "1 known cell" if left == 1 else f"{left} known cells"
     about_s = left * state.setting.strategy.cell_s(state.setting) / team
     return TimeLeft(
-        f"{cells} to look from", "the known region", _share(looked, left), about_s or None
+        f"{cells} to observe", "the known region", _share(looked, left), about_s or None
     )
 
 

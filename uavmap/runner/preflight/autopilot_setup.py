@@ -115,8 +115,8 @@ class SettingsFile:
 
     def _unreadable(self) -> OutputError:
         return OutputError(
-            f"{self.path} cannot be read; it says what was set on the autopilots before the "
-            "flight: set that by hand, and remove the file"
+            f"{self.path} cannot be read; it holds the settings of the autopilots before the "
+            "flight: set them by hand, and remove the file"
         )
 
     def _write(self, values: dict[str, Any]) -> None:
@@ -357,8 +357,9 @@ class AutopilotSetup:
 
     def _log_left(self, reason: str) -> None:
         self._log(
-            f"what was set for the mission stays set ({reason}); what was there is in "
-            f"{self._kept.path}, and `{self._resume}` puts it back; with --recall nothing takes off"
+            f"the settings of the mission stay ({reason}); those before it are in "
+            f"{self._kept.path}, and `{self._resume}` restores them; with --recall "
+            "nothing takes off"
         )
 
     @property

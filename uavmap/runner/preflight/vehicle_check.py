@@ -226,7 +226,7 @@ def _estimator(view: VehicleView) -> Finding:
             "wait; an ArduPilot takes some 40 s after it was switched on",
         )  # fmt: skip
     if not view.ready_to_arm:
-        why = view.recent_texts() or "; its texts of the last seconds do not say why"
+        why = view.recent_texts() or "; its texts of the last seconds give no reason"
         return warn(
             "EKF", f"has a position; the checks before arming fail{why}", "ready to arm",
             "look at its PreArm texts; it is waited for at the take-off",
@@ -266,7 +266,7 @@ def _charge(view: VehicleView, setting: Layout | None, number: int) -> Finding:
     if left_wh < needed_wh:
         return bad(
             "battery", found, f"{needed_wh:.1f} Wh, for a look at the nearest point of the box "
-            "and the way home with the reserve", "put a charged battery in", binding=True,
+            "and the return with the reserve", "put a charged battery in", binding=True,
         )  # fmt: skip
     if percent is not None and percent < FRESH_PERCENT:
         return warn("battery", found, f"{FRESH_PERCENT} %", "put a charged battery in")
@@ -297,7 +297,7 @@ def _place(view: VehicleView, setting: Layout, number: int) -> Iterator[Finding]
     elif away_m > PAD_M and view.on_ground:
         yield warn(
             "place", found, f"within {PAD_M:g} m",
-            "that is allowed: it returns to where it took off; check vehicles.home and start",
+            "this is allowed: it returns to where it took off; check vehicles.home and start",
         )  # fmt: skip
     else:
         yield ok("place", found)

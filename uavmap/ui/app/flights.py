@@ -42,7 +42,7 @@ class Practise:
         ui.label("Fly a mission in the simulator. The live page has the buttons of a real flight.")
         self._mission = visitor.select("mission", visitor.app.workspace.missions)
         self._vehicles = ui.number("vehicles", value=1, min=1, max=20, format="%d")
-        self._speedup = ui.select(SPEEDUPS, value=5, label="how fast").mark("speedup")
+        self._speedup = ui.select(SPEEDUPS, value=5, label="speed of time").mark("speedup")
         self._seed = ui.number("seed", value=1, min=0, format="%d")
         self._keeps = ui.checkbox("keep the pictures", value=True).mark("keep")
         visitor.button("Practise", self._begin).mark("practise")

@@ -36,7 +36,7 @@ class Pictures:
             lambda: [*workspace.picture_folders(), *workspace.flights_with_pictures()],
         ).mark("photographs")
         self._mission = visitor.select(
-            "mission", workspace.missions, none="that of the flight, or made from the pictures"
+            "mission", workspace.missions, none="from the flight, or made from the pictures"
         )
         self._detector = visitor.select("detector", workspace.detectors, none="the mission's")
         with ui.row().classes("app-row"):

@@ -11,7 +11,7 @@ from uavmap.ui.app.jobs import Job
 from uavmap.ui.app.visitor import Visitor
 
 COMMAND: Final = "doctor"
-COLUMNS: Final = ("", "vehicle", "subject", "found", "expected", "what to do")
+COLUMNS: Final = ("", "vehicle", "subject", "found", "expected", "remedy")
 _ORDER: Final = (Level.BAD, Level.WARN, Level.OK)
 _ENDS: Final = {0: "ready to fly", 3: "do not fly"}
 """Verdicts by the doctor's exit code."""

@@ -45,7 +45,7 @@ def over_slope(percent, **how):
 REFUSED = {
     "the height of the ground is missing": (
         text().replace("[flight]", '[flight]\nheight_above = "ground"'),
-        'flight.height_above = "ground": nothing says how high',
+        'flight.height_above = "ground": the height of the ground is unknown',
     ),
     "a damaged lattice": (over_slope(5.0).replace('heights = "e', 'heights = "f'), "terrain.dem"),
     "steep ground": (over_slope(70.0), "rises by 70% near 48.0", "up to 60% is followed"),

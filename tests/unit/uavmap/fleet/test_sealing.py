@@ -75,7 +75,7 @@ def test_ten_thousand_replayed_datagrams_are_refused():
     assert sum(other.opened(datagram) is not None for datagram in datagrams) == 500
     chance = random.Random(2)
     assert not any(other.opened(chance.choice(datagrams)) for _ in range(10_000))
-    assert other.refused["heard before"] == 10_000
+    assert other.refused["received before"] == 10_000
 
 
 def test_datagrams_of_an_earlier_flight_are_refused_after_a_start():

@@ -196,7 +196,7 @@ async def test_resumed_flight_asks_no_question(field, /, tmp_path, monkeypatch):
     await goes_on.prepare()
     assert field.lines[-1].startswith(f"{tmp_path / FILE} cannot be read")
     await goes_on.restore()
-    assert "what was set for the mission stays set" in field.lines[-1]
+    assert "the settings of the mission stay" in field.lines[-1]
 
 
 # --- the question ----------------------------------------------------------------------------

@@ -130,7 +130,7 @@ async def install_key(session: Session, signing: Signing, url: str) -> None:
     begin_s = asyncio.get_running_loop().time()
     if not await session.until(lambda: view.received_s > begin_s, PROOF_S):
         raise LinkError(
-            f"{url}: no message of the vehicle is signed with this key: it cannot sign, or has "
+            f"{url}: no message of the vehicle is signed with this key; it cannot sign, or has "
             "another key already (ArduPilot accepts a new one by USB)"
         )
 

@@ -69,7 +69,7 @@ def test_vehicle_not_at_home_at_the_end_is_named():
 class Defective(Kept):
     async def bring_home(self, reason):
         await asyncio.sleep(0.1)
-        raise ValueError("a defect in the geometry of its way home")
+        raise ValueError("a defect in the geometry of its return path")
 
 
 @by(on_virtual_time)

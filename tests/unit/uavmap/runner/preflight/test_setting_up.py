@@ -188,7 +188,7 @@ async def test_settings_are_not_restored_on_an_armed_vehicle(field, /, tmp_path)
     await session.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     await session.until(lambda: session.view.armed, 5.0)
     await setup.restore()
-    assert "stays set (its motors are armed)" in field.lines[-1]
+    assert "stay (its motors are armed)" in field.lines[-1]
     assert field.count(0, FENCE) == 4
     assert (tmp_path / FILE).exists()
 
@@ -203,7 +203,7 @@ async def test_restore_motors_off_and_no_landing_reported_leaves_the_settings(fi
     await session.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, stream, -1)
     session.view.landed_state = mav.MAV_LANDED_STATE_IN_AIR
     assert not await setup.restore()
-    assert "stays set (it has not reported that it is on the ground)" in field.lines[-1]
+    assert "stay (it has not reported that it is on the ground)" in field.lines[-1]
     assert field.count(0, FENCE) == 4
 
 
