@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 ROOT: Final = Path(__file__).parents[1]
-MOST_WORDS_OF_A_SENTENCE: Final = 25
-MOST_WORDS_OF_A_PAGE: Final = 1500
+MAX_WORDS_OF_A_SENTENCE: Final = 25
+MAX_WORDS_OF_A_PAGE: Final = 1500
 """Words of a page that is neither generated nor a decision."""
-MOST_WORDS_OF_ALL_PAGES: Final = 40_000
+MAX_WORDS_OF_ALL_PAGES: Final = 40_000
 """Words of all pages but reference and decisions."""
-MOST_WORDS_OF_README: Final = 900
-MOST_LINES_OF_README: Final = 120
-MOST_CHARACTERS_OF_A_LINE: Final = 120
+MAX_WORDS_OF_README: Final = 900
+MAX_LINES_OF_README: Final = 120
+MAX_CHARACTERS_OF_A_LINE: Final = 120
 HIGHEST_GRADE: Final = 9.0
 """Flesch-Kincaid grade of README, tutorials and how-to guides."""
 
@@ -87,7 +87,7 @@ def words(text: str) -> list[str]:
     return re.findall(r"[^\s|]*[^\W\d_][^\s|]*", plain(text))
 
 
-def faults(text: str, longest: int | None = MOST_WORDS_OF_A_SENTENCE) -> list[str]:
+def faults(text: str, longest: int | None = MAX_WORDS_OF_A_SENTENCE) -> list[str]:
     """Return what is wrong with the prose of one text.
 
     Args:
@@ -174,16 +174,16 @@ def page_faults(path: Path) -> list[Fault]:
     made = _MADE in page
     found = [Fault(number, what) for number, text in texts(page) for what in faults(text)]
     for number, line in enumerate(page.splitlines(), 1):
-        if len(line) > MOST_CHARACTERS_OF_A_LINE and not (made and line.startswith("|")):
+        if len(line) > MAX_CHARACTERS_OF_A_LINE and not (made and line.startswith("|")):
             found.append(
-                Fault(number, f"{len(line)} characters: at most {MOST_CHARACTERS_OF_A_LINE}")
+                Fault(number, f"{len(line)} characters: at most {MAX_CHARACTERS_OF_A_LINE}")
             )
-    most = MOST_WORDS_OF_README if name == "README.md" else MOST_WORDS_OF_A_PAGE
+    most = MAX_WORDS_OF_README if name == "README.md" else MAX_WORDS_OF_A_PAGE
     long = made or name.startswith("docs/decisions/")
     if not long and (count := words_of(page)) > most:
         found.append(Fault(1, f"{count} words: at most {most}"))
-    if name == "README.md" and (count := len(page.splitlines())) > MOST_LINES_OF_README:
-        found.append(Fault(1, f"{count} lines: at most {MOST_LINES_OF_README}"))
+    if name == "README.md" and (count := len(page.splitlines())) > MAX_LINES_OF_README:
+        found.append(Fault(1, f"{count} lines: at most {MAX_LINES_OF_README}"))
     if (
         name.startswith(("README", "docs/tutorials/", "docs/how-to/"))
         and grade(page) > HIGHEST_GRADE
@@ -220,8 +220,8 @@ def main(names: Iterable[str]) -> int:
     """Print every fault; return 1 if there is one."""
     pages = [Path(name).resolve() for name in names] or checked()
     lines = fault_lines(pages, page_faults)
-    if (count := words_of_all()) > MOST_WORDS_OF_ALL_PAGES:
-        lines.append(f"docs: {count} words: at most {MOST_WORDS_OF_ALL_PAGES}")
+    if (count := words_of_all()) > MAX_WORDS_OF_ALL_PAGES:
+        lines.append(f"docs: {count} words: at most {MAX_WORDS_OF_ALL_PAGES}")
     print("\n".join(lines) if lines else f"prose: {len(pages)} pages without a fault")
     return 1 if lines else 0
 

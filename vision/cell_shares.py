@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from missions.geo.grid import Grid
 from vision.detectors.interface import Marks
 
-MOST_SAMPLES: Final = 48  # a cell's side in samples: a share is good to about a hundredth
+MAX_SAMPLES: Final = 48  # a cell's side in samples: a share is good to about a hundredth
 _BLOCK_SAMPLES: Final = 3072  # the most samples along a side of what is resampled at once
 OUTSIDE: Final = 127  # marks samples past the picture's edge; a mask holds only 0 and 255
 _PACKED: Final = 64  # more than the samples along a cell's side
@@ -38,7 +38,7 @@ def seen_shares(
     west, south = (int(n) for n in cells.min(axis=0))
     east, north = (int(n) for n in cells.max(axis=0))
     across, along = east - west + 1, north - south + 1
-    samples = max(1, min(most_samples, MOST_SAMPLES, _BLOCK_SAMPLES // max(across, along)))
+    samples = max(1, min(most_samples, MAX_SAMPLES, _BLOCK_SAMPLES // max(across, along)))
     step_m = grid.cell_m / samples
     ground_of_sample = np.array(
         [

@@ -25,18 +25,18 @@ PASS: Final = 8
 """Number of pictures of a vehicle after which one is of an earlier pass."""
 SQUARE: Final = 0.25
 """Side of a square that is matched, as a share of the height: lanes overlap by a third."""
-LEAST_PX: Final = 16
-LEAST_RESPONSE: Final = 0.3
+MIN_PX: Final = 16
+MIN_RESPONSE: Final = 0.3
 """Minimum response of a phase correlation; a lower one may be chance."""
-LEAST_MATCHES: Final = 3
+MIN_MATCHES: Final = 3
 """Minimum number of squares that agree."""
 TOLERANCE: Final = 0.06
 """Maximum disagreement of a square with the others, as a share of the height."""
 STIFF_M: Final = 5.0
 """Distance beyond which a difference turns a picture rather than moves it, m."""
-MOST_SHIFT: Final = 0.15
+MAX_SHIFT: Final = 0.15
 """Maximum error of a pose on the ground, as a share of the height."""
-MOST_TURN: Final = 0.1
+MAX_TURN: Final = 0.1
 """Maximum error of heading, rad, and of height, as a share."""
 
 Grays = NDArray[np.float32]
@@ -86,7 +86,7 @@ class GrowingMosaic(Mosaic):
         height_px = overlay.height_m / raster.pitch_m
         kinds = self._matches(overlay, raster, window, picture, height_px)
         matches = np.concatenate(kinds)
-        if len(matches) <= LEAST_MATCHES:
+        if len(matches) <= MIN_MATCHES:
             return overlay
         weight = np.concatenate([np.full(len(some), 1.0 / max(len(some), 1)) for some in kinds])
         weight /= weight.sum()
@@ -95,7 +95,7 @@ class GrowingMosaic(Mosaic):
         spread = weight @ np.abs(places) ** 2 + (STIFF_M / raster.pitch_m) ** 2
         turn = (weight * places.conj()) @ shifts / spread
         most_m = raster.pitch_m * float(np.abs(turn * places + shift).max())
-        if most_m > MOST_SHIFT * overlay.height_m or abs(turn) > MOST_TURN:
+        if most_m > MAX_SHIFT * overlay.height_m or abs(turn) > MAX_TURN:
             return overlay
         moved = max(0.0, 1.0 - SEAM_M / max(most_m, SEAM_M))
         corner = np.array([raster.west_m, raster.north_m])
@@ -128,7 +128,7 @@ class GrowingMosaic(Mosaic):
         early, there = weight > 0.0, total > 0.0
         before = _mean(gray, weight, early)
         now = _mean(cv2.cvtColor(self._colours[at], cv2.COLOR_BGR2GRAY), total, there)
-        side, most_px = max(LEAST_PX, round(SQUARE * height_px)), TOLERANCE * height_px
+        side, most_px = max(MIN_PX, round(SQUARE * height_px)), TOLERANCE * height_px
         return (
             _agreeing(before, new, early & shown, side, most_px),
             _agreeing(now, new, there & ~early & shown, side, most_px),
@@ -147,7 +147,7 @@ def _agreeing(old: Grays, new: Grays, both: Mask, side: int, most_px: float) -> 
     shifts = found[:, 1]
     median = complex(np.median(shifts.real), np.median(shifts.imag))
     good = np.abs(shifts - median) < most_px
-    enough = np.count_nonzero(good) >= max(LEAST_MATCHES, len(found) / 2)
+    enough = np.count_nonzero(good) >= max(MIN_MATCHES, len(found) / 2)
     return found[good] if enough else found[:0]
 
 
@@ -161,5 +161,5 @@ def _squares(old: Grays, new: Grays, both: Mask, side: int) -> Iterator[tuple[co
             if both[at].all():
                 before, now = (gray[at] - gray[at].mean() for gray in (old, new))
                 (right, down), response = cv2.phaseCorrelate(before, now, hann)
-                if response > LEAST_RESPONSE:
+                if response > MIN_RESPONSE:
                     yield complex(left, top) + side / 2 * (1 + 1j), complex(right, down)

@@ -26,20 +26,20 @@ from vision.camera import Camera, rotation
 Array = NDArray[np.float64]
 Gray = NDArray[np.uint8]
 
-LEAST_EDGE_PX: Final = 8.0
+MIN_EDGE_PX: Final = 8.0
 """Least edge of a marker in the picture, pixels."""
 _ENLARGED_BELOW_PX = 2000
 _ENLARGED = 2
 _FINE_PX = 16  # pixels of the pattern for each of its modules
 _MARGIN = 0.7  # modules around the black square that are compared
 _INNER = (np.arange(3) + 0.5) / 3 - 0.5
-_MOST_PX = 3.0  # most pixels for each module; a larger marker is shrunk
+_MAX_PX = 3.0  # most pixels for each module; a larger marker is shrunk
 _BLURS_PX = (0.25, 0.45, 0.7, 1.0, 1.4, 1.9)
 _STEP_PX = 0.01
 _ITERATIONS = 12
 _ENOUGH_PX = 0.005
-_LEAST_LIKENESS = 0.8  # correlation of picture and pattern
-_LEAST_NOISE = 2.0  # gray levels
+_MIN_LIKENESS = 0.8  # correlation of picture and pattern
+_MIN_NOISE = 2.0  # gray levels
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ def find_tags(picture: NDArray[np.uint8], dictionary: str = "DICT_4X4_50") -> tu
     """Return the markers of a dictionary in a picture, by number; at most one of each.
 
     A number that occurs twice is left out. So is a marker unlike its pattern, or smaller than
-    `LEAST_EDGE_PX`.
+    `MIN_EDGE_PX`.
 
     Args:
         picture: Gray, (rows, columns), or in colour (blue, green, red), (rows, columns, 3).
@@ -92,7 +92,7 @@ def find_tags(picture: NDArray[np.uint8], dictionary: str = "DICT_4X4_50") -> tu
             continue
         corners = (np.asarray(quad, dtype=np.float64).reshape(4, 2) + 0.5) / times - 0.5
         tag = _refined(gray.astype(np.uint8), dictionary, number, corners)
-        if tag is not None and tag.edge_px >= LEAST_EDGE_PX:
+        if tag is not None and tag.edge_px >= MIN_EDGE_PX:
             found.append(tag)
     return tuple(found)
 
@@ -123,7 +123,7 @@ class _Overlay:
     def __init__(self, gray: Gray, pattern: NDArray[np.float32], corners: Array) -> None:
         self._count = len(pattern) // _FINE_PX - 4  # modules along the black square
         edge = float(np.hypot(*(corners[0] - corners[2]))) / math.sqrt(2.0)
-        self.shrunk = max(1, int(edge / self._count / _MOST_PX))
+        self.shrunk = max(1, int(edge / self._count / _MAX_PX))
         reach = 2.0 * edge / self._count
         low = np.maximum(np.floor(corners.min(axis=0) - reach), 0.0).astype(int)
         high = np.ceil(corners.max(axis=0) + reach).astype(int) + 1
@@ -186,13 +186,13 @@ def _refined(gray: Gray, dictionary: str, number: int, corners: Array) -> FoundT
     now = _fitted(overlay, now)
     residuals, gain, likeness = _residuals(overlay, now)
     moved = overlay.whole(now) - corners
-    if gain <= 0.0 or likeness < _LEAST_LIKENESS or not np.isfinite(now).all():
+    if gain <= 0.0 or likeness < _MIN_LIKENESS or not np.isfinite(now).all():
         return None
     if np.abs(moved).max() > 0.15 * float(np.hypot(*(corners[0] - corners[2]))) + 1.0:
         return None
     slopes = _slopes(overlay, now, gain)
     freedom = max(1, len(residuals) - slopes.shape[1])
-    noise = max(_LEAST_NOISE / overlay.shrunk, math.sqrt(float(residuals @ residuals) / freedom))
+    noise = max(_MIN_NOISE / overlay.shrunk, math.sqrt(float(residuals @ residuals) / freedom))
     inverse = np.linalg.pinv(slopes.T @ slopes)[:8, :8]
     covariance = noise**2 * inverse * overlay.shrunk**2
     return FoundTag(number, overlay.whole(now), np.asarray(covariance))

@@ -19,7 +19,7 @@ lens cap on.
 BRIGHT = 250
 """Darkest level of an over-exposed picture."""
 
-LEAST_SPREAD = 2
+MIN_SPREAD = 2
 """Minimum difference of the darkest and brightest levels: a sensor's own noise gives more in
 fog and over open water.
 """
@@ -45,7 +45,7 @@ def implausible(image: Image, last: Image | None = None, *, noiseless: bool = Fa
     for channel in range(image.shape[2]):  # nearly always the first one decides
         low, high = end = _ends(image, channel)
         ends.append(end)
-        if high >= DARK and low <= BRIGHT and high - low >= LEAST_SPREAD:
+        if high >= DARK and low <= BRIGHT and high - low >= MIN_SPREAD:
             break
     highest = max(high for _, high in ends)
     if highest < DARK:
@@ -58,7 +58,7 @@ def implausible(image: Image, last: Image | None = None, *, noiseless: bool = Fa
         return f"the picture is over-exposed all over (nothing below level {lowest} of 255)"
     if noiseless:
         return None
-    if all(high - low < LEAST_SPREAD for low, high in ends):
+    if all(high - low < MIN_SPREAD for low, high in ends):
         levels = ", ".join(str(low) for low, _ in ends)
         return (
             f"the picture is uniform (blue, green, red: {levels}), without even the noise of a "

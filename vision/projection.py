@@ -21,7 +21,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, edges, project
-from vision.cell_shares import MOST_SAMPLES, OUTSIDE, seen_shares
+from vision.cell_shares import MAX_SAMPLES, OUTSIDE, seen_shares
 from vision.detectors.interface import UNSURE, Detector, Judgement, Marks, judged
 
 SEEN_SHARE: Final = 0.9
@@ -157,7 +157,7 @@ class Projection:
             return self._seen_cell_by_cell(marks, cells)
         matrix = self.camera.homography(self.pose, self.grid, self.t_s)
         cell_px = self.camera.pixels_per_cell(self.pose.height_m, self.grid.cell_m)
-        samples = MOST_SAMPLES if finely else math.ceil(_SAMPLES_A_PIXEL * cell_px)
+        samples = MAX_SAMPLES if finely else math.ceil(_SAMPLES_A_PIXEL * cell_px)
         return seen_shares(marks, matrix, self.grid, cells, samples)
 
     def _seen_cell_by_cell(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:

@@ -107,10 +107,10 @@ def _sum(labels: Mapping[int, bool], near: _Neighbours) -> float:
 
 _PIXELS_A_HEIGHT = 40  # resolution of the comparison: a metre from 40 m
 _SEARCH = 0.12  # maximum error of positions, as a share of the height: some 5 m from 40 m
-_LEAST_COMMON = 100  # pixels that two pictures must share to be compared
-_LEAST_VARIANCE = 1e-2  # levels squared; less is the arithmetic's own
+_MIN_COMMON = 100  # pixels that two pictures must share to be compared
+_MIN_VARIANCE = 1e-2  # levels squared; less is the arithmetic's own
 _PARTNERS = 2  # number of pictures compared with one, besides the one before it
-_LEAST_BLUR_PX = 3  # of enlarged pixels: it is then as round as a blur of the picture's own
+_MIN_BLUR_PX = 3  # of enlarged pixels: it is then as round as a blur of the picture's own
 _KEPT = 600  # maximum distance between compared pictures, in pictures
 
 
@@ -253,7 +253,7 @@ def _halved(gray: NDArray[Any], blur_px: float) -> tuple[NDArray[Any], int]:
     1
     """
     times = 1
-    while blur_px / times >= 2 * _LEAST_BLUR_PX and min(gray.shape) > 1:
+    while blur_px / times >= 2 * _MIN_BLUR_PX and min(gray.shape) > 1:
         rows, columns = (side // 2 for side in gray.shape)  # an odd one has no partner
         gray = cv2.resize(
             gray[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA
@@ -291,7 +291,7 @@ def _correlations(first: Patch, second: Patch) -> Floats | None:
         borderType=cv2.BORDER_CONSTANT,
         borderValue=0,
     )
-    if cv2.countNonZero(common) < _LEAST_COMMON:
+    if cv2.countNonZero(common) < _MIN_COMMON:
         return None
     x, y, w, h = cv2.boundingRect(common)
     weight = (common[y : y + h, x : x + w] > 0).astype(np.float32)
@@ -326,7 +326,7 @@ def _best_scores(
         for i, (values, own) in enumerate(centred):
             product = cv2.matchTemplate(there, values, cv2.TM_CCORR)
             # without contrast there is no evidence
-            known = (spread > _LEAST_VARIANCE * count) & (own > _LEAST_VARIANCE * count)
+            known = (spread > _MIN_VARIANCE * count) & (own > _MIN_VARIANCE * count)
             scale = np.sqrt(np.maximum(spread * own, 1e-12))
             score[i, j] = np.clip(np.where(known, product / scale, 0.0), 0.0, 1.0).max()
     return score

@@ -117,7 +117,7 @@ class PositionError:
         self.north += self.v_north * dt_s
 
 
-_MOST_SIGMAS, _MOST_WANDER = 2.5, 3.0
+_MAX_SIGMAS, _MAX_WANDER = 2.5, 3.0
 _WANDER_M_S = 0.02  # at rest, each axis
 _WANDER_TAU_S = 5.0
 _CHANGING_SHARE = 0.15  # of the drift: what no scale and no rotation explains
@@ -131,7 +131,7 @@ class DeadReckoning:
     of a straight leg. No outage errs by more than `MOST` times that, apart from the wander.
     """
 
-    MOST = _MOST_SIGMAS + math.sqrt(2.0) * _MOST_WANDER * _CHANGING_SHARE
+    MOST = _MAX_SIGMAS + math.sqrt(2.0) * _MAX_WANDER * _CHANGING_SHARE
 
     def __init__(self, seed: list[int], drift: float) -> None:
         self._rng = np.random.default_rng(seed)
@@ -144,7 +144,7 @@ class DeadReckoning:
     def begin(self) -> None:
         """Draw scale and rotation of another outage."""
         each = self.drift / math.sqrt(2.0)
-        drawn = np.clip(self._rng.standard_normal(2), -_MOST_SIGMAS, _MOST_SIGMAS)
+        drawn = np.clip(self._rng.standard_normal(2), -_MAX_SIGMAS, _MAX_SIGMAS)
         self._scale, self._rotation = (each * drawn).tolist()
         self._wander = (0.0, 0.0)
 
@@ -161,8 +161,8 @@ class DeadReckoning:
         east, north = self._wander
         noise, at = self._noise, self._at
         self._wander = east, north = (
-            max(-_MOST_WANDER, min(_MOST_WANDER, keep * east + kick * noise[at])),
-            max(-_MOST_WANDER, min(_MOST_WANDER, keep * north + kick * noise[at + 1])),
+            max(-_MAX_WANDER, min(_MAX_WANDER, keep * east + kick * noise[at])),
+            max(-_MAX_WANDER, min(_MAX_WANDER, keep * north + kick * noise[at + 1])),
         )
         self._at = at + 2
         amount = _WANDER_M_S + _CHANGING_SHARE * self.drift * math.hypot(v_east, v_north)
@@ -180,7 +180,7 @@ _GROWTH_M2_S = 0.15  # of the variance between two measurements: what an IMU lea
 _WANDER_M2_S = 0.004  # of the variance by optical flow, at rest
 _LOST_M2_S = 1.0  # of the variance with nothing at all
 _OUTPUT_TAU_S = 0.25  # a correction is spread over time, so that no position leaps
-_LEAST_M2, _MOST_M2 = 1e-6, 1e6
+_MIN_M2, _MAX_M2 = 1e-6, 1e6
 
 
 class Estimator(PositionError):  # noqa: N818 - an error of a position is no exception
@@ -260,7 +260,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         """Fuse a measured position with this error, weighed by the variances."""
         self._leave_plain()
         variance = self._variance + 0.5 * self._by_flow_m2
-        gain = variance / (variance + max(sigma_m * sigma_m, _LEAST_M2))
+        gain = variance / (variance + max(sigma_m * sigma_m, _MIN_M2))
         pending_east, pending_north = self._pending
         self._pending = (
             pending_east + gain * (east_m - self.east - pending_east),
@@ -273,7 +273,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self._leave_plain()
         self.east, self.north = east_m, north_m
         self._pending = (0.0, 0.0)
-        self._variance, self._flow_m = min(sigma_m * sigma_m, _MOST_M2), 0.0
+        self._variance, self._flow_m = min(sigma_m * sigma_m, _MAX_M2), 0.0
         self.resets += 1
 
     def far_off(self, east_m: float, north_m: float, sigma_m: float, gate: float) -> bool:
@@ -346,7 +346,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self._grow((_GROWTH_M2_S if self.aided else _WANDER_M2_S) * dt_s)
 
     def _grow(self, variance_m2: float) -> None:
-        self._variance = min(self._variance + variance_m2, _MOST_M2)
+        self._variance = min(self._variance + variance_m2, _MAX_M2)
 
     def _correct(self, dt_s: float) -> None:
         east, north = self._pending

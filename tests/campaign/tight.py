@@ -30,7 +30,7 @@ USABLE: Final = 0.85
 """Share of the capacity above the reserve."""
 AIRSPEED_M_S: Final = 12.0
 LOWEST_M: Final = 14.0
-LEAST_APART_M: Final = 4.1
+MIN_APART_M: Final = 4.1
 """Distance of two pads; the separation is 4 m."""
 RATES_M_S: Final = 1.5
 """Climb and descent of the points of this world, where a mission states them."""
@@ -106,6 +106,6 @@ def _homes(rng: np.random.Generator, vehicles: int, radius_m: float) -> list[tup
     homes: list[tuple[float, float]] = []
     while len(homes) < vehicles:
         east_m, north_m = rng.uniform(-radius_m, radius_m, 2)
-        if all(math.hypot(east_m - x, north_m - y) >= LEAST_APART_M for x, y in homes):
+        if all(math.hypot(east_m - x, north_m - y) >= MIN_APART_M for x, y in homes):
             homes.append((float(east_m), float(north_m)))
     return homes

@@ -84,7 +84,7 @@ LEAP_M = 8.0  # a position that leaps farther is noticed
 SLOW_M_S = 0.5
 FRESH = 0.9
 WIND_WINDOW = 8
-LEAST_WINDS = 7  # minimum measurements of a wind that is reported
+MIN_WINDS = 7  # minimum measurements of a wind that is reported
 
 Link = Literal["good", "silent", "commands lost", "acks lost"]
 Camera = Literal["good", "silent", "lost", "slow", "drops"]
@@ -603,7 +603,7 @@ class Driver:
 
     def measured_m_s(self) -> float | None:
         """Return the wind that its telemetry reports; None if it reports none."""
-        if not self.reports_wind or len(self.winds) < LEAST_WINDS:
+        if not self.reports_wind or len(self.winds) < MIN_WINDS:
             return None
         east, north = (sum(parts) / len(self.winds) for parts in zip(*self.winds, strict=True))
         return round(math.hypot(east, north), 1)

@@ -17,7 +17,7 @@ BESIDE_M: Final = 20.0
 """Distance within which a vehicle may land beside a blocked pad, m."""
 NO_VERDICT: Final = 5
 """Exit code with which the product states no map."""
-MOST_SHOWN: Final = 5
+MAX_SHOWN: Final = 5
 """Maximum number of cells in the text of a fault."""
 WITHOUT_ORDERS: Final = ("others", "over", "silent", "down", "lost")
 """Charges in which no order is given."""
@@ -173,12 +173,12 @@ def flight_faults(report: ProductReport, *, home: bool) -> Iterator[Fault]:
         return
     wrong = report.mapped - report.region
     if wrong:
-        yield "false", f"{len(wrong)} cells are not region: {sorted(wrong)[:MOST_SHOWN]}"
+        yield "false", f"{len(wrong)} cells are not region: {sorted(wrong)[:MAX_SHOWN]}"
     if not report.completed:
         return
     missing = report.owed - report.mapped
     if len(missing) > report.missed_cells:
-        yield "lie", f"completed without {len(missing)} cells: {sorted(missing)[:MOST_SHOWN]}"
+        yield "lie", f"completed without {len(missing)} cells: {sorted(missing)[:MAX_SHOWN]}"
     if report.forbidden:
         yield "lie", "completed, although the fence forbids a part of the region"
     for lane in report.lanes:

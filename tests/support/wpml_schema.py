@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element
 KML = "{http://www.opengis.net/kml/2.2}"
 WPML = "{http://www.dji.com/wpmz/1.0.2}"
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
-MOST_M_S = 15.0
+MAX_M_S = 15.0
 """Maximum speed of the aircraft in the tables between waypoints, m/s."""
 
 Check = Callable[[str], bool]
@@ -139,11 +139,11 @@ MISSION = {
     "exitOnRCLost": must(one_of("goContinue", "executeLostAction")),
     "executeRCLostAction": may(one_of("goBack", "landing", "hover")),
     "takeOffSecurityHeight": must(number(1.2, 1500)),
-    "globalTransitionalSpeed": must(number(0, MOST_M_S, above=True)),
+    "globalTransitionalSpeed": must(number(0, MAX_M_S, above=True)),
     "droneInfo": Rule(True, inside=DRONE),
     "payloadInfo": Rule(True, inside=CAMERA),
 }
-SPEED = number(0, MOST_M_S, above=True)
+SPEED = number(0, MAX_M_S, above=True)
 POINT = {
     "Point": Rule(True, inside={"coordinates": must(TEXT)}),
     "index": must(ID),

@@ -28,7 +28,7 @@ from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from uavmap.fleet.simulated_radio import RANGE, parse_link_spec
 
-MOST_ROBOTS = 1000
+MAX_ROBOTS = 1000
 _SPEED_M_S = 6.0
 
 
@@ -115,7 +115,7 @@ def simulate(
     names = known_strategies([strategy] if isinstance(strategy, str) else strategy, "strategy = ")
     if not names:
         raise StrategyError("strategy is empty; name one")
-    count = whole("robots", robots, 1, MOST_ROBOTS)
+    count = whole("robots", robots, 1, MAX_ROBOTS)
     rois = _rois(roi, number("cell_m", cell_m, 0.01, 10_000.0), start)
     fast = nonstop_among(names, f"strategy = {strategy!r}")
     if not fast:

@@ -29,14 +29,14 @@ from missions.mission.sections import MAX_POINTS, Lattice, TerrainSection
 from missions.units import GridPoint, LatLon
 from uavmap.base.extras import install_command
 
-LEAST_STEP_M: Final = 2.0
+MIN_STEP_M: Final = 2.0
 """Minimum step of the lattice, m: a vehicle does not follow finer ground."""
-MOST_STEP_M: Final = 100.0
+MAX_STEP_M: Final = 100.0
 """Maximum step of an elevation model, m: a coarser one misses the ground between its heights."""
 AROUND_M: Final = 40.0
 """Width of the ground outside of the fence that is sampled, m: pictures show it, gusts reach it."""
 STEEPEST: Final = 4.0
-LEAST_JUMP_M: Final = 8.0
+MIN_JUMP_M: Final = 8.0
 """Minimum rise between two heights that counts as a mistake in the file if it is steep, m."""
 _HIGHEST_M: Final = 9000.0
 _LOWEST_M: Final = -500.0
@@ -128,11 +128,11 @@ def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
         metres, fine_m = metres_a_unit(model, where), spacing_m(model, mission.home)
         if not math.isfinite(fine_m):
             raise MissionFileError(f"{where}: {_ELSEWHERE}")
-        lattice = FenceLattice.around(mission, max(fine_m, LEAST_STEP_M), MAX_POINTS / 1.1)
-        if lattice.step_m > MOST_STEP_M:
+        lattice = FenceLattice.around(mission, max(fine_m, MIN_STEP_M), MAX_POINTS / 1.1)
+        if lattice.step_m > MAX_STEP_M:
             raise MissionFileError(
                 f"{where}: its heights, or as many as fit a fence of this size, are "
-                f"{lattice.step_m:.0f} m apart, more than {MOST_STEP_M:g} m; use a finer model, or "
+                f"{lattice.step_m:.0f} m apart, more than {MAX_STEP_M:g} m; use a finer model, or "
                 "a smaller fence"
             )
         step = max(1, math.floor(lattice.step_m / fine_m + 0.1))
@@ -171,7 +171,7 @@ def _refuse_gaps(ground: Floats, lattice: FenceLattice, where: str) -> None:
 
 def _refuse_jumps(ground: Floats, lattice: FenceLattice, where: str) -> None:
     """Raise `MissionFileError` for an implausible rise: a gap that was set to 0, or a spike."""
-    most_m = max(LEAST_JUMP_M, STEEPEST * lattice.step_m)
+    most_m = max(MIN_JUMP_M, STEEPEST * lattice.step_m)
     for axis in (0, 1):
         jumps = np.abs(np.diff(ground, axis=axis))
         jumps = np.where(np.isfinite(jumps), jumps, 0.0)

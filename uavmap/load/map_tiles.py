@@ -26,14 +26,14 @@ from uavmap.base.version import __version__
 from uavmap.load.mbtiles import kind_of
 
 AROUND: Final = 0.2
-LEAST_AROUND_M: Final = 150.0
+MIN_AROUND_M: Final = 150.0
 """Ground around an area that is fetched as well: a share of its extent, and its minimum, m."""
 FINEST: Final = 22
-MOST_TILES: Final = 5000
-MOST_BYTES: Final = 1 << 20
+MAX_TILES: Final = 5000
+MAX_BYTES: Final = 1 << 20
 TIMEOUT_S: Final = 20.0
 TRIES: Final = 3
-MOST_LATITUDE_DEG: Final = 85.0
+MAX_LATITUDE_DEG: Final = 85.0
 _M_PER_DEG: Final = 111_320.0
 
 
@@ -64,10 +64,10 @@ class Bounds:
         """
         lats, lons = [p.lat_deg for p in places], [p.lon_deg for p in places]
         wide = math.cos(math.radians(max(map(abs, lats))))
-        more_lat = max(AROUND * (max(lats) - min(lats)), LEAST_AROUND_M / _M_PER_DEG)
-        more_lon = max(AROUND * (max(lons) - min(lons)), LEAST_AROUND_M / _M_PER_DEG / wide)
-        return cls(min(lons) - more_lon, max(min(lats) - more_lat, -MOST_LATITUDE_DEG),
-                   max(lons) + more_lon, min(max(lats) + more_lat, MOST_LATITUDE_DEG))  # fmt: skip
+        more_lat = max(AROUND * (max(lats) - min(lats)), MIN_AROUND_M / _M_PER_DEG)
+        more_lon = max(AROUND * (max(lons) - min(lons)), MIN_AROUND_M / _M_PER_DEG / wide)
+        return cls(min(lons) - more_lon, max(min(lats) - more_lat, -MAX_LATITUDE_DEG),
+                   max(lons) + more_lon, min(max(lats) + more_lat, MAX_LATITUDE_DEG))  # fmt: skip
 
     def tiles(self, zoom: int) -> list[Tile]:
         """Return the tiles of a zoom level that show any of it."""
@@ -109,13 +109,13 @@ class Source:
         for _ in range(TRIES):
             try:
                 with urllib.request.urlopen(asked, timeout=TIMEOUT_S) as answer:
-                    data: bytes = answer.read(MOST_BYTES + 1)
+                    data: bytes = answer.read(MAX_BYTES + 1)
             except urllib.error.HTTPError as error:
                 raise LinkError(f"{url}: the source answers {error.code} {error.reason}") from None
             except (OSError, ValueError) as error:
                 why = str(getattr(error, "reason", error))
                 continue
-            if len(data) > MOST_BYTES or kind_of(data) is None:
+            if len(data) > MAX_BYTES or kind_of(data) is None:
                 raise LinkError(f"{url}: is not a picture (PNG, JPEG or WebP)")
             return data
         raise LinkError(f"{url}: cannot be fetched: {why}")
@@ -124,11 +124,11 @@ class Source:
 def tiles_in(bounds: Bounds, zooms: range) -> list[Tile]:
     """Return the tiles of an area, coarse ones first. Raises `OutputError` for too many."""
     counts = {zoom: len(bounds.tiles(zoom)) for zoom in zooms}
-    if (total := sum(counts.values())) > MOST_TILES:
-        fits = [z for z in zooms if sum(counts[k] for k in zooms if k <= z) <= MOST_TILES]
+    if (total := sum(counts.values())) > MAX_TILES:
+        fits = [z for z in zooms if sum(counts[k] for k in zooms if k <= z) <= MAX_TILES]
         remedy = f"--zoom {zooms[0]}-{fits[-1]} has fewer" if fits else "name a smaller area"
         raise OutputError(
-            f"--zoom {zooms[0]}-{zooms[-1]}: {total} tiles; at most {MOST_TILES} are fetched; "
+            f"--zoom {zooms[0]}-{zooms[-1]}: {total} tiles; at most {MAX_TILES} are fetched; "
             f"{remedy}"
         )
     return [tile for zoom in zooms for tile in bounds.tiles(zoom)]

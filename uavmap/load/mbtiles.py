@@ -11,8 +11,8 @@ from missions.geo.web_mercator import lat_lon_of
 
 KINDS: Final = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpg", b"RIFF": "webp"}
 """Formats of pictures, by the first bytes, with MBTiles' names."""
-MOST_BYTES: Final = 8 << 20
-MOST_ZOOM: Final = 30
+MAX_BYTES: Final = 8 << 20
+MAX_ZOOM: Final = 30
 
 
 def kind_of(data: bytes) -> str | None:
@@ -39,8 +39,8 @@ class Tiles:
             raise OutputError(f"{path}: holds vector tiles; use a file with tiles of pictures")
         if low is None:
             raise OutputError(f"{path}: holds no tile")
-        if not (isinstance(low, int) and isinstance(high, int) and 0 <= low <= high <= MOST_ZOOM):
-            raise OutputError(f"{path}: has tiles of levels {low} to {high}; at most {MOST_ZOOM}")
+        if not (isinstance(low, int) and isinstance(high, int) and 0 <= low <= high <= MAX_ZOOM):
+            raise OutputError(f"{path}: has tiles of levels {low} to {high}; at most {MAX_ZOOM}")
         self.zooms = range(low, high + 1)
         self.attribution = str(metadata.get("attribution", ""))
 
@@ -69,5 +69,5 @@ class Tiles:
         except (sqlite3.Error, OverflowError):
             return None
         data = found[0] if found else None
-        good = isinstance(data, bytes) and len(data) <= MOST_BYTES and kind_of(data) is not None
+        good = isinstance(data, bytes) and len(data) <= MAX_BYTES and kind_of(data) is not None
         return data if good else None

@@ -34,7 +34,7 @@ DRAWINGS: Final = (
     ".csv", ".txt", ".plan", ".waypoints", ".poly", ".fen",
 )  # fmt: skip
 """Endings of the files from which `uavmap new` makes missions."""
-_MOST_NAMES: Final = 1000
+_MAX_NAMES: Final = 1000
 
 
 def shipped_missions() -> list[str]:
@@ -163,7 +163,7 @@ def _read(name: str) -> tuple[str, Path]:
 def _guess(path: Path) -> str:
     known = {} if path.parent != Path() else {name: name for name in shipped_missions()}
     with contextlib.suppress(OSError):
-        files = itertools.islice(path.parent.glob("*.toml"), _MOST_NAMES)
+        files = itertools.islice(path.parent.glob("*.toml"), _MAX_NAMES)
         known |= {file.name: str(file) for file in files}
     near = difflib.get_close_matches(path.name, known, n=1)
     return f"did you mean {known[near[0]]!r}? " if near else ""

@@ -322,7 +322,7 @@ def weighed(evidence: Evidence, share: float) -> Decided:
 
 
 # --- read back ------------------------------------------------------------------------------------
-_MOST_BYTES: Final = 10_000_000
+_MAX_BYTES: Final = 10_000_000
 
 
 def flown_of(folder: Path) -> FlownMission:
@@ -366,7 +366,7 @@ def _replayed(
     table = table.with_sums(sums, mission.detector.explored)
     replayed = ReplayFindings(table, undecided, taken, len(log.troubles), 0)
     try:  # the summary of the replay has counts of files, which the journal lacks
-        known = json.loads(read_text(folder / "summary.json", _MOST_BYTES))
+        known = json.loads(read_text(folder / "summary.json", _MAX_BYTES))
     except (OSError, ValueError, RecursionError):
         known = None
     if not isinstance(known, dict) or "completed" not in known:

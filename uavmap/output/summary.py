@@ -42,7 +42,7 @@ def _plain(value: object) -> object:
 
 
 # --- patches in words -----------------------------------------------------------------------------
-MOST_PATCHES: Final = 20
+MAX_PATCHES: Final = 20
 """Maximum number of patches with a line each."""
 _WHY: Final = {
     "beyond_fence": "beyond the fence",
@@ -161,7 +161,7 @@ def lines(
     found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any], *, verbose: bool
 ) -> Iterator[str]:
     """Yield a line per patch; `verbose` adds times and bounds, and lines for all and the box."""
-    for number, one in enumerate(found[:MOST_PATCHES], start=1):
+    for number, one in enumerate(found[:MAX_PATCHES], start=1):
         root, drift = one["root"], drift_in_words(one)
         place = f"at {root['lat_deg']:.6f}, {root['lon_deg']:.6f}"
         if verbose:
@@ -173,8 +173,8 @@ def lines(
             text = f", {place}"
         moved = f"; it {drift}" if drift else ""
         yield f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}{text}{moved}"
-    if len(found) > MOST_PATCHES:
-        yield f"{len(found) - MOST_PATCHES} more patches"
+    if len(found) > MAX_PATCHES:
+        yield f"{len(found) - MAX_PATCHES} more patches"
     if not verbose:
         return
     if len(found) > 1:

@@ -22,7 +22,7 @@ WIDTH_PX: Final = 1000
 """Width at which pictures are judged, pixels: finer than a cell needs, and fast."""
 PIXELS_A_CELL: Final = 25
 _HFOV_DEG: Final = 75.0  # of most drones' cameras, for pictures without an angle of view
-_LEAST_CELLS: Final = 8  # across the shorter side of a picture
+_MIN_CELLS: Final = 8  # across the shorter side of a picture
 _OVERLAPPING: Final = 1.5  # pictures of a place, on the mean
 DETECTOR: Final = """\
 [detector]
@@ -59,7 +59,7 @@ def derived(
     optics = _optics(placed, lens)
     height_m = median(p.pose.height_m for p in placed)
     short_m = optics.footprint(height_m).short_m
-    cell_m = step_near(min(PIXELS_A_CELL * optics.gsd_m(height_m), short_m / _LEAST_CELLS))
+    cell_m = step_near(min(PIXELS_A_CELL * optics.gsd_m(height_m), short_m / _MIN_CELLS))
     pixels = min(PIXELS_A_CELL, math.floor(optics.pixels_per_cell(height_m, cell_m)))
     start, box, fence = _places(placed, optics, height_m)
     frames, positive = _votes(placed, optics, start)

@@ -60,7 +60,7 @@ _LOG: Final = logging.getLogger("uavmap.photos")
 VEHICLE: Final = 1
 BLURRED: Final = 0.2
 """Minimum sharpness of a picture, as a share of the others' usual one."""
-_LEAST_SHARP: Final = 4  # number of pictures that give a usual sharpness
+_MIN_SHARP: Final = 4  # number of pictures that give a usual sharpness
 _LINES: Final = 20
 
 
@@ -390,7 +390,7 @@ def _repeats(same: int, number: int, shots: Sequence[Shot]) -> str:
 def _refuse_blurred(shots: Sequence[Shot]) -> None:
     """Refuse pictures less sharp than the others: the camera shook, or was out of focus."""
     known = [shot.sharpness for shot in shots if not shot.reason]
-    if len(known) < _LEAST_SHARP:
+    if len(known) < _MIN_SHARP:
         return
     usual = median(known)
     for shot in shots:

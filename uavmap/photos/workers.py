@@ -89,7 +89,7 @@ def threads_of(crew: Crew) -> Threads:
 
 
 # --- a cluster -----------------------------------------------------------------------------------
-MOST_WAITING: Final = 64
+MAX_WAITING: Final = 64
 """Maximum number of pictures under way, on a cluster of any size."""
 NO_WORKER_S: Final = 60.0
 """Maximum time without any worker, s."""
@@ -146,7 +146,7 @@ class Cluster:
         """Yield the answer of `work` to every item, in order; both must be picklable."""
         packed = pickle.dumps(work)
         waiting: deque[Any] = deque()
-        most = min(2 * self._threads() + 1, MOST_WAITING)
+        most = min(2 * self._threads() + 1, MAX_WAITING)
         import dask  # noqa: PLC0415 - an extra
 
         quiet = {"distributed.admin.large-graph-warning-threshold": "1GB"}

@@ -21,7 +21,7 @@ from missions.units import LatLon
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.journal.flight_plan import PYMAVLINK, FlightPlan
-from uavmap.load.dem import MOST_STEP_M, FenceLattice, with_lattice
+from uavmap.load.dem import MAX_STEP_M, FenceLattice, with_lattice
 from uavmap.mavlink.autopilots import PX4
 from uavmap.mavlink.identity import wait_for_autopilot
 from uavmap.mavlink.session import Message, Session
@@ -79,10 +79,10 @@ async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
 async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:
     await wait_for_autopilot(session, name)
     lattice = FenceLattice.around(mission, MIN_STEP_M, MAX_PLACES / 1.2)
-    if lattice.step_m > MOST_STEP_M:
+    if lattice.step_m > MAX_STEP_M:
         raise LinkError(
             f"{name}: the places of a fence so large that an autopilot can be asked for lie "
-            f"{lattice.step_m:.0f} m apart, more than {MOST_STEP_M:g}; draw it smaller, or give "
+            f"{lattice.step_m:.0f} m apart, more than {MAX_STEP_M:g}; draw it smaller, or give "
             'terrain.dem = "FILE.tif" instead'
         )
     shape = lattice.rows, lattice.columns

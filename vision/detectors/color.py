@@ -15,7 +15,7 @@ from missions.errors import MissionFileError
 from vision.detectors.interface import Judgement, check_number, marked
 
 Colors = Sequence[Sequence[int]]
-_MOST_SAMPLES: Final = 64
+_MAX_SAMPLES: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,10 +136,10 @@ def _lab(image: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _check_colors(key: str, colors: object, least: int) -> None:
-    good = isinstance(colors, (list, tuple)) and least <= len(colors) <= _MOST_SAMPLES
+    good = isinstance(colors, (list, tuple)) and least <= len(colors) <= _MAX_SAMPLES
     if not good or not all(_is_color(color) for color in colors):  # type: ignore[attr-defined]
         raise MissionFileError(
-            f"detector.{key} is {colors!r}: expected {least} to {_MOST_SAMPLES} colours, each "
+            f"detector.{key} is {colors!r}: expected {least} to {_MAX_SAMPLES} colours, each "
             "[red, green, blue] with integers from 0 to 255"
         )
 

@@ -187,7 +187,7 @@ class PavedDetector(MaskDetector):
 # --- indices over bands --------------------------------------------------------------------------
 Kind = Literal["exg", "ndvi", "ndwi", "hot"]
 _MAD: Final = 1.4826  # of a normal distribution, standard deviations in a median deviation
-_MOST_BAND: Final = 31
+_MAX_BAND: Final = 31
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,7 @@ class IndexDetector:
         check_number("value", self.value, -100.0, 100.0)
         check_number("softness", self.softness, 0.001, 100.0)
         for key in ("blue", "green", "red", "nir"):
-            check_whole(key, getattr(self, key), _MOST_BAND)
+            check_whole(key, getattr(self, key), _MAX_BAND)
 
     @property
     def words(self) -> str:

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from vision.own_map.ground_patch import NOTHING, STEPS, Patch
 
-LEAST_SCORE: Final = 0.3
+MIN_SCORE: Final = 0.3
 """Minimum correlation of the same ground, 0 to 1."""
-LEAST_LEAD: Final = 0.12
+MIN_LEAD: Final = 0.12
 """Minimum lead of a place's correlation over that of any other place."""
 
-_LEAST_TEXTURE: Final = 0.35  # root mean square of a patch; of noise alone it has 0.2
-_LEAST_PX: Final = 400  # pixels that two patches have in common
+_MIN_TEXTURE: Final = 0.35  # root mean square of a patch; of noise alone it has 0.2
+_MIN_PX: Final = 400  # pixels that two patches have in common
 _AROUND_PX: Final = 4  # radius around a peak within which no value is another peak
 _CORRELATED: Final = 9.0  # number of neighbouring pixels with one error, which count as one
 _FLOOR_PX: Final = 0.06  # error of the interpolation in one direction
@@ -141,8 +141,8 @@ def _correlation(
         ]
         for a, b in pairs
     )
-    least = np.float32(_LEAST_TEXTURE**2) * np.maximum(common, 1.0)
-    textured = (common >= _LEAST_PX) & (power_a >= least) & (power_b >= least)
+    least = np.float32(_MIN_TEXTURE**2) * np.maximum(common, 1.0)
+    textured = (common >= _MIN_PX) & (power_a >= least) & (power_b >= least)
     scale = np.sqrt(np.maximum(power_a, 1e-6) * np.maximum(power_b, 1e-6))
     return np.where(textured, product / scale, np.float32(-1.0)), common
 
@@ -155,14 +155,14 @@ def _peak(
     row, column = (int(i) + 1 for i in np.unravel_index(int(inner.argmax()), inner.shape))
     score = float(surface[row, column])
     around = surface[row - 1 : row + 2, column - 1 : column + 2]
-    if score < LEAST_SCORE or float(around.max()) > score or float(around.min()) <= -1.0:
+    if score < MIN_SCORE or float(around.max()) > score or float(around.min()) <= -1.0:
         return None
     others = surface.copy()
     others[
         max(0, row - _AROUND_PX) : row + _AROUND_PX + 1,
         max(0, column - _AROUND_PX) : column + _AROUND_PX + 1,
     ] = -1.0
-    if score - max(float(others.max()), 0.0) < LEAST_LEAD:
+    if score - max(float(others.max()), 0.0) < MIN_LEAD:
         return None
     # a paraboloid through the nine values around the peak
     a = around.astype(np.float64)
@@ -187,9 +187,9 @@ def _peak(
 # --- scale and rotation --------------------------------------------------------------------------
 _ROUNDS: Final = 3
 _SMOOTH_PX: Final = 3  # so that a start with an error of a pixel leads to the same place
-_LEAST_ZOOMED_PX: Final = 600
+_MIN_ZOOMED_PX: Final = 600
 _FARTHEST_PX: Final = 2.5  # maximum distance of a result from its start
-_LEAST_LIKENESS: Final = 0.3
+_MIN_LIKENESS: Final = 0.3
 _FLOOR: Final = 0.002  # error of a zoom by the errors of attitudes
 
 Values = NDArray[np.float32]
@@ -263,7 +263,7 @@ def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j)
         there, whole = _warped(above, known, matrix, size)
         both = inside & whole
         count = int(np.count_nonzero(both))
-        if count < _LEAST_ZOOMED_PX:
+        if count < _MIN_ZOOMED_PX:
             return None
         more = _slopes(there)
         gx, gy = ((a[both] + b[both]) / 2.0 for a, b in zip(slopes, more, strict=True))
@@ -285,7 +285,7 @@ def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j)
             return None
     score = float(here @ other) / math.sqrt(float(here @ here) * float(other @ other) + 1e-6)
     at_middle = abs(moved + larger * middle - moved_px - middle / (1.0 + zoom))
-    if score < _LEAST_LIKENESS or at_middle > _FARTHEST_PX:
+    if score < _MIN_LIKENESS or at_middle > _FARTHEST_PX:
         return None
     covariance = np.linalg.inv(normal) * float(off @ off) / count * _CORRELATED
     found = 1.0 / larger - 1.0

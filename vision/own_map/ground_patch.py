@@ -23,7 +23,7 @@ _RESOLUTIONS_M: Final = (0.05, 0.1, 0.2, 0.4)
 _WANTED_PX: Final = 75.0  # along the shorter side of a footprint
 _REACH_HEIGHTS: Final = 2.0  # maximum distance from below the camera: beyond, the view is too flat
 _WINDOW_PX: Final = 15  # light changes over more pixels of the raster than these
-_LEAST_CONTRAST: Final = 2.0  # gray levels; a smaller difference counts as noise
+_MIN_CONTRAST: Final = 2.0  # gray levels; a smaller difference counts as noise
 _FEW: Final = 4  # one pixel in a row out of this number gives the shading
 
 
@@ -128,7 +128,7 @@ def _without_light(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArra
     share = np.maximum(around(there), np.float32(1e-3))
     contrast = (gray - around(gray * there) / share) * there
     spread = np.sqrt(np.maximum(around(contrast * contrast) / share, np.float32(0.0)))
-    steps = contrast * (np.float32(STEPS) / (spread + np.float32(_LEAST_CONTRAST)))
+    steps = contrast * (np.float32(STEPS) / (spread + np.float32(_MIN_CONTRAST)))
     values = np.clip(np.rint(steps), NOTHING + 1, 127).astype(np.int8)
     values[~seen] = NOTHING
     return values

@@ -82,9 +82,9 @@ class OwnMotion:
 
 _KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
 _KEYFRAME_S: Final = 2.0
-_LEAST_OVERLAP: Final = 1.0 / 3.0
+_MIN_OVERLAP: Final = 1.0 / 3.0
 _OLDEST, _NEAREST = 2, 1  # number of keyframes matched with a picture, besides the last one
-_LEAST_SEARCH_M: Final = 0.6
+_MIN_SEARCH_M: Final = 0.6
 _SEARCH_SIGMAS: Final = 3.5
 _WIDEST_SHARE: Final = 0.5  # maximum reach of a search, as a share of a footprint's side
 _LEAP_S: Final = 3.0  # maximum time for a second picture to confirm a leap
@@ -96,7 +96,7 @@ _FARTHEST_M: Final = 60.0  # maximum reach of a search, by its duration
 _COARSE_PX: Final = 25.0  # maximum reach of a search with the patches' own pixels
 _FINE_M: Final = 1.5
 _ALIKE: Final = 0.01  # maximum difference of sizes of pictures that are compared as they are
-_LEAST_ZOOM: Final = 0.02  # a difference with a larger uncertainty is no evidence
+_MIN_ZOOM: Final = 0.02  # a difference with a larger uncertainty is no evidence
 _OF_WAY: Final = 0.01  # share of the distance: heights and headings err differently in two pictures
 
 
@@ -202,7 +202,7 @@ class OwnMap:
         kept = t_s - self._last_t_s >= _KEYFRAME_S
         away_m, slip = expected[0][:2], (0.0, 0.0)  # the last one is compared first
         for key, (east, north, sigma_m), zoom in zip(chosen, expected, zooms, strict=True):
-            search_m = max(_LEAST_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
+            search_m = max(_MIN_SEARCH_M, _SEARCH_SIGMAS * sigma_m)
             search_m = min(search_m, _WIDEST_SHARE * side_m(patch))
             there = east + slip[0], north + slip[1]
             seen = self._find_near(key, patch, there, search_m, zoom)
@@ -279,7 +279,7 @@ class OwnMap:
         pitch_m = patch.metres_per_pixel
         moved = complex(*seen.moved_m) / pitch_m * (1.0 - zoom / 2.0)
         found = compare(self._patches[key], patch, moved, zoom)
-        if found is None or found.sigma > _LEAST_ZOOM:
+        if found is None or found.sigma > _MIN_ZOOM:
             return seen
         at = found.moved_px * pitch_m
         return replace(
@@ -331,7 +331,7 @@ class OwnMap:
         away_m = np.array([where[key] for key in self._patches]) - where[self.track.newest]
         overlap = overlaps(patch, self._patches.values(), self._sides_m.values(), away_m)
         keys = list(self._patches)
-        near = [k for k in range(len(keys) - 1) if overlap[k] >= _LEAST_OVERLAP]
+        near = [k for k in range(len(keys) - 1) if overlap[k] >= _MIN_OVERLAP]
         oldest = near[:_OLDEST]
         rest = sorted(near[_OLDEST:], key=lambda k: -overlap[k])[:_NEAREST]
         return [last, *(keys[k] for k in (*oldest, *rest))]

@@ -82,7 +82,7 @@ class Relief:
 UNKNOWNS = 6
 """Unknowns of a view: east, north, up in metres; a turn about right, down, forward in radians."""
 
-_LEAST_DOWN = 0.2  # of a ray's unit length; rays nearer to the horizon are no evidence
+_MIN_DOWN = 0.2  # of a ray's unit length; rays nearer to the horizon are no evidence
 
 
 @dataclass
@@ -193,7 +193,7 @@ def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats
 
 def _ground_points(cameras: Cameras, centre: Floats, rays: Floats) -> tuple[Floats, Floats]:
     """Return the points where rays meet the ground, (n, 2), and their depths below the camera."""
-    down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
+    down = np.where(-rays[:, 2] > _MIN_DOWN, -rays[:, 2], np.nan)
     along = rays[:, :2] / down[:, None]
     below = centre[:, 2]
     if cameras.relief is not None:
@@ -237,7 +237,7 @@ class Transfer:
 def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Transfer:
     """Project pixels of `source` views onto the ground, and into the `target` views."""
     inner, rays = _rays(cameras, source, pixels)
-    down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
+    down = np.where(-rays[:, 2] > _MIN_DOWN, -rays[:, 2], np.nan)
     place, height = _ground_points(cameras, cameras.centre_m[source], rays)
     # the ground point by a change of the ray: (n, 2, 3)
     count = len(pixels)

@@ -27,7 +27,7 @@ _COLUMNS, _ROWS = 10, 6  # of the lattice of buckets that points are spread over
 _LOCAL_PX = (61, 61)  # window over which contrast is measured
 _NOISE = 4.0  # gray levels; contrast below it is noise, and is not raised to the level of texture
 _RIM_PX = 4.0
-_LEAST_PX = 32  # a smaller picture has no room for features
+_MIN_PX = 32  # a smaller picture has no room for features
 
 
 def extract(gray: NDArray[np.uint8]) -> Features:
@@ -38,7 +38,7 @@ def extract(gray: NDArray[np.uint8]) -> Features:
     """
     height, width = gray.shape
     nothing = Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8), width, height)
-    if min(height, width) < _LEAST_PX:
+    if min(height, width) < _MIN_PX:
         return nothing
     sift = cv2.SIFT.create(nfeatures=0, contrastThreshold=0.02, edgeThreshold=12.0)
     even = _normalised(gray)
@@ -114,16 +114,16 @@ NEAREST: Final = 6
 SECTORS: Final = 8
 NEAREST_IN_SECTOR: Final = 2
 
-LEAST_INLIERS: Final = 16
+MIN_INLIERS: Final = 16
 """Minimum number of tie points of a pair that overlaps."""
 
-MOST_TIES: Final = 60
+MAX_TIES: Final = 60
 """Maximum number of tie points of a pair in the adjustment."""
 
 _LENGTH_2 = 512.0**2  # squared length of a descriptor: `features` makes all alike, but for rounding
 _RATIO = 0.85  # maximum distance of a match, as a share of that of the second best
 _TOLERANCE_PX = 4.0  # of the homography: trees and roofs are not on the plane
-_LEAST_SHARE = 0.2  # of the matches, which agree on one homography
+_MIN_SHARE = 0.2  # of the matches, which agree on one homography
 _SCALES = (0.3, 3.3)  # of two pictures of one flight
 _MOVED_M = 1.0  # minimum distance of geotags of a moving camera
 _STAYED_PX = 1.0
@@ -182,7 +182,7 @@ def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
         # pattern
         went = np.square(p - q).sum(axis=1) > _STAYED_PX**2
         p, q = p[went], q[went]
-    if len(p) < LEAST_INLIERS:
+    if len(p) < MIN_INLIERS:
         return None
     matrix, mask = cv2.findHomography(
         p, q, cv2.RANSAC, _TOLERANCE_PX, maxIters=3000, confidence=0.999
@@ -191,7 +191,7 @@ def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
         return None
     inlier = mask.ravel().astype(bool)
     count = int(inlier.sum())
-    if count < LEAST_INLIERS or count < _LEAST_SHARE * len(p):
+    if count < MIN_INLIERS or count < _MIN_SHARE * len(p):
         return None
     p, q = p[inlier], q[inlier]
     if not _plausible(np.asarray(matrix, dtype=np.float64), p):
@@ -233,14 +233,14 @@ def _plausible(matrix: Floats, points: Floats) -> bool:
 
 
 def _spread(points: Floats) -> NDArray[np.int64]:
-    """Return at most `MOST_TIES` of the points, spread over the overlap."""
+    """Return at most `MAX_TIES` of the points, spread over the overlap."""
     low, high = points.min(axis=0), points.max(axis=0)
     place = ((points - low) / np.maximum(high - low, 1.0) * (_BUCKETS - 1e-6)).astype(int)
     bucket = place[:, 1] * _BUCKETS + place[:, 0]
     order = np.lexsort((np.arange(len(points)), bucket))
     starts = np.searchsorted(bucket[order], np.arange(_BUCKETS**2))
     rank = np.arange(len(order)) - starts[bucket[order]]
-    chosen: NDArray[np.int64] = order[np.lexsort((bucket[order], rank))[:MOST_TIES]]
+    chosen: NDArray[np.int64] = order[np.lexsort((bucket[order], rank))[:MAX_TIES]]
     return chosen
 
 

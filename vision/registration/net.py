@@ -30,10 +30,10 @@ The ground is not at the level of take-off, and the focal length differs from it
 YAW_BIAS_RAD: Final = math.radians(5.0)
 """Standard deviation of the common error of headings: the compass, the camera's mounting."""
 
-MOST_YAW_SIGMA_RAD: Final = math.radians(15.0)
+MAX_YAW_SIGMA_RAD: Final = math.radians(15.0)
 """Maximum uncertainty of the heading of a net that is placed on the ground, rad."""
 
-MOST_SCALE_SIGMA: Final = 0.25
+MAX_SCALE_SIGMA: Final = 0.25
 """Maximum uncertainty of the scale of such a net, as a share."""
 
 _HALF_TURN_CLEAR_RAD = math.radians(40.0)  # this certainty of geotags excludes the reverse heading

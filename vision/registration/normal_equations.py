@@ -15,7 +15,7 @@ from vision.registration.ground_plane import UNKNOWNS
 from vision.registration.views import Floats, Ints
 
 TOLERANCE: Final = 1e-6
-MOST_ROUNDS: Final = 400
+MAX_ROUNDS: Final = 400
 
 
 @dataclass
@@ -103,7 +103,7 @@ class Normal:
         rest = (self.right.copy(), self.right_shared.copy())
         way = z = preconditioned(*rest)
         size = first = dot(rest, z)
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             if size <= TOLERANCE**2 * first:
                 break
             image = product(*way)
@@ -144,7 +144,7 @@ class _Neighbours:
         return result
 
 
-MOST_EXACT: Final = 200
+MAX_EXACT_VIEWS: Final = 200
 """Maximum number of views of a net that is inverted as a whole."""
 
 _PIECE = 60  # views
@@ -155,7 +155,7 @@ _HOPS = 2  # a view's piece: views that overlap it, and views that overlap those
 def sigmas(normal: Normal) -> Floats:
     """Return standard deviations (views, 6) of the unknowns, tags included.
 
-    In a net of more than `MOST_EXACT` views each is computed as if poses farther than `_HOPS`
+    In a net of more than `MAX_EXACT_VIEWS` views each is computed as if poses farther than `_HOPS`
     overlaps were known. It is then the certainty relative to the views around it.
     """
     views = len(normal.diagonal)
@@ -163,7 +163,7 @@ def sigmas(normal: Normal) -> Floats:
     for at, (i, j) in enumerate(normal.pairs.tolist()):
         links[i].append(at)
         links[j].append(at)
-    if views <= MOST_EXACT:
+    if views <= MAX_EXACT_VIEWS:
         return _inverse_diagonal(normal, list(range(views)), links)
     ends = normal.pairs.sum(axis=1)
     found = np.zeros((views, UNKNOWNS))

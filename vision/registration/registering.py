@@ -21,8 +21,8 @@ from vision.registration.matching import (
     transfer_px,
 )
 from vision.registration.net import (
-    MOST_SCALE_SIGMA,
-    MOST_YAW_SIGMA_RAD,
+    MAX_SCALE_SIGMA,
+    MAX_YAW_SIGMA_RAD,
     PlacedNet,
     chained,
     components,
@@ -45,16 +45,16 @@ from vision.registration.views import (
     View,
 )
 
-MOST_TILT: Final = 1.2
+MAX_TILT: Final = 1.2
 """Maximum tagged tilt of a registered view, a tangent (50 degrees)."""
 
-MOST_RESIDUAL_PX: Final = 4.0
+MAX_RESIDUAL_PX: Final = 4.0
 """Maximum median miss of tie points of a refined view, pixels."""
 
 _WRONG_PAIR_PX = 6.0  # pairs that miss by more than this, and than others, are no overlaps
 _WRONG_PAIR_TIMES = 4.0
 _MENDS = 3  # number of times that a net is begun anew without its wrong pairs
-_LEAST_POSITION_SIGMA_M = 0.5
+_MIN_POSITION_SIGMA_M = 0.5
 
 _FEW_POINTS = 40
 
@@ -106,7 +106,7 @@ class _Registering:
 
     def run(self, progress: Callable[[int, int], None], many: Many) -> None:
         """Find the pairs, and adjust their nets."""
-        usable = [k for k, v in enumerate(self.views) if math.hypot(*v.tilt) <= MOST_TILT]
+        usable = [k for k, v in enumerate(self.views) if math.hypot(*v.tilt) <= MAX_TILT]
         for k in set(range(len(self.views))) - set(usable):
             self.left[k] = SIDEWAYS
         for k in usable:
@@ -139,9 +139,9 @@ class _Registering:
         place = {k: at for at, k in enumerate(members)}
         local = [replace(p, first=place[p.first], second=place[p.second]) for p in pairs]
         on_ground = place_net(views, *chained(views, local))
-        if on_ground.yaw_sigma_rad > MOST_YAW_SIGMA_RAD:
+        if on_ground.yaw_sigma_rad > MAX_YAW_SIGMA_RAD:
             return self._leave(members, NO_HEADING)
-        if on_ground.scale_sigma > MOST_SCALE_SIGMA:
+        if on_ground.scale_sigma > MAX_SCALE_SIGMA:
             return self._leave(members, NO_SCALE)
         tags, start, cameras = _start(views, on_ground, self.relief)
         solution = adjust(start, Ties.from_pairs(local), tags, HUBER_PX[:-1])
@@ -180,7 +180,7 @@ class _Registering:
         for at, k in enumerate(members):
             off = joined(misses[at])
             residual_px = float(np.median(off)) if len(off) else math.inf
-            if residual_px > MOST_RESIDUAL_PX:
+            if residual_px > MAX_RESIDUAL_PX:
                 self.left[k] = CONTRADICTED
                 continue
             self.left[k] = None
@@ -250,7 +250,7 @@ def _start(
     tilt = np.array([v.tilt for v in views], float) * flip[:, None]
     found_m = math.inf  # if geotags agree with the net better than their tags state
     if net.position_sigma_m is not None:
-        found_m = max(net.position_sigma_m, _LEAST_POSITION_SIGMA_M)
+        found_m = max(net.position_sigma_m, _MIN_POSITION_SIGMA_M)
     height_m, height_sigma_m = _measured([v.height_m for v in views])
     yaw_rad, yaw_sigma_rad = _measured([v.yaw_rad for v in views])
     tags = Tags(

@@ -17,7 +17,7 @@ from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
 _NONE = -1
-_MOST_KEYS = 2**62
+_MAX_KEYS = 2**62
 _STEPS = Cell(0, 0).neighbours()
 
 
@@ -47,7 +47,7 @@ class Lattice:
             raise RoiError("a ROI without cells")
         low, high = cells.min(axis=0), cells.max(axis=0)
         wide, tall = (int(b) - int(a) + 3 for a, b in zip(low, high, strict=True))
-        if wide * tall > _MOST_KEYS:
+        if wide * tall > _MAX_KEYS:
             raise RoiError(f"cells that lie {max(wide, tall) - 3} apart are not one ROI")
         low -= 1  # a free row below and above: no step leads round
         keys = np.unique((cells - low) @ np.array([tall, 1]))

@@ -180,7 +180,7 @@ def reference(
 
 def _first(ground: Ground, robots: int, start: int) -> kernels.Ways:
     """Return first waypoints: lanes along the east, along the north, or none."""
-    ways = np.zeros((robots, kernels.MOST_WAYPOINTS, 3))
+    ways = np.zeros((robots, kernels.MAX_WAYPOINTS, 3))
     counts = np.ones(robots, np.int64)
     lanes = list(_lanes(ground, along_north=start == 1)) if start < 2 else []
     share = -(-len(lanes) // robots)
@@ -189,7 +189,7 @@ def _first(ground: Ground, robots: int, start: int) -> kernels.Ways:
         points: list[GridPoint] = []
         for index, (begin, end) in enumerate(mine):
             points += (end, begin) if index % 2 else (begin, end)
-        points = [*points[: kernels.MOST_WAYPOINTS // 2], ground.home]
+        points = [*points[: kernels.MAX_WAYPOINTS // 2], ground.home]
         counts[k] = len(points)
         ways[k, : len(points), :2] = points
         ways[k, : len(points), 2] = Tuning().cut_m

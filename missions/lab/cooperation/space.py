@@ -22,7 +22,7 @@ GRID_M: Final = 1e-4
 """Corners are rounded to this: two of them are either one, or well apart."""
 TOUCH_M: Final = 1e-6
 """Tolerance of a line of sight along a wall, m: rounding may put it inside."""
-MOST_CORNERS: Final = 2000
+MAX_CORNERS: Final = 2000
 
 
 def cross(a: Point, b: Point, c: Point) -> float:
@@ -52,8 +52,8 @@ class Space:
         rings = [_corners(points) for points in (ring, *holes)]
         if any(len(points) < 3 for points in rings):
             raise AreaError("the polygon has a ring without area; draw it anew")
-        if sum(map(len, rings)) > MOST_CORNERS:
-            raise AreaError(f"the polygon has more than {MOST_CORNERS} corners; simplify it")
+        if sum(map(len, rings)) > MAX_CORNERS:
+            raise AreaError(f"the polygon has more than {MAX_CORNERS} corners; simplify it")
         polygon = Polygon(rings[0], rings[1:])
         if not polygon.is_valid:
             raise AreaError(f"not a polygon: {explain_validity(polygon)}; draw it anew")

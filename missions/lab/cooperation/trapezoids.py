@@ -25,7 +25,7 @@ from missions.lab.cooperation.exploration import Exploration, Team, Why
 from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.stripes import Door, Stripe, stripes_of
 
-MOST_MOVES: Final = 100_000
+MAX_MOVES: Final = 100_000
 """Maximum number of moves, by a rough estimate from area and range."""
 _SAME_M: Final = 1e-9
 _STEPS: Final = 60
@@ -85,14 +85,14 @@ class Pattern:
 def explore(space: Space, start: Point, pattern: Pattern) -> Exploration:
     """Explore a ground from a place in it; ends when every stripe is swept.
 
-    Raises `StrategyError` where the range is so short that more than `MOST_MOVES` would be needed.
+    Raises `StrategyError` where the range is so short that more than `MAX_MOVES` would be needed.
     """
     south, north = space.edges[:, 1].min(), space.edges[:, 1].max()
     layers = (north - south) / pattern.height_m
     moves = space.area_m2 / (pattern.range_m * pattern.move_m)
-    if max(layers, moves) > MOST_MOVES:
+    if max(layers, moves) > MAX_MOVES:
         raise StrategyError(
-            f"a range of {pattern.range_m:g} m takes more than {MOST_MOVES} moves in this area; "
+            f"a range of {pattern.range_m:g} m takes more than {MAX_MOVES} moves in this area; "
             "give a longer one, or a larger theta"
         )
     return _Explorer(space, start, pattern).explored()

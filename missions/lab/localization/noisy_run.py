@@ -171,11 +171,11 @@ class Belief:
 
 QUANTILES: Final = 40
 """Quantiles of the belief whose cells are considered."""
-MOST_PROBABLE: Final = 8
+MAX_PROBABLE_CELLS: Final = 8
 """Further cells that are considered."""
 AHEAD: Final = 3
 """Length of the ways that are all tried, moves."""
-LEAST_GAIN: Final = 0.1
+MIN_GAIN: Final = 0.1
 """Expected moves: a way that saves fewer does not help."""
 NEWS: Final = 2 / 3
 """Share of the doubt at planning below which a new way is planned."""
@@ -219,7 +219,7 @@ class NoisyPlanner:
             if value < best[0]:
                 best = (value, [number // 4**i % 4 for i in reversed(range(length))])
         reckoned = best[0] - len(best[1])
-        if reckoned < self._best(doubts[None], 0)[0] - LEAST_GAIN:
+        if reckoned < self._best(doubts[None], 0)[0] - MIN_GAIN:
             return best[1]
         first, second = np.argsort(-belief.mass, kind="stable")[:2]
         return self._distinguishing_way(int(first), int(second))
@@ -246,7 +246,7 @@ class NoisyPlanner:
         middles = (np.arange(QUANTILES) + 0.5) / QUANTILES
         drawn = np.minimum(np.searchsorted(mass.cumsum(), middles), len(mass) - 1)
         weights = np.bincount(drawn, minlength=len(mass)) / QUANTILES
-        first = np.argsort(-mass, kind="stable")[:MOST_PROBABLE]
+        first = np.argsort(-mass, kind="stable")[:MAX_PROBABLE_CELLS]
         weights[first] = np.maximum(weights[first], mass[first])
         places = np.flatnonzero(weights)
         return places, weights[places] / weights[places].sum()

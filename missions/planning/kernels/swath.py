@@ -38,15 +38,15 @@ PIECE = 7
 S_T, S_X, S_Y, S_HEADING, S_CURVE, S_V, S_A, S_COS, S_SIN = range(9)
 SEGMENT = 9
 
-MOST_PIECES = 1024
-MOST_SEGMENTS = 2048
-MOST_WAYPOINTS = 256
-MOST_HITS = 60_000
+MAX_PIECES = 1024
+MAX_SEGMENTS = 2048
+MAX_WAYPOINTS = 256
+MAX_HITS = 60_000
 
 _STRAIGHT = 0.01  # smaller turns count as straight
 _REVERSAL = 2.9  # larger turns are a halt and a turn on the spot
 _LEG_SHARE = 0.45  # of a leg, for an arc at either end
-_MOST_TURN = 3.6  # of an arc at the beginning
+_MAX_TURN = 3.6  # of an arc at the beginning
 _NEVER = 1e6
 _NOWHERE = 1e18
 _BLOCK = 4  # waypoints that are moved together, at most
@@ -75,7 +75,7 @@ class Ways(NamedTuple):
     """The waypoints of each vehicle, which the search changes."""
 
     points: Floats
-    """(vehicles, MOST_WAYPOINTS, 3): x, y, and the maximum cut of the corner.
+    """(vehicles, MAX_WAYPOINTS, 3): x, y, and the maximum cut of the corner.
 
     The last is the end and stays the last.
     """
@@ -139,11 +139,11 @@ class _Trial(NamedTuple):
 def new_room() -> Room:
     """Empty arrays for one path."""
     return Room(
-        np.empty((MOST_PIECES, PIECE)),
-        np.empty(MOST_PIECES + 1),
-        np.empty((MOST_SEGMENTS, SEGMENT)),
+        np.empty((MAX_PIECES, PIECE)),
+        np.empty(MAX_PIECES + 1),
+        np.empty((MAX_SEGMENTS, SEGMENT)),
         np.empty(6),
-        np.empty(MOST_WAYPOINTS, np.int64),
+        np.empty(MAX_WAYPOINTS, np.int64),
     )
 
 
@@ -211,7 +211,7 @@ def _turn_towards(
         turn += 2.0 * math.pi
     while turn >= 2.0 * math.pi - 1e-9:
         turn -= 2.0 * math.pi
-    if turn > _MOST_TURN:
+    if turn > _MAX_TURN:
         return -1, x, y, heading, 0.0
     if turn <= 1e-4:  # the line is drawn from its beginning, or it ends beside the point
         return n, x, y, math.atan2(dy, dx), _length(dx, dy)
@@ -291,7 +291,7 @@ def _lay_pieces(team: Team, v: int, choice: int, way: Floats, m: int, room: Room
         after = _length(dx, dy)
         if after < 1e-6:
             continue
-        if n + 4 >= MOST_PIECES:
+        if n + 4 >= MAX_PIECES:
             return -1
         onward = math.atan2(dy, dx)
         if before < 1e-6:  # the first waypoint is the vehicle's place
@@ -371,7 +371,7 @@ def profile(
     start = min(v0, caps[0])
     t, count = 0.0, 0
     for i in range(n):
-        if count + 3 >= MOST_SEGMENTS:
+        if count + 3 >= MAX_SEGMENTS:
             return -1, 0.0
         curve, length = pieces[i, P_CURVE], pieces[i, P_LENGTH]
         if curve == 0.0:
@@ -571,7 +571,7 @@ def worth_of_rest(
     They are added to the cover.
     """
     out = np.empty(6)
-    shown, times = np.empty(MOST_HITS, np.int32), np.empty(MOST_HITS, np.float32)
+    shown, times = np.empty(MAX_HITS, np.int32), np.empty(MAX_HITS, np.float32)
     held = par[NEXT_FRAME_S], par[FULL_RATE_S]
     par[NEXT_FRAME_S] += since_s
     par[FULL_RATE_S] += since_s
@@ -704,9 +704,9 @@ def _show(
             )
             if vehicles > 1:  # about three quarters of the seconds of its way in metres
                 detour += 1.5 * ways.total[w]
-            if detour < least and ways.counts[w] + 1 < MOST_WAYPOINTS:
+            if detour < least and ways.counts[w] + 1 < MAX_WAYPOINTS:
                 v, least = w, detour
-    if ways.counts[v] + 1 >= MOST_WAYPOINTS:
+    if ways.counts[v] + 1 >= MAX_WAYPOINTS:
         return False
     _begin_trial(trial, 0, v, ways)
     way, m = trial.points[0], trial.counts[0]
@@ -774,7 +774,7 @@ def _put_block(trial: _Trial, side: int, at: int, length: int, random: Ints) -> 
 @part
 def _hand_over(u: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> bool:
     """Give some waypoints of the first vehicle to `u`."""
-    if ways.counts[u] + _BLOCK >= MOST_WAYPOINTS:
+    if ways.counts[u] + _BLOCK >= MAX_WAYPOINTS:
         return False
     _begin_trial(trial, 1, u, ways)
     length = _take_block(trial, random)
@@ -792,7 +792,7 @@ def _swap_tails(v: int, u: int, ways: Ways, random: Ints, trial: _Trial) -> bool
     m, m2 = ways.counts[v], ways.counts[u]
     k, k2 = draw(random, m - 1), draw(random, m2)
     new_m, new_m2 = k + (m2 - k2), k2 + (m - k)
-    if new_m >= MOST_WAYPOINTS or new_m2 >= MOST_WAYPOINTS:
+    if new_m >= MAX_WAYPOINTS or new_m2 >= MAX_WAYPOINTS:
         return False
     _begin_trial(trial, 1, u, ways)
     _copy_rows(ways.points[u], k2, m2 - 1, trial.points[0], k)
@@ -996,13 +996,13 @@ def improve(
     fade = team.pars[0, FADE_1_S]
     room = new_room()
     hits = _Hits(
-        np.empty((vehicles + 2, MOST_HITS), np.int32),
-        np.empty((vehicles + 2, MOST_HITS), np.float32),
+        np.empty((vehicles + 2, MAX_HITS), np.int32),
+        np.empty((vehicles + 2, MAX_HITS), np.float32),
         np.zeros(vehicles + 2, np.int64),
         np.arange(vehicles + 2),
     )
     trial = _Trial(
-        np.empty((2, MOST_WAYPOINTS, 3)),
+        np.empty((2, MAX_WAYPOINTS, 3)),
         np.zeros(2, np.int64),
         np.zeros(2, np.int64),
         np.zeros(1, np.int64),

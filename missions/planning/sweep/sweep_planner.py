@@ -86,7 +86,7 @@ class _Search:
                 np.zeros(count),
             ),
             kernels.Ways(
-                np.zeros((count, kernels.MOST_WAYPOINTS, 3)),
+                np.zeros((count, kernels.MAX_WAYPOINTS, 3)),
                 np.ones(count, np.int64),
                 np.full(count, begins - 1, np.int64),
                 np.zeros(count),
@@ -233,9 +233,9 @@ class Planner:
             if route is not None:
                 left = ahead(route, now.along_m + float(slow_lead[:, kernels.P_LENGTH].sum()))
         if tour is None:
-            left = left[-(kernels.MOST_WAYPOINTS - 1) :]
+            left = left[-(kernels.MAX_WAYPOINTS - 1) :]
         else:  # the rest comes with a later plan
-            left = tour[: kernels.MOST_WAYPOINTS // 2]
+            left = tour[: kernels.MAX_WAYPOINTS // 2]
         points = [*left, (*flyer.end, tuning.cut_m)]
         ways.points[k, : len(points)] = points
         ways.counts[k] = len(points)

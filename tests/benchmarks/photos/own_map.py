@@ -43,7 +43,7 @@ HEIGHT_M, SPEED_M_S, SECONDS = 12.0, 6.0, 300.0
 EVERY_S = 0.2
 LANE_M, LENGTH_M = 12.0, 100.0
 SIGMAS_PER_TOLERATED = 2.0
-ALARM_LEAST_M = 0.6
+MIN_ALARM_M = 0.6
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def fly_and_measure(told: Fault, taken: tuple[TruePicture, ...], check_every: in
     """Do one flight; it ends at an alarm."""
     errors = position_errors(told, taken)
     own = OwnMap(ReportedErrors(satellites_m=max(0.3, told.gps_sigma_m), pointing_m=0.08))
-    tolerated_m = max(ALARM_LEAST_M, SIGMAS_PER_TOLERATED * told.gps_sigma_m)
+    tolerated_m = max(MIN_ALARM_M, SIGMAS_PER_TOLERATED * told.gps_sigma_m)
     out = Outcome()
     for k, (shot, error) in enumerate(zip(taken, errors, strict=True)):
         trusted = not (told.kind == "lost" and shot.t_s >= told.begin_s)

@@ -13,7 +13,7 @@ import tomlkit
 from tests.support.ground import sites
 from uavmap.ui.cli import main
 
-LEAST_IOU = 0.8
+MIN_IOU = 0.8
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def test_classes_painted_by_number_are_learned_and_mapped_with_area_and_litres(
     for one in summary["classes"]:
         told, truth = (column == one["number"] for column in found.T)
         iou = np.count_nonzero(told & truth) / np.count_nonzero(told | truth)
-        assert iou > LEAST_IOU, (one["name"], iou)
+        assert iou > MIN_IOU, (one["name"], iou)
         true_m2 = np.count_nonzero(place.numbers == one["number"]) * sites.GSD_M**2
         assert one["area_low_m2"] < true_m2 < one["area_high_m2"], (one, true_m2)
     for one, fine in zip(summary["classes"], summary["boundary_classes"], strict=True):

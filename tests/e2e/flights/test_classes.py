@@ -14,7 +14,7 @@ from tests.e2e.rig import uavmap
 from tests.support.plans import named_text
 from uavmap.output.results import flown_of
 
-LEAST_IOU = 0.6
+MIN_IOU = 0.6
 
 
 def slick_with_fewer_pictures(folder: Path) -> Path:
@@ -49,7 +49,7 @@ def test_slick_flown_areas_and_litres_of_each_appearance_hold_the_true_ones(
         assert told == area.figures()
         assert told["area_low_m2"] < truth.area < told["area_high_m2"], told
         overlap = area.outline.intersection(truth).area / area.outline.union(truth).area
-        assert overlap > LEAST_IOU, (told["name"], overlap)
+        assert overlap > MIN_IOU, (told["name"], overlap)
         low_l, high_l = told["volume_l"]
         least, *most = (um * truth.area / 1000.0 for um in area.thickness_um or ())
         assert low_l < least
@@ -78,7 +78,7 @@ def test_slick_flown_by_a_fleet_has_in_each_map_the_classes_of_all(tmp_path: Pat
     whole = flown_of(out)
     for area, truth in zip(whole.data.class_areas, truths(out), strict=True):
         overlap = area.outline.intersection(truth).area / area.outline.union(truth).area
-        assert overlap > LEAST_IOU, (area.name, overlap)
+        assert overlap > MIN_IOU, (area.name, overlap)
     minutes = (done.summary["makespan_s"] + 20.0) / 60.0
     for number, sent in done.summary["bytes_on_air"].items():
         assert sent < 5_000 * minutes

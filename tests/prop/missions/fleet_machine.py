@@ -32,7 +32,7 @@ from tests.campaign.plan import Plan
 from tests.fake_fleet import TICK_S, Fleet
 from tests.fake_fleet.troubles import ACTS, drawn
 
-MOST_TROUBLES = 3
+MAX_TROUBLES = 3
 LIMIT_S = 6000.0
 KINDS = tuple(kind for kind in ACTS if kind not in ("none", "recall"))
 STEPS = 12
@@ -62,7 +62,7 @@ class FleetMachine(RuleBasedStateMachine):
     def fly(self, s: int) -> None:
         self.ticks(int(s / TICK_S))
 
-    @precondition(lambda self: self.flies and len(self.fleet.troubles) < MOST_TROUBLES)
+    @precondition(lambda self: self.flies and len(self.fleet.troubles) < MAX_TROUBLES)
     @rule(kind=st.sampled_from(KINDS), vehicle=st.integers(1, 3), number=st.integers(0, 1000))
     def trouble(self, kind: str, vehicle: int, number: int) -> None:
         """Begin a trouble with the next tick; its number draws its duration."""

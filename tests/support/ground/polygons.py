@@ -12,7 +12,7 @@ from shapely.geometry import LineString, Polygon, box
 from missions.lab.cooperation.space import Point, Space
 
 SIZE_M = 100.0
-MOST_HOLES = 6
+MAX_HOLES = 6
 
 
 def random_space(seed: int) -> Space:
@@ -22,7 +22,7 @@ def random_space(seed: int) -> Space:
     shape = (_star, _rooms, _passage)[kind](rng)
     for _ in range(int(rng.integers(3))):  # bites, some of which divide the ground
         shape = shape.difference(_obstacle(rng, shape, 14.0))
-    wanted = int(rng.integers(MOST_HOLES + 1))
+    wanted = int(rng.integers(MAX_HOLES + 1))
     for _ in range(8 * wanted):
         hole = _obstacle(rng, shape, 8.0)
         if wanted and shape.contains(hole.buffer(0.2)):

@@ -17,7 +17,7 @@ from uavmap.runner.simulation import Simulation
 from vision.raster import Raster
 
 PATCH_M = 8.0
-LEAST_RESPONSE = 0.2
+MIN_RESPONSE = 0.2
 """Minimum response of a match of two patches; below it the match is chance."""
 _HFOV_DEG = 40.0
 _NODES = 33
@@ -78,7 +78,7 @@ def shifts_m(
         (right, down), response = cv2.phaseCorrelate(
             true[at] - true[at].mean(), gray[at] - gray[at].mean(), window
         )
-        if response >= LEAST_RESPONSE:
+        if response >= MIN_RESPONSE:
             found[row, column] = right * pitch_m, -down * pitch_m
     return found
 

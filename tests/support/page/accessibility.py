@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-LEAST_CONTRAST = 4.5
+MIN_CONTRAST = 4.5
 _ROLES = {"button", "link", "textbox", "combobox", "checkbox", "spinbutton", "slider", "switch",
           "tab", "radio", "image", "searchbox", "Iframe", "dialog", "alert dialog"}  # fmt: skip
 
@@ -136,7 +136,7 @@ def without_names(driver: Any) -> list[str]:
 
 def too_pale(driver: Any) -> list[str]:
     """Return texts with too little contrast to their background."""
-    found: list[str] = driver.execute_script(_CONTRAST, LEAST_CONTRAST)
+    found: list[str] = driver.execute_script(_CONTRAST, MIN_CONTRAST)
     return found
 
 

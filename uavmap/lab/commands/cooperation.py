@@ -43,7 +43,7 @@ from uavmap.ui.cli.common import pair, print_figures
 FILES: Final = ("summary.json", "moves.csv", "map.png")
 _THETA_DEG: Final = 60.0
 
-MOST_TOGETHER: Final = 5
+MAX_TOGETHER: Final = 5
 _OTHERS: Final = (
     *("cells", "count", "cell_m", "strategy", "speed", "drift", "comms", "tree"),
     *NONSTOP_DEFAULTS,
@@ -104,13 +104,13 @@ def _checked_robots(options: argparse.Namespace) -> int:
         raise StrategyError("--theta is for stripes: --cooperate trapezoid or column")
     if options.cover is not None and mode is not Mode.TRAPEZOID:
         raise StrategyError("--cover is for --cooperate trapezoid")
-    few, most = (3, MOST_TOGETHER) if mode is Mode.COLUMN else (2, 2)
+    few, most = (3, MAX_TOGETHER) if mode is Mode.COLUMN else (2, 2)
     robots = int(few if options.robots is None else options.robots)
     if not few <= robots <= most:
         remedy = {Mode.COLUMN: "two are for --cooperate trapezoid"}
         raise StrategyError(
             f"--robots {robots}: {mode} takes {few if few == most else f'{few} to {most}'}; "
-            + remedy.get(mode, f"three to {MOST_TOGETHER} are for --cooperate column")
+            + remedy.get(mode, f"three to {MAX_TOGETHER} are for --cooperate column")
         )
     return robots
 
@@ -166,7 +166,7 @@ def _error_texts(end: Mapping[str, float]) -> tuple[str, str]:
 
 
 # --- a polygon in metres, from a file -------------------------------------------------------------
-_MOST_BYTES: Final = 2_000_000
+_MAX_BYTES: Final = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +187,7 @@ def read_polygon_file(name: str) -> Ground:
       true north of its south-western corner. A keep-out zone is a hole.
     """
     try:
-        text = read_text(Path(name), _MOST_BYTES).lstrip("\ufeff \t\r\n")
+        text = read_text(Path(name), _MAX_BYTES).lstrip("\ufeff \t\r\n")
     except (OSError, ValueError):
         text = ""  # the readers of areas report what is no text
     try:

@@ -33,7 +33,7 @@ from uavmap.lab.cooperation_trials import Mode
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.run_film import film_of_run
 from uavmap.lab.simulating import (
-    MOST_ROBOTS,
+    MAX_ROBOTS,
     draws,
     known_strategies,
     metric_of,
@@ -110,7 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     names = "one or, with commas or given again, several (default rdfs); see uavmap strategies"
     add("--strategy", "NAME", names, action="append")
-    add("--robots", "R", "default 1", number_type(int, 1, MOST_ROBOTS))
+    add("--robots", "R", "default 1", number_type(int, 1, MAX_ROBOTS))
     speed = "default 1; of swath and survey m/s, default 6"
     add("--speed", "V", speed, number_type(float, 1e-3, 1e3))
     add("--drift", "V,DEG", "of the ROI: speed, and the bearing that it moves towards")

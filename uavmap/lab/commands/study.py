@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
 
 SHARES: Final = 16
 """Number of batches for each worker: few cost little, many end together."""
-MOST_JOBS: Final = 20
+MAX_JOBS: Final = 20
 """Maximum number of jobs in a batch: progress is shown by the batch."""
 PATIENCE_S: Final = 2.0
 LINE_S: Final = 3.0
@@ -140,7 +140,7 @@ def spread(
 
 
 def _batches(jobs: Sequence[Any], workers: int) -> list[Batch]:
-    size = min(max(1, len(jobs) // (workers * SHARES)), MOST_JOBS)
+    size = min(max(1, len(jobs) // (workers * SHARES)), MAX_JOBS)
     return [(i, list(jobs[i : i + size])) for i in range(0, len(jobs), size)]
 
 

@@ -9,7 +9,7 @@ import zlib
 from typing import Final
 
 from missions.errors import AreaError
-from uavmap.load.areas.drawing import MOST_BYTES
+from uavmap.load.areas.drawing import MAX_BYTES
 
 _END: Final = b"PK\x05\x06"
 _END_SIZE: Final = 22
@@ -35,19 +35,19 @@ def check_archive(data: bytes, source: str) -> None:
 def read_member(archive: zipfile.ZipFile, name: str, source: str) -> bytes:
     """Return the content of one file of an archive.
 
-    Raises `AreaError`, before it unpacks more than `MOST_BYTES`.
+    Raises `AreaError`, before it unpacks more than `MAX_BYTES`.
     """
     try:
         with archive.open(name) as file:
-            data = file.read(MOST_BYTES + 1)
+            data = file.read(MAX_BYTES + 1)
     except RuntimeError:
         raise AreaError(
             f"{source}: {name[:40]!r} in it needs a password; pack it without"
         ) from None
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, OSError, ValueError):
         raise AreaError(f"{source}: {name[:40]!r} in it cannot be unpacked; pack it anew") from None
-    if len(data) > MOST_BYTES:
+    if len(data) > MAX_BYTES:
         raise AreaError(
-            f"{source}: {name[:40]!r} in it unpacks to more than {MOST_BYTES // 1_000_000} MB"
+            f"{source}: {name[:40]!r} in it unpacks to more than {MAX_BYTES // 1_000_000} MB"
         )
     return data

@@ -18,11 +18,11 @@ from missions.errors import AreaError
 from missions.units import LatLon
 from uavmap.base.printable import printable
 
-MOST_BYTES: Final = 20_000_000
+MAX_BYTES: Final = 20_000_000
 """Maximum size of a file, and of the data unpacked from one, bytes."""
-MOST_LAYERS: Final = 100
-MOST_SHAPES: Final = 1000
-MOST_VERTICES: Final = 100_000
+MAX_LAYERS: Final = 100
+MAX_SHAPES: Final = 1000
+MAX_VERTICES: Final = 100_000
 LONGEST_NAME: Final = 60
 
 Point = tuple[float, float]
@@ -226,27 +226,27 @@ def layer_of(
 
 
 def bounded(shapes: Iterable[Shape], source: str) -> tuple[Shape, ...]:
-    """Return all shapes. Raises `AreaError` for more than `MOST_SHAPES` or `MOST_VERTICES`."""
+    """Return all shapes. Raises `AreaError` for more than `MAX_SHAPES` or `MAX_VERTICES`."""
     found: list[Shape] = []
     vertices = 0
     for shape in shapes:
         found.append(shape)
         vertices += len(shape.ring) + sum(map(len, shape.holes))
-        if len(found) > MOST_SHAPES:
+        if len(found) > MAX_SHAPES:
             raise AreaError(
-                f"{source}: more than {MOST_SHAPES} shapes; save the area alone in a file"
+                f"{source}: more than {MAX_SHAPES} shapes; save the area alone in a file"
             )
-        if vertices > MOST_VERTICES:
+        if vertices > MAX_VERTICES:
             raise AreaError(
-                f"{source}: more than {MOST_VERTICES} corners; simplify the area, or save it alone"
+                f"{source}: more than {MAX_VERTICES} corners; simplify the area, or save it alone"
             )
     return tuple(found)
 
 
 def bounded_together(layers: Sequence[Layer], source: str) -> None:
     """Raise `AreaError` if there are too many layers, or too many shapes in all of them."""
-    if len(layers) > MOST_LAYERS:
-        raise AreaError(f"{source}: more than {MOST_LAYERS} layers; save the area alone in a file")
+    if len(layers) > MAX_LAYERS:
+        raise AreaError(f"{source}: more than {MAX_LAYERS} layers; save the area alone in a file")
     bounded((shape for layer in layers for shape in layer.shapes), source)
 
 

@@ -14,9 +14,9 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.errors import AreaError
 from uavmap.load.areas.drawing import (
-    MOST_BYTES,
-    MOST_LAYERS,
-    MOST_SHAPES,
+    MAX_BYTES,
+    MAX_LAYERS,
+    MAX_SHAPES,
     NAME_COLUMNS,
     Layer,
     Shape,
@@ -30,7 +30,7 @@ from uavmap.load.areas.drawing import (
 )
 
 _ENVELOPE_BYTES: Final = (0, 32, 48, 48, 64)
-_MOST_STEPS: Final = 3000
+_MAX_STEPS: Final = 3000
 """Maximum steps of a query, each of 1000 instructions of SQLite: a view may never end."""
 
 
@@ -63,9 +63,9 @@ def _restrain(file: sqlite3.Connection) -> None:
     def enough() -> int:
         nonlocal steps
         steps += 1
-        return int(steps > _MOST_STEPS)
+        return int(steps > _MAX_STEPS)
 
-    file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES)
+    file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
     file.set_progress_handler(enough, 1000)
     file.execute("PRAGMA trusted_schema = OFF")
 
@@ -74,7 +74,7 @@ def _tables(file: sqlite3.Connection) -> list[tuple[Any, ...]]:
     return file.execute(
         "SELECT c.table_name, c.identifier, g.column_name, g.srs_id FROM gpkg_contents c "
         "JOIN gpkg_geometry_columns g ON c.table_name = g.table_name "
-        f"WHERE c.data_type = 'features' LIMIT {MOST_LAYERS + 1}"
+        f"WHERE c.data_type = 'features' LIMIT {MAX_LAYERS + 1}"
     ).fetchall()
 
 
@@ -86,7 +86,7 @@ def _layer(file: sqlite3.Connection, table: tuple[Any, ...], source: str) -> Lay
     lower = {str(one).lower(): str(one) for one in listed}
     key = next((lower[one] for one in NAME_COLUMNS if one in lower), None)
     wanted = ", ".join(map(_quoted, [column, key or column]))
-    query = f"SELECT {wanted} FROM {_quoted(name)} LIMIT {MOST_SHAPES + 1}"
+    query = f"SELECT {wanted} FROM {_quoted(name)} LIMIT {MAX_SHAPES + 1}"
     rows = [(blob, value if key else None) for blob, value in file.execute(query)]
     stem = shown_name(title, shown_name(name, "layer"))
     return layer_of(_shapes(rows, stem, source), _system(file, srs, source), source)

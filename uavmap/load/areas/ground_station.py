@@ -17,7 +17,7 @@ from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.load.areas.drawing import (
-    MOST_VERTICES,
+    MAX_VERTICES,
     WGS84,
     Layer,
     Point,
@@ -32,7 +32,7 @@ _GEOD: Final = pyproj.Geod(ellps="WGS84")
 _CORNERS: Final = 32
 """Number of corners of a circle."""
 _LARGEST_RADIUS_M: Final = 50_000.0
-_MOST_BENDS: Final = 300
+_MAX_BENDS: Final = 300
 """Maximum points of a corridor: each piece of its ground may cross every other."""
 _NEAR_HOME_M: Final = 5.0
 _FLOWN: Final = (
@@ -119,8 +119,8 @@ def _corridor(item: Mapping[str, Any], name: str, source: str) -> Shape:
     where = f"{source}: {name}"
     line = [_lat_lon(p, where) for p in _listed(item, "polyline", where)]
     width_m = number(item.get("CorridorWidth"), where)
-    if len(line) > _MOST_BENDS:
-        raise AreaError(f"{where}: {len(line)} points; simplify it to at most {_MOST_BENDS}")
+    if len(line) > _MAX_BENDS:
+        raise AreaError(f"{where}: {len(line)} points; simplify it to at most {_MAX_BENDS}")
     if len(line) < 2 or not 0.0 < width_m <= _LARGEST_RADIUS_M:
         raise AreaError(
             f"{where}: {len(line)} points, {width_m:g} m wide; it needs two points and a width"
@@ -262,8 +262,8 @@ def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
                 f"{source}: line {i + 1}: {printable(line, 40)!r} is not latitude and longitude"
             ) from None
         points.append((number(lon_deg, source), number(lat_deg, source)))
-        if len(points) > MOST_VERTICES:
-            raise AreaError(f"{source}: more than {MOST_VERTICES} corners; simplify the area")
+        if len(points) > MAX_VERTICES:
+            raise AreaError(f"{source}: more than {MAX_VERTICES} corners; simplify the area")
     if fence is None:
         fence = len(points) > 4 and points[1] == points[-1]
     if not fence:

@@ -20,12 +20,12 @@ from uavmap.load.areas.drawing import Area, Drawing, Positions
 
 WIDEST_M: Final = 10_000.0
 """Maximum side of an area, m."""
-MOST_CORNERS: Final = 300
+MAX_CORNERS: Final = 300
 """Maximum number of corners of the box; a coast line traced in detail is simplified."""
 PATH_ROOM_M: Final = 10.0
 """Distance of pads, and of the path from them to the area, from a fence that was not drawn, m."""
 _NICE_M: Final = (4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
-_MOST_CELLS: Final = 10_000
+_MAX_CELLS: Final = 10_000
 _SHARE_OF_ROI: Final = 0.12
 _OFF_THE_EDGE_M: Final = 0.5
 """Gap between a hole and the fence, m: less than the margin, so no vehicle flies in it."""
@@ -115,7 +115,7 @@ def cell_for(area_m2: float, largest_m: float = math.inf) -> float:
     >>> cell_for(20_000.0), cell_for(1_000_000.0), cell_for(1_000_000.0, largest_m=9.0)
     (4.0, 10.0, 8.0)
     """
-    least_m = math.sqrt(area_m2 / _MOST_CELLS)
+    least_m = math.sqrt(area_m2 / _MAX_CELLS)
     possible = [size for size in _NICE_M if size <= largest_m] or [_NICE_M[0]]
     return next((size for size in possible if size >= least_m), possible[-1])
 
@@ -194,12 +194,12 @@ def _check_size(area: BaseGeometry, source: str) -> None:
 
 
 def _simplified(box: Polygon, cell_m: float, notices: list[str]) -> Polygon:
-    """Return the box with at most `MOST_CORNERS` corners; it never loses half a cell."""
+    """Return the box with at most `MAX_CORNERS` corners; it never loses half a cell."""
     found, tolerance_m = box, cell_m / 16.0
-    while len(found.exterior.coords) - 1 > MOST_CORNERS and tolerance_m <= cell_m / 2.0:
+    while len(found.exterior.coords) - 1 > MAX_CORNERS and tolerance_m <= cell_m / 2.0:
         found = _polygon_of(box.simplify(tolerance_m), box)
         tolerance_m *= 2.0
-    if len(found.exterior.coords) - 1 > MOST_CORNERS:
+    if len(found.exterior.coords) - 1 > MAX_CORNERS:
         found = _hull([box])
     corners, kept = len(box.exterior.coords) - 1, len(found.exterior.coords) - 1
     if kept < corners:

@@ -26,7 +26,7 @@ from missions.errors import AreaError
 from uavmap.base.printable import printable
 from uavmap.load.areas.archive import read_member
 from uavmap.load.areas.drawing import (
-    MOST_BYTES,
+    MAX_BYTES,
     WGS84,
     Layer,
     Point,
@@ -111,9 +111,9 @@ def read_kmz(data: bytes, source: str) -> Iterator[Layer]:
         first = _root_in(archive, names[0], source)
         hrefs = list(dict.fromkeys(_links(first)))
         linked = [name for name in hrefs if name in names[1:]]
-        if sum(archive.getinfo(name).file_size for name in linked) > MOST_BYTES:
+        if sum(archive.getinfo(name).file_size for name in linked) > MAX_BYTES:
             raise AreaError(
-                f"{source}: its files unpack to more than {MOST_BYTES // 1_000_000} MB; save the "
+                f"{source}: its files unpack to more than {MAX_BYTES // 1_000_000} MB; save the "
                 "area alone"
             )
         areas = False
@@ -212,9 +212,9 @@ _CLOSED: Final = 0.05
 """Maximum gap between the ends of the track around a field, as a share of its length."""
 _LOOPS: Final = 0.05
 """Maximum area of the loops beside the field, where the track crosses itself, as a share."""
-_MOST_MENDED: Final = 3000
+_MAX_MENDED: Final = 3000
 """Maximum points of all tracks for a search of crossings: every two lines may cross."""
-_MOST_CROSSINGS: Final = 100
+_MAX_CROSSINGS: Final = 100
 _FINE_DEG: Final = 1e-6
 """Tolerance of the outline, degrees: 0.1 m, less than the error of a receiver."""
 
@@ -232,7 +232,7 @@ def _gpx_shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shap
             open_ones += 1
             continue
         looked_at += len(points)
-        if looked_at <= _MOST_MENDED:
+        if looked_at <= _MAX_MENDED:
             points = _without_loops(points, name, notices)
         yield from shapes_of(name, f"{source}: {name}", notices, [[points]])
     for element in root:
@@ -284,7 +284,7 @@ def _without_loops(points: list[Point], name: str, notices: list[str]) -> list[P
     A large loop, as in a figure of eight, stays, and a later check reports it.
     """
     ring = LinearRing(points).simplify(_FINE_DEG)
-    if ring.is_simple or _crossings(ring) > _MOST_CROSSINGS:
+    if ring.is_simple or _crossings(ring) > _MAX_CROSSINGS:
         return points
     faces = shapely.get_parts(shapely.polygonize([shapely.unary_union(ring)]))
     largest = max(faces, key=shapely.area, default=Polygon())

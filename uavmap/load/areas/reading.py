@@ -13,7 +13,7 @@ from typing import Final
 from missions.errors import AreaError
 from uavmap.base.text_files import read_bytes
 from uavmap.load.areas.archive import check_archive
-from uavmap.load.areas.drawing import MOST_BYTES, Area, Drawing, Layer, bounded_together, in_wgs84
+from uavmap.load.areas.drawing import MAX_BYTES, Area, Drawing, Layer, bounded_together, in_wgs84
 from uavmap.load.areas.geojson import read_geojson
 from uavmap.load.areas.geopackage import read_geopackage
 from uavmap.load.areas.ground_station import is_pairs, read_plan, read_polygon, read_waypoints
@@ -46,7 +46,7 @@ def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) ->
     """
     path = Path(name)
     try:
-        data = read_bytes(path, MOST_BYTES)
+        data = read_bytes(path, MAX_BYTES)
     except OSError as error:
         raise AreaError(f"{name}: cannot be read ({error.strerror}){_guess(path)}") from None
     except ValueError:
@@ -136,7 +136,7 @@ def _beside(path: Path, name: str) -> dict[str, bytes]:
         for one in (path.with_suffix(f".{suffix}"), path.with_suffix(f".{suffix.upper()}")):
             if one.is_file():
                 try:
-                    found[suffix] = read_bytes(one, MOST_BYTES)
+                    found[suffix] = read_bytes(one, MAX_BYTES)
                 except OSError as error:
                     raise AreaError(
                         f"{name}: {one.name} cannot be read ({error.strerror})"

@@ -17,7 +17,7 @@ import shapefile
 from missions.errors import AreaError
 from uavmap.load.areas.archive import read_member
 from uavmap.load.areas.drawing import (
-    MOST_SHAPES,
+    MAX_SHAPES,
     NAME_COLUMNS,
     Layer,
     Point,
@@ -82,7 +82,7 @@ def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[list[Rings], list[Point]
         reader = stack.enter_context(shapefile.Reader(shp=io.BytesIO(parts["shp"])))
         titles = iter(_titles(parts))
         for i, shape in enumerate(reader.iterShapes()):
-            if i > MOST_SHAPES:
+            if i > MAX_SHAPES:
                 return  # the caller counts the shapes and raises the error
             title = next(titles, None)
             if shape.shapeType in _POINTS:
@@ -130,7 +130,7 @@ def _titles(parts: Mapping[str, bytes]) -> list[object]:
             titles: list[object] = []
             for record in table.iterRecords():
                 titles.append(record[key])
-                if len(titles) > MOST_SHAPES:
+                if len(titles) > MAX_SHAPES:
                     break
             return titles
     except _DAMAGED:

@@ -12,9 +12,9 @@ import shapely
 from missions.errors import AreaError
 from uavmap.base.printable import printable
 from uavmap.load.areas.drawing import (
-    MOST_BYTES,
-    MOST_SHAPES,
-    MOST_VERTICES,
+    MAX_BYTES,
+    MAX_SHAPES,
+    MAX_VERTICES,
     NAME_COLUMNS,
     WGS84,
     Layer,
@@ -79,12 +79,12 @@ def read_table(text: str, source: str) -> Layer:
 
 
 def _rows(text: str, source: str) -> Iterator[list[str]]:
-    before = csv.field_size_limit(MOST_BYTES)  # the outline of a large region is one long cell
+    before = csv.field_size_limit(MAX_BYTES)  # the outline of a large region is one long cell
     try:
         reader = csv.reader(text.strip().splitlines()[1:], delimiter=_between(text))
         for count, row in enumerate(reader):
-            if count > MOST_VERTICES:
-                raise AreaError(f"{source}: more than {MOST_VERTICES} rows; save the area alone")
+            if count > MAX_VERTICES:
+                raise AreaError(f"{source}: more than {MAX_VERTICES} rows; save the area alone")
             if any(cell.strip() for cell in row):
                 yield row
     except csv.Error as error:
@@ -110,7 +110,7 @@ def _place(row: list[str], columns: tuple[int, int], where: str) -> Point:
 
 def _by_wkt(rows: list[list[str]], wkt: int, title: int | None, source: str) -> Iterator[Shape]:
     stem = shown_name(PurePath(source).stem, "polygon")
-    for place, row in enumerate(rows[: MOST_SHAPES + 1], start=1):
+    for place, row in enumerate(rows[: MAX_SHAPES + 1], start=1):
         cells: Mapping[int, str] = dict(enumerate(row))
         name = row_name("" if title is None else cells.get(title), stem, place, len(rows))
         where = f"{source}: {name}"

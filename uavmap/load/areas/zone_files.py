@@ -21,7 +21,7 @@ from uavmap.base.text_files import read_text
 from uavmap.load.areas.drawing import WGS84
 from uavmap.load.areas.geojson import system_of
 
-MOST_BYTES: Final = 100_000_000
+MAX_BYTES: Final = 100_000_000
 """Maximum size of a file, bytes: files of whole countries have about 20 MB."""
 _DEEPEST: Final = 20
 _MOST: Final = 1e9
@@ -77,7 +77,7 @@ class FileZone:
 def read_zones(path: Path, where: str) -> list[FileZone]:
     """Read the zones of a file. Raises `MissionFileError`, which begins with `where`."""
     try:
-        root = json.loads(read_text(path, MOST_BYTES))
+        root = json.loads(read_text(path, MAX_BYTES))
     except OSError as error:
         raise MissionFileError(
             f"{where}: cannot be read ({error.strerror}); give the path of a file of zones from "

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 FILE: Final = "judged.jpg"
 """Name in the results: the first picture with region in it, or else the first one at all."""
-MOST_WIDE_PX: Final = 1000
+MAX_WIDE_PX: Final = 1000
 RED: Final = (0, 0, 255)  # blue, green, red
 _QUALITY: Final = 85
 
 
 def outlined(image: NDArray[np.uint8], region: NDArray[Any]) -> bytes:
     """Draw the outline of `region` (not 0) into a BGR picture; return a small JPEG."""
-    columns = min(image.shape[1], MOST_WIDE_PX)
+    columns = min(image.shape[1], MAX_WIDE_PX)
     rows = max(1, round(image.shape[0] * columns / image.shape[1]))
     small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
     whole = (np.asarray(region) > 0).astype(np.uint8)

@@ -19,7 +19,7 @@ MAP_SIDE_PX: Final = 900
 SHORTEST_SIDE_PX: Final = 520
 """Minimum of the shorter side of a map, px: its legend stands beside it."""
 _PAD: Final = 0.05
-_LEAST_PX: Final = 0.4
+_MIN_PX: Final = 0.4
 """Minimum distance of two neighbours in a line that are both kept, px."""
 
 Place = tuple[float, float]
@@ -81,7 +81,7 @@ class View:
     def trace(self, places: ArrayLike) -> NDArray[np.float64]:
         """Return the pixels of a line, without points too near to the one before."""
         pixels = self.pixels(places)
-        far = np.hypot(*np.diff(pixels, axis=0).T) >= _LEAST_PX
+        far = np.hypot(*np.diff(pixels, axis=0).T) >= _MIN_PX
         kept: NDArray[np.float64] = pixels[np.concatenate([[True], far])]
         return kept
 

@@ -20,9 +20,9 @@ from uavmap.output.facts.map_model import CellTable
 
 FIRST_FRAMES: Final = 100
 """Number of frames after which the operator receives the share of region."""
-LEAST_FRAMES: Final = 20
+MIN_FRAMES: Final = 20
 """Minimum number of frames for a statement about the detector."""
-MOST_REGION: Final = 0.9
+MAX_REGION_SHARE: Final = 0.9
 """Minimum share of observed cells with a majority for region at which the detector hardly fits."""
 REMEDY: Final = (
     "check what it marks (`uavmap look`), and choose another one or train it (`uavmap tune`)"
@@ -87,7 +87,7 @@ class DetectorFit:
     @property
     def marks_nearly_all(self) -> bool:
         """Return whether nearly all observed cells have a majority for region."""
-        return self.frames >= LEAST_FRAMES and self.share >= MOST_REGION
+        return self.frames >= MIN_FRAMES and self.share >= MAX_REGION_SHARE
 
 
 def no_verdict(state: State, fit: DetectorFit, *, real: bool) -> str:

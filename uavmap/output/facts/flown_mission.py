@@ -185,7 +185,7 @@ def _around(roi: NDArray[np.int32], judged: NDArray[np.int32]) -> tuple[int, int
 
 # --- the boundary at pixel level ------------------------------------------------------------------
 BOUNDARY_FILE: Final = "boundary.geojson"
-_MOST_BYTES: Final = 50_000_000
+_MAX_BYTES: Final = 50_000_000
 _SAME_S: Final = 0.01
 
 
@@ -216,7 +216,7 @@ class BoundaryFacts:
 def read_boundary(folder: Path, data: MapData) -> BoundaryFacts | None:
     """Read the boundary in a folder of results; None without one, or if it is old or edited."""
     try:
-        values = json.loads(read_text(folder / BOUNDARY_FILE, _MOST_BYTES))
+        values = json.loads(read_text(folder / BOUNDARY_FILE, _MAX_BYTES))
         if abs(float(values["t_s"]) - data.t_s) > _SAME_S:
             return None
         return _boundary_of(values["features"], data)

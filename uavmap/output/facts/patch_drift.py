@@ -4,7 +4,7 @@ Cells move with the drift of the mission file. A patch with another drift moves 
 its outline at the time of the map differs from the outline at first sight. Each vote has the share
 of a cell that looked like region, so an outline is known to a small part of a cell.
 
-The method uses cells in and around a patch that frames show over at least `LEAST_S`. Each has a
+The method uses cells in and around a patch that frames show over at least `MIN_SPAN_S`. Each has a
 mean share in the first `WINDOW_S` after its first frame, and one in the last `WINDOW_S`. If the
 patch moves by (u, v) m/s, the last share at x equals the first one at x - (u, v) dt. The measured
 drift is the (u, v) with the least squares of differences, by bilinear interpolation between cells.
@@ -28,15 +28,15 @@ from numpy.typing import NDArray
 from missions.events import FrameSeen
 from missions.geo.grid import Grid
 from missions.units import Cell
-from uavmap.output.summary import MOST_PATCHES
+from uavmap.output.summary import MAX_PATCHES
 
-LEAST_S: Final = 30.0
+MIN_SPAN_S: Final = 30.0
 """Minimum time between the first and the last frame of a cell that counts, s."""
 WINDOW_S: Final = 5.0
 """Time after the first and before the last frame in which votes are averaged, s."""
 REACH_CELLS: Final = 5.0
 """Maximum move of a patch through its cells; beyond it, its map is wrong and it is not measured."""
-LEAST_CELLS: Final = 12
+MIN_CELLS: Final = 12
 """Minimum number of cells of the outline that were observed twice."""
 PART: Final = (0.05, 0.95)
 """Range of a share that puts a cell on the outline."""
@@ -45,7 +45,7 @@ POSITION_M: Final = 1.0
 """Change of a vehicle's position error within minutes, m."""
 _LEVELS: Final = ((0.5, 10), (0.125, 4), (1.0 / 32.0, 4))
 """Steps of the search in cells of the median time, and their number to each side."""
-_MOST_ERROR: Final = 0.5
+_MAX_ERROR: Final = 0.5
 """Maximum difference of shares that counts."""
 
 Floats = NDArray[np.float64]
@@ -110,12 +110,12 @@ class Shares:
         """Measure the drift of each patch, the largest first; None if it cannot be measured.
 
         A drift cannot be measured if frames show too little of the outline twice, or if it moved by
-        more than `REACH_CELLS`. Patches after `MOST_PATCHES` are not measured.
+        more than `REACH_CELLS`. Patches after `MAX_PATCHES` are not measured.
         """
         if not len(self._times_s):
             return [None] * len(patches)
         seen = self._seen()
-        found = [_measured(_around(patch, seen), grid) for patch in patches[:MOST_PATCHES]]
+        found = [_measured(_around(patch, seen), grid) for patch in patches[:MAX_PATCHES]]
         return [*found, *[None] * (len(patches) - len(found))]
 
     def _seen(self) -> _Sightings:
@@ -189,18 +189,18 @@ class _Registration:
         first = self._first
         was = (1.0 - f) * ((1.0 - g) * first[i, j] + g * first[i, j + 1])
         was += f * ((1.0 - g) * first[i + 1, j] + g * first[i + 1, j + 1])
-        off: Floats = np.minimum(np.abs(self._share - np.where(inside, was, np.nan)), _MOST_ERROR)
+        off: Floats = np.minimum(np.abs(self._share - np.where(inside, was, np.nan)), _MAX_ERROR)
         return off**2
 
 
 def _measured(seen: _Sightings, grid: Grid) -> Drift | None:
-    long = seen.end_s - seen.begin_s >= LEAST_S
+    long = seen.end_s - seen.begin_s >= MIN_SPAN_S
     outline = long & (_is_part(seen.begin_share) | _is_part(seen.end_share))
-    if np.count_nonzero(outline) < LEAST_CELLS:
+    if np.count_nonzero(outline) < MIN_CELLS:
         return None
     made = _Registration(seen, long, grid.cell_m)
     unit_m_s = grid.cell_m / float(np.median(made.dt_s))
-    least = max(LEAST_CELLS, len(made.dt_s) // 3)
+    least = max(MIN_CELLS, len(made.dt_s) // 3)
     # each part leaves one sector out; the last part has all sectors
     parts = [made.sector != k for k in range(SECTORS)] + [np.ones(len(made.dt_s), np.bool_)]
     (step, half), *finer = _LEVELS  # the first level uses all cells and gives each part its start

@@ -17,10 +17,10 @@ import shapely
 from uavmap.output.facts.flown_mission import FlownMission
 from uavmap.output.formats.layers import Layer
 
-_MOST_BYTES: Final = 254
+_MAX_BYTES: Final = 254
 _NO_DATE: Final = date(1970, 1, 1)
 _TYPES: Final = {
-    "text": ("C", _MOST_BYTES, 0), "time": ("C", 24, 0), "whole": ("N", 18, 0),
+    "text": ("C", _MAX_BYTES, 0), "time": ("C", 24, 0), "whole": ("N", 18, 0),
     "number": ("N", 24, 6), "yes or no": ("L", 1, 0),
 }  # fmt: skip
 _SHAPES: Final = {
@@ -50,7 +50,7 @@ def _family(layer: Layer, when: date) -> dict[str, bytes]:
         for shape, row in zip(layer.shapes, layer.rows, strict=True):
             _put(writer, layer, shape)
             writer.record(*(
-                value.encode()[:_MOST_BYTES].decode(errors="ignore")
+                value.encode()[:_MAX_BYTES].decode(errors="ignore")
                 if isinstance(value, str)
                 else value
                 for value in row

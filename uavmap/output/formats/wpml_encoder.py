@@ -24,9 +24,9 @@ from uavmap.output.formats.kml_encoder import NAMESPACE
 from uavmap.output.formats.layers import Layer
 
 WPML: Final = "http://www.dji.com/wpmz/1.0.2"
-MOST_M_S: Final = 15.0
+MAX_M_S: Final = 15.0
 """Maximum speed between waypoints, m/s."""
-MOST_WAYPOINTS: Final = 65_536
+MAX_WAYPOINTS: Final = 65_536
 
 
 class Aircraft(NamedTuple):
@@ -58,15 +58,15 @@ def encode(flown: FlownMission, layers: Sequence[Layer], drone: str = USUAL) -> 
 
 def wpml_archive(flight: SearchFlight, drone: str) -> bytes:
     """Encode the flight of one vehicle for a drone of `AIRCRAFT`. Raises `OutputError`."""
-    if flight.speed_m_s > MOST_M_S:
+    if flight.speed_m_s > MAX_M_S:
         raise OutputError(
             f"flight.speed_m_s = {flight.speed_m_s:g}: these aircraft fly waypoints at up to "
-            f"{MOST_M_S:g} m/s; lower the speed"
+            f"{MAX_M_S:g} m/s; lower the speed"
         )
     route = Route.from_flight(flight)
-    if len(route.places) > MOST_WAYPOINTS:
+    if len(route.places) > MAX_WAYPOINTS:
         raise OutputError(
-            f"{len(route.places)} waypoints: the format allows {MOST_WAYPOINTS}; make the cells "
+            f"{len(route.places)} waypoints: the format allows {MAX_WAYPOINTS}; make the cells "
             "larger (grid.cell_m), or the area smaller"
         )
     if route.spans:

@@ -14,13 +14,13 @@ from uavmap.load.detector_source import region_in_words
 from uavmap.output.facts.figures import WEAK_RATIO
 from uavmap.output.facts.flight_log import Fix, navigation_in_words
 from uavmap.output.facts.flown_mission import FlownMission
-from uavmap.output.summary import MOST_PATCHES, box_in_words, litres_in_words, state_in_words
+from uavmap.output.summary import MAX_PATCHES, box_in_words, litres_in_words, state_in_words
 
 Facts = list[tuple[str, str]]
 Row = tuple[object, ...]
 
-_MOST_TROUBLES: Final = 200
-_MOST_LETTERS: Final = 300
+_MAX_TROUBLES: Final = 200
+_MAX_LETTERS: Final = 300
 _PASSWORD: Final = re.compile(r"//[^/@\s]*@")
 """Pattern of a password in an address: readers of a page must not see it."""
 
@@ -253,9 +253,9 @@ def trouble_rows(flown: FlownMission) -> tuple[list[Row], int]:
     found.sort()
     rows: list[Row] = [
         ("", "", what) if flown.recorded else (minutes(t_s), f"vehicle {who}" if who else "", what)
-        for t_s, who, what in found[:_MOST_TROUBLES]
+        for t_s, who, what in found[:_MAX_TROUBLES]
     ]
-    return rows, max(0, len(found) - _MOST_TROUBLES)
+    return rows, max(0, len(found) - _MAX_TROUBLES)
 
 
 def notes(flown: FlownMission) -> list[str]:
@@ -309,8 +309,8 @@ def _shown(value: object) -> str:
     if value is None:
         return "-"
     if isinstance(value, tuple | list):
-        return printable(f"[{', '.join(map(_shown, value))}]", _MOST_LETTERS)
-    return printable(_PASSWORD.sub("//***@", str(value)), _MOST_LETTERS)
+        return printable(f"[{', '.join(map(_shown, value))}]", _MAX_LETTERS)
+    return printable(_PASSWORD.sub("//***@", str(value)), _MAX_LETTERS)
 
 
 def number(values: Mapping[str, Any], key: str) -> float | None:
@@ -340,12 +340,10 @@ def patch_rows(flown: FlownMission) -> tuple[list[Row], int]:
     if flown.recorded:
         return [], 0
     found, in_all = flown.values["patches"], flown.values["patches_in_all"]
-    rows = [
-        _patch_row(str(number), one) for number, one in enumerate(found[:MOST_PATCHES], start=1)
-    ]
+    rows = [_patch_row(str(number), one) for number, one in enumerate(found[:MAX_PATCHES], start=1)]
     if len(found) > 1:
         rows.append(_patch_row("all", in_all))
-    return rows, max(0, len(found) - MOST_PATCHES)
+    return rows, max(0, len(found) - MAX_PATCHES)
 
 
 PIECE_HEADS: Final = ("Piece", "m²", "Middle", "Found, min:s", "Mapped, min:s", "State")

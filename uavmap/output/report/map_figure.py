@@ -20,7 +20,7 @@ from uavmap.output.facts.map_model import drift_m, on_ground
 
 _LINES: Final = 4
 """Approximate number of graticule lines across a map."""
-_LEAST_DEG: Final = 1e-9
+_MIN_DEG: Final = 1e-9
 _LABEL_PX: Final = 12.0
 _STYLE: Final = Style(FAINT, 0.6)
 
@@ -85,7 +85,7 @@ def _graticule(
     lines: list[Line] = []
     labels: list[Label] = []
     for along, across, letters in ((lons, lats, "EW"), (lats, lons, "NS")):
-        step = step_up(max((max(along) - min(along)) / _LINES, _LEAST_DEG))
+        step = step_up(max((max(along) - min(along)) / _LINES, _MIN_DEG))
         digits = max(0, -math.floor(math.log10(step) + 1e-9))
         other = np.linspace(min(across), max(across), 5)
         for k in range(math.ceil(min(along) / step), math.floor(max(along) / step) + 1):

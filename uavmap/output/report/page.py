@@ -24,7 +24,7 @@ from uavmap.output.report.timeline import timeline
 _JUDGED_PX: Final = 640
 _TIMELINE_PX: Final = (600.0, 52.0)
 """Width of the timeline, and height of a vehicle in it, px, for phones as well."""
-_MOST_ROWS: Final = 100
+_MAX_ROWS: Final = 100
 
 
 def encode(flown: FlownMission) -> bytes:
@@ -62,7 +62,7 @@ def _template(name: str) -> Template:
 
 def _context(flown: FlownMission) -> dict[str, Any]:
     figure = map_figure(flown)
-    drawn = timeline(flown, *_TIMELINE_PX, most=_MOST_ROWS)
+    drawn = timeline(flown, *_TIMELINE_PX, most=_MAX_ROWS)
     return {
         "flown": flown,
         "facts": facts,

@@ -67,14 +67,14 @@ _LEGEND_PX: Final = 13.0
 _PICTURE_PX: Final = 1000
 _PICTURE_PT: Final = 260.0
 """Minimum height of a judged picture that is as wide as the page, points."""
-_LEAST_PT: Final = 72.0
+_MIN_PT: Final = 72.0
 """Minimum height of a judged picture beside the facts, points."""
 _SIGNED_PT: Final = 52.0
-_MOST_UNKNOWNS: Final = 6
-_MOST_VEHICLES: Final = 8
-_MOST_PIECES: Final = 8
-_MOST_TROUBLES: Final = 6
-_MOST_LETTERS: Final = 160
+_MAX_UNKNOWNS: Final = 6
+_MAX_VEHICLES: Final = 8
+_MAX_PIECES: Final = 8
+_MAX_TROUBLES: Final = 6
+_MAX_LETTERS: Final = 160
 """Maximum length of the text of a fault, letters."""
 
 
@@ -131,8 +131,8 @@ def _head(flown: FlownMission) -> Iterator[Any]:
         yield text(words.SIMULATED, WARNING)
     yield Spacer(1, GAP_PT)
     found = words.unknowns(flown)
-    if len(found) > _MOST_UNKNOWNS:
-        found[_MOST_UNKNOWNS:] = [f"{len(found) - _MOST_UNKNOWNS} more in report.html."]
+    if len(found) > _MAX_UNKNOWNS:
+        found[_MAX_UNKNOWNS:] = [f"{len(found) - _MAX_UNKNOWNS} more in report.html."]
     if found:
         yield alert(found)
         yield Spacer(1, GAP_PT)
@@ -198,7 +198,7 @@ def _times(flown: FlownMission) -> Iterator[Any]:
     yield beside(columns, [half_pt] * len(columns))
     rows = list(facts.vehicle_rows(flown))
     row_px = min(max(_TIMELINE_PX / max(len(rows), 1), 44.0), 90.0)
-    drawn = timeline(flown, ACROSS_PT / _PX_PT, row_px, _MOST_VEHICLES)
+    drawn = timeline(flown, ACROSS_PT / _PX_PT, row_px, _MAX_VEHICLES)
     if drawn is None:
         return
     yield Spacer(1, 4)
@@ -206,8 +206,8 @@ def _times(flown: FlownMission) -> Iterator[Any]:
     yield text(words.TIMELINE, FAINT_TEXT)
     yield Spacer(1, 4)
     heads = facts.VEHICLE_HEADS
-    yield list_table(heads, rows[:_MOST_VEHICLES], (1.0, 0.9, 2.3, 2.3, 1.3, 1.35, 1.2, 1.0))
-    yield from _more(len(rows) - _MOST_VEHICLES)
+    yield list_table(heads, rows[:_MAX_VEHICLES], (1.0, 0.9, 2.3, 2.3, 1.3, 1.35, 1.2, 1.0))
+    yield from _more(len(rows) - _MAX_VEHICLES)
 
 
 def _pieces(flown: FlownMission) -> Iterator[Any]:
@@ -215,8 +215,8 @@ def _pieces(flown: FlownMission) -> Iterator[Any]:
     if len(rows) < 2:
         return
     yield from heading("Pieces of the region")
-    yield list_table(facts.PIECE_HEADS, rows[:_MOST_PIECES], (0.5, 1.0, 1.8, 1.0, 1.0, 2.6))
-    yield from _more(len(rows) - _MOST_PIECES)
+    yield list_table(facts.PIECE_HEADS, rows[:_MAX_PIECES], (0.5, 1.0, 1.8, 1.0, 1.0, 2.6))
+    yield from _more(len(rows) - _MAX_PIECES)
 
 
 def _corners(flown: FlownMission) -> Iterator[Any]:
@@ -235,9 +235,7 @@ def _judging(flown: FlownMission, room_pt: float) -> Iterator[Any]:
     half_pt = 0.5 * ACROSS_PT
     left = [text(words.detector(flown)), Spacer(1, 3), facts_table(words.judged(flown), half_pt)]
     right = [text("Not done, with reasons", FAINT_TEXT)]
-    right += [
-        text(line, letters=_MOST_LETTERS) for line in words.left_undone(flown, _MOST_TROUBLES)
-    ]
+    right += [text(line, letters=_MAX_LETTERS) for line in words.left_undone(flown, _MAX_TROUBLES)]
     start, columns = heading("Judging, and work not done"), (half_pt, half_pt)
     caption = text(words.JUDGED, FAINT_TEXT)
     left_pt = room_pt - height_of([*start, beside([left, right], columns)]) - GAP_PT
@@ -250,7 +248,7 @@ def _judging(flown: FlownMission, room_pt: float) -> Iterator[Any]:
         return
     inside_pt = half_pt - 6.0
     free_pt = left_pt + height_of(left, inside_pt) - height_of(right, inside_pt) - caption_pt
-    if picture := _picture(flown, half_pt - 12.0, max(free_pt - 12.0, _LEAST_PT)):
+    if picture := _picture(flown, half_pt - 12.0, max(free_pt - 12.0, _MIN_PT)):
         right += [Spacer(1, 6), picture, caption]
     yield beside([left, right], columns)
 

@@ -41,15 +41,15 @@ LOW: Final = 0.1
 HIGH: Final = 0.9
 TOLERANCE: Final = 0.5
 """Maximum error of simplified lines, pixels of the raster."""
-LEAST_PART: Final = 0.5
+MIN_PART: Final = 0.5
 """Minimum size of a part of the region, or of a hole in it, in cells."""
 _APART: Final = 0.05  # between the level of the boundary and those of its band
 
 
 def boundary_of(surface: Surface, cell_m: float, level: float = HALF) -> Boundary:
-    """Return the lines where P is `level`, without parts and holes below `LEAST_PART`."""
+    """Return the lines where P is `level`, without parts and holes below `MIN_PART`."""
     level = min(max(level, LOW + _APART), HIGH - _APART)
-    raster, least_m2 = surface.raster, LEAST_PART * cell_m**2
+    raster, least_m2 = surface.raster, MIN_PART * cell_m**2
     contours = {p: Contours(p * MOST - 0.5, raster.columns) for p in (LOW, level, HIGH)}
     for window, levels in surface.blocks():
         for lines in contours.values():

@@ -33,8 +33,8 @@ from vision.plausible import implausible
 from vision.projection import Cells, Frame, Projection, Verdict, verdicts
 from vision.upright import Patch, UprightSearch
 
-LEAST_WIDTH_PX: Final = 64
-LEAST_PIXELS_A_CELL: Final = 8.0
+MIN_WIDTH_PX: Final = 64
+MIN_PIXELS_A_CELL: Final = 8.0
 """Minimum pixels along a cell's edge for a vote."""
 WHITE_SHARE: Final = 0.6
 """Minimum share of white pixels of an over-exposed picture."""
@@ -155,8 +155,8 @@ class Judge:
     def frame(self, placed: Placed, t_s: float, most_width_px: int | None = None) -> Frame:
         """Return a picture as a pinhole shows it, at the mission's or another width at most."""
         picture, width_px = placed.picture, most_width_px or self.mission.camera.width_px
-        if min(picture.width_px, picture.height_px) < LEAST_WIDTH_PX // 2 or (
-            picture.width_px < LEAST_WIDTH_PX
+        if min(picture.width_px, picture.height_px) < MIN_WIDTH_PX // 2 or (
+            picture.width_px < MIN_WIDTH_PX
         ):
             raise ImageError(f"{picture.width_px} x {picture.height_px} px are too few")
         image = eight_bits(picture.content.decode(width_px))
@@ -166,10 +166,10 @@ class Judge:
     def _visible_cells(self, camera: Camera, placed: Placed, t_s: float) -> tuple[Cell, Cells]:
         """Return the vantage, and the cells in the picture."""
         cell_px = camera.pixels_per_cell(placed.pose.height_m, self.grid.cell_m)
-        if cell_px < LEAST_PIXELS_A_CELL:
+        if cell_px < MIN_PIXELS_A_CELL:
             raise ImageError(
                 f"a cell of {self.grid.cell_m:g} m has {cell_px:.1f} px from "
-                f"{placed.pose.height_m:.0f} m; {LEAST_PIXELS_A_CELL:g} are needed"
+                f"{placed.pose.height_m:.0f} m; {MIN_PIXELS_A_CELL:g} are needed"
             )
         view, margin_m = self.mission.detector.view, self.mission.camera.pose_error_m
         cells = self.projection(camera, placed, t_s).cells(

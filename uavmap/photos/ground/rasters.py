@@ -152,8 +152,8 @@ def _read_again(path: Path) -> None:
 _LOG: Final = logging.getLogger("uavmap.photos")
 FINEST_M: Final = 0.05
 """Minimum default pixel of the mosaic, m; otherwise it is that of the pictures."""
-MOST_PX: Final = 1_500_000_000
-MOST_LEVELS_PX: Final = 8_000_000_000
+MAX_PX: Final = 1_500_000_000
+MAX_LEVELS_PX: Final = 8_000_000_000
 """Maximum pixels of the probabilities: empty ones need no room, but GDAL visits each."""
 APART: Final = 0.5
 """Share of the raster within pictures below which the pictures count as separate sites."""
@@ -206,10 +206,10 @@ class Rasters:
     def _write_probability(self, path: Path) -> None:
         surface, grid = self.fine.surface, self.fine.setting.grid
         raster = surface.raster
-        if raster.rows * raster.columns > MOST_LEVELS_PX:
+        if raster.rows * raster.columns > MAX_LEVELS_PX:
             _LOG.info(
                 f"{PROBABILITY}: not written: it would have {raster.columns:,} x {raster.rows:,} "
-                f"pixels of {raster.pitch_m:.2g} m, and at most {MOST_LEVELS_PX:,} are written; "
+                f"pixels of {raster.pitch_m:.2g} m, and at most {MAX_LEVELS_PX:,} are written; "
                 f"boundary.geojson has the region{self._remedy()}"
             )
             return
@@ -229,11 +229,11 @@ class Rasters:
         low = np.min([entry.bounds[0] for entry in scene.shown], axis=0)
         high = np.max([entry.bounds[1] for entry in scene.shown], axis=0)
         step = gsd_m or max(FINEST_M, round(median(self._gsd_m(e) for e in scene.shown), 2))
-        least = math.sqrt(float(np.prod(high - low)) / MOST_PX)
+        least = math.sqrt(float(np.prod(high - low)) / MAX_PX)
         if step < least:
             step = math.ceil(100.0 * least) / 100.0
             _LOG.info(
-                f"{ORTHO}: {step:g} m a pixel, or it would have more than {MOST_PX:,}"
+                f"{ORTHO}: {step:g} m a pixel, or it would have more than {MAX_PX:,}"
                 f"{self._remedy()}"
             )
         if len(scene.shown) >= _MINUTES:

@@ -40,7 +40,7 @@ from vision.registration.views import Agreement, Features, Measured, Net, Regist
 
 _LOG: Final = logging.getLogger("uavmap.photos")
 FILE: Final = "registration.json"
-MOST_NAMED: Final = 12
+MAX_NAMED_PICTURES: Final = 12
 """Maximum number of pictures left as tagged that the terminal names; the file names all."""
 HFOV_DEG: Final = 75.0
 """Angle of view of pictures for which neither tags nor a mission file give one, degrees."""
@@ -245,9 +245,13 @@ def lines(
         for tag, why in zip(taken, result.left, strict=True)
         if why is not None
     ]
-    report_lines += [f"{printable(name)}: left as tagged: {why}" for name, why in left[:MOST_NAMED]]
-    if len(left) > MOST_NAMED:
-        report_lines.append(f"{len(left) - MOST_NAMED} more are left as tagged: {FILE} names them")
+    report_lines += [
+        f"{printable(name)}: left as tagged: {why}" for name, why in left[:MAX_NAMED_PICTURES]
+    ]
+    if len(left) > MAX_NAMED_PICTURES:
+        report_lines.append(
+            f"{len(left) - MAX_NAMED_PICTURES} more are left as tagged: {FILE} names them"
+        )
     return report_lines
 
 

@@ -121,14 +121,14 @@ HEIGHT_RATIO = 4.0
 """Maximum ratio of a height to the usual one of the set."""
 OTHER_DAY_S = 12 * 3600.0
 """Maximum difference from the usual time of the set, s."""
-MOST_LATITUDE_DEG = 79.0
-LEAST_DOWN_DEG = 35.0
+MAX_LATITUDE_DEG = 79.0
+MIN_DOWN_DEG = 35.0
 """Minimum angle of the camera below the horizon, degrees."""
-_LEAST_SET = 3
+_MIN_SET = 3
 _EARTH_M = 6_371_000.0
-_LEAST_HEIGHT_M = 0.5
+_MIN_HEIGHT_M = 0.5
 _USUAL_HEIGHT_M = 50.0
-_MOST_HEIGHT_M = 5_000.0
+_MAX_HEIGHT_M = 5_000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +207,7 @@ def _placed(picture: Picture, mission: Mission | None) -> Verdict:
         return _noted(picture, "GPS", "geotag") or "no geotag"
     if abs(position.lat_deg) < 1e-3 and abs(position.lon_deg) < 1e-3:
         return "its geotag is 0, 0: the receiver had no position"
-    if abs(position.lat_deg) > MOST_LATITUDE_DEG:
+    if abs(position.lat_deg) > MAX_LATITUDE_DEG:
         return f"its geotag is at {position.lat_deg:.4f} deg of latitude: no map is made there"
     height_m = _height_m(picture, mission)
     if isinstance(height_m, str):
@@ -232,9 +232,9 @@ def _height_m(picture: Picture, mission: Mission | None) -> float | str:
         )
     if height.value <= 0.0:
         return f"its height is {height.value:.1f} m: not above the place of take-off"
-    if height.value < _LEAST_HEIGHT_M:
-        return f"its height is {height.value:.2f} m: a map needs {_LEAST_HEIGHT_M:g} m at least"
-    if height.value > _MOST_HEIGHT_M:
+    if height.value < _MIN_HEIGHT_M:
+        return f"its height is {height.value:.2f} m: a map needs {_MIN_HEIGHT_M:g} m at least"
+    if height.value > _MAX_HEIGHT_M:
         return f"its height is {height.value:.0f} m: no aircraft of this kind is as high"
     return height.value
 
@@ -252,11 +252,11 @@ def _attitude(picture: Picture, mission: Mission | None) -> Quaternion | str:
             "no pitch: XMP drone-dji:GimbalPitchDegree (or Camera:Pitch) is missing; for a camera "
             'that always looks straight down, write camera.mounting = "gimbal" in the mission file'
         )
-    if not LEAST_DOWN_DEG - 180.0 <= pitch.value <= -LEAST_DOWN_DEG:
+    if not MIN_DOWN_DEG - 180.0 <= pitch.value <= -MIN_DOWN_DEG:
         side = "above" if pitch.value > 0.0 else "below"
         return (
             f"its camera points {abs(pitch.value):.0f} deg {side} the horizon; at least "
-            f"{LEAST_DOWN_DEG:g} below it are needed"
+            f"{MIN_DOWN_DEG:g} below it are needed"
         )
     roll_deg = 0.0 if roll is None else roll.value
     angles = (math.radians(a) for a in (roll_deg, pitch.value, picture.yaw_deg.value))
@@ -295,8 +295,8 @@ class _Usual:
         return cls(
             middle,
             whose,
-            median_low(e.pose.height_m for e in usable) if len(usable) >= _LEAST_SET else None,
-            median_low(times) if len(times) >= _LEAST_SET and not any_day else None,
+            median_low(e.pose.height_m for e in usable) if len(usable) >= _MIN_SET else None,
+            median_low(times) if len(times) >= _MIN_SET and not any_day else None,
         )
 
     def refusal(self, entry: Placed) -> str | None:

@@ -38,7 +38,7 @@ CLASSES_TOML: Final = "classes.toml"
 """File beside examples of several classes: the table `[detector.classes]`, without its heading."""
 _DEEP: Final = 257.0  # 65535 is white
 _COLOURED: Final = 48  # levels between the channels of a pixel; JPEG and scaling make some
-_MOST_COLOURED: Final = 0.02  # of the pixels: a stray stroke is ignored
+_MAX_COLOURED: Final = 0.02  # of the pixels: a stray stroke is ignored
 _LABEL: Final = 20  # several gray values up to this are numbers of classes
 
 Gray = NDArray[np.uint8]
@@ -91,7 +91,7 @@ def _gray(picture: Image.Image, name: str, undecided: int = UNDECIDED) -> Gray:
     seen = rgba[..., 3] >= UNDECIDED
     rgb = rgba[..., :3]
     spread = rgb.max(axis=2).astype(np.int16) - rgb.min(axis=2)
-    if np.count_nonzero((spread > _COLOURED) & seen) > _MOST_COLOURED * seen.size:
+    if np.count_nonzero((spread > _COLOURED) & seen) > _MAX_COLOURED * seen.size:
         raise ImageError(
             f"{name}: is in colour; paint white where the region is, black where it is not and "
             "mid-grey where you are unsure, in a picture without anything else"

@@ -37,7 +37,7 @@ from uavmap.photos.tune.polygons import SURROUND, UNKNOWN
 from uavmap.photos.tune.study import Study
 
 HOST: Final = "127.0.0.1"
-MOST_BYTES: Final = 16_000_000
+MAX_BYTES: Final = 16_000_000
 REGION_GRAY: Final = 255
 _PAGE: Final = "paint.html"
 _POLICY: Final = (
@@ -170,7 +170,7 @@ class _Handler(BaseHTTPRequestHandler):
         length = self.headers.get("Content-Length", "")
         if what != "mask" or index is None:
             self._send_text(HTTPStatus.NOT_FOUND, "not found")
-        elif not length.isascii() or not length.isdigit() or int(length) > MOST_BYTES:
+        elif not length.isascii() or not length.isdigit() or int(length) > MAX_BYTES:
             self._send_text(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "a mask of an impossible length")
         else:
             try:

@@ -129,7 +129,7 @@ _PLATEAU: Final = 0.012  # thresholds this close to the best are as good; the lo
 _FOLDS: Final = 5
 _LIMITS: Final = (0.1, 0.8)
 _SLOPES: Final = (0.3, 1.5)
-_LEAST_KIND: Final = 0.01  # a picture with less of a kind is no evidence for the calibration
+_MIN_KIND_SHARE: Final = 0.01  # a picture with less of a kind is no evidence for the calibration
 
 
 Picture = tuple[PictureFeatures, ...]
@@ -301,7 +301,7 @@ def _shows_both(versions: Sequence[tuple[PictureFeatures, Array]]) -> bool:
 
 
 def _both_kinds(region: NDArray[np.float32]) -> bool:
-    return bool(region.size) and _LEAST_KIND < float(region.mean()) < 1.0 - _LEAST_KIND
+    return bool(region.size) and _MIN_KIND_SHARE < float(region.mean()) < 1.0 - _MIN_KIND_SHARE
 
 
 def _platt(

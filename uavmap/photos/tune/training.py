@@ -24,8 +24,8 @@ from vision.detectors.pixel_features import described_shape, features
 
 VARIANTS: Final = 3
 """Variants of each painted picture."""
-_MOST_SAMPLES: Final = 60_000
-_MOST_A_PICTURE: Final = 12_000
+_MAX_SAMPLES: Final = 60_000
+_MAX_A_PICTURE: Final = 12_000
 _EXPOSURE_STOPS: Final = 0.7
 _BALANCE_STOPS: Final = 0.12
 _CONTRAST: Final = (0.85, 1.2)
@@ -85,7 +85,7 @@ def training_set(
     pictures: Sequence[Sequence[PictureFeatures]], rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return features, (samples, features), and their kinds; each picture gives equally many."""
-    share = min(_MOST_A_PICTURE, _MOST_SAMPLES // max(1, len(pictures)))
+    share = min(_MAX_A_PICTURE, _MAX_SAMPLES // max(1, len(pictures)))
     values, labels = [], []
     for versions in pictures:
         for one in versions:
@@ -135,7 +135,7 @@ def _mean(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.float3
 _PENALTY: Final = 0.1  # C of the logistic regression: small, because pictures are much alike
 _ROUNDS: Final = 60
 _RATE: Final = 0.15
-_LEAST_SAMPLES: Final = 60
+_MIN_SAMPLES: Final = 60
 _AGREE: Final = 1e-3
 
 Scale = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -181,7 +181,7 @@ def fit_trees(values: NDArray[np.float32], labels: NDArray[np.bool_], seed: int)
         max_iter=_ROUNDS,
         learning_rate=_RATE,
         l2_regularization=1.0,
-        min_samples_leaf=_LEAST_SAMPLES,
+        min_samples_leaf=_MIN_SAMPLES,
         early_stopping=False,
         random_state=seed % 2**32,
     )

@@ -58,7 +58,7 @@ OVERLAYS: Final = "overlays"
 FILES: Final = (MODEL, REPORT, OVERLAYS, MAP, NEXT, DETECTOR)
 _OTHERS: Final = 24  # maximum pictures without examples that normalise the features
 _SHOWN: Final = 12  # maximum number of those that are drawn
-_LEAST_SPREAD: Final = 1e-3
+_MIN_SPREAD: Final = 1e-3
 _GREEN: Final = (0, 255, 0)
 
 Show = Callable[[str], None]
@@ -235,7 +235,7 @@ def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> 
     squares = np.stack([(values.astype(np.float64) ** 2).mean(axis=1) for values in some])
     mean = means.mean(axis=0)
     spread = np.sqrt(np.maximum(squares.mean(axis=0) - mean**2, 0.0))
-    return mean, np.maximum(spread, _LEAST_SPREAD)
+    return mean, np.maximum(spread, _MIN_SPREAD)
 
 
 # --- the files -------------------------------------------------------------------------------

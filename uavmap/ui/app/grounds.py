@@ -12,7 +12,7 @@ from uavmap.output.drawing.mosaic_file import MOSAIC, ORTHO
 from uavmap.ui.app.workspace import Workspace
 from uavmap.ui.ground.layer import ENDINGS, GroundLayer, open_layer
 
-_MOST_OPEN: Final = 12
+_MAX_OPEN: Final = 12
 
 
 class Facts(NamedTuple):
@@ -83,7 +83,7 @@ class Grounds:
         if name in self._open and self._open[name][0] != written_ns:
             self._open.pop(name)[1].close()
         if name not in self._open:
-            if len(self._open) >= _MOST_OPEN:
+            if len(self._open) >= _MAX_OPEN:
                 self._open.pop(next(iter(self._open)))[1].close()
             self._open[name] = written_ns, open_layer(path)
         return self._open[name][1]

@@ -24,8 +24,8 @@ from uavmap.base.framing import SHOWN_IN
 
 LOGS: Final = ".uavmap-app"
 """Folder of the lines, in the workspace."""
-MOST_LINES: Final = 400
-MOST_RUNNING: Final = 8
+MAX_LINES: Final = 400
+MAX_RUNNING: Final = 8
 """Maximum number of commands at once, for small computers."""
 _TAIL_BYTES: Final = 1 << 16
 _HEAD_BYTES: Final = 1 << 16
@@ -79,7 +79,7 @@ class Job:
         except OSError as error:
             return [f"{self.log}: cannot be read: {error.strerror}"]
         text = _TOKEN.sub("token=...", text)  # browsers that watch must not get it
-        return [line.rsplit("\r", 1)[-1] for line in text.splitlines()][-MOST_LINES:]
+        return [line.rsplit("\r", 1)[-1] for line in text.splitlines()][-MAX_LINES:]
 
     def page(self, *, steers: bool) -> str | None:
         """Return the URL of the page that it serves; None before it is printed and after the end.
@@ -115,8 +115,8 @@ class Jobs:
 
     def begin(self, words: Sequence[str]) -> Job:
         """Run `uavmap` with these arguments. Raises `UavmapError` if that is impossible."""
-        if len(self.running) >= MOST_RUNNING:
-            raise UavmapError(f"{MOST_RUNNING} commands are running; end one of them first")
+        if len(self.running) >= MAX_RUNNING:
+            raise UavmapError(f"{MAX_RUNNING} commands are running; end one of them first")
         try:
             return self._begin(words)
         except OSError as error:

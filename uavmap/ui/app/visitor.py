@@ -19,7 +19,7 @@ from uavmap.ui.app.workspace import Workspace
 from uavmap.ui.page.feed import LOOPBACK
 from uavmap.ui.page.server import ask
 
-MOST_BYTES: Final = 100_000_000
+MAX_BYTES: Final = 100_000_000
 """Maximum size of a file that a browser sends, bytes."""
 SHOWN_LINES: Final = 14
 LISTED_EVERY: Final = 4
@@ -115,7 +115,7 @@ class Visitor:
 
     def upload(self, label: str, endings: Sequence[str], act: Callable[[Any], Any]) -> ui.upload:
         """Add a place for files that the browser sends at once."""
-        upload = ui.upload(multiple=True, auto_upload=True, on_upload=act, max_file_size=MOST_BYTES)
+        upload = ui.upload(multiple=True, auto_upload=True, on_upload=act, max_file_size=MAX_BYTES)
         upload.props(f"accept={','.join(endings)} flat bordered").classes("app-wide")
         text = label.replace('"', "")  # the usual header has a button without a name
         upload.add_slot(

@@ -10,7 +10,7 @@ from typing import Final
 
 from missions.errors import OutputError, UavmapError
 from uavmap.base.extras import install_command
-from uavmap.load.mbtiles import MOST_BYTES, MOST_ZOOM, kind_of
+from uavmap.load.mbtiles import MAX_BYTES, MAX_ZOOM, kind_of
 
 _VECTOR: Final = "MVT"
 
@@ -37,9 +37,9 @@ class PMTiles:
             if header["tile_type"].name == _VECTOR:
                 raise OutputError(f"{path}: has vector tiles; give a file with tiles of pictures")
             low, high = header["min_zoom"], header["max_zoom"]
-            if not low <= high <= MOST_ZOOM:
+            if not low <= high <= MAX_ZOOM:
                 raise OutputError(
-                    f"{path}: has tiles of levels {low} to {high}; at most {MOST_ZOOM}"
+                    f"{path}: has tiles of levels {low} to {high}; at most {MAX_ZOOM}"
                 )
             south, north, west, east = (
                 header[f"{side}_e7"] / 1e7 for side in ("min_lat", "max_lat", "min_lon", "max_lon")
@@ -58,7 +58,7 @@ class PMTiles:
             data = self._reader.get(zoom, x, y)
         except Exception:  # the file is damaged
             return None
-        return data if data and len(data) <= MOST_BYTES and kind_of(data) is not None else None
+        return data if data and len(data) <= MAX_BYTES and kind_of(data) is not None else None
 
     def close(self) -> None:
         """Close the file."""

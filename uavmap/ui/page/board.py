@@ -18,9 +18,9 @@ If `since` is 0, it is a snapshot. `cells` is flat: column, row, state, column, 
 east, north, ... by vehicle. `log` has lines of number, mission time in s, level and text.
 """
 
-MOST_LINES: Final = 300
+MAX_LINES: Final = 300
 """Maximum number of lines of the log."""
-MOST_POINTS: Final = 3000
+MAX_POINTS: Final = 3000
 """Maximum number of points of a vehicle's track."""
 
 Place = tuple[int, int]
@@ -53,7 +53,7 @@ class Board:
         self._fields: dict[str, tuple[Any, int]] = {}
         self._vehicles: dict[int, tuple[Mapping[str, Any], int]] = {}
         self._tracks: dict[int, deque[tuple[int, float, float]]] = {}
-        self._log: deque[tuple[int, Line]] = deque(maxlen=MOST_LINES)
+        self._log: deque[tuple[int, Line]] = deque(maxlen=MAX_LINES)
         self._lines = 0
         self._changed = False
 
@@ -174,7 +174,7 @@ class Board:
         return found[::-1]
 
     def _track(self, number: int) -> deque[tuple[int, float, float]]:
-        return self._tracks.setdefault(number, deque(maxlen=MOST_POINTS))
+        return self._tracks.setdefault(number, deque(maxlen=MAX_POINTS))
 
 
 def _points_since(track: deque[tuple[int, float, float]], version: int) -> list[float]:

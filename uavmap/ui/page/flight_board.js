@@ -1,8 +1,8 @@
 // The flight in a browser: the board, the cells as a picture, and marks of other aircraft.
 // uavmap/ui/page/board.py describes a delta.
 
-const MOST_LINES = 300;
-const MOST_POINTS = 3000;
+const MAX_LINES = 300;
+const MAX_POINTS = 3000;
 
 // --- the board: a copy of the one in Python ----------------------------------------------------
 export class Board {
@@ -28,9 +28,9 @@ export class Board {
     Object.assign(this.vehicles, delta.vehicles);
     for (const [number, points] of Object.entries(delta.tracks)) {
       const track = (this.tracks[number] || []).concat(points);
-      this.tracks[number] = track.slice(-2 * MOST_POINTS);
+      this.tracks[number] = track.slice(-2 * MAX_POINTS);
     }
-    this.log = this.log.concat(delta.log).slice(-MOST_LINES);
+    this.log = this.log.concat(delta.log).slice(-MAX_LINES);
     this.version = delta.v;
     return true;
   }

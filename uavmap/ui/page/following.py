@@ -32,7 +32,7 @@ LOOK_S: Final = 0.2
 """Time between two reads of the journal, real s."""
 STEP_S: Final = 0.5
 """Minimum mission time between two updates, s."""
-MOST_STEPS: Final = 2000
+MAX_STEPS: Final = 2000
 """Approximate maximum number of updates of a long flight."""
 WATCHES: Final = (
     "this page only watches; give orders with the keys at the terminal of `uavmap fly`, or on the "
@@ -90,7 +90,7 @@ class Follower:
         )
         send_scene(feed, scene, self._background)
         last_s = events[-1].t_s if events else 0.0
-        step_s = max(STEP_S, last_s / MOST_STEPS)
+        step_s = max(STEP_S, last_s / MAX_STEPS)
         due_s = float("-inf")
         while True:
             for event in events:

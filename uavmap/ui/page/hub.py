@@ -19,7 +19,7 @@ from uavmap.ui.page.live_geojson import EMPTY, geojson
 from uavmap.ui.page.live_map import LiveMap
 from uavmap.ui.page.page_pipe import Message
 
-MOST_PICTURES: Final = 24
+MAX_PICTURES: Final = 24
 """Maximum number of pictures in memory for slow browsers."""
 PICTURE_PX: Final = 640
 """Maximum width of a picture, px."""
@@ -125,7 +125,7 @@ class Hub:
             case "picture":
                 image = await asyncio.to_thread(_decoded, data, message.get("shape"))
                 self._pictures[str(message["id"])] = b"" if image is None else _small(image)
-                while len(self._pictures) > MOST_PICTURES:
+                while len(self._pictures) > MAX_PICTURES:
                     del self._pictures[next(iter(self._pictures))]
             case "background":
                 self.background = data

@@ -19,7 +19,7 @@ from uavmap.ui.page.page_scene import Background, scene_of
 from uavmap.ui.page.watching import Watcher
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
-MOST_WAITING: Final = 500
+MAX_WAITING: Final = 500
 """Maximum number of events that wait for the next place of a vehicle."""
 
 
@@ -92,7 +92,7 @@ class LiveBoard(Onlooker):
             if self._watcher is None:
                 return
             self._waiting.append((event, state))
-            ripe = isinstance(event, Tracked) or len(self._waiting) > MOST_WAITING
+            ripe = isinstance(event, Tracked) or len(self._waiting) > MAX_WAITING
             if not (ripe or self.at_once):
                 return
             now_s = self._now_s()

@@ -19,9 +19,9 @@ from typing import Any, Final
 Message = dict[str, Any]
 """The JSON object of a message."""
 _HEAD: Final = struct.Struct(">II")
-MOST_JSON_BYTES: Final = 1 << 26
-MOST_BYTES: Final = 1 << 28
-MOST_LINE_BYTES: Final = 1 << 12
+MAX_JSON_BYTES: Final = 1 << 26
+MAX_BYTES: Final = 1 << 28
+MAX_LINE_BYTES: Final = 1 << 12
 """Maximum length of a line from the process, bytes."""
 MAP_PATH: Final = "/map.geojson"
 """Path of the live map for a GIS at the page's server."""
@@ -39,7 +39,7 @@ def packed(message: Message, data: bytes = b"") -> bytes:
 async def read(reader: asyncio.StreamReader) -> tuple[Message, bytes]:
     """Return the next message. Raises `asyncio.IncompleteReadError`, `ValueError`."""
     json_bytes, data_bytes = _HEAD.unpack(await reader.readexactly(_HEAD.size))
-    if json_bytes > MOST_JSON_BYTES or data_bytes > MOST_BYTES:
+    if json_bytes > MAX_JSON_BYTES or data_bytes > MAX_BYTES:
         raise ValueError("not a message of a flight: too long")
     message = json.loads(await reader.readexactly(json_bytes))
     if not isinstance(message, dict):
@@ -81,11 +81,11 @@ class Lines:
     def parse(self, piece: bytes) -> list[Message]:
         """Return the objects that are complete with this piece."""
         *whole, left = (self._left + piece).split(b"\n")
-        self._left = left[:MOST_LINE_BYTES]
+        self._left = left[:MAX_LINE_BYTES]
         found = []
         for line in whole:
             try:
-                message = json.loads(line) if len(line) < MOST_LINE_BYTES else None
+                message = json.loads(line) if len(line) < MAX_LINE_BYTES else None
             except (ValueError, RecursionError):
                 message = None
             if isinstance(message, dict):

@@ -32,7 +32,7 @@ from vision.raster import Raster
 
 PAPER: Final = (243, 247, 247)
 _QUALITY: Final = 80
-MOST_TILES: Final = 120
+MAX_TILES: Final = 120
 """Maximum number of tiles; a larger area takes a coarser zoom."""
 _NODES: Final = 33
 """Number of points on each side for which the projection is computed; linear between them."""
@@ -140,7 +140,7 @@ def _laid(
             np.floor(edge * 2**zoom).astype(int).tolist()
             for edge in (nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1)))
         )
-        if (right - left + 1) * (bottom - top + 1) > MOST_TILES:
+        if (right - left + 1) * (bottom - top + 1) > MAX_TILES:
             continue
         tiles = dict(_tiles(file, zoom, range(left, right + 1), range(top, bottom + 1)))
         if tiles:

@@ -16,7 +16,7 @@ from missions.units import GridPoint
 
 UNTIMED_S: Final = 1e9
 """Time of a point whose time of passage is unknown, s."""
-MOST_POINTS: Final = 100
+MAX_POINTS: Final = 100
 _CHORD_M: Final = 0.3
 """Maximum distance of an arc from its chords, m."""
 _NEAR_M: Final = 4.0
@@ -53,7 +53,7 @@ class Ahead:
     def _of_path(self, path: Trajectory, t_s: float) -> list[float]:
         times = [t for t in _times(path.pieces) if t > t_s]
         flat: list[float] = []
-        for time_s in [*times, path.end_s][:MOST_POINTS]:
+        for time_s in [*times, path.end_s][:MAX_POINTS]:
             place = self._setting.grid.to_moving(path.place_at(time_s), time_s)
             flat += (round(time_s, 1), round(place.east_m, 1), round(place.north_m, 1))
         return flat
@@ -61,7 +61,7 @@ class Ahead:
     def _of_route(self, route: Sequence[GridPoint], here: GridPoint, t_s: float) -> list[float]:
         """Return the points in the moving frame at the times when the vehicle reaches them."""
         flat: list[float] = []
-        for point in route[:MOST_POINTS]:
+        for point in route[:MAX_POINTS]:
             t_s += here.distance_to(point) / self._setting.energy.speed_m_s
             here = point
             place = self._setting.grid.to_moving(point, t_s)

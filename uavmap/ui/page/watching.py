@@ -32,7 +32,7 @@ from uavmap.ui.page.page_scene import STATES
 from uavmap.ui.page.paths_ahead import Ahead
 from uavmap.ui.page.vehicle_figures import VehicleFigures
 
-MOST_CELLS: Final = 100
+MAX_CELLS: Final = 100
 """Maximum number of cells of the tree that a refresh visits, besides those that frames changed."""
 FIGURES_S: Final = 5.0
 """Minimum time between two computations of the certificate and of the time left, s of the clock."""
@@ -176,7 +176,7 @@ class Watcher:
             self._tree, self._waiting = tree, deque(tree.vertices)
         if cells:
             self._waiting = deque(cells)
-        for _ in range(len(self._waiting) if whole else min(MOST_CELLS, len(self._waiting))):
+        for _ in range(len(self._waiting) if whole else min(MAX_CELLS, len(self._waiting))):
             self._show(self._waiting.popleft())
         for number, vehicle in self.state.vehicles.items():
             if not self._recorded:

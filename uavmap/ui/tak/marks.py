@@ -46,9 +46,9 @@ AREA_STALE_S: Final = 24 * 3600
 """Time for which region and unsure ground are shown, s."""
 LINE_STALE_S: Final = 300
 """Time after which a track, a path or the unit is out of date, s; it is sent again before."""
-MOST_RINGS: Final = 40
+MAX_RINGS: Final = 40
 """Maximum number of rings of an area; the largest are sent."""
-MOST_POINTS: Final = 200
+MAX_POINTS: Final = 200
 """Maximum number of points: a ring is simplified, and of a line the end is sent."""
 TRACK_M: Final = 1.0
 """Maximum distance of a track from its simplified line, m."""
@@ -212,9 +212,9 @@ class Marks:
             rings += [(hole, f"{kind}-{k}-hole-{j}", None) for j, hole in enumerate(holes, 1)]
         rings.sort(key=lambda ring: -Polygon(ring[0]).area)
         words = [f"{area.area:.0f} m² in all", phase]
-        if len(rings) > MOST_RINGS:
-            words.append(f"the {MOST_RINGS} largest of {len(rings)} rings")
-        for ring, name, part in rings[:MOST_RINGS]:
+        if len(rings) > MAX_RINGS:
+            words.append(f"the {MAX_RINGS} largest of {len(rings)} rings")
+        for ring, name, part in rings[:MAX_RINGS]:
             about = [f"{part.area:.0f} m²" if part is not None else f"no {kind} inside", *words]
             detail = self._detail(f"{live.mission} {name}", about)
             style = _SOLID if part is not None else _DASHED
@@ -225,7 +225,7 @@ class Marks:
     def _line(self, live: LiveMap, kind: str, number: int, line: LineString, style: str) -> Mark:
         detail = self._detail(f"{live.mission} {number} {kind}", [])
         _draw(detail, palette.track_colour(number), style, None)
-        newest = LineString(_simpler(line, TRACK_M).coords[-MOST_POINTS:])
+        newest = LineString(_simpler(line, TRACK_M).coords[-MAX_POINTS:])
         return self._shape(live, f"{kind}-{number}", newest, detail, LINE_STALE_S)
 
     def _shape(
@@ -274,7 +274,7 @@ def argb(colour: Colour, alpha: int = 255) -> int:
 def _thinned(line: LineString) -> LineString:
     """Return the line, simplified if it has too many points."""
     thinned, most_m = line, 0.5
-    while len(thinned.coords) > MOST_POINTS:
+    while len(thinned.coords) > MAX_POINTS:
         thinned, most_m = _simpler(line, most_m), 1.25 * most_m
     return thinned
 

@@ -22,7 +22,7 @@ from tests.support.running import by
 
 UP_M = 12.0
 EVERY_S = 0.2
-LEAST_M_S = 3.0
+MIN_M_S = 3.0
 SETPOINT = "SET_POSITION_TARGET_GLOBAL_INT"
 START_CAPTURE = mav.MAV_CMD_IMAGE_START_CAPTURE
 
@@ -104,7 +104,7 @@ async def test_path_replaced_midway_is_continued(flight, /, autopilot):
     assert abs(math.remainder(flight.vehicle.truth.yaw_rad, math.tau)) < 0.1
     await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), ev.Arrived)
     await flight.after(Land(), ev.Landed)
-    assert min(speeds) > LEAST_M_S
+    assert min(speeds) > MIN_M_S
     seen = flight.seen(ev.FrameSeen)
     assert {event.vantage for event in seen} == {None}
     assert len(seen) == len(announced)

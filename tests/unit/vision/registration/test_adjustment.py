@@ -156,7 +156,7 @@ def test_uncertainties_of_a_large_net_are_those_beside_the_views_around(
 ):
     normal, _ = random_system(40, seed=3)
     whole = sigmas(normal)
-    monkeypatch.setattr(normal_equations, "MOST_EXACT", 10)
+    monkeypatch.setattr(normal_equations, "MAX_EXACT_VIEWS", 10)
     found = sigmas(normal)
     assert (found <= whole * (1.0 + 1e-9)).all()
     assert found[20] == pytest.approx(whole[20], rel=0.3)

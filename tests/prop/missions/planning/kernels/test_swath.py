@@ -24,7 +24,7 @@ from missions.planning.sweep.paths import Flyer, Kinematics, Route, Tuning
 from missions.planning.sweep.sweep_planner import Planner
 from missions.units import Cell, GridPoint
 
-MOST_CELLS = 40 if COMPILED else 6
+MAX_CELLS = 40 if COMPILED else 6
 QUICK = Tuning(moves=150 if COMPILED else 15)
 KINEMATICS = Kinematics(6.0, 2.5, 0.2, 5.5, 5.5)
 CAMERA = Camera(15.0, 15.0)
@@ -34,7 +34,7 @@ waypoints = st.lists(
     st.tuples(coordinates, coordinates, st.sampled_from([0.5, 1.0, 4.0])), min_size=1, max_size=8
 )
 rois = st.builds(
-    grown, st.sampled_from(sorted(KINDS)), st.integers(1, MOST_CELLS), st.integers(0, 10**6)
+    grown, st.sampled_from(sorted(KINDS)), st.integers(1, MAX_CELLS), st.integers(0, 10**6)
 )
 
 
@@ -48,7 +48,7 @@ def laid(
     team = kernels.Team(
         row[None], starts, np.zeros((1, kernels.LEADS, 1, kernels.PIECE)), n_leads, np.zeros(1)
     )
-    ways = np.zeros((1, kernels.MOST_WAYPOINTS, 3))
+    ways = np.zeros((1, kernels.MAX_WAYPOINTS, 3))
     ways[0, : len(points)] = points
     one = np.ones(1, np.int64)
     counts, choices = one * len(points), one * (kernels.LEADS - 1)

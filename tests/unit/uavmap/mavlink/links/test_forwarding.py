@@ -22,7 +22,7 @@ from uavmap.load.mission_source import load
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.framing import Splitter, sender_of, target_of
 from uavmap.mavlink.links.serial_port import MAX_UNSENT, SerialPort
-from uavmap.mavlink.links.transports import MAX_UNSENT as MOST_UNSENT_TCP
+from uavmap.mavlink.links.transports import MAX_UNSENT as MAX_UNSENT_TCP
 from uavmap.mavlink.links.transports import open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
@@ -194,7 +194,7 @@ async def test_station_that_does_not_read_delays_no_link():
         for _ in range(200_000):
             station.send(FRAMES[0] * 10)
         tcp = station
-        assert tcp._transport.get_write_buffer_size() <= MOST_UNSENT_TCP + 1000
+        assert tcp._transport.get_write_buffer_size() <= MAX_UNSENT_TCP + 1000
     server.close()
 
 

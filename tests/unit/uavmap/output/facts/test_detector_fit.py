@@ -17,7 +17,7 @@ from uavmap.base.terminal import Terminal
 from uavmap.load.mission_source import load
 from uavmap.output.facts.detector_fit import (
     FIRST_FRAMES,
-    LEAST_FRAMES,
+    MIN_FRAMES,
     DetectorFit,
     is_untouched,
     no_verdict,
@@ -36,7 +36,7 @@ def frame(number, positive, in_all=10):
     return FrameSeen(1, float(number), None, tuple(votes))
 
 
-def fit_of(positive, frames=LEAST_FRAMES):
+def fit_of(positive, frames=MIN_FRAMES):
     fit = DetectorFit()
     for number in range(frames):
         fit.note(frame(number, positive))
@@ -94,7 +94,7 @@ def test_no_verdict_nearly_all_is_region_on_any_ground():
     for real in (False, True):
         assert "90% of the 200 observed cells" in no_verdict(state, fit_of(9), real=real)
     assert no_verdict(state, fit_of(8), real=True) == ""
-    assert no_verdict(state, fit_of(9, LEAST_FRAMES - 1), real=True) == ""
+    assert no_verdict(state, fit_of(9, MIN_FRAMES - 1), real=True) == ""
     assert no_verdict(setting.initial_state(), fit_of(9), real=True) == ""  # not over
 
 

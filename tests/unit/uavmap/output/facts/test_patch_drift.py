@@ -18,7 +18,7 @@ from missions.units import Cell, LatLon
 from tests.support.fleet_rig import field_text
 from tests.support.plans import plan_of
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
-from uavmap.output.facts.patch_drift import LEAST_S, Drift, Shares
+from uavmap.output.facts.patch_drift import MIN_SPAN_S, Drift, Shares
 from uavmap.runner import simulation
 from uavmap.runner.flight import fly
 from uavmap.ui.cli.common import report
@@ -127,7 +127,7 @@ def test_drift_of_two_patches_is_separate_and_spreading_is_no_drift():
     [
         lambda: [],
         lambda: frames_of([Blob(0.0, 0.0, 60.0)], [0.0], lag=0.0),
-        lambda: frames_of([Blob(0.0, 0.0, 60.0)], [0.0, LEAST_S - 10.0], lag=0.0),
+        lambda: frames_of([Blob(0.0, 0.0, 60.0)], [0.0, MIN_SPAN_S - 10.0], lag=0.0),
         lambda: frames_of([Blob(0.0, 0.0, 60.0, 0.4)], [0.0, 240.0]),
     ],
     ids=["nothing seen", "seen once", "seen for too short", "moved too far"],

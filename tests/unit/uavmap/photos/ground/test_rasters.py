@@ -317,7 +317,7 @@ def test_rasters_of_two_sites_take_the_room_of_both(
     told = json.loads((tmp_path / "map" / "boundary.geojson").read_text("utf-8"))
     assert told["features"][0]["properties"]["area_m2"] > 0.0
     capsys.readouterr()
-    monkeypatch.setattr(rasters, "MOST_LEVELS_PX", 10_000_000)
+    monkeypatch.setattr(rasters, "MAX_LEVELS_PX", 10_000_000)
     assert replayed_as_derived(folder, tmp_path / "again", "--no-ortho") == 0
     err = capsys.readouterr().err
     assert "probability.tif: not written: it would have " in err

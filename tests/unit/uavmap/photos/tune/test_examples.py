@@ -19,7 +19,7 @@ from missions.errors import ImageError
 from tests.unit.uavmap.photos.test_replay import painted
 from tests.unit.uavmap.ui.cli.commands.test_tune import SMALL, WIDE, region_file
 from uavmap.photos.tune.examples import load_examples
-from uavmap.photos.tune.paint_page import MOST_BYTES, Easel, served
+from uavmap.photos.tune.paint_page import MAX_BYTES, Easel, served
 from uavmap.ui.cli import main
 
 MASK = np.zeros((90, 160), np.uint8)
@@ -243,7 +243,7 @@ def test_mask_of_an_unknown_picture_is_refused(easel: Easel, address: str, path:
 
 def test_mask_that_is_no_picture_is_refused(easel: Easel, address: str) -> None:
     assert asked("PUT", f"{address}mask/0", b"no picture")[0] == 422
-    huge = {"Content-Length": str(MOST_BYTES + 1)}
+    huge = {"Content-Length": str(MAX_BYTES + 1)}
     assert asked("PUT", f"{address}mask/0", b"", huge)[0] == 413
     assert list(easel.masks.iterdir()) == []
 

@@ -15,7 +15,7 @@ from missions.flight.setting_of import setting_of
 from missions.units import Cell, LatLon, Pose, Quaternion
 from tests.support.small_missions import mission, square
 from uavmap.journal.kept_frames import KeptFrame
-from uavmap.output.drawing.judged import FILE, MOST_WIDE_PX, outlined
+from uavmap.output.drawing.judged import FILE, MAX_WIDE_PX, outlined
 from uavmap.runner.operator.judged_picture import JudgedPicture
 
 SETTING = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
@@ -91,4 +91,4 @@ def test_judged_picture_that_cannot_be_read_is_left_out_with_a_line(tmp_path, ca
 def test_outlined_picture_is_small():
     image = np.full((3000, 4000, 3), 128, np.uint8)
     with Image.open(io.BytesIO(outlined(image, np.zeros((30, 40))))) as found:
-        assert found.size == (MOST_WIDE_PX, 750)
+        assert found.size == (MAX_WIDE_PX, 750)

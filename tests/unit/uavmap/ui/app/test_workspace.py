@@ -13,7 +13,7 @@ import pytest
 from missions.errors import OutputError, UavmapError
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mbtiles import Tiles
-from uavmap.ui.app.jobs import MOST_RUNNING, Jobs
+from uavmap.ui.app.jobs import MAX_RUNNING, Jobs
 from uavmap.ui.app.workspace import Workspace, verdict
 
 
@@ -94,7 +94,7 @@ def test_command_runs_in_the_folder_and_its_lines_are_kept(tmp_path: Path) -> No
 
 def test_commands_beyond_the_maximum_are_refused(tmp_path: Path) -> None:
     jobs = Jobs(tmp_path)
-    begun = [jobs.begin(["--version"]) for _ in range(MOST_RUNNING)]
+    begun = [jobs.begin(["--version"]) for _ in range(MAX_RUNNING)]
     for job in begun:
         job.process.wait()
     jobs.begin(["--version"]).process.wait()  # they have ended
@@ -102,7 +102,7 @@ def test_commands_beyond_the_maximum_are_refused(tmp_path: Path) -> None:
     class Runs:
         runs = True
 
-    jobs.all = [Runs()] * MOST_RUNNING  # type: ignore[list-item]
+    jobs.all = [Runs()] * MAX_RUNNING  # type: ignore[list-item]
     with pytest.raises(UavmapError, match="end one of them first"):
         jobs.begin(["--version"])
 

@@ -39,16 +39,16 @@ def test_deltas_add_up_to_the_snapshot(turns):
 
 def test_deltas_of_bounded_lists_add_up_to_the_snapshot():
     board, slow = Board(), Board()
-    for i in range(module.MOST_LINES + 7):
+    for i in range(module.MAX_LINES + 7):
         board.add_line(float(i), "said", str(i))
         if i == 3:
             slow.apply(board.since(0))
-    for i in range(module.MOST_POINTS + 5):
+    for i in range(module.MAX_POINTS + 5):
         board.add_point(1, float(i), 0.0)
     slow.apply(board.since(slow.version))
     assert slow.since(0) == board.since(0)
-    assert len(board.since(0)["log"]) == module.MOST_LINES
-    assert len(board.since(0)["tracks"]["1"]) == 2 * module.MOST_POINTS
+    assert len(board.since(0)["log"]) == module.MAX_LINES
+    assert len(board.since(0)["tracks"]["1"]) == 2 * module.MAX_POINTS
 
 
 def test_board_without_news_has_no_new_version():

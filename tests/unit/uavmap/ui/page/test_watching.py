@@ -34,7 +34,7 @@ MEMBERS = mission_text(
 
 
 def test_board_of_a_flight_is_its_map(monkeypatch):
-    monkeypatch.setattr(watching, "MOST_CELLS", 7)
+    monkeypatch.setattr(watching, "MAX_CELLS", 7)
     setting = STOPS.setting()
     events = [from_json(line) for line in STOPS.lines()]
     state, copy = setting.initial_state(), Board()
@@ -136,7 +136,7 @@ def test_scene_is_for_json():
     assert scene["drift_m_s"] == [0.0, 0.0]
 
 
-MOST_M = 4.0
+MAX_M = 4.0
 """Maximum distance of a copter from its path in these flights, with the position error, m."""
 
 
@@ -157,7 +157,7 @@ def test_path_ahead_is_the_path_flown(recording, kinds):
             if isinstance(event, Tracked) and event.vehicle == number and told.get(number):
                 path = told[number]
                 points = [begun[number], *zip(path[1::3], path[2::3], strict=True)]
-                assert LineString(points).distance(here) < MOST_M
+                assert LineString(points).distance(here) < MAX_M
             if (path := ahead.news(vehicle, state.t_s)) is not None:
                 news += 1
                 told[number], begun[number] = path, here

@@ -10,8 +10,8 @@ from tests.support.page.board_flight import RING, BoardFlight, record
 from uavmap.output.drawing import palette
 from uavmap.ui.tak.marks import (
     AIRCRAFT,
-    MOST_POINTS,
-    MOST_RINGS,
+    MAX_POINTS,
+    MAX_RINGS,
     OTHER,
     OTHER_DRONE,
     Marks,
@@ -129,7 +129,7 @@ def test_largest_piece_is_the_first_and_the_smallest_are_left_out():
     flight = BoardFlight()
     flight.cells("explored", *((5 * k, 0) for k in range(50)), (100, 1))
     found = by_name(Marks(simulated=False).shapes(flight.live()))
-    assert len(found) == MOST_RINGS
+    assert len(found) == MAX_RINGS
     words = detail(found["region-1"]).findtext("remarks")
     assert words.startswith("32 m²; 816 m² in all")
     assert words.endswith("the 40 largest of 50 rings")
@@ -144,7 +144,7 @@ def test_lines_are_thinned_and_a_path_begins_at_its_vehicle():
     flight.board.set_field("path 1", [1e9, 120.0, 0.0, 1e9, 120.0, 30.0])
     found = by_name(Marks(simulated=False).shapes(flight.live()))
     assert list(found) == ["track-1", "path-1"]
-    assert len(places(found["track-1"])) == MOST_POINTS
+    assert len(places(found["track-1"])) == MAX_POINTS
     end = flight.live().on_earth(Point(18.0, 598.0))
     assert places(found["track-1"])[-1] == f"{end.y:.7f},{end.x:.7f}"
     assert len(places(found["path-1"])) == 3
