@@ -84,7 +84,7 @@ SYSTEM = re.compile(
 
 
 @pytest.fixture
-def said() -> Iterator[ShownLines]:
+def log_lines() -> Iterator[ShownLines]:
     """Collect the lines for the operator, of the test's own context."""
     lines = ShownLines()
     with shown_on(lines):

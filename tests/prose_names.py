@@ -27,6 +27,12 @@ _SPOKEN: Final = re.compile(
 """Words that no name has."""
 _PARTICIPLES: Final = re.compile("Asked|Flown|Found|Given|Known|Looked|Seen|Shown|Taken|Wanted")
 """Classes that do not name the thing."""
+_LIMITS: Final = re.compile("(MOST|LEAST)_")
+"""Constants that the house begins with `MAX_` and `MIN_`."""
+_ACTS: Final = re.compile(
+    "[a-z]+(?<!e)ed|done|flown|found|given|known|left|lost|met|sent|shown|taken"
+)
+"""Functions that return nothing and do not say what they do."""
 _WORD: Final = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
 
@@ -51,6 +57,13 @@ def defined(body: Iterable[ast.stmt], *, fields: bool = False) -> Iterator[tuple
                 yield from defined([*first, *second], fields=fields)
 
 
+def _returns_nothing(node: ast.stmt) -> bool:
+    match node:
+        case ast.FunctionDef(returns=returns) | ast.AsyncFunctionDef(returns=returns):
+            return isinstance(returns, ast.Constant) and returns.value is None
+    return False
+
+
 def name_faults(source: str) -> list[Fault]:
     """Return what is wrong with the names that a module defines."""
     found = []
@@ -63,6 +76,10 @@ def name_faults(source: str) -> list[Fault]:
                 found.append(Fault(node.lineno, f"{name}: write it without {word!r}"))
         if isinstance(node, ast.ClassDef) and _PARTICIPLES.fullmatch(plain):
             found.append(Fault(node.lineno, f"{name}: name the thing"))
+        if match := _LIMITS.match(plain):
+            found.append(Fault(node.lineno, f"{name}: write MAX_ or MIN_ for {match[0]}"))
+        if _returns_nothing(node) and _ACTS.fullmatch(plain):
+            found.append(Fault(node.lineno, f"{name}: write what it does, as note_{plain}"))
     return found
 
 

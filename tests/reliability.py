@@ -88,7 +88,7 @@ def _total(parts: Iterable[Mapping[str, int]]) -> Counter[str]:
     return sum((Counter(part) for part in parts), Counter[str]())
 
 
-def flown(runs: Sequence[Run]) -> str:
+def flown_text(runs: Sequence[Run]) -> str:
     """Return the table of campaigns."""
     rows = [
         (
@@ -226,7 +226,7 @@ def _failure(found: Mapping[str, Any]) -> str:
 def page(runs: Sequence[Run]) -> str:
     """Return the page of a record of campaigns, without its last newline."""
     parts = {
-        "campaigns": flown(runs), "troubles": injected(runs), "outcomes": outcomes(runs),
+        "campaigns": flown_text(runs), "troubles": injected(runs), "outcomes": outcomes(runs),
         "promises": promises(runs), "forgiven": forgiven(runs), "real": real(),
         "coverage": coverage(json.loads(COVERAGE.read_text("utf-8"))),
         "seeded": seeded(mutants.table()[0], mutants.results()),

@@ -159,7 +159,7 @@ class Offsets:
         measured = np.array(told_m) - np.array(seen_m)
         return self._correct(rows, measured, np.asarray(covariance_m2) * alike)
 
-    def stopped(self, role: Role) -> None:
+    def start_hover(self, role: Role) -> None:
         """Start a hover: `held` compares with the present place."""
         i = _INDEX[role]
         copy = np.eye(_STATES)

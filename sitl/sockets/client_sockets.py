@@ -116,7 +116,7 @@ class TcpPort:
         self._server = await loop.create_server(lambda: Connection(self), LOOPBACK, port)
         self.url = f"tcpout://{LOOPBACK}:{port}"
 
-    def connected(self, connection: Connection) -> None:
+    def add_client(self, connection: Connection) -> None:
         """Serve a client, let it wait, or drop it."""
         if self._served is None:
             self._serve(connection)
@@ -131,13 +131,13 @@ class TcpPort:
         if connection in self._waiting:
             connection.transport.pause_reading()
 
-    def received(self, connection: Connection, data: bytes) -> None:
+    def receive(self, connection: Connection, data: bytes) -> None:
         """Take the served client's bytes."""
         if connection is self._served:
             self._link.receive(data)
             self.flush()
 
-    def disconnected(self, connection: Connection) -> None:
+    def remove_client(self, connection: Connection) -> None:
         """Serve the next client, if the served one has gone."""
         if connection is not self._served:
             if connection in self._waiting:
@@ -195,15 +195,15 @@ class Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Keep the socket (asyncio)."""
         self.transport = cast(asyncio.Transport, transport)
-        self._port.connected(self)
+        self._port.add_client(self)
 
     def data_received(self, data: bytes) -> None:
         """Take the client's bytes (asyncio)."""
-        self._port.received(self, data)
+        self._port.receive(self, data)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Note that it has gone (asyncio)."""
-        self._port.disconnected(self)
+        self._port.remove_client(self)
 
 
 def datagrams(data: bytes) -> list[bytes]:

@@ -124,7 +124,7 @@ def picture(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    options = frame.asked(
+    options = frame.options_of(
         __doc__, vehicles=",".join(map(str, TEAMS)), comms=str, seed=1, picture=Path
     )
     if options.picture is not None:

@@ -33,7 +33,7 @@ from typing import IO, Any
 
 from missions.events import Landed, LiftedOff
 from missions.flight.state import Setting
-from tests.benchmarks.frame import asked
+from tests.benchmarks.frame import options_of
 from tests.support.small_missions import joined
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
@@ -235,7 +235,7 @@ def journals(folder: Path, count: int) -> Any:
 
 
 def main() -> int:
-    options = asked(
+    options = options_of(
         __doc__, mission="bay", network="group", loss=0.0, delay=0.0, parted_from=math.inf,
         parted_until=math.inf, speedup=2.0, seed=1, out=str, serve=int,
     )  # fmt: skip

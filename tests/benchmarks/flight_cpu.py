@@ -19,7 +19,7 @@ from unittest import mock
 
 from sitl.mavlink import camera_component
 from sitl.vehicle import SimVehicle
-from tests.benchmarks.frame import asked, flown, head, row, summary_of
+from tests.benchmarks.frame import flight_of, head, options_of, row, summary_of
 from uavmap.runner import one_flight
 
 PARTS = {
@@ -50,13 +50,13 @@ def timed(spent: dict[str, float], part: str) -> Iterator[None]:
 
 
 def main() -> None:
-    options = asked(__doc__, mission="runway")
+    options = options_of(__doc__, mission="runway")
     summary_of(options.mission)
     spent: dict[str, float] = {}
     with ExitStack() as parts:
         for part in PARTS:
             parts.enter_context(timed(spent, part))
-        with flown(options.mission) as (summary, _):
+        with flight_of(options.mission) as (summary, _):
             frames = summary["frames_judged"]
     simulator_s = spent["rendering"] + spent["simulated vehicles"]
     spent["the flight's side"] = spent["in flight"] - simulator_s

@@ -108,7 +108,7 @@ def row(name: str, found: Sequence[dict[str, Any]], base_s: float | None) -> str
 
 
 def main() -> None:
-    options = frame.asked(
+    options = frame.options_of(
         __doc__, mission=MISSIONS, strategy=STRATEGIES, vehicles=TEAMS, seeds=10, workers=1,
         quick=False,
     )  # fmt: skip

@@ -28,7 +28,7 @@ Job = TypeVar("Job")
 Found = TypeVar("Found")
 
 
-def asked(doc: str | None, **defaults: Any) -> argparse.Namespace:
+def options_of(doc: str | None, **defaults: Any) -> argparse.Namespace:
     """Parse the options of a benchmark, each from its name and default.
 
     False is a flag, a tuple takes several values of its first one's type, and a type is an option
@@ -59,7 +59,7 @@ def in_turn(
 
 # --- simulated flights ---------------------------------------------------------------------------
 @contextmanager
-def flown(
+def flight_of(
     name: str,
     text: str | None = None,
     fly: Callable[[FlightPlan, Path], dict[str, Any]] = fly,
@@ -75,7 +75,7 @@ def flown(
 
 
 def summary_of(name: str, text: str | None = None, **how: Any) -> dict[str, Any]:
-    with flown(name, text, **how) as (summary, _):
+    with flight_of(name, text, **how) as (summary, _):
         return summary
 
 

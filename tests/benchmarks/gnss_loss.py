@@ -71,7 +71,10 @@ def fly_and_measure(job: Job, mission: str, gnss_loss: str, autopilot: str) -> d
             pad_m = math.hypot(*course[-1][1:])
 
     text = text_of(job, mission, gnss_loss, autopilot)
-    with frame.truth_shown(record), frame.flown(mission, text, seed=job.seed) as (summary, folder):
+    with (
+        frame.truth_shown(record),
+        frame.flight_of(mission, text, seed=job.seed) as (summary, folder),
+    ):
         events = frame.events_of(folder)
     noticed = next((e for e in events if isinstance(e, Navigated) and e.gnss != "good"), None)
     tracked = [e for e in events if isinstance(e, Tracked) and e.t_s > job.at_s]
@@ -118,7 +121,7 @@ def together(case: str, rows: Sequence[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    options = frame.asked(
+    options = frame.options_of(
         __doc__, mission="runway", case=tuple(CASES), gnss_loss="map", seeds=10, first=1,
         at_s=float, autopilot="ardupilot", workers=2,
     )  # fmt: skip

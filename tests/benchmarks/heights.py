@@ -13,7 +13,7 @@ import re
 import statistics
 
 from missions.mission.checks import parse_mission
-from tests.benchmarks.frame import asked, head, row, summary_of
+from tests.benchmarks.frame import head, options_of, row, summary_of
 from tests.support.plans import named_text
 from tests.support.small_missions import first_patch
 
@@ -29,7 +29,7 @@ def text_of(pixels: float) -> str:
 
 
 def main() -> None:
-    options = asked(__doc__, pixels=PIXELS, seeds=3)
+    options = options_of(__doc__, pixels=PIXELS, seeds=3)
     names = ("cells missed", "false +", "false -", "verdicts")
     print(head("pixels a cell", "height, m", "IoU, %", *names))
     for pixels in options.pixels:

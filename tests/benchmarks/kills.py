@@ -36,7 +36,7 @@ from typing import Final
 import numpy as np
 
 from missions.errors import JournalError
-from tests.benchmarks.frame import asked
+from tests.benchmarks.frame import options_of
 from tests.e2e.rig import bodies, mission, written
 from tests.failing_disk import How, failing_disk
 from uavmap.journal.event_log import Journal
@@ -228,7 +228,7 @@ class Trials:
 
 def main() -> int:
     """Run and print; return the exit status. The mission is one of tests/data."""
-    options = asked(__doc__, kills=200, twice=40, full=30, calls=60, seed=1, mission="speck")
+    options = options_of(__doc__, kills=200, twice=40, full=30, calls=60, seed=1, mission="speck")
     faults: list[str] = []
     below = Path(tempfile.mkdtemp(prefix="uavmap-kills-"))
     trials = Trials(options.mission, below, options.seed)

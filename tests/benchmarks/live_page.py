@@ -30,7 +30,7 @@ from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint
-from tests.benchmarks.frame import asked, cpu_ms, spread
+from tests.benchmarks.frame import cpu_ms, options_of, spread
 from tests.support.page.app_page import app
 from tests.support.page.browser import browser
 from tests.support.plans import named_text, plan_of
@@ -213,7 +213,7 @@ def run_updates(
 
 if __name__ == "__main__":
     on_the_flight()
-    folder = asked(__doc__, out=Path()).out
+    folder = options_of(__doc__, out=Path()).out
     in_the_browser(folder)
     with day_page(folder) as day_url:
         in_the_browser(folder, day_url)

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from pymavlink import mavutil
 
-from tests.benchmarks.frame import asked, spread
+from tests.benchmarks.frame import options_of, spread
 from tests.e2e.rig import ended, mission, simulator, started
 
 MAX_GAP_S = 0.25
@@ -48,7 +48,7 @@ def gaps_of(log: Path, stalls: list[tuple[float, float]]) -> tuple[list[float], 
 
 
 def main() -> int:
-    options = asked(__doc__, mission="speck", stall=3.0, every=10.0, autopilot="ardupilot")
+    options = options_of(__doc__, mission="speck", stall=3.0, every=10.0, autopilot="ardupilot")
     stalls: list[tuple[float, float]] = []
     with (
         tempfile.TemporaryDirectory() as below,

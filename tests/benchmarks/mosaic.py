@@ -22,7 +22,7 @@ import numpy as np
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Setting
 from missions.units import GridPoint
-from tests.benchmarks.frame import asked, flown, head, row, spread
+from tests.benchmarks.frame import flight_of, head, options_of, row, spread
 from tests.support.ground.true_ground import seams_m, shifts_m, true_ground
 from tests.support.plans import named_text, plan_of
 from tests.unit.vision.scene import nadir_pose
@@ -101,7 +101,7 @@ def seams(seeds: list[int]) -> None:
             ):
                 with (
                     mock.patch.object(GrowingMosaic, "aligned", how),
-                    flown("runway", strategy=strategy, seed=seed) as (_, folder),
+                    flight_of("runway", strategy=strategy, seed=seed) as (_, folder),
                 ):
                     setting = flown_of(folder).setting
                     ground = Ground.read(folder, setting.grid)
@@ -146,14 +146,14 @@ def cost(seeds: list[int]) -> None:
             with (
                 mock.patch.object(FlightMosaic, "keep", keep),
                 orders_timed() as orders,
-                flown("tests/data/tiny.toml", strategy="rdfs", seed=seed),
+                flight_of("tests/data/tiny.toml", strategy="rdfs", seed=seed),
             ):
                 pass
             print(row(name, f"{time.process_time() - begin_s:.2f}", spread(orders)), flush=True)
 
 
 if __name__ == "__main__":
-    options = asked(__doc__, seeds=(1, 2, 3))
+    options = options_of(__doc__, seeds=(1, 2, 3))
     text = named_text("runway").text.replace("width_px = 640", f"width_px = {SIZE_PX[0]}")
     text = text.replace("height_px = 480", f"height_px = {SIZE_PX[1]}")
     parts = setting_of(plan_of("runway", text).mission), jpeg_of()

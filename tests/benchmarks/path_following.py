@@ -25,7 +25,7 @@ from missions.geo.trajectory import Trajectory, rounded_path
 from missions.mission.schema import Mission
 from missions.orders import FlyPath, TakeOff
 from missions.units import GridPoint
-from tests.benchmarks.frame import asked, head, row
+from tests.benchmarks.frame import head, options_of, row
 from tests.support.flights import Flight, fly
 from tests.support.small_missions import mission, square
 
@@ -133,7 +133,7 @@ def _length_s(plan: Trajectory) -> float:
 
 
 def main() -> int:
-    options = asked(__doc__, autopilot=("ardupilot", "px4"), speed=(3.0, 6.0, 8.0, 10.0))
+    options = options_of(__doc__, autopilot=("ardupilot", "px4"), speed=(3.0, 6.0, 8.0, 10.0))
     columns = ("error m, mean / 95 %", "beside m", "tilt deg, 95 %", "planned s", "flown")
     print(head("autopilot", "speed, wind m/s", *columns, "measured"))
     failed = False

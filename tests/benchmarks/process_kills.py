@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.benchmarks.frame import asked
+from tests.benchmarks.frame import options_of
 from tests.e2e import rig
 from uavmap.runner.aircraft_takeover import ADDRESS
 
@@ -78,7 +78,7 @@ def one(number: int, who: str, autopilot: str, driver: str, at_s: float, below: 
 
 
 def main() -> int:
-    options = asked(__doc__, kills=40, at_once=3, seed=1)
+    options = options_of(__doc__, kills=40, at_once=3, seed=1)
     rng = np.random.default_rng(options.seed)
     kinds = itertools.cycle(itertools.product(("ardupilot", "px4"), ("pymavlink", "mavsdk")))
     count: Counter[tuple[str, str, str]] = Counter()

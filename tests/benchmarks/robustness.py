@@ -214,7 +214,7 @@ def row(name: str, found: Sequence[Mapping[str, Any]]) -> str:
 
 
 def main() -> None:
-    options = frame.asked(__doc__, seeds=3, workers=1, only=("",))
+    options = frame.options_of(__doc__, seeds=3, workers=1, only=("",))
     names = [name for name in TROUBLES if any(part in name for part in options.only)]
     jobs = [(name, seed) for name in names for seed in range(1, options.seeds + 1)]
     print(frame.head("", "completed", *COLUMNS), flush=True)

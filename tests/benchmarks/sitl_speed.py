@@ -25,7 +25,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from sitl.scenario import Setup
 from sitl.sockets.server import free_ports
 from sitl.testing import Fleet
-from tests.benchmarks.frame import asked, cpu_ms, head, row
+from tests.benchmarks.frame import cpu_ms, head, options_of, row
 from tests.e2e.rig import started
 
 RATE_HZ = 10
@@ -82,7 +82,7 @@ def over_sockets(vehicles: int, speedup: float) -> float:
 
 
 def main() -> int:
-    options = asked(__doc__, virtual=False, sockets=False)
+    options = options_of(__doc__, virtual=False, sockets=False)
     # vehicles, measured quantity, repetitions, and the least target
     runs: list[tuple[str, int, Callable[[int, float], float], float, int, float]] = []
     if options.virtual or not options.sockets:

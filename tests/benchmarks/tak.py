@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.benchmarks.frame import asked, flown, head, row, spread
+from tests.benchmarks.frame import flight_of, head, options_of, row, spread
 from tests.benchmarks.mosaic import orders_timed
 from tests.support.tak.tak_listener import Listener
 from uavmap.journal.flight_plan import FlightPlan
@@ -48,14 +48,14 @@ def timed(url: str | None, seed: int) -> tuple[list[float], list[float]]:
     found = []
     for clock in (time.perf_counter, time.thread_time):
         how: dict[str, Any] = {"strategy": "rdfs", "seed": seed}
-        with orders_timed(clock) as orders, flown(MISSION, fly=partial(beside, url), **how):
+        with orders_timed(clock) as orders, flight_of(MISSION, fly=partial(beside, url), **how):
             pass
         found.append(orders)
     return found[0], found[1]
 
 
 def main() -> None:
-    options = asked(__doc__, seeds=(1, 2, 3, 4))
+    options = options_of(__doc__, seeds=(1, 2, 3, 4))
     pooled: dict[str, list[list[float]]] = {"without": [[], []], "with": [[], []]}
     ratios = []
     print(head("seed", "link", "picture to order, ms", "processor, ms", "orders", "load", "events"))

@@ -80,7 +80,7 @@ def mission_text(name: str, faults: Iterable[Mapping[str, object]] = ()) -> str:
     return text
 
 
-def flown(
+def fly_watched(
     name: str, text: str, seed: int, *more: str, observer: Observer | None = None
 ) -> WatchedFlight:
     """Fly a mission to its end; the observer may be one that interferes."""

@@ -26,7 +26,7 @@ from itertools import count, islice
 from pathlib import Path
 from typing import Any, Final
 
-from tests.benchmarks.frame import asked, in_turn
+from tests.benchmarks.frame import in_turn, options_of
 
 from . import fleets, record, reducer, simulated
 from .outcome import EXPLAINED, Outcome, forgiven_line, table
@@ -51,7 +51,7 @@ def _chosen(options: Namespace) -> str:
 
 
 def main() -> int:
-    options = asked(
+    options = options_of(
         __doc__, flights=100, seed=0, world="reducer", **SHAPES, workers=1, verbose=False,
         failures=Path("campaign-failures.txt"), record=False,
     )  # fmt: skip

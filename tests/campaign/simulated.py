@@ -174,7 +174,7 @@ def fly(
     if pilots:
         autopilot = "px4" if 'autopilot = "px4"' in text else "ardupilot"
         witness.pilot = Pilot.from_seed(seed, text.count("[[vehicles]]"), autopilot)
-    flown = watched.flown(str(flight), text, seed, observer=witness)
+    flown = watched.fly_watched(str(flight), text, seed, observer=witness)
     if verbose:
         reported = (event for event in flown.events if event.kind not in ("tracked", "frame_seen"))
         print(*reported, text, flown.stderr, flown.summary, flown.line(), sep="\n")

@@ -38,7 +38,7 @@ def fly(body, driver, autopilot, speedup=SPEEDUP):
     return _fly_ours(body, autopilot)
 
 
-def flown(*, drivers=DRIVERS, autopilots=AUTOPILOTS, speedup=SPEEDUP):
+def by_each_driver(*, drivers=DRIVERS, autopilots=AUTOPILOTS, speedup=SPEEDUP):
     """Make a test of what happens to a connected vehicle on the ground, by each driver."""
 
     def decorate(test):

@@ -38,7 +38,7 @@ from missions.orders import (
 from missions.units import Cell, GridPoint, LatLon
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
-from tests.conformance.rig import DRIVERS, flown, turned_to
+from tests.conformance.rig import DRIVERS, by_each_driver, turned_to
 from tests.support.flights import UP_M, to
 from tests.unit.uavmap.mavlink.links.test_signing import KEY, Memory
 from uavmap.journal.flight_plan import DRIVERS as OFFERED
@@ -74,7 +74,7 @@ async def take_over_while_it_waits(flight, autopilot):
     await turned_to(flight, int(mode), *asked)
 
 
-@flown()
+@by_each_driver()
 async def test_every_order_ends_with_its_event(flight, autopilot):
     assert flight.seen(Connected)[0].airborne is False
     await flight.after(TakeOff(UP_M), Airborne)
@@ -98,7 +98,7 @@ async def test_every_order_ends_with_its_event(flight, autopilot):
     assert flight.vehicle.truth.landed
 
 
-@flown()
+@by_each_driver()
 async def test_autopilot_commanded_rtl_returns_by_itself(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(to(12.0, 0.0), Arrived)
@@ -111,7 +111,7 @@ async def test_autopilot_commanded_rtl_returns_by_itself(flight, autopilot):
     assert flight.vehicle.truth.landed
 
 
-@flown()
+@by_each_driver()
 async def test_vehicle_that_refuses_rtl_is_commanded_to_land(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     for command in (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, mav.MAV_CMD_DO_SET_MODE):
@@ -121,7 +121,7 @@ async def test_vehicle_that_refuses_rtl_is_commanded_to_land(flight, autopilot):
     assert "denied" in flight.seen(Guarded)[-1].reason
 
 
-@flown(speedup=STREAMED_SPEEDUP)
+@by_each_driver(speedup=STREAMED_SPEEDUP)
 async def test_a_path_is_flown_without_a_halt(flight, autopilot):
     corners = [GridPoint(0, 0), GridPoint(24, 0), GridPoint(24, 24)]
     off_m = []
@@ -145,7 +145,7 @@ async def test_a_path_is_flown_without_a_halt(flight, autopilot):
     assert sorted(off_m)[len(off_m) // 2] < 2.5  # delays of the wire, not of a busy machine
 
 
-@flown()
+@by_each_driver()
 async def test_a_pilot_has_the_last_word(flight, autopilot):
     mode, asked = HOLDS[autopilot]
     await flight.after(TakeOff(UP_M), Airborne)
@@ -162,7 +162,7 @@ async def test_a_pilot_has_the_last_word(flight, autopilot):
     await flight.sees(Released)
 
 
-@flown()
+@by_each_driver()
 async def test_a_command_that_is_waited_for_ends_with_its_order(flight, autopilot):
     """No acknowledgement arrives, and a pilot takes the vehicle: the order is not repeated."""
     await take_over_while_it_waits(flight, autopilot)
@@ -172,7 +172,7 @@ async def test_a_command_that_is_waited_for_ends_with_its_order(flight, autopilo
     assert_not_flown(flight, since)
 
 
-@flown()
+@by_each_driver()
 async def test_refused_target_is_reported_and_not_sent_again(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION, mav.MAV_RESULT_DENIED)
@@ -182,7 +182,7 @@ async def test_refused_target_is_reported_and_not_sent_again(flight, autopilot):
     assert commands(flight, before).count(mav.MAV_CMD_DO_REPOSITION) == 1
 
 
-@flown()
+@by_each_driver()
 async def test_refused_arming_is_reported_with_its_reason(flight, autopilot):
     flight.vehicle.fail.reject(mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_RESULT_DENIED)
     failed = await flight.after(TakeOff(UP_M), OrderFailed)
@@ -190,7 +190,7 @@ async def test_refused_arming_is_reported_with_its_reason(flight, autopilot):
     assert not flight.session.view.armed
 
 
-@flown(autopilots=("ardupilot",))
+@by_each_driver(autopilots=("ardupilot",))
 async def test_a_silent_link_is_lost_and_found_again(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.to_vehicle = flight.to_driver = _swallowed
@@ -201,7 +201,7 @@ async def test_a_silent_link_is_lost_and_found_again(flight, autopilot):
     await flight.after(to(6.0, 0.0), Arrived)
 
 
-@flown(autopilots=("ardupilot",))
+@by_each_driver(autopilots=("ardupilot",))
 async def test_flight_with_a_fifth_of_all_frames_lost_lands(flight, autopilot):
     """The second of every five frames of a kind is lost, so repeats of a command arrive."""
     numbers = defaultdict(itertools.count)
@@ -215,7 +215,7 @@ async def test_flight_with_a_fifth_of_all_frames_lost_lands(flight, autopilot):
     assert not flight.seen(Overridden)
 
 
-@flown(autopilots=("ardupilot",))
+@by_each_driver(autopilots=("ardupilot",))
 async def test_a_link_is_signed_in_both_directions(flight, autopilot):
     """With a key all frames are sent signed, and unsigned frames are ignored."""
     begun = []
@@ -237,7 +237,7 @@ async def test_a_link_is_signed_in_both_directions(flight, autopilot):
     assert flags == {mav.MAVLINK_IFLAG_SIGNED}
 
 
-@flown(autopilots=("ardupilot",))
+@by_each_driver(autopilots=("ardupilot",))
 async def test_no_number_that_does_not_fit_is_sent(flight, autopilot):
     for bad_m in (math.nan, math.inf, 1e300):
         with pytest.raises(LinkError, match=r"cannot be sent|no place"):

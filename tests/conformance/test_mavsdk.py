@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from missions.events import Airborne, Arrived, Connected, Landed, OrderFailed
 from missions.orders import Land, TakeOff
-from tests.conformance.rig import flown, fly
+from tests.conformance.rig import by_each_driver, fly
 from tests.conformance.test_drivers import take_over_while_it_waits
 from tests.support.flights import UP_M, to
 from uavmap.base.clock import ScaledClock, run
@@ -20,7 +20,7 @@ from uavmap.mavlink.mavsdk.driver_process import MavsdkProcess
 from uavmap.mavlink.mavsdk.mavsdk_session import MavsdkSession
 
 
-@flown(drivers=("mavsdk",))
+@by_each_driver(drivers=("mavsdk",))
 async def test_both_decoders_read_the_same(flight, autopilot):
     logged = []
     read = []
@@ -50,7 +50,7 @@ def between(wire, read):
     return wire[a:b], read[c:d]
 
 
-@flown(drivers=("mavsdk",))
+@by_each_driver(drivers=("mavsdk",))
 async def test_repeats_by_mavsdk_of_a_dead_order_do_not_leave_this_machine(flight, autopilot):
     await take_over_while_it_waits(flight, autopilot)
     outbox = flight.session.outbox

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from tests.e2e.rig import Flight, flown
+from tests.e2e.rig import Flight, fly
 
 
 def _flight(name: str, *more: str) -> Any:
     @pytest.fixture(scope="session")
     def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-        return flown(name, tmp_path_factory.mktemp(name) / "out", *more)
+        return fly(name, tmp_path_factory.mktemp(name) / "out", *more)
 
     return flight
 

@@ -134,7 +134,7 @@ class Flight:
         return summary
 
 
-def flown(source: object, folder: Path, *more: object, hash_seed: str | None = None) -> Flight:
+def fly(source: object, folder: Path, *more: object, hash_seed: str | None = None) -> Flight:
     """Fly in the simulator: a mission file, one of the tests by name, or a shipped one."""
     words = ("fly", mission(str(source)), "--sim", "--json", "--out", folder, *more)
     return Flight(uavmap(*words, hash_seed=hash_seed), folder)
@@ -144,7 +144,7 @@ def flown_text(text: str, folder: Path, *more: object) -> Flight:
     """Fly the text of a mission, which is kept as `field.toml` in a folder, into `out` there."""
     file = folder / "field.toml"
     file.write_text(text, encoding="utf-8")
-    return flown(file, folder / "out", *more)
+    return fly(file, folder / "out", *more)
 
 
 def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:

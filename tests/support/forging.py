@@ -22,7 +22,7 @@ from unittest import mock
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 import uavmap.runner.simulation
-from tests.benchmarks.watched import WatchedFlight, flown, mission_text
+from tests.benchmarks.watched import WatchedFlight, fly_watched, mission_text
 from tests.support.hostile import Hostile
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 
@@ -126,5 +126,5 @@ def network() -> list[str]:
 def fly(kind: str, seed: int, frames: int) -> tuple[WatchedFlight, tuple[str, ...]]:
     network().clear()
     with forging(kind, seed, frames):
-        flight = flown(f"{kind} seed {seed}", mission_text(MISSION), seed)
+        flight = fly_watched(f"{kind} seed {seed}", mission_text(MISSION), seed)
     return flight, tuple(network())

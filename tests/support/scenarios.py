@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.flight.state import Setting
 from sitl.vehicle import SimVehicle
-from tests.benchmarks.watched import WatchedFlight, flown, mission_text
+from tests.benchmarks.watched import WatchedFlight, fly_watched, mission_text
 from tests.support.sitl_truth import Observer
 
 FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb"})
@@ -54,7 +54,7 @@ def scenario(
     text = change(mission_text(mission, faults))
     text = text.replace("[sim]\n", f'[sim]\nautopilot = "{autopilot}"\n')
     text += table("parameters", parameters) + table("quirks", quirks)
-    flight = flown(autopilot, text, seed, *more, observer=Meddler(acts=list(acts)))
+    flight = fly_watched(autopilot, text, seed, *more, observer=Meddler(acts=list(acts)))
     assert not flight.columns & FORBIDDEN, flight.line() + flight.raised + flight.stderr
     return flight
 

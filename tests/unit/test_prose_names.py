@@ -17,6 +17,8 @@ from tests import prose_names
         "class ToldPose: ...\n",
         "TELL_EVERY_S: Final = 1.0\n",
         "if X:\n    def who_flies(): ...\n",
+        "_MOST_BYTES: Final = 100\n",
+        "class A:\n    async def _connected(self) -> None: ...\n",
     ],
 )
 def test_names_of_functions_classes_and_constants_excluded_words_are_found(source):
@@ -31,6 +33,9 @@ def test_names_of_functions_classes_and_constants_excluded_words_are_found(sourc
         "class A:\n    camera_tells_pose: bool\n",
         "class FrameSeen: ...\n",
         "essays, whole = 1, 2\n",
+        "ALMOST_S: Final = 1.0\n",
+        "def feed(x) -> None: ...\n",
+        "def moved(x) -> Point: ...\n",
     ],
 )
 def test_names_of_fields_and_locals_and_longer_words_pass(source):

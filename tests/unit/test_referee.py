@@ -27,7 +27,7 @@ def at(t_s: float, east_m: float = 0.0, north_m: float = 0.0, **more: object) ->
     return replace(given, **more)  # type: ignore[arg-type]
 
 
-def judged(samples: Sequence[Sample], others: Sequence[Sample] = (), **more: object) -> Referee:
+def referee_of(samples: Sequence[Sample], others: Sequence[Sample] = (), **more: object) -> Referee:
     referee = Referee(bounds(**more))
     tracks = [(1, sample) for sample in samples] + [(2, sample) for sample in others]
     for number, sample in sorted(tracks, key=lambda pair: pair[1].t_s):
@@ -43,7 +43,7 @@ def test_separation_crossing_between_samples_is_seen():
     """At every sample they are at least 20 m apart; half-way they are 3 m apart."""
     one = [at(0.0, -20.0), at(1.0, 20.0)]
     other = [at(0.0, 20.0, 3.0), at(1.0, -20.0, 3.0)]
-    referee = judged(one, other)
+    referee = referee_of(one, other)
     assert referee.found == [("near", "1.00 s: vehicle 1 and 2 are 3.00 m apart")]
     assert referee.nearest_m == pytest.approx(3.0)
 
@@ -52,13 +52,13 @@ def test_separation_crossing_between_samples_is_seen():
 def test_separation_samples_of_different_times_are_compared_at_the_same_time(late_s, seen):
     one = [at(0.0, 0.0), at(0.8, 8.0)]
     other = [at(late_s, 10.0 * late_s, 1.0), at(late_s + 0.8, 10.0 * late_s + 8.0, 1.0)]
-    assert (kinds(judged(one, other)) == ["near"]) == seen
+    assert (kinds(referee_of(one, other)) == ["near"]) == seen
 
 
 def test_separation_least_distance_of_an_encounter_is_kept():
     one = [at(0.1 * k) for k in range(30)]
     other = [at(0.1 * k, 8.0 - 0.4 * k if k < 15 else 0.4 * k - 4.0) for k in range(30)]
-    referee = judged(one, other)
+    referee = referee_of(one, other)
     assert [text.split(": ")[1] for _, text in referee.found] == [
         "vehicle 1 and 2 are 2.00 m apart"
     ]
@@ -66,12 +66,12 @@ def test_separation_least_distance_of_an_encounter_is_kept():
 
 def test_separation_counts_heights():
     one, other = [at(0.0), at(1.0)], [at(0.0, up_m=15.5), at(1.0, up_m=15.5)]
-    assert kinds(judged(one, other)) == []
-    assert judged(one, other).nearest_m == pytest.approx(5.5)
+    assert kinds(referee_of(one, other)) == []
+    assert referee_of(one, other).nearest_m == pytest.approx(5.5)
 
 
 def test_fence_corner_that_is_cut_between_samples_is_seen():
-    referee = judged([at(0.0, -10.0, 20.0), at(1.0, 20.0, -10.0)], fence=L_SHAPE)
+    referee = referee_of([at(0.0, -10.0, 20.0), at(1.0, 20.0, -10.0)], fence=L_SHAPE)
     assert kinds(referee) == ["breach"]
     assert "5.0 m outside" in referee.found[0][1]
 
@@ -79,7 +79,7 @@ def test_fence_corner_that_is_cut_between_samples_is_seen():
 @pytest.mark.parametrize(("ails", "held_s"), [({"blind"}, 50.0), ({"blind"}, 70.0), (set(), 1.0)])
 def test_fence_is_forgiven_for_60_s_after_wrong_positions(ails, held_s):
     outside = [at(float(t), 60.0) for t in range(2, 2 + int(held_s))]
-    referee = judged([at(0.0, 49.0, ails=frozenset(ails)), at(1.0, 49.0), *outside])
+    referee = referee_of([at(0.0, 49.0, ails=frozenset(ails)), at(1.0, 49.0), *outside])
     assert kinds(referee) == (["breach"] if held_s > 60.0 or not ails else [])
     assert referee.forgiven["uncontrolled"] == (1 if ails else 0)
 
@@ -106,9 +106,9 @@ def test_separation_is_forgiven_while_others_leave_the_air_of_a_failsafe(after_s
 def test_pilot_mode_changed_by_the_service_is_seen():
     pilots = at(1.0, mode="LAND", holder="pilot", changes=(("pilot", "LAND"),))
     taken = at(2.0, mode="RTL", changes=(("service", "RTL"),))
-    assert kinds(judged([at(0.0), pilots, taken])) == ["taken"]
+    assert kinds(referee_of([at(0.0), pilots, taken])) == ["taken"]
     given_back = at(1.5, mode="GUIDED", changes=(("pilot", ""),))
-    assert kinds(judged([at(0.0), pilots, given_back, taken])) == []
+    assert kinds(referee_of([at(0.0), pilots, given_back, taken])) == []
 
 
 @pytest.mark.parametrize(
@@ -118,11 +118,11 @@ def test_pilot_mode_changed_by_the_service_is_seen():
 )  # fmt: skip
 def test_vehicle_in_the_air_without_responsible_part_is_seen(charge, order, alone):
     samples = [at(float(t), charge=charge, order=order) for t in range(10)]
-    assert (kinds(judged(samples)) == ["alone"]) == alone
+    assert (kinds(referee_of(samples)) == ["alone"]) == alone
 
 
 def test_order_for_a_vehicle_of_a_pilot_is_seen():
-    referee = judged([at(0.0)])
+    referee = referee_of([at(0.0)])
     referee.ordered(1, 0.0, "StandDown", "others", "pilot")
     assert kinds(referee) == []
     referee.ordered(1, 0.0, "FlyTo", "others", "pilot")
@@ -130,7 +130,7 @@ def test_order_for_a_vehicle_of_a_pilot_is_seen():
 
 
 def test_order_for_a_vehicle_that_a_pilot_has_unnoticed_is_seen():
-    referee = judged([at(float(t), holder="pilot") for t in range(8)])
+    referee = referee_of([at(float(t), holder="pilot") for t in range(8)])
     referee.ordered(1, 7.0, "FlyTo", "mission", "service")  # given back just now
     assert kinds(referee) == []
     referee.ordered(1, 7.0, "FlyTo", "mission", "pilot")
@@ -139,9 +139,9 @@ def test_order_for_a_vehicle_that_a_pilot_has_unnoticed_is_seen():
 
 def test_energy_below_the_reserve_and_at_zero_is_seen():
     landing = at(1.0, flying=False, up_m=0.0, wh=2.0)
-    assert kinds(judged([at(0.0), landing])) == ["reserve"]
-    assert kinds(judged([at(0.0), at(1.0, wh=0.0)])) == ["fell", "reserve"]
-    stormy = judged([at(-1.0, flying=False), at(0.0, ails=frozenset({"stormy"})), landing])
+    assert kinds(referee_of([at(0.0), landing])) == ["reserve"]
+    assert kinds(referee_of([at(0.0), at(1.0, wh=0.0)])) == ["fell", "reserve"]
+    stormy = referee_of([at(-1.0, flying=False), at(0.0, ails=frozenset({"stormy"})), landing])
     assert kinds(stormy) == []
     assert stormy.forgiven == {"not reckoned with": 1}
 
@@ -149,7 +149,7 @@ def test_energy_below_the_reserve_and_at_zero_is_seen():
 def test_energy_below_the_reserve_is_seen_before_a_failsafe_of_the_battery_acts():
     failsafe = at(2.0, wh=1.0, mode="RTL", holder="failsafe")
     landing = at(3.0, wh=0.5, flying=False, up_m=0.0)
-    referee = judged([at(0.0), at(1.0, wh=2.0), failsafe, landing])
+    referee = referee_of([at(0.0), at(1.0, wh=2.0), failsafe, landing])
     assert referee.found == [("reserve", "1.00 s: vehicle 1 flies with 2.00 Wh, reserve 3")]
 
 
@@ -159,7 +159,7 @@ def test_crash_that_is_not_reported_is_seen():
     for reported, completed, found in (
         ({1}, False, []), (set(), False, ["unreported"]), ({1}, True, ["lie"]),
     ):  # fmt: skip
-        referee = judged([at(-1.0, 20.0, up_m=12.0), *fall, lies])
+        referee = referee_of([at(-1.0, 20.0, up_m=12.0), *fall, lies])
         referee.conclude(ProductReport(2.0, completed=completed, reported=frozenset(reported)))
         assert kinds(referee) == found
 
@@ -170,7 +170,7 @@ def test_crash_that_is_not_reported_is_seen():
      (3, True, 0.0, ["lie"]), (4, False, 0.0, ["lie"]), (3, False, 9.0, ["away"])],
 )  # fmt: skip
 def test_exit_code_that_is_not_so_is_seen(code, completed, away_m, found):
-    referee = judged([at(0.0, away_m, up_m=1.0), at(1.0, away_m, up_m=0.0, flying=False)])
+    referee = referee_of([at(0.0, away_m, up_m=1.0), at(1.0, away_m, up_m=0.0, flying=False)])
     referee.conclude(ProductReport(2.0, code=code, completed=completed))
     assert kinds(referee) == found
 
@@ -206,22 +206,22 @@ def test_the_page_of_the_referee_has_every_rule_and_every_forgiveness():
 
 
 def test_vehicle_far_outside_and_one_left_in_the_air_are_seen():
-    assert "far" in kinds(judged([at(0.0), at(1.0, 400.0)]))
-    referee = judged([at(0.0, up_m=9.0)])
+    assert "far" in kinds(referee_of([at(0.0), at(1.0, 400.0)]))
+    referee = referee_of([at(0.0, up_m=9.0)])
     referee.conclude(ProductReport(1.0))
     assert kinds(referee) == ["air"]
 
 
 def test_vehicle_that_is_carried_out_on_the_ground_breaches_the_fence_once_it_flies():
     away = [at(0.5 * k, 40.0 * k, up_m=0.0, flying=False) for k in range(9)]
-    referee = judged([at(-1.0), *away, at(5.0, 321.0)])
+    referee = referee_of([at(-1.0), *away, at(5.0, 321.0)])
     assert "breach" in kinds(referee)
 
 
 def test_low_crash_is_a_lie_of_a_complete_flight_where_each_is_noticed():
     lies = [at(0.0, up_m=1.0), at(1.0, up_m=0.0, flying=False, crashed=True)]
     for known, found in ((False, []), (True, ["lie"])):
-        referee = judged(lies, crash_is_known=known)
+        referee = referee_of(lies, crash_is_known=known)
         referee.conclude(ProductReport(2.0, completed=True))
         assert kinds(referee) == found
 
@@ -229,4 +229,4 @@ def test_low_crash_is_a_lie_of_a_complete_flight_where_each_is_noticed():
 def test_speed_of_an_impact_is_that_of_the_world_where_it_is_recorded():
     slow = [at(0.0, up_m=1.0), at(1.0, up_m=0.0, flying=False)]
     struck = [slow[0], replace(slow[1], down_m_s=5.0)]
-    assert [judged(seen).memories[1].struck for seen in (slow, struck)] == [False, True]
+    assert [referee_of(seen).memories[1].struck for seen in (slow, struck)] == [False, True]

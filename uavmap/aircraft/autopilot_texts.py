@@ -165,7 +165,7 @@ class AutopilotTexts:
         self._show(text, times)
         if self._kept < MAX_RECORDED or cause is not None:
             self._kept += 1
-            self._reporter.happened(
+            self._reporter.report_now(
                 AutopilotText, text.severity, text.words, times=times, cause=cause
             )
 

@@ -229,7 +229,7 @@ class _ModePermit:
     monitor: Monitor
     copy: Copy
 
-    async def granted(self) -> None:
+    async def wait_for_grant(self) -> None:
         if not await self.session.until(self.grants, HEARTBEAT_WAIT_S):
             raise LinkError("the vehicle does not report its mode")
 

@@ -114,7 +114,7 @@ class Member:
             return
         if self.ground is None or self.stopped_at is None:
             self.ground, self.stopped_at = ground, here
-            self.leapfrog.offsets.stopped(self.role)
+            self.leapfrog.offsets.start_hover(self.role)
             return
         told = (here.east_m - self.stopped_at.east_m, here.north_m - self.stopped_at.north_m)
         if not math.isclose(ground.metres_per_pixel, self.ground.metres_per_pixel):

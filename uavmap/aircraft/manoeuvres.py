@@ -124,7 +124,7 @@ class Manoeuvres:
                 looking = tasks.create_task(self._take_navigation_frames())
                 await self._fly_route(order)
                 looking.cancel()
-        self._arrived()
+        self._report_arrival()
 
     async def _take_navigation_frames(self) -> None:
         """Take pictures for navigation, until cancelled; no map depends on them."""
@@ -142,8 +142,8 @@ class Manoeuvres:
         if order.cell is not None:
             await self._reach(self._follow(order.cell), order.height_m, stop=order.stop)
 
-    def _arrived(self) -> None:
-        self._reporter.happened(Arrived, self._reporter.position())
+    def _report_arrival(self) -> None:
+        self._reporter.report_now(Arrived, self._reporter.position())
 
     def _follow(self, cell: Cell) -> Callable[[], GridPoint]:
         centre = self._grid.centre_of(cell)
@@ -249,7 +249,7 @@ class Manoeuvres:
         for lost in frames.left_over():
             self._reporter.report(lost)
         await self._leave_path()
-        self._arrived()
+        self._report_arrival()
 
     async def _photograph_path(self, frames: Frames) -> None:
         stream, session = self._stream, self._session
@@ -291,7 +291,7 @@ class Manoeuvres:
             watching.cancel()
         for lost in frames.left_over():
             self._reporter.report(lost)
-        self._arrived()
+        self._report_arrival()
 
     async def _look(self, order: Look) -> None:
         follow: asyncio.Task[None] | None = None
@@ -302,7 +302,7 @@ class Manoeuvres:
                 await self._watch_frames(frames, order.cell)
             if follow is not None:
                 follow.cancel()
-        self._reporter.happened(LookEnded)
+        self._reporter.report_now(LookEnded)
 
     async def _stay_over(self, order: Look) -> None:
         target = self._follow(order.cell)
@@ -329,7 +329,7 @@ class Manoeuvres:
         if stood:
             await self._session.until(landing, MAX_MODE_CHANGE_S)
             if not monitor.control.armed and monitor.control.air is AirState.ON_GROUND:
-                monitor.landed()
+                monitor.report_landing()
 
     async def _sink_by_map(self) -> None:
         """Descend to where a landing takes a few seconds: it would follow the satellites' error."""

@@ -133,16 +133,16 @@ class Navigation:
             return
         now_s = self._reporter.now_s()
         if not airborne:
-            self._grounded(now_s)
+            self._start_at_home(now_s)
             return
-        self._flown()
+        self._add_distance()
         lost = self._view.by_dead_reckoning or self._goes_on_without_fix
         if lost == (self.gnss == "lost") or self.gnss == "wrong":
             self._since_s = None
         else:
             self._since_s = now_s if self._since_s is None else self._since_s
             if now_s - self._since_s >= (LOST_S if lost else SATELLITES_BACK_S):
-                self._changed("lost" if lost else "good", now_s)
+                self._change_gnss("lost" if lost else "good", now_s)
         self._exchange_with_partner(now_s)
         if self.gnss != "good":
             self._check_certainty(now_s)
@@ -175,25 +175,25 @@ class Navigation:
             now_s = self._reporter.now_s()
             self._own.track.distrust(now_s - LEAP_S)
             self._reporter.line(f"vehicle {self._reporter.number}: {how}")
-            self._changed("wrong", now_s)
+            self._change_gnss("wrong", now_s)
         return True
 
-    def _grounded(self, now_s: float) -> None:
+    def _start_at_home(self, now_s: float) -> None:
         """Take its home for its place; satellites that were false are not used again."""
         self._last, self._since_s, self._unsure_s = None, None, None
         if self.gnss == "lost" and not self._view.by_dead_reckoning:
-            self._changed("good", now_s)
+            self._change_gnss("good", now_s)
         if self.gnss == "wrong" and not self._failed:
             self._failed = True
             self.fail("its satellite navigation has given a wrong position")
 
-    def _flown(self) -> None:
+    def _add_distance(self) -> None:
         here = self._reporter.position()
         if self._last is not None:
             self._flown_m += here.distance_to(self._last)
         self._last = here
 
-    def _changed(self, gnss: Gnss, now_s: float) -> None:
+    def _change_gnss(self, gnss: Gnss, now_s: float) -> None:
         before, self.gnss = self.gnss, gnss
         self._since_s = self._unsure_s = self._agrees_s = None
         number = self._reporter.number
@@ -225,10 +225,10 @@ class Navigation:
     def _report(self, now_s: float) -> None:
         self._reported_s = now_s
         if not self.by_map:
-            self._reporter.happened(Navigated, self.gnss)
+            self._reporter.report_now(Navigated, self.gnss)
             return
         off = GridPoint(round(self._off.east_m, 2), round(self._off.north_m, 2))
-        self._reporter.happened(Navigated, self.gnss, sigma_m=round(self.sigma_m, 2), off_m=off)
+        self._reporter.report_now(Navigated, self.gnss, sigma_m=round(self.sigma_m, 2), off_m=off)
 
     # --- what its pictures say -----------------------------------------------------------------
     def add_frame(self, frame: Frame) -> Frame:
@@ -275,7 +275,7 @@ class Navigation:
         if found.wrong(self._wanted.tolerated_m):
             self._own.track.distrust(found.since_s)
             self._use(self._own.track.estimate())
-            self._changed("wrong", now_s)
+            self._change_gnss("wrong", now_s)
 
     def _use(self, known: Estimate) -> None:
         self._correct(GridPoint(*known.error_m))
@@ -305,7 +305,7 @@ class Navigation:
             return
         self._agrees_s = now_s if self._agrees_s is None else self._agrees_s
         if now_s - self._agrees_s >= AGREE_S:
-            self._changed("good", now_s)
+            self._change_gnss("good", now_s)
 
     def _check_certainty(self, now_s: float) -> None:
         """Estimate the certainty without pictures; a vehicle that knows too little returns."""

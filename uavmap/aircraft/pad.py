@@ -139,7 +139,7 @@ class Pad:
         ):
             raise LinkError(f"did not climb to {order.height_m:g} m{view.recent_texts()}")
         reporter = self._reporter
-        reporter.happened(Airborne, home=reporter.home(), home_amsl_m=reporter.home_amsl_m())
+        reporter.report_now(Airborne, home=reporter.home(), home_amsl_m=reporter.home_amsl_m())
 
     async def _arm(self, waiting: Waiting) -> None:
         """Command the mode that follows us, and arm the motors."""
@@ -182,4 +182,4 @@ class Pad:
             # a confirmation without a battery is possible, and the reason for the wait must be
             # shown
             await Waiting(reporter, self._session).until(fresh, math.inf, what)
-        reporter.happened(BatterySwapped, reporter.remaining())
+        reporter.report_now(BatterySwapped, reporter.remaining())

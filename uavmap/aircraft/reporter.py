@@ -48,7 +48,7 @@ class Reporter:
         """Mission time, to a millisecond."""
         return round(self.now_s(), 3)
 
-    def happened(
+    def report_now(
         self, kind: Callable[Concatenate[int, float, P], Event], *values: P.args, **named: P.kwargs
     ) -> None:
         """Report an event of the vehicle, at the present time."""

@@ -213,7 +213,7 @@ class MavlinkVehicle:
             self._monitor.report_connected()
             self.guardian.repeat_command()
         else:
-            self._reporter.happened(LinkLost)
+            self._reporter.report_now(LinkLost)
 
     def _stand_aside(self) -> None:
         self._manoeuvres.called_off()
@@ -246,7 +246,7 @@ class MavlinkVehicle:
             pass  # the next one comes soon
 
     def _order_failed(self, reason: str, behind: bool = False) -> None:
-        self._reporter.happened(OrderFailed, type(self._order).__name__, reason, behind=behind)
+        self._reporter.report_now(OrderFailed, type(self._order).__name__, reason, behind=behind)
 
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:
@@ -263,7 +263,7 @@ class MavlinkVehicle:
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
                 monitor.connected = False
-                self._reporter.happened(LinkLost)
+                self._reporter.report_now(LinkLost)
                 give_up_after_s = self._waited_for_s()
             elif not monitor.connected and self._is_received():
                 with contextlib.suppress(LinkError):
@@ -279,7 +279,7 @@ class MavlinkVehicle:
                 and self._silent_s() > give_up_after_s
             ):
                 give_up_after_s = None
-                self._reporter.happened(GivenUp, self._silence())
+                self._reporter.report_now(GivenUp, self._silence())
 
     def _watch_clock(self) -> None:
         """Log it when the vehicle's time passes faster or slower than ours."""

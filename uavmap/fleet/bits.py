@@ -21,9 +21,9 @@ class Writer:
     """Bytes that grow.
 
     >>> out = Writer()
-    >>> out.count(300); out.signed(-2)
+    >>> out.count(300); out.integer(-2)
     >>> inp = Reader(out.data)
-    >>> inp.count(), inp.signed(), inp.at_end
+    >>> inp.count(), inp.integer(), inp.at_end
     (300, -2, True)
     """
 
@@ -44,7 +44,7 @@ class Writer:
             value >>= 7
         self._data.append(value)
 
-    def signed(self, value: int) -> None:
+    def integer(self, value: int) -> None:
         """Write a number of either sign: near 0 it is short."""
         self.count(2 * value if value >= 0 else -2 * value - 1)
 
@@ -93,7 +93,7 @@ class Reader:
                 return value
             shift += 7
 
-    def signed(self) -> int:
+    def integer(self) -> int:
         """Read a number of either sign."""
         value = self.count()
         return value // 2 if value % 2 == 0 else -(value + 1) // 2

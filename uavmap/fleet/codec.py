@@ -112,13 +112,13 @@ def encode(message: Message) -> bytes:
     (16, True)
     """
     out = Writer()
-    out.signed(_ms(message.t_s))
+    out.integer(_ms(message.t_s))
     does = 0 if message.presence is None else 1 + DOES.index(message.presence.does)
     flags = 8 * (message.pad is not None) + 4 * bool(message.parts)
     flags += 2 * (message.ask is not None) + message.begun
     out.count(16 * does + flags)
     if message.pad is not None:
-        out.signed(round(message.pad.amsl_m / STEP_M))
+        out.integer(round(message.pad.amsl_m / STEP_M))
         out.count(math.ceil(message.pad.sigma_m / STEP_M))
     if message.presence is not None:
         _put_presence(out, message.presence)
@@ -149,11 +149,11 @@ def encode(message: Message) -> bytes:
 def decode(data: bytes) -> Message:
     """Return the message of bytes: the inverse of `encode`. Raises `BytesError` for other bytes."""
     inp = Reader(data)
-    t_s = inp.signed() / 1000
+    t_s = inp.integer() / 1000
     does, flags = divmod(inp.count(), 16)
     if does > len(DOES):
         raise BytesError("no such activity")
-    pad = PadHeight(inp.signed() * STEP_M, inp.count() * STEP_M) if flags & 8 else None
+    pad = PadHeight(inp.integer() * STEP_M, inp.count() * STEP_M) if flags & 8 else None
     presence = _presence(inp, DOES[does - 1]) if does else None
     have = {inp.count(): _holding(inp) for _ in range(_few(inp.count()))}
     words = tuple(_operator_order(inp) for _ in range(_few(inp.count())))
@@ -175,7 +175,7 @@ def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
     t_ms, anchor = 0, Cell(0, 0)
     for fact in facts:
         now_ms = _ms(fact.t_s)
-        out.signed(now_ms - t_ms)
+        out.integer(now_ms - t_ms)
         cells = [cell for cell, _ in fact.votes]
         west, south = min(c.east for c in cells), min(c.north for c in cells)
         columns = max(c.east for c in cells) - west + 1
@@ -185,8 +185,8 @@ def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
             out.count(_DOUBT)
         out.count(4 * columns + kind)
         out.count(rows)
-        out.signed(west - anchor.east)
-        out.signed(south - anchor.north)
+        out.integer(west - anchor.east)
+        out.integer(south - anchor.north)
         says = dict(fact.votes)
         inside = [Cell(west + i, south + j) for j in range(rows) for i in range(columns)]
         out.flags([cell in says for cell in inside])
@@ -204,15 +204,15 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
     t_ms, west, south = 0, 0, 0
     facts = []
     while not inp.at_end:
-        t_ms += inp.signed()
+        t_ms += inp.integer()
         head = inp.count()
         doubt = head == _DOUBT
         columns, kind = divmod(inp.count() if doubt else head, 4)
         rows = inp.count()
         if not 0 < columns * rows <= MAX_CELLS:
             raise BytesError("no fact is of so many cells")
-        west += inp.signed()
-        south += inp.signed()
+        west += inp.integer()
+        south += inp.integer()
         shown = inp.flags(columns * rows)
         cells = [
             Cell(west + k % columns, south + k // columns) for k, told in enumerate(shown) if told
@@ -255,7 +255,7 @@ def _classes(inp: Reader, cells: Sequence[Cell]) -> tuple[ClassShare, ...]:
 
 def _put_presence(out: Writer, presence: Presence) -> None:
     at = _put_places(out, (presence.position,), STEP_M)
-    out.signed(round(presence.height_m / STEP_M))
+    out.integer(round(presence.height_m / STEP_M))
     out.count(round(100 * min(max(presence.charge, 0.0), 1.0)))
     out.count(max(round(presence.layer_m / STEP_M), 0))
     out.count(len(presence.lanes))
@@ -267,7 +267,7 @@ def _put_presence(out: Writer, presence: Presence) -> None:
 
 def _presence(inp: Reader, does: Does) -> Presence:
     (position,), at = _places(inp, 1, STEP_M)
-    height_m, charge, layer_m = inp.signed() * STEP_M, inp.count() / 100, inp.count() * STEP_M
+    height_m, charge, layer_m = inp.integer() * STEP_M, inp.count() / 100, inp.count() * STEP_M
     if charge > 1.0:
         raise BytesError("a charge is above 1")
     lanes = tuple(inp.count() for _ in range(_few(inp.count())))
@@ -299,15 +299,15 @@ def _holding(inp: Reader) -> Holding:
 def _put_ask(out: Writer, ask: AirRequest) -> None:
     out.count(ask.number)
     _put_places(out, (ask.place,), STEP_M)
-    out.signed(math.floor(ask.low_m / STEP_M))
-    out.signed(math.ceil(ask.high_m / STEP_M))
+    out.integer(math.floor(ask.low_m / STEP_M))
+    out.integer(math.ceil(ask.high_m / STEP_M))
     out.count(math.ceil(ask.until_s))
 
 
 def _ask(inp: Reader) -> AirRequest:
     number = inp.count()
     (place,), _ = _places(inp, 1, STEP_M)
-    low_m, high_m = inp.signed() * STEP_M, inp.signed() * STEP_M
+    low_m, high_m = inp.integer() * STEP_M, inp.integer() * STEP_M
     return AirRequest(number, place, low_m, high_m, float(inp.count()))
 
 
@@ -354,8 +354,8 @@ def _put_places(
     """Write places in steps from the one before, `at` first; return the last."""
     for place in places:
         east, north = round(place.east_m / step_m), round(place.north_m / step_m)
-        out.signed(east - at[0])
-        out.signed(north - at[1])
+        out.integer(east - at[0])
+        out.integer(north - at[1])
         at = east, north
     return at
 
@@ -365,6 +365,6 @@ def _places(
 ) -> tuple[tuple[GridPoint, ...], tuple[int, int]]:
     places = []
     for _ in range(_few(number)):
-        at = at[0] + inp.signed(), at[1] + inp.signed()
+        at = at[0] + inp.integer(), at[1] + inp.integer()
         places.append(GridPoint(at[0] * step_m, at[1] * step_m))
     return tuple(places), at

@@ -161,7 +161,7 @@ class MulticastRadio:
         try:
             self._socket = _joined(self._endpoint)
         except OSError as error:
-            self._lost(error)
+            self._note_loss(error)
             return
         asyncio.get_running_loop().add_reader(self._socket, self._read)
         if self._logged:
@@ -177,7 +177,7 @@ class MulticastRadio:
         except BlockingIOError:  # the interface is busy: it is lost as one on the air is
             return
         except OSError as error:
-            self._lost(error)
+            self._note_loss(error)
 
     def close(self) -> None:
         """Leave the group."""
@@ -191,7 +191,7 @@ class MulticastRadio:
             self._socket.close()
             self._socket = None
 
-    def _lost(self, error: OSError) -> None:
+    def _note_loss(self, error: OSError) -> None:
         self._leave()
         reason = error.strerror or str(error)
         if reason != self._logged:
@@ -208,7 +208,7 @@ class MulticastRadio:
             except BlockingIOError:
                 return
             except OSError as error:
-                self._lost(error)
+                self._note_loss(error)
                 return
             if len(datagram) <= LARGEST_BYTES:
                 for heard in self._listeners:

@@ -117,7 +117,7 @@ class Air:
         if heard is not None:
             heard(datagram)
 
-    def joined(self, member: int, heard: Callable[[bytes], None]) -> None:
+    def add_member(self, member: int, heard: Callable[[bytes], None]) -> None:
         """Note that a member listens from now on."""
         self._receivers[member] = heard
 
@@ -136,7 +136,7 @@ class AirRadio:
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
         """Pass received datagrams on."""
-        self.air.joined(self.member, heard)
+        self.air.add_member(self.member, heard)
 
 
 # --- the words of `--comms`, in flight and on the grid ------------------------------------------

@@ -45,7 +45,7 @@ class TlogWriter:
         try:
             self._open()
         except OSError as error:
-            self._failed(error, self._utc_s())
+            self._note_failure(error, self._utc_s())
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -67,7 +67,7 @@ class TlogWriter:
             self._write(struct.pack(">Q", round(now_s * 1e6)) + frame)
         except OSError as error:
             self.lost += 1
-            self._failed(error, now_s)
+            self._note_failure(error, now_s)
 
     def _open(self) -> None:
         if self._file is None:
@@ -86,7 +86,7 @@ class TlogWriter:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self._size += written
 
-    def _failed(self, error: OSError, now_s: float) -> None:
+    def _note_failure(self, error: OSError, now_s: float) -> None:
         self._retry_s = now_s + RETRY_S
         if self._log is not None and not self._logged:
             self._logged = True

@@ -238,7 +238,7 @@ class _Stage:
                 self._draw(canvas, [Line.through((watcher, part[-1]), Style(palette.TRUTH, 2.0))])
             self._draw(canvas, self._robots(places))
             number = min(moving + 1, len(self._moves))
-            self._words(canvas, f"{time_m:.0f} m of {self.end_m:.0f}, move {number}")
+            self._draw_title(canvas, f"{time_m:.0f} m of {self.end_m:.0f}, move {number}")
             yield canvas.shown()
 
     def last(self) -> Image.Image:
@@ -252,7 +252,7 @@ class _Stage:
         self._draw(canvas, self._robots(final))
         numbers = self._report.numbers
         text = f"{numbers.path_m:.0f} m, {numbers.steps} exchanges, {numbers.turns} turns"
-        self._words(canvas, text, "3 sigma: thick watched, thin alone")
+        self._draw_title(canvas, text, "3 sigma: thick watched, thin alone")
         return canvas.shown()
 
     def _finish(self, moves: int) -> None:
@@ -294,7 +294,7 @@ class _Stage:
         for robot, place in enumerate(places):
             yield Dot(place, ((5.5, palette.INK), (4.5, palette.track_colour(robot))))
 
-    def _words(self, canvas: Canvas, *lines: str) -> None:
+    def _draw_title(self, canvas: Canvas, *lines: str) -> None:
         terms = self._report.terms
         title = f"{terms.mode}, {terms.robots} robots, range {terms.range_m:g} m"
         for row, text in enumerate((title, "   ·   ".join(lines))):

@@ -324,10 +324,10 @@ def keep_detector(section: DetectorSection, folder: Path) -> None:
     model, kept = Path(section.model), folder / KEPT
     try:
         kept.mkdir(parents=True, exist_ok=True)
-        _copied(model, kept / model.name)
+        _copy(model, kept / model.name)
         settings = model.with_suffix(_BESIDE)
         if section.name == "onnx":
-            _copied(settings, kept / settings.name)
+            _copy(settings, kept / settings.name)
         table = section.model_dump(mode="json", exclude_unset=True) | {"model": model.name}
         (kept / DETECTOR_TOML).write_text(tomlkit.dumps({"detector": table}), "utf-8")
     except OSError as error:
@@ -368,7 +368,7 @@ def with_relative_model(text: str) -> str:
     return tomlkit.dumps(document)
 
 
-def _copied(source: Path, target: Path) -> None:
+def _copy(source: Path, target: Path) -> None:
     """Copy a file whole or not at all."""
     temporary = target.with_name(f".{target.name}")
     try:

@@ -19,6 +19,7 @@ from missions.mission.checks import check
 from missions.mission.schema import Mission, mission_of_tables, parse_fields, parse_toml
 from missions.mission.sections import LATER, MAX_PRIOR_PLACES
 from uavmap.base.text_files import read_text
+from uavmap.load.areas.formats import SUFFIXES
 from uavmap.load.areas.zones import with_zones
 from uavmap.load.dem import LEVEL, with_ground
 from uavmap.load.detector_source import (
@@ -29,11 +30,6 @@ from uavmap.load.detector_source import (
 )
 
 LARGEST_BYTES: Final = 4_000_000
-DRAWINGS: Final = (
-    ".kml", ".kmz", ".geojson", ".geojsonl", ".geojsons", ".json", ".shp", ".zip", ".gpkg", ".gpx",
-    ".csv", ".txt", ".plan", ".waypoints", ".poly", ".fen",
-)  # fmt: skip
-"""Endings of the files from which `uavmap new` makes missions."""
 _MAX_NAMES: Final = 1000
 
 
@@ -145,7 +141,7 @@ def _read(name: str) -> tuple[str, Path]:
     if not path.suffix and name in shipped_missions() and not path.is_file():
         folder = Path(str(resources.files("missions"))) / "shipped"
         return (folder / f"{name}.toml").read_text("utf-8"), folder
-    if path.suffix.lower() in DRAWINGS and path.is_file():
+    if path.suffix.lower() in SUFFIXES and path.is_file():
         raise MissionFileError(
             f"{name}: a drawing, not a mission; make one from it: uavmap new {shlex.quote(name)}"
         )

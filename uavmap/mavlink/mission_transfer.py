@@ -240,10 +240,10 @@ class MissionTransfer:
             return  # a ground station has a transfer as well
         name = message.get_type()
         if name in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):
-            self._requested(message.seq)
+            self._answer_request(message.seq)
         self._received.append(message)
 
-    def _requested(self, seq: int) -> None:
+    def _answer_request(self, seq: int) -> None:
         """Answer a request, if no answer to a copy of it can be on its way."""
         now_s = asyncio.get_running_loop().time()
         if seq not in self._sent_s and seq - 1 in self._sent_s:

@@ -44,7 +44,7 @@ _RESULT_NAMES: Final[dict[int, str]] = {
 class Permit(Protocol):
     """Permission for a command that changes the mode, requested before each copy of it."""
 
-    async def granted(self) -> None:
+    async def wait_for_grant(self) -> None:
         """Wait until a copy may be sent, and note it. Raises `LinkError`."""
 
     def grants(self) -> bool:
@@ -321,7 +321,7 @@ class Session:
                     if confirmation and done():
                         return
                     if permit is not None:
-                        await permit.granted()
+                        await permit.wait_for_grant()
                     self.send(message(confirmation))
                     ack = await self._ack(queue)
                     if ack is None or ack.result in _MAY_PASS:

@@ -169,7 +169,7 @@ def _attitude(view: VehicleView, message: Message, now_s: float, component: int)
         view.attitudes.add(boot_s, turned)
 
 
-def _captured(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+def _add_capture(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     boot_s = message.time_boot_ms / 1000.0
     view.gate.camera_clock.add(boot_s, now_s, view.boot_offset_s or 0.0)
 
@@ -221,7 +221,7 @@ def _percent(view: VehicleView, message: Message, now_s: float) -> None:
         view.battery_percent = None
 
 
-def _extended(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+def _set_landed_state(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.landed_state, view.landed_state_s = message.landed_state, now_s
     if view.off_ground:  # it keeps home by itself until it has landed
         view.keeps_home = False
@@ -273,12 +273,12 @@ _HANDLERS: Final = {
     "ATTITUDE_QUATERNION": _attitude,
     "SYS_STATUS": _sys_status,
     "BATTERY_STATUS": _battery,
-    "EXTENDED_SYS_STATE": _extended,
+    "EXTENDED_SYS_STATE": _set_landed_state,
     "EKF_STATUS_REPORT": _ekf,
     "ESTIMATOR_STATUS": _ekf,  # the flags are the same
     "GPS_RAW_INT": _gps,
     "AUTOPILOT_VERSION": _version,
     "STATUSTEXT": _text,
     "TIMESYNC": _timesync,
-    "CAMERA_IMAGE_CAPTURED": _captured,
+    "CAMERA_IMAGE_CAPTURED": _add_capture,
 }

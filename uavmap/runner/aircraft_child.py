@@ -75,8 +75,8 @@ class AircraftChild:
         self._running = asyncio.current_task()
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
-        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, self._stopped)
-        server = await asyncio.start_server(self._attached, "127.0.0.1", 0)
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, self._stop)
+        server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
         port = server.sockets[0].getsockname()[1]
         address = Address(port, self._token, self._start_s, os.getpid()).as_json()
         path = self._folder / ADDRESS
@@ -91,7 +91,7 @@ class AircraftChild:
             with shown_on(self):
                 await self._fly()
         finally:
-            await self._closed()
+            await self._close()
             with contextlib.suppress(OSError):
                 path.unlink()
             server.close()
@@ -138,7 +138,7 @@ class AircraftChild:
         )
 
     # --- the mission ----------------------------------------------------------------------------
-    async def _attached(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Exchange messages with a connected mission until it is gone."""
         decoder = msg.Decoder(known=False)
         try:
@@ -245,7 +245,7 @@ class AircraftChild:
             )
             self._side.host.hold()
 
-    def _stopped(self) -> None:
+    def _stop(self) -> None:
         """Have the mission, or at the second call the guardians, return all vehicles."""
         asked_before, self._asked_to_end = self._asked_to_end, True
         if self._side is None:
@@ -256,7 +256,7 @@ class AircraftChild:
         else:
             self._send(msg.Recall())
 
-    async def _closed(self) -> None:
+    async def _close(self) -> None:
         """Send the rest, and wait until the mission has kept it."""
         if self._writer is not None:
             with contextlib.suppress(OSError, TimeoutError):

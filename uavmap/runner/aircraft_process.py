@@ -75,7 +75,7 @@ class AircraftProcess:
             # an operator who interrupts now still sees how it ended
             with contextlib.suppress(asyncio.CancelledError):
                 await asyncio.gather(keeping, return_exceptions=True)
-                await asyncio.to_thread(self._ended)
+                await asyncio.to_thread(self._end)
 
     async def _start(self, found: Attachment | None = None) -> _Line:
         """Connect to an aircraft process; a started one is ended if no caller waits for it."""
@@ -88,7 +88,7 @@ class AircraftProcess:
         try:
             return await self._line(await asyncio.wrap_future(begun))
         except asyncio.CancelledError:
-            begun.add_done_callback(self._unwanted)
+            begun.add_done_callback(self._discard)
             if self._child is not None:
                 self._child.process.kill()
             raise
@@ -154,7 +154,7 @@ class AircraftProcess:
                 answer = await asyncio.to_thread(attach, self._address)
         if answer is None:
             _LOG.info("the process of the aircraft has died; it is started again")
-            port.lost()
+            port.report_loss()
             line = await self._started_again()
             port.connect(line.send)
             port.send(begin)
@@ -224,12 +224,12 @@ class AircraftProcess:
             self._child.close(END_WALL_S)
             self._child = None
 
-    def _unwanted(self, begun: Future[Attachment]) -> None:
+    def _discard(self, begun: Future[Attachment]) -> None:
         if not begun.cancelled() and begun.exception() is None:
             begun.result().socket.close()
         self._end_process()
 
-    def _ended(self) -> None:
+    def _end(self) -> None:
         if self._child is None:
             return
         with contextlib.suppress(Exception):

@@ -222,7 +222,7 @@ class Team:
         else:
             moves.append(Move(robot, tuple(path), why))
 
-    def mapped(self, outline: Sequence[Point]) -> None:
+    def add_piece(self, outline: Sequence[Point]) -> None:
         """Add a piece to the map."""
         self.log.pieces.append(Piece(tuple(outline), len(self.log.moves)))
 

@@ -177,7 +177,7 @@ class _Explorer:
                 self._team.travel([back, entry])
             self._go(stripe, entry[0], end)
         self._swept.add(stripe.number)
-        self._team.mapped(stripe.outline())
+        self._team.add_piece(stripe.outline())
 
     def _go(self, stripe: Stripe, x: float, end: float) -> None:
         standing = self._team.spread(self._pattern.rows(stripe, x))

@@ -144,7 +144,7 @@ class _Explorer:
         for side, opposite in (((a, b), c), ((b, c), a), ((c, a), b)):
             self._known.setdefault(frozenset(side), []).append(opposite)
         self._fronts += new
-        self._team.mapped([_point(corner) for corner in (a, b, c)])
+        self._team.add_piece([_point(corner) for corner in (a, b, c)])
 
     def _is_front(self, side: Edge) -> bool:
         """Return whether unknown ground lies to the left of a new side; end a front that it

@@ -71,7 +71,7 @@ class Extent:
         self._east = self._left = self._right = 0
         self._north = self._low = self._high = 0
 
-    def moved(self, direction: int) -> None:
+    def add_move(self, direction: int) -> None:
         """Count a move."""
         east, north = STEP[direction]
         self._east += east
@@ -149,7 +149,7 @@ def localize(
             return Localized(known.cells[here], None, moves, 0.0)
         here = steps[direction][here]
         moves += 1
-        been.moved(direction)
+        been.add_move(direction)
         seen = patterns[here]
         if planner is not None:
             fitting = candidates_after(known, fitting, direction, seen)

@@ -49,7 +49,7 @@ BY_HAND: dict[str, dict[str, Any]] = {
 }
 
 
-def mapped(folder: Path, grid: Grid, kind: str) -> BaseGeometry:
+def area_of(folder: Path, grid: Grid, kind: str) -> BaseGeometry:
     """Return a feature of boundary.geojson, or the outline of map.geojson, in grid metres."""
     name = BOUNDARY_FILE if kind == "boundary" else "map.geojson"
     features = json.loads((folder / name).read_text("utf-8"))["features"]
@@ -87,10 +87,10 @@ def print_flights(seeds: int) -> None:
     flying = partial(fly, keep_frames=True)
     for seed in range(1, seeds + 1):
         text = first_patch(named_text("runway").text)
-        with frame.flown("runway", text, fly=flying, seed=seed) as (_, folder):
+        with frame.flight_of("runway", text, fly=flying, seed=seed) as (_, folder):
             draw_boundary(folder, print, RasterSettings(ortho=False))
-            region = mapped(folder, setting.grid, "boundary")
-            cells = mapped(folder, setting.grid, "outline")
+            region = area_of(folder, setting.grid, "boundary")
+            cells = area_of(folder, setting.grid, "outline")
             features = json.loads((folder / BOUNDARY_FILE).read_text("utf-8"))["features"]
         told = features[0]["properties"]
         errors = np.quantile(errors_m(region, truth), (0.5, 0.95, 1.0))
@@ -126,10 +126,10 @@ def _one_detector(name: str, detector: Path) -> None:
     line = ["replay", photographs, "--mission", "road", "--detector", str(detector), "--no-ortho"]
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         uavmap([*line, "--out", str(out)])
-    region = mapped(out, grid, "boundary")
+    region = area_of(out, grid, "boundary")
     common_m2 = region.intersection(truth).area
     print(
-        f"{name:27} {iou(mapped(out, grid, 'outline'), truth):10.3f} {iou(region, truth):15.3f} "
+        f"{name:27} {iou(area_of(out, grid, 'outline'), truth):10.3f} {iou(region, truth):15.3f} "
         f"{common_m2 / region.area:10.3f} {common_m2 / truth.area:7.3f}",
         flush=True,
     )
@@ -137,7 +137,7 @@ def _one_detector(name: str, detector: Path) -> None:
 
 def main() -> None:
     """Run the requested parts."""
-    options = frame.asked(__doc__, seeds=10, brighton=False)
+    options = frame.options_of(__doc__, seeds=10, brighton=False)
     if options.brighton:
         brighton_beach()
     else:

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from missions.mission.sections import DetectorSection
-from tests.benchmarks.frame import asked, cpu_ms
+from tests.benchmarks.frame import cpu_ms, options_of
 from tests.benchmarks.photos.unsure import run
 from tests.support.ground import sites
 from uavmap.load.detector_source import detector_of_section, resolved_section
@@ -85,7 +85,7 @@ def rate(detector: Detector) -> None:
 
 def main() -> None:
     """Print a line for each seed and class, and the rate."""
-    for seed in asked(__doc__, seeds=SEEDS).seeds:
+    for seed in options_of(__doc__, seeds=SEEDS).seeds:
         with tempfile.TemporaryDirectory() as folder:
             detector = drill(seed, Path(folder))
     rate(detector)

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from missions.geo.grid import Grid
-from tests.benchmarks.frame import asked, cpu_ms
+from tests.benchmarks.frame import cpu_ms, options_of
 from tests.benchmarks.photos import brighton
 from tests.benchmarks.photos.brighton import PAINTED, learned_from
 from uavmap.load.mission_source import load
@@ -138,7 +138,7 @@ def times(examples: list[Example]) -> None:
 
 def main() -> None:
     """Print the requested tables."""
-    options = asked(__doc__, map=False, time=False)
+    options = options_of(__doc__, map=False, time=False)
     if not brighton.there():
         raise SystemExit(f"{brighton.PHOTOGRAPHS}: the photographs are not here")
     chosen = {by_map: options.map, times: options.time}

@@ -31,7 +31,7 @@ from missions.units import LatLon, Pose
 from sitl.body.estimator import PositionError
 from sitl.camera.pinhole import Shot
 from sitl.camera.render import render
-from tests.benchmarks.frame import asked, spread
+from tests.benchmarks.frame import options_of, spread
 from uavmap.load.mission_source import load
 from uavmap.runner.simulation import setup_of
 from vision.camera import Camera
@@ -250,7 +250,7 @@ def _lied(outs: list[tuple[float, Outcome]]) -> str:
 
 def main() -> None:
     """Print the table."""
-    options = asked(
+    options = options_of(
         __doc__, flights=20, rows=("none", "drift", "jump", "lost"), sigmas=(0.3, 1.5),
         biases=(0.0, 2.0),
     )  # fmt: skip

@@ -25,7 +25,7 @@ import tomlkit
 from missions.geo.geodesy import LocalPlane
 from sitl.camera.pinhole import Shot
 from sitl.camera.render import render
-from tests.benchmarks.frame import asked
+from tests.benchmarks.frame import options_of
 from tests.benchmarks.photos.unsure import ASKED, run
 from tests.support.ground import sites
 from uavmap.load.mission_source import load
@@ -123,4 +123,4 @@ def main(seeds: Sequence[int]) -> None:
 
 
 if __name__ == "__main__":
-    main(asked(__doc__, seeds=tuple(range(1, 11))).seeds)
+    main(options_of(__doc__, seeds=tuple(range(1, 11))).seeds)

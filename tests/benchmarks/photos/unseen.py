@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
 from missions.geo.grid import Grid
-from tests.benchmarks.frame import asked
+from tests.benchmarks.frame import options_of
 from tests.benchmarks.photos import brighton
 from uavmap.load.mission_source import load
 from uavmap.photos.tune.selection import Counts
@@ -94,7 +94,7 @@ def write(name: str, path: Path, part: float, stops: float) -> None:
 
 def main() -> None:
     """Print a line for each seed."""
-    seeds = asked(__doc__, seeds=SEEDS).seeds
+    seeds = options_of(__doc__, seeds=SEEDS).seeds
     if not brighton.there():
         raise SystemExit(f"{brighton.PHOTOGRAPHS}: the photographs are not here")
     print("seed  precision recall IoU (cells)")

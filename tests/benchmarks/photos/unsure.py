@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.frame import asked
+from tests.benchmarks.frame import options_of
 from tests.support.ground import sites
 from uavmap.photos.tune.examples import read_picture
 from uavmap.photos.tune.selection import Counts, by_cell
@@ -99,7 +99,7 @@ def drill(name: str, seed: int, folder: Path) -> None:
 
 def main() -> None:
     """Print two lines for each site and seed."""
-    seeds = asked(__doc__, seeds=SEEDS).seeds
+    seeds = options_of(__doc__, seeds=SEEDS).seeds
     print(HEAD)
     for seed in seeds:
         for name in NAMES:

@@ -25,7 +25,7 @@ from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
 from missions.orders import FlyTo, Look, Order, Sweep, TakeOff
 from missions.units import Cell, GridPoint
-from tests.benchmarks.frame import asked, cpu_ms, head, row
+from tests.benchmarks.frame import cpu_ms, head, options_of, row
 from tests.support.small_missions import mission, square
 
 SIZES = (200, 2_000, 20_000)
@@ -47,7 +47,7 @@ def block(cells: int) -> list[Cell]:
     return [Cell(number % side, 10 + number // side) for number in range(cells)]
 
 
-def mapped(belief: Belief, cells: list[Cell], *, roi: bool) -> Belief:
+def map_region(belief: Belief, cells: list[Cell], *, roi: bool) -> Belief:
     """Return a belief with a frame over each of the cells."""
     for cell in cells:
         seen = dict.fromkeys(cell.cross(), roi)
@@ -123,7 +123,7 @@ def searching(cells: int) -> Flight:
     flight.post(Airborne(1, flight.next_s()))
     flight.arrive()
     assert isinstance(flight.order(), Sweep)
-    belief = mapped(flight.state.belief, block(cells), roi=False)
+    belief = map_region(flight.state.belief, block(cells), roi=False)
     flight.state = replace(flight.state, belief=belief)
     return flight
 
@@ -146,7 +146,7 @@ def exploring(cells: int) -> Flight:
     here = flight.setting.grid.centre_of(tip)
     state = replace(
         flight.state,
-        belief=mapped(flight.state.belief, block(cells), roi=True),
+        belief=map_region(flight.state.belief, block(cells), roi=True),
         tree=Tree.from_vertices(root, vertices),
         found_s=0.0,
     )
@@ -162,7 +162,7 @@ def exploring(cells: int) -> Flight:
 
 def frames_alone(cells: int) -> Iterator[float]:
     """Return the microseconds of each `Belief.with_frame`."""
-    belief = mapped(Belief(5, 3), block(cells), roi=True)
+    belief = map_region(Belief(5, 3), block(cells), roi=True)
     for number in range(LOOKS * 5):
         vantage = Cell(-1 - number // 5, 0)
         seen = {cell: cell.north == 0 for cell in vantage.cross()}
@@ -203,7 +203,7 @@ def main() -> None:
     """Print the table."""
     print("CPU microseconds, medians")
     print(head("cells", "with_frame", "search", "anywhere", "exploration", "other events"))
-    for cells in asked(__doc__, cells=SIZES).cells:
+    for cells in options_of(__doc__, cells=SIZES).cells:
         times = list(exploration(exploring(cells)))
         columns = (
             frames_alone(cells),

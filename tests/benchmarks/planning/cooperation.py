@@ -27,7 +27,7 @@ from missions.lab.cooperation.exploration import Exploration, Move, along, unsee
 from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern
-from tests.benchmarks.frame import asked, head, row
+from tests.benchmarks.frame import head, options_of, row
 from tests.support.ground.polygons import random_space, random_start
 from uavmap.lab.studies.two_robots import Covering, covered
 
@@ -177,7 +177,7 @@ def places(runs: int) -> None:
 
 def main() -> int:
     """Print all tables."""
-    options = asked(__doc__, polygons=1000, runs=200)
+    options = options_of(__doc__, polygons=1000, runs=200)
     table_1()
     places(options.runs)
     return 0 if many(options.polygons) else 1

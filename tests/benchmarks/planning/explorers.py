@@ -23,7 +23,7 @@ from missions.lab.arena.roi import grown
 from missions.lab.strategies import EXPLORERS
 from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
-from tests.benchmarks.frame import asked, head, row
+from tests.benchmarks.frame import head, options_of, row
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 ROBOTS = (1, 4, 20)
@@ -77,7 +77,7 @@ def growth(budget_s: float) -> None:
 
 def main() -> None:
     """Print the tables."""
-    options = asked(__doc__, compiled=False, growth=False, budget=BUDGET_S)
+    options = options_of(__doc__, compiled=False, growth=False, budget=BUDGET_S)
     if options.compiled or not options.growth:
         compiled()
     if options.growth or not options.compiled:

@@ -150,7 +150,7 @@ def together(way: str, rows: Sequence[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Fly and print."""
-    options = frame.asked(
+    options = frame.options_of(
         __doc__, seeds=10, first=1, only=WAYS, lost_s=25.0, layer_m=12.0, workers=2
     )
     seeds = range(options.first, options.first + options.seeds)

@@ -23,7 +23,7 @@ from missions.planning.sweep.memo import warm_up
 from missions.planning.sweep.paths import Plan, Tuning, Valued
 from missions.planning.sweep.sweep_planner import Planner
 from tests.benchmarks import frame
-from tests.benchmarks.frame import asked
+from tests.benchmarks.frame import options_of
 
 FIRST_SEED = 910_000
 """First seed of the regions; the planner's weights were chosen on other regions."""
@@ -93,7 +93,7 @@ def decisions() -> None:
 
 def main() -> None:
     """Print the table, or the durations of plans."""
-    options = asked(
+    options = options_of(
         __doc__, count=20, offline=0, footprint=15.0, first_seed=FIRST_SEED, planner_seeds=1,
         case=CASES, decisions=False,
     )  # fmt: skip

@@ -19,12 +19,12 @@ from pathlib import Path
 from missions.lab.arena.arena_run import run
 from missions.lab.strategies import EXPLORERS
 from missions.units import Cell
-from tests.benchmarks.frame import asked, head, row
+from tests.benchmarks.frame import head, options_of, row
 
 
 def main() -> None:
     """Print a table for each file."""
-    options = asked(__doc__, files=(Path("rois.json"),), rois=int, only=tuple(EXPLORERS))
+    options = options_of(__doc__, files=(Path("rois.json"),), rois=int, only=tuple(EXPLORERS))
     for file in options.files:
         rois = json.loads(file.read_text("utf-8"))["rois"][: options.rois]
         regions = [({Cell(*c) for c in roi["cells"]}, Cell(*roi["start"])) for roi in rois]

@@ -22,7 +22,7 @@ def speck_px4(tmp_path):
 
 
 def test_px4_mission_in_one_process_repeats(speck, speck_px4, tmp_path):
-    one, _ = (rig.flown(speck_px4, tmp_path / name) for name in ("one", "two"))
+    one, _ = (rig.fly(speck_px4, tmp_path / name) for name in ("one", "two"))
     assert one.complete()["bound_held"] is True
     assert rig.maps_alike(tmp_path / "one", speck.folder)
     assert rig.bodies(tmp_path / "one") == rig.bodies(tmp_path / "two")

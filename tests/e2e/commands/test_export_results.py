@@ -30,7 +30,7 @@ PROJECTION = "https://stac-extensions.github.io/projection/v2.0.0/schema.json"
 DPI = 150.0
 
 
-def exported(results, kind, out):
+def export_results(results, kind, out):
     assert main(["export", str(results), "--to", kind, "--out", str(out)]) == 0
     return out
 
@@ -43,7 +43,7 @@ def results(tiny, tmp_path_factory):
 
 # --- KMZ ----------------------------------------------------------------------------------------
 def test_kmz_lays_the_mosaic_where_the_geotiff_lies(results, tmp_path):
-    file = exported(results, "kmz", tmp_path / "map.kmz")
+    file = export_results(results, "kmz", tmp_path / "map.kmz")
     with rasterio.open(results / "ortho.tif") as cog:
         edges = transform_bounds(cog.crs, "EPSG:4326", *cog.bounds)
         colours, there = cog.read((1, 2, 3)), cog.dataset_mask()
@@ -84,12 +84,12 @@ def test_kmz_lays_the_mosaic_where_the_geotiff_lies(results, tmp_path):
 
 
 def test_kmz_is_valid_and_has_the_layers_of_the_kml(results, tmp_path):
-    file = exported(results, "kmz", tmp_path / "map.kmz")
+    file = export_results(results, "kmz", tmp_path / "map.kmz")
     schema = Path(fastkml.__file__).parent / "schema" / "kml22gx.xsd"
     with zipfile.ZipFile(file) as archive:
         root = lxml.etree.fromstring(archive.read("doc.kml"))
     lxml.etree.XMLSchema(lxml.etree.parse(str(schema))).assertValid(root)
-    kml = exported(results, "kml", tmp_path / "map.kml")
+    kml = export_results(results, "kml", tmp_path / "map.kml")
     layers = [{name for name, _ in pyogrio.list_layers(one)} for one in (file, kml)]
     assert layers[1] <= layers[0]
     assert "explored" in layers[0]
@@ -164,7 +164,7 @@ def numbers(text):
 
 def test_geopdf_has_the_home_where_it_is(results, tmp_path):
     """The dictionaries that GDAL writes are plain text: ISO 32000, measurement of a viewport."""
-    data = exported(results, "geopdf", tmp_path / "map.pdf").read_bytes()
+    data = export_results(results, "geopdf", tmp_path / "map.pdf").read_bytes()
     assert data.startswith(b"%PDF-")
     assert data.rstrip().endswith(b"%%EOF")
     text = data.decode("latin-1")
@@ -203,4 +203,4 @@ def picture_of(data):
 
 # --- a flight over the region ---------------------------------------------------------------------
 def test_wpml_of_a_flown_region_is_as_documented(results, tmp_path):
-    assert faults_of(exported(results, "wpml", tmp_path / "again.kmz").read_bytes()) == []
+    assert faults_of(export_results(results, "wpml", tmp_path / "again.kmz").read_bytes()) == []

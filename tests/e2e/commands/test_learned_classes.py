@@ -29,7 +29,7 @@ def slick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, sites.Site]:
     return folder, place
 
 
-def mapped(folder: Path, results: Path) -> Path:
+def map_region(folder: Path, results: Path) -> Path:
     out = results / "map"
     arguments = ["--detector", str(folder / "eyes"), "--refine", "off", "--no-ortho"]
     assert main(["replay", str(folder / "photos"), *arguments, "--out", str(out)]) in (0, 3)
@@ -44,7 +44,7 @@ def test_classes_painted_by_number_are_learned_and_mapped_with_area_and_litres(
     assert table["classes"] == tomllib.loads(sites.CLASSES)
     report = json.loads((folder / "eyes" / "report.json").read_text("utf-8"))
     assert min(one["iou"] for one in report["classes"]) > 0.7
-    out = mapped(folder, tmp_path)
+    out = map_region(folder, tmp_path)
     found = sites.classes_of_cells(out, place)
     summary = json.loads((out / "summary.json").read_text("utf-8"))
     assert [one["number"] for one in summary["classes"]] == [1, 2, 3, 4]
@@ -73,7 +73,7 @@ def test_region_of_some_classes_is_mapped_alone(
     document = tomlkit.parse(path.read_text("utf-8"))
     document["detector"]["classes"]["region"] = ["metallic", "true_colour"]
     path.write_text(tomlkit.dumps(document))
-    out = mapped(folder, tmp_path)
+    out = map_region(folder, tmp_path)
     summary = json.loads((out / "summary.json").read_text("utf-8"))
     assert [one["name"] for one in summary["classes"]] == ["metallic", "true_colour"]
     for one in summary["classes"]:

@@ -64,23 +64,23 @@ def test_page_learns_and_outlines_unfamiliar_ground_on_the_map(mapped, tmp_path)
     study = Study(photos, painted, tmp_path / "eyes", TuneSettings())
     easel = Easel(photos, painted, 1000, study)
     with served(easel) as address:
-        before = json.loads(asked(address, "round"))
+        before = json.loads(ask(address, "round"))
         assert (before["number"], before["asked"]) == (0, [])
-        assert asked(address, "learn", method="POST") == b"learning"
+        assert ask(address, "learn", method="POST") == b"learning"
         study.finish()
-        after = json.loads(asked(address, "round"))
+        after = json.loads(ask(address, "round"))
         assert (after["busy"], after["number"]) == (False, 1)
-        assert asked(address, "map").startswith(b"\x89PNG")
+        assert ask(address, "map").startswith(b"\x89PNG")
         picture, _ = after["asked"][0]
         index = [path.stem for path in easel.pictures].index(picture)
         outlines = cv2.imdecode(
-            np.frombuffer(asked(address, f"doubtful/{index}"), np.uint8), cv2.IMREAD_UNCHANGED
+            np.frombuffer(ask(address, f"doubtful/{index}"), np.uint8), cv2.IMREAD_UNCHANGED
         )
     assert outlines.shape[2] == 4
     assert (outlines[:, :, 3] > 0).sum() > 500
 
 
-def asked(address: str, what: str, method: str = "GET") -> bytes:
+def ask(address: str, what: str, method: str = "GET") -> bytes:
     with urlopen(Request(address + what, method=method)) as answer:
         found: bytes = answer.read()
     return found

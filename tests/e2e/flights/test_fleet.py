@@ -47,7 +47,7 @@ def fleet_mission(tmp_path: Path, vehicles: int = 3) -> Path:
 
 
 def summary_of_flight(file: Path, comms: str, out: Path) -> dict[str, Any]:
-    summary = rig.flown(file, out, "--comms", comms).complete()
+    summary = rig.fly(file, out, "--comms", comms).complete()
     assert summary["false_positives"] == 0
     assert summary["min_separation_m"] > 3.0
     return summary
@@ -102,7 +102,7 @@ def test_two_members_without_radio_map_the_whole_region_each(tmp_path):
 
 
 def test_invalid_radio_is_refused(tmp_path):
-    done = rig.flown(fleet_mission(tmp_path), tmp_path / "out", "--comms", "range:x").done
+    done = rig.fly(fleet_mission(tmp_path), tmp_path / "out", "--comms", "range:x").done
     assert done.code == 2
     assert "--comms range:x" in done.err
 
@@ -112,7 +112,7 @@ def test_pads_too_near_to_each_other_are_refused(tmp_path):
     text = file.read_text()
     near = [place for line in text.splitlines() if (place := line).startswith("home = ")]
     file.write_text(text.replace(near[-1], near[-2]), encoding="utf-8")
-    done = rig.flown(file, tmp_path / "out", "--comms", "free").done
+    done = rig.fly(file, tmp_path / "out", "--comms", "free").done
     assert done.code == 2
     assert "vehicles[].home" in done.err or "pads" in done.err
 
@@ -192,7 +192,7 @@ def test_summary_with_an_aircraft_down_is_not_complete(tmp_path):
     file, out = fleet_mission(tmp_path), tmp_path / "out"
     fault = '[[sim.faults]]\nkind = "motor"\nvehicle = 3\nat_s = 40\nshare = 0.0\n'
     file.write_text(file.read_text("utf-8") + fault, "utf-8")
-    done = rig.flown(file, out, "--comms", "free").done
+    done = rig.fly(file, out, "--comms", "free").done
     assert done.code == 4, done.err
     folders = (out, *members(out))
     found = [json.loads((folder / "summary.json").read_text("utf-8")) for folder in folders]

@@ -10,7 +10,7 @@ from missions.events import Navigated
 from missions.flight.state import Setting
 from sitl.vehicle import SimVehicle
 from tests.benchmarks.frame import truth_shown
-from tests.benchmarks.watched import flown
+from tests.benchmarks.watched import fly_watched
 from tests.support.small_missions import mission_text, square
 
 LOST_S = 22.0
@@ -55,7 +55,7 @@ def test_vehicles_without_satellites_know_their_positions_by_leapfrog():
             errors[vehicle.spec.system_id].append((truth.t_s, *truth.estimate_error_m))
 
     with truth_shown(record):
-        flight = flown("leapfrog", text + TABLES, 3)
+        flight = fly_watched("leapfrog", text + TABLES, 3)
     assert (flight.code, flight.summary["cells_missed"]) == (0, 0), flight.line()
     assert set(flight.summary["navigation"]) == {"1", "2"}
     told = [e for e in flight.events if isinstance(e, Navigated) and e.off_m is not None]

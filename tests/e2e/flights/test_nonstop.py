@@ -50,7 +50,7 @@ def amid_a_path(flight: rig.Flight, name: str) -> int:
 @pytest.mark.parametrize(("name", "vehicles"), [("tiny", 1), ("pair", 2), ("drift", 1)])
 def test_nonstop_flight_is_complete_and_right(name, vehicles, tiny_passed, tmp_path):
     """The region of `drift` moves on, behind a hole in the fence."""
-    flight = tiny_passed if name == "tiny" else rig.flown(name, tmp_path / "out", *SWATH)
+    flight = tiny_passed if name == "tiny" else rig.fly(name, tmp_path / "out", *SWATH)
     summary = flight.complete()
     assert (summary["vehicles"], summary["cells_undecided"]) == (vehicles, 0)
     assert summary["iou_cells"] > 0.75

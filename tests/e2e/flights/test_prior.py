@@ -21,7 +21,7 @@ REGION = square(-40, 84, 14, 10)
 """Corners of the region, in the corner of the box that is searched last."""
 
 
-def written(folder: Path, *, prior: bool) -> Path:
+def write(folder: Path, *, prior: bool) -> Path:
     text = mission_text(
         square(-44, 16, 90, 80), square(-80, -40, 160, 180), strategy="swath", capacity_wh=90.0,
         mounting="gimbal", regions=[REGION],
@@ -41,7 +41,7 @@ def written(folder: Path, *, prior: bool) -> Path:
 
 
 def found_s(mission: Path) -> float:
-    flight = rig.flown(mission, mission.parent / "out")
+    flight = rig.fly(mission, mission.parent / "out")
     flight.complete()
     with Journal.open(flight.folder / JOURNAL) as journal:
         plan = FlightPlan.read(journal)
@@ -53,16 +53,16 @@ def found_s(mission: Path) -> float:
 
 
 def test_region_with_a_prior_is_found_sooner(tmp_path):
-    mission = written(tmp_path / "known", prior=True)
+    mission = write(tmp_path / "known", prior=True)
     expected = rig.uavmap("check", mission, "--json").summary
     sooner_s = expected["first_sighting_without_prior_s"] - expected["first_sighting_s"]
     known = found_s(mission)
-    unknown = found_s(written(tmp_path / "unknown", prior=False))
+    unknown = found_s(write(tmp_path / "unknown", prior=False))
     assert unknown - known > 0.5 * sooner_s > 15.0  # it need not lie where the prior expects it
 
 
 def test_check_with_a_prior_reports_an_earlier_first_sighting(tmp_path):
-    mission = written(tmp_path / "known", prior=True)
+    mission = write(tmp_path / "known", prior=True)
     done = rig.uavmap("check", mission)
     found = re.search(
         r"^  expected first sighting after about (\d+) s \(without the prior (\d+) s\)$",
@@ -78,5 +78,5 @@ def test_check_with_a_prior_reports_an_earlier_first_sighting(tmp_path):
 
 
 def test_check_without_a_prior_reports_no_first_sighting(tmp_path):
-    done = rig.uavmap("check", written(tmp_path / "unknown", prior=False))
+    done = rig.uavmap("check", write(tmp_path / "unknown", prior=False))
     assert "first sighting" not in done.out

@@ -159,7 +159,7 @@ class TestDeterminism:
     def test_same_seed_is_the_same_flight_to_the_byte(self, fixture, more, request, tmp_path):
         flight = request.getfixturevalue(fixture)
         folder = tmp_path / "in a folder with blanks" / "and another"
-        again = rig.flown("speck", folder, *more, hash_seed="2")
+        again = rig.fly("speck", folder, *more, hash_seed="2")
         assert again.summary == {**flight.summary, "out": str(folder)}
         assert rig.bodies(folder) == rig.bodies(flight.folder)
         for name in RESULTS - {"journal.jsonl"}:
@@ -184,7 +184,7 @@ class TestDeterminism:
         self, fixture, more, request, tmp_path
     ):
         flight = request.getfixturevalue(fixture)
-        other = rig.flown("speck", tmp_path, "--seed", 2, *more)
+        other = rig.fly("speck", tmp_path, "--seed", 2, *more)
         assert other.summary["seed"] == 2
         assert other.summary["cells_missed"] == flight.summary["cells_missed"] == 0
         assert rig.bodies(tmp_path) != rig.bodies(flight.folder)
@@ -273,7 +273,7 @@ def _points(feature):
 
 
 def test_search_that_finds_nothing_is_a_result(tmp_path):
-    summary = rig.flown("astray", tmp_path).complete(most_missed=100)
+    summary = rig.fly("astray", tmp_path).complete(most_missed=100)
     assert summary["cells_roi"] == summary["vertices"] == 0
     assert summary["cells_missed"] > 0
     assert summary["bound_held"] is None

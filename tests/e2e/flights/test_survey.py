@@ -31,6 +31,6 @@ def test_survey_in_the_wind_flies_its_lanes_once(habits, most_missed, tmp_path):
     setting = setting_of(load(rig.mission(flown)))
     assert len(setting.lanes) == 3
     # a heading that is off by degrees costs cells at the rim of the region
-    summary = rig.flown(flown, tmp_path / "out").complete(most_missed)
+    summary = rig.fly(flown, tmp_path / "out").complete(most_missed)
     assert (summary["sorties"], summary["cells_undecided"]) == (1, 0)
     assert summary["distance_m"] < MORE * plain_m(setting)

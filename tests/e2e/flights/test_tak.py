@@ -13,9 +13,9 @@ pytest.importorskip("pytak", reason="the link to TAK needs the extra tak")
 
 def test_flight_with_tak_is_the_same_flight_and_all_of_it_arrives(tmp_path):
     alone, beside = tmp_path / "alone", tmp_path / "beside"
-    rig.flown(rig.mission("speck"), alone)
+    rig.fly(rig.mission("speck"), alone)
     with Listener() as listener:
-        rig.flown(rig.mission("speck"), beside, "--tak", listener.url)
+        rig.fly(rig.mission("speck"), beside, "--tak", listener.url)
         last = listener.newest
     assert rig.bodies(alone) == rig.bodies(beside)
     assert last["aircraft-1"].remarks.startswith("simulated; landed; the flight is over")

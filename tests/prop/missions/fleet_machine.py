@@ -26,13 +26,13 @@ from hypothesis.stateful import (
 from missions.events import Continued, Paused, TrafficSeen
 from missions.traffic import Track
 from missions.units import GridPoint
-from tests.benchmarks.frame import asked
+from tests.benchmarks.frame import options_of
 from tests.campaign import record, reducer
 from tests.campaign.plan import Plan
 from tests.fake_fleet import TICK_S, Fleet
 from tests.fake_fleet.troubles import ACTS, drawn
 
-MAX_TROUBLES = 3
+MOST_TROUBLES = 3
 LIMIT_S = 6000.0
 KINDS = tuple(kind for kind in ACTS if kind not in ("none", "recall"))
 STEPS = 12
@@ -62,7 +62,7 @@ class FleetMachine(RuleBasedStateMachine):
     def fly(self, s: int) -> None:
         self.ticks(int(s / TICK_S))
 
-    @precondition(lambda self: self.flies and len(self.fleet.troubles) < MAX_TROUBLES)
+    @precondition(lambda self: self.flies and len(self.fleet.troubles) < MOST_TROUBLES)
     @rule(kind=st.sampled_from(KINDS), vehicle=st.integers(1, 3), number=st.integers(0, 1000))
     def trouble(self, kind: str, vehicle: int, number: int) -> None:
         """Begin a trouble with the next tick; its number draws its duration."""
@@ -110,7 +110,7 @@ class FleetMachine(RuleBasedStateMachine):
 
 
 def main() -> int:
-    options = asked(__doc__, runs=100, seed=1, record=False)
+    options = options_of(__doc__, runs=100, seed=1, record=False)
     commit = record.commit_of_program()
     chosen = settings(
         max_examples=options.runs, stateful_step_count=STEPS, deadline=None, database=None,

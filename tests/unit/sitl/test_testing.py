@@ -64,7 +64,9 @@ def test_messages_are_handed_out_once_in_order(make):
 def test_expectation_that_fails_reports_the_reason(make):
     (vehicle,) = make()
     assert vehicle.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mav.MAV_RESULT_FAILED
-    with pytest.raises(TimeoutError, match=r"within 3 s .* STABILIZE, disarmed.* said: .*settling"):
+    with pytest.raises(
+        TimeoutError, match=r"within 3 s .* STABILIZE, disarmed.* texts: .*settling"
+    ):
         vehicle.until(lambda: vehicle.truth.armed, timeout_s=3.0)
     assert vehicle.t_s == pytest.approx(3.0)
     with pytest.raises(TimeoutError, match="MISSION_ACK"):

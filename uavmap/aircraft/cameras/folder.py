@@ -250,9 +250,9 @@ class FolderSource(LocalSource):
 
     async def run(self) -> None:
         """Watch the folder until cancelled."""
-        await self._card.run(self._found)
+        await self._card.run(self._announce)
 
-    def _found(self, picture: CardPicture) -> None:
+    def _announce(self, picture: CardPicture) -> None:
         if self._cadence.selects(picture.taken_s):
             self._deliver(
                 Announcement(

@@ -209,7 +209,7 @@ class CommandedSource(FrameSource):
         """Note that the camera's state is unknown."""
         self._idle = False
 
-    def ended(self) -> None:
+    def note_end(self) -> None:
         """Note that a burst has taken all its pictures: the camera has stopped by itself."""
         self._idle = True
 

@@ -84,7 +84,7 @@ class FrameSource(ABC):
     def stop(self) -> None:
         """Stop at once, without waiting for an answer."""
 
-    def ended(self) -> None:  # noqa: B027 - not every camera needs it
+    def note_end(self) -> None:  # noqa: B027 - not every camera needs it
         """Note that all pictures of a count have come: the camera has stopped by itself."""
 
     def uncertain(self) -> None:  # noqa: B027

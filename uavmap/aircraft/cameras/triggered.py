@@ -122,12 +122,12 @@ class TriggeredSource(CommandedSource):
     async def run(self) -> None:
         """Watch the folder until cancelled."""
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._card.run(self._found))
+            tasks.create_task(self._card.run(self._add_picture))
             while True:
                 await asyncio.sleep(_LOOK_S)
                 self._give_up()
 
-    def _found(self, picture: CardPicture) -> None:
+    def _add_picture(self, picture: CardPicture) -> None:
         self._pictures.append(picture)
         self._bring_together()
 

@@ -221,15 +221,15 @@ class Leaps:
         flown = Fix(first_s, start, 0.0, (north_m_s, east_m_s, 0.0)).moved(boot_s)
         off_m = distance_m(flown.position, position)
         if off_m > LEAP_NOISE_M + 0.5 * LEAP_ACCEL_M_S2 * passed_s**2:
-            self._noted(f"its position has jumped by {off_m:.0f} m")
+            self._note_leap(f"its position has jumped by {off_m:.0f} m")
             return
         for told_s, _, before in fixes:
             change_m_s = math.dist(before, velocity_ne_m_s)
             if change_m_s > LEAP_NOISE_M_S + LEAP_ACCEL_M_S2 * (boot_s - told_s):
-                self._noted(f"its speed has jumped by {change_m_s:.0f} m/s")
+                self._note_leap(f"its speed has jumped by {change_m_s:.0f} m/s")
                 return
 
-    def _noted(self, what: str) -> None:
+    def _note_leap(self, what: str) -> None:
         self.leapt = what
         self._fixes.clear()  # the next values count from here
 

@@ -110,7 +110,7 @@ class Guardian:
         by_map = action == "rtl" and self._monitor.by_map
         way = "fly home by its own map" if by_map else _WORDS[action]
         self._reporter.line(f"vehicle {number}: {reason}; it is commanded to {way}")
-        self._reporter.happened(Guarded, action, reason)
+        self._reporter.report_now(Guarded, action, reason)
         self._begin(self._pursue(action, hurry=hurry))
 
     def _begin(self, pursuit: Coroutine[Any, Any, None]) -> None:
@@ -171,7 +171,7 @@ class Guardian:
         if verdict.rung == "report":
             self.order_failed(verdict.reason, verdict.behind)
         elif verdict.rung == "crashed":
-            self._crashed(seen, verdict.reason)
+            self._report_crash(seen, verdict.reason)
         else:
             action: Action = "land" if verdict.rung == "land" else "rtl"
             self.take_over(action, verdict.reason, hurry=verdict.hurry)
@@ -216,7 +216,7 @@ class Guardian:
             by_map=self._monitor.by_map,
         )
 
-    def _crashed(self, seen: Snapshot, reason: str) -> None:
+    def _report_crash(self, seen: Snapshot, reason: str) -> None:
         """Report the place of a crash, and have motors stopped that still run."""
         reporter = self._reporter
         place = reporter.grid.position(seen.position)
@@ -225,7 +225,7 @@ class Guardian:
             f"{reason}"
         )
         self.stand_aside()
-        reporter.happened(Crashed, seen.position, reason)
+        reporter.report_now(Crashed, seen.position, reason)
         self._monitor.control = self._monitor.control.with_guardian(guardian=True).with_crash()
         struck = self._guard.fell or seen.struck_m_s > HARD_LANDING_M_S
         self._begin(self._flight.stop_motors(struck=struck))

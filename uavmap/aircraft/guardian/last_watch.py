@@ -95,7 +95,7 @@ async def run_with_keeper(keeper: Keeper, mission: Awaitable[T], *, leave: bool)
     except asyncio.CancelledError:
         if not leave:
             raise
-        await _left(keeper, "the operator left")
+        await _leave(keeper, "the operator left")
         _log_fates(keeper, "interrupted")
         raise
     except Exception as failure:
@@ -103,7 +103,7 @@ async def run_with_keeper(keeper: Keeper, mission: Awaitable[T], *, leave: bool)
         try:
             await keeper.bring_home(reason)
         except asyncio.CancelledError:  # the operator does not wait for it
-            await _left(keeper, reason)
+            await _leave(keeper, reason)
         except Exception as further:
             failure = ExceptionGroup(NOT_HOME, [failure, further])
         if is_defect(failure):  # it keeps its traceback
@@ -131,7 +131,7 @@ async def run_beside_keeper(mission: Awaitable[T], keeping: asyncio.Task[None]) 
             await asyncio.gather(flying, return_exceptions=True)
 
 
-async def _left(keeper: Keeper, reason: str) -> None:
+async def _leave(keeper: Keeper, reason: str) -> None:
     """Leave the aircraft to their autopilots; a further interrupt still shows their places."""
     with contextlib.suppress(asyncio.CancelledError):
         await keeper.leave(reason)

@@ -137,10 +137,10 @@ class Monitor:
         # also from one mode to another: RTL and LOITER fly to different places
         turned = control.armed and control.mode != before.mode
         if not control.is_under_control and (before.is_under_control or turned):
-            reporter.happened(Overridden, self._view.mode_name, cause=control.cause or None)
+            reporter.report_now(Overridden, self._view.mode_name, cause=control.cause or None)
         elif control.is_under_control and not before.is_under_control:
             height_m = reporter.height_m() if control.off_ground else 0.0
-            reporter.happened(Released, reporter.position(), height_m)
+            reporter.report_now(Released, reporter.position(), height_m)
 
     def _note_acknowledgement(self, ack: Message) -> None:
         """Note whether the autopilot accepts the commanded mode.
@@ -184,7 +184,7 @@ class Monitor:
     def _report_flight(self, before: Control) -> None:
         control = self.control
         if control.air.is_flying and not before.air.is_flying:
-            self._reporter.happened(LiftedOff)
+            self._reporter.report_now(LiftedOff)
         stood = not before.armed and not before.air.may_be_up
         if stood or control.armed or control.air is not AirState.ON_GROUND:
             return
@@ -194,13 +194,13 @@ class Monitor:
             return
         lands = before.request is not None and before.request.mode == self._view.kind.land
         if before.air.is_flying or lands or control.holder is not Holder.OURS:
-            self.landed()
+            self.report_landing()
 
-    def landed(self) -> None:
+    def report_landing(self) -> None:
         """Report that the vehicle is on the ground."""
         reporter = self._reporter
         self.wind.forget()
-        reporter.happened(Landed, reporter.remaining(), position=reporter.position())
+        reporter.report_now(Landed, reporter.remaining(), position=reporter.position())
 
     def _measure_wind(self) -> None:
         north_m_s, east_m_s, _ = self._view.velocity_ned_m_s
@@ -223,7 +223,7 @@ class Monitor:
         every_s = PATH_TRACK_S if self.on_path else TRACK_S
         if self.connected and now_s - self._tracked_s >= every_s - 1e-6:
             self._tracked_s = now_s
-            reporter.happened(
+            reporter.report_now(
                 Tracked, reporter.position(), reporter.height_m(), reporter.remaining(),
                 wind_m_s=self.wind.speed_m_s,
             )  # fmt: skip
@@ -237,7 +237,7 @@ class Monitor:
         self.control = self.control.with_connection(view.kind, resumed=self.resumed)
         airborne = self.control.in_air
         home = reporter.home() if view.home is not None else GridPoint(0.0, 0.0)
-        reporter.happened(
+        reporter.report_now(
             Connected, home, reporter.position(), reporter.height_m(), airborne,
             self.control.is_under_control, reporter.remaining(), home_amsl_m=reporter.home_amsl_m(),
             mode=self.mode if airborne else None,

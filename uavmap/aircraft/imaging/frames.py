@@ -84,7 +84,7 @@ class Frames:
         """Number of announced pictures."""
         self.capturing = False
 
-    def announced(self, picture: Announcement) -> None:
+    def receive_announcement(self, picture: Announcement) -> None:
         """Note a picture; request those between the last one and this."""
         if picture.index is not None and not self._new(picture.index):
             return
@@ -205,19 +205,19 @@ class Frames:
         except (ImageError, LinkError) as error:
             return self._lost(str(error), picture)
         finally:
-            self._judged()
+            self._note_verdict()
         return None
 
     def _newest(self) -> Announcement:
         """Return the last waiting picture; older ones are left out, or the backlog would only
         grow."""
-        self._judged()
+        self._note_verdict()
         while self._announced.qsize() > 1:
             self._announced.get_nowait()
-            self._judged()
+            self._note_verdict()
         return self._announced.get_nowait()
 
-    def _judged(self) -> None:
+    def _note_verdict(self) -> None:
         self._pending -= 1
         self._progress.set()
 
@@ -246,7 +246,7 @@ class Frames:
             if left == 1:  # before the mission judges it, and gives another order
                 self.capturing = False
                 if self._whole:
-                    self._source.ended()
+                    self._source.note_end()
             return await self._judge_picture(picture, vantage)
         self._whole = False
         if left == 1:

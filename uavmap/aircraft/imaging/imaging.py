@@ -54,7 +54,7 @@ class CameraDriver:
         self.navigation: Navigation | None = None
         """Finds the position of pictures better than the autopilot; None: it is not used."""
         self._frames: Frames | None = None
-        source.listen(self._announced)
+        source.listen(self._announce)
 
     @property
     def streams(self) -> Mapping[int, float]:
@@ -66,9 +66,9 @@ class CameraDriver:
         restarted."""
         self._source.uncertain()
 
-    def _announced(self, picture: Announcement) -> None:
+    def _announce(self, picture: Announcement) -> None:
         if self._frames is not None:
-            self._frames.announced(picture)
+            self._frames.receive_announcement(picture)
 
     def every(self, interval_s: float, *, anywhere: bool = False) -> _Pictures:
         """Take pictures at an interval while the context lasts; `anywhere`: without a vantage."""
@@ -100,7 +100,7 @@ class CameraDriver:
     @contextlib.asynccontextmanager
     async def _announcing_to(self, frames: Frames) -> AsyncIterator[Frames]:
         self._frames = frames
-        self._source.listen(self._announced)  # others may have listened before the flight
+        self._source.listen(self._announce)  # others may have listened before the flight
         try:
             await frames.begin()
             yield frames

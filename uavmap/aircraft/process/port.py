@@ -103,7 +103,7 @@ class Port:
         self._fly = msg.Fly(start_s)
         self.send(self._fly)
 
-    def lost(self) -> None:
+    def report_loss(self) -> None:
         """Report every link as lost: the process of the aircraft has died."""
         for vehicle in self._vehicles:
             self._post(LinkLost(vehicle, round(self._now_s(), 3)))
@@ -142,7 +142,7 @@ class Port:
             case msg.Picture():
                 self._begin(self._send_verdict(message))
             case msg.SwapRequested():
-                self._swaps[message.vehicle] = self._begin(self._swapped(message.vehicle))
+                self._swaps[message.vehicle] = self._begin(self._confirm_swap(message.vehicle))
             case msg.SwapCancelled():
                 if message.vehicle in self._swaps:
                     self._swaps.pop(message.vehicle).cancel()
@@ -154,7 +154,7 @@ class Port:
                 if message.boot_s is not None:
                     self._boot = (message.boot_s, asyncio.get_running_loop().time())
                 if isinstance(message, msg.Ready):
-                    self._prepared(message)
+                    self._receive_ready(message)
                 else:
                     self._fates = {**self._fates, **message.fates}
             case msg.Recall():
@@ -164,7 +164,7 @@ class Port:
                 if not self.ended.done():
                     self.ended.set_result(message)
 
-    def _prepared(self, message: msg.Ready) -> None:
+    def _receive_ready(self, message: msg.Ready) -> None:
         if not self.ready.done():
             self.ready.set_result(message)
         elif self._fly is not None:  # another process, or another connection
@@ -195,7 +195,7 @@ class Port:
         await self.taken_in()
         self.send(msg.PictureJudged(picture.serial, isinstance(verdict, FrameSeen)))
 
-    async def _swapped(self, vehicle: int) -> None:
+    async def _confirm_swap(self, vehicle: int) -> None:
         await self._swap(vehicle)
         self._swaps.pop(vehicle, None)
         self.send(msg.SwapDone(vehicle))

@@ -75,7 +75,7 @@ class SerialPort:
             try:
                 data = self._port.read(4096) if self._port is not None else b""
             except (serial.SerialException, OSError):  # unplugged
-                self._lost()
+                self._note_loss()
                 return
             if not data:
                 return
@@ -90,14 +90,14 @@ class SerialPort:
         except BlockingIOError:
             pass
         except OSError:  # unplugged
-            self._lost()
+            self._note_loss()
             return
         if self._unsent:
             self._loop.add_writer(file, self._write)
         else:
             self._loop.remove_writer(file)
 
-    def _lost(self) -> None:
+    def _note_loss(self) -> None:
         self._shut()
         if self._reopening is None or self._reopening.done():
             self._reopening = self._loop.create_task(self._reopen())

@@ -199,7 +199,7 @@ class TcpLink:
         _keep_alive(transport.get_extra_info("socket"))
         return True
 
-    def lost(self, transport: asyncio.Transport) -> None:
+    def note_loss(self, transport: asyncio.Transport) -> None:
         """Handle the end of a connection: the next client may come."""
         if transport is self._transport:
             self._transport = None
@@ -249,7 +249,7 @@ class _TcpConnection(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         if self._transport is not None:
-            self._link.lost(self._transport)
+            self._link.note_loss(self._transport)
 
 
 Transport = UdpLink | TcpLink | SerialPort

@@ -68,15 +68,15 @@ class _Child:
         self._mavsdk = Mavsdk(Configuration.create_manual(system, component, False))
         self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: out.write(frames_piece(data)))
         self._mavsdk.add_any_connection_with_handle("raw://")
-        self._mavsdk.first_autopilot_async(-1.0, self._found)
+        self._mavsdk.first_autopilot_async(-1.0, self._note_vehicle)
         out.write(object_piece({"ready": self._mavsdk.version()}))
 
-    def _found(self, vehicle: System | None) -> None:
+    def _note_vehicle(self, vehicle: System | None) -> None:
         """Note a vehicle; called on a thread of MAVSDK, which accepts no requests there."""
         if vehicle is not None:
-            self._workers.submit(self._met, vehicle)
+            self._workers.submit(self._begin_with, vehicle)
 
-    def _met(self, vehicle: System) -> None:
+    def _begin_with(self, vehicle: System) -> None:
         self._vehicle, self._direct = vehicle, MavlinkDirect(vehicle)
         self._action = Action(vehicle)
         self._direct.subscribe_message("", lambda message, _: self._forward(message))
@@ -101,11 +101,11 @@ class _Child:
     def do(self, asked: dict[str, Any]) -> None:
         """Carry out a request: a message at once, a question in a thread."""
         if asked["do"] == "send":
-            self._answered(asked, self._send)
+            self._answer(asked, self._send)
         else:
-            self._workers.submit(self._answered, asked, self._carry_out)
+            self._workers.submit(self._answer, asked, self._carry_out)
 
-    def _answered(self, asked: dict[str, Any], how: Callable[[dict[str, Any]], Any]) -> None:
+    def _answer(self, asked: dict[str, Any], how: Callable[[dict[str, Any]], Any]) -> None:
         answer: dict[str, Any] = {"id": asked["id"], "result": "SUCCESS"}
         try:
             if self._vehicle is None:

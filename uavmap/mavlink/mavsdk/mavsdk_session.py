@@ -295,7 +295,7 @@ class MavsdkSession(Session):
     ) -> JsonObject:
         """Have MAVSDK carry out a request; its command may pass meanwhile, by the permit."""
         if permit is not None:
-            await permit.granted()
+            await permit.wait_for_grant()
         with self.outbox.permitting(command, permit):
             return await self.process.ask(do=what, **more)
 

@@ -47,9 +47,9 @@ class Caller:
                 self._early += 1
                 return
             # the loop cannot be closed meanwhile: it is released under the same lock
-            self._listening[-1][0].call_soon_threadsafe(self._pressed)
+            self._listening[-1][0].call_soon_threadsafe(self._handle_press)
 
-    def _pressed(self) -> None:
+    def _handle_press(self) -> None:
         if self._listening:
             self._listening[-1][1]()
 
@@ -62,7 +62,7 @@ class Caller:
             self._listening.append((loop, act))
             early, self._early = self._early, 0
         for _ in range(early):
-            loop.call_soon(self._pressed)
+            loop.call_soon(self._handle_press)
         try:
             yield
         finally:

@@ -100,16 +100,16 @@ class Keys:
             number = int(self._digits)
             if 10 * number <= max(self._numbers):  # 1 of 12 vehicles: Enter, or a second digit
                 return True
-            self._chosen((number,))
+            self._order_for((number,))
         elif key in _ENTER and self._digits:
-            self._chosen((int(self._digits),))
+            self._order_for((int(self._digits),))
         elif self._key != "k" and not self._digits and (key == _ALL or key == self._key == "r"):
-            self._chosen(tuple(self._numbers))
+            self._order_for(tuple(self._numbers))
         else:  # Enter before a number is no answer of the crew either: that was not the question
             return key in _ENTER
         return True
 
-    def _chosen(self, numbers: tuple[int, ...]) -> None:
+    def _order_for(self, numbers: tuple[int, ...]) -> None:
         key = self._key
         self._forget()
         if not set(numbers) <= set(self._numbers):
@@ -225,7 +225,7 @@ class _Terminal:
             _set(self._file, settings)
             termios.tcflush(self._file, termios.TCIFLUSH)  # text from before is no answer
         except termios.error:
-            self._lost()
+            self._note_loss()
             return
         if not self._reading:
             self._reading = True
@@ -245,7 +245,7 @@ class _Terminal:
             with contextlib.suppress(termios.error):
                 _set(self._file, self._saved)
 
-    def _lost(self) -> None:
+    def _note_loss(self) -> None:
         """Handle the end of the terminal, which is no consent."""
         self._gone = True
         self._deaf()
@@ -261,7 +261,7 @@ class _Terminal:
         except OSError:
             data = b""
         if not data:
-            self._lost()
+            self._note_loss()
             return
         for key in _SEQUENCE.sub(b"", data).decode("ascii", "ignore"):
             if not self._keys.press(key) and key in _ENTER:

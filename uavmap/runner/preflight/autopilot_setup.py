@@ -92,7 +92,7 @@ class SettingsFile:
         }
         self._write(values)
 
-    def done(self, aircraft: str) -> None:
+    def forget(self, aircraft: str) -> None:
         """Remove the settings of a restored aircraft. Raises `OutputError`."""
         values = self._read()
         if values.pop(aircraft, None) is not None:
@@ -322,7 +322,7 @@ class AutopilotSetup:
                     return False
                 async with asyncio.timeout(RESTORE_S):
                     await self._put_back(before)
-                self._kept.done(aircraft)
+                self._kept.forget(aircraft)
             others = self._kept.in_place_of(self._number)
         except (LinkError, OutputError, TimeoutError) as error:
             self._log_left(str(error) or "it takes too long")

@@ -12,8 +12,8 @@ from missions.errors import UavmapError
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.load.areas.drones import CAMERAS, DRONES
+from uavmap.load.areas.formats import SUFFIXES
 from uavmap.load.areas.layout import rectangle
-from uavmap.load.mission_source import DRAWINGS
 from uavmap.ui.app.ground_choice import GroundChoice
 from uavmap.ui.app.visitor import Visitor
 from vision.detectors import FINDS, FROM_FILES
@@ -146,7 +146,7 @@ class Areas:
         detectors = _LATER | shipped | learned
         self._source = ui.label("draw an area on the map, or import a file").mark("source")
         self._visitor.upload(
-            "Import KML, GeoJSON, Shapefile (.zip), .plan ...", DRAWINGS, self._import
+            "Import KML, GeoJSON, Shapefile (.zip), .plan ...", SUFFIXES, self._import
         )
         self._name = ui.input("name of the mission", value="field").mark("name")
         self._drone = ui.select(list(DRONES), value="sim", label="drone").mark("drone")

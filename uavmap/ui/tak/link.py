@@ -121,7 +121,7 @@ class Link:
                 await self._stay()
                 return
             except Exception as error:  # pytak raises errors of any class: the flight continues
-                self._lost(error)
+                self._note_loss(error)
             if time.monotonic() - begin_s > WAIT_S[1]:
                 wait_s = WAIT_S[0]
             if self._ending.is_set():
@@ -162,10 +162,10 @@ class Link:
             now_s = time.monotonic()
             self._news.clear()
             if not self._up and now_s - since_s >= HELD_S:
-                self._linked()
+                self._note_link()
             if (mark := self._outbox.next(now_s)) is not None:
                 await _send(writer, encode_event(mark))
-                self._outbox.sent(mark, time.monotonic())
+                self._outbox.note_sent(mark, time.monotonic())
                 continue
             if self._ending.is_set():
                 return
@@ -179,12 +179,12 @@ class Link:
             news.cancel()
         raise ConnectionResetError("the receiver has closed the connection")
 
-    def _linked(self) -> None:
+    def _note_link(self) -> None:
         news = "the link is back" if self._was_up else "linked"
         self._up = self._was_up = True
         self._report(f"TAK: {news}: {self._url}")
 
-    def _lost(self, error: Exception) -> None:
+    def _note_loss(self, error: Exception) -> None:
         if self._up is False:
             return
         before, self._up = self._up, False

@@ -90,7 +90,7 @@ class Outbox:
         """True if the receiver has the newest state of all marks."""
         return all(slot.newest == slot.sent for slot in self._slots.values())
 
-    def sent(self, mark: Mark, now_s: float) -> None:
+    def note_sent(self, mark: Mark, now_s: float) -> None:
         """Note that a mark was sent; a newer one may have been put since."""
         for uid, slot in self._slots.items():
             if slot.newest == mark or uid == mark.uid:

@@ -28,7 +28,7 @@ def on_path() -> tuple[VehicleState, Trajectory]:
     return VehicleState(1, 12.0, order=order, lanes=(FAR, NEAR), on_lane=True), path
 
 
-def flown(until: GridPoint, lost: bool = False) -> VehicleState:
+def fly_lane(until: GridPoint, lost: bool = False) -> VehicleState:
     """Return the vehicle after frames every half second, until the path last passes a place."""
     vehicle, path = on_path()
     times = [path.begin_s + 0.5 * k for k in range(int((path.end_s - path.begin_s) * 2) + 1)]
@@ -46,20 +46,20 @@ def flown(until: GridPoint, lost: bool = False) -> VehicleState:
 
 
 def test_a_lane_that_is_crossed_on_the_way_is_not_flown() -> None:
-    vehicle = flown(GridPoint(30.0, 40.0))
+    vehicle = fly_lane(GridPoint(30.0, 40.0))
     assert vehicle.lanes == (FAR, NEAR)
     assert min(vehicle.lane_seen_m) < 4.0
     assert max(vehicle.lane_seen_m) > 25.0
 
 
 def test_the_second_lane_begins_when_the_first_is_behind() -> None:
-    vehicle = flown(GridPoint(30.0, 28.0))
+    vehicle = fly_lane(GridPoint(30.0, 28.0))
     assert vehicle.lanes == (NEAR,)  # the first is complete
     assert max(vehicle.lane_seen_m) > 25.0
 
 
 def test_a_first_lane_without_frames_is_flown_again_at_the_end() -> None:
-    vehicle = flown(GridPoint(30.0, 28.0), lost=True)
+    vehicle = fly_lane(GridPoint(30.0, 28.0), lost=True)
     assert vehicle.lanes == (NEAR, FAR)
 
 

@@ -26,7 +26,7 @@ from tests.benchmarks.planning.belief import (
     exploring,
     frame,
     frame_from_anywhere,
-    mapped,
+    map_region,
     searching,
     seen_openly,
 )
@@ -140,7 +140,7 @@ def from_one_vantage(cells: int) -> tuple[float, float]:
 
 def of_a_no(cells: int) -> tuple[float, float]:
     """Measure negative votes from new vantages on the last ROI cell, which others elected."""
-    held, costs = [mapped(Belief(1, 1), block(cells), roi=True)], Costs()
+    held, costs = [map_region(Belief(1, 1), block(cells), roi=True)], Costs()
     last = block(cells)[-1]
     for number in range(20):
         vantage = Cell(-5, -5 - number)

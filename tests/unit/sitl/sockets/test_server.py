@@ -232,10 +232,10 @@ def test_queue_of_a_client_is_bounded():
     vehicle = plain_vehicle()
     port, connection = TcpPort(vehicle), Connection(None)
     connection.transport = FullTransport()
-    port.connected(connection)
+    port.add_client(connection)
     packer = Packer(255, 190)
     for message_id in (1, 24, 30, 33, 74, 147):
-        port.received(connection, packer.pack(interval(message_id, 20)))
+        port.receive(connection, packer.pack(interval(message_id, 20)))
     for _ in range(4000):
         vehicle.step(0.05)
         port.flush()

@@ -138,7 +138,7 @@ def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet
     assert len(found) == 4
 
 
-def test_communication_that_fails_is_reported_once_and_continues(said):
+def test_communication_that_fails_is_reported_once_and_continues(log_lines):
     async def listen(stations: list[Station]) -> None:
         stations[1].late_s = float("nan")  # a clock without a value
         await asyncio.sleep(20.0)
@@ -148,8 +148,8 @@ def test_communication_that_fails_is_reported_once_and_continues(said):
         await asyncio.sleep(20.0)
 
     stations = together(lambda: in_a_row(1.0, 100.0, 1), listen)
-    assert len(said) == 1
-    assert "internal error in fleet communication (ValueError" in said[0]
+    assert len(log_lines) == 1
+    assert "internal error in fleet communication (ValueError" in log_lines[0]
     assert stations[1].reports(Recalled) == [Recalled]
 
 

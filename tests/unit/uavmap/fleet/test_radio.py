@@ -71,7 +71,7 @@ async def over_zenoh(**where: str) -> AsyncIterator[ZenohRadio]:
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
 @by(in_real_time)
-async def test_radio_that_was_gone_and_returns_is_received_again(kind, said):
+async def test_radio_that_was_gone_and_returns_is_received_again(kind, log_lines):
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     type_ = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
     endpoint = f"{kind}/127.0.0.1:{free_port(type_)}"
@@ -83,22 +83,22 @@ async def test_radio_that_was_gone_and_returns_is_received_again(kind, said):
         assert one.opened == 1
         assert b"to other" not in at_one.received  # no radio receives its own messages
         one.send(bytes(2000))  # larger than any message: left out
-    assert said == []
+    assert log_lines == []
 
 
 @by(in_real_time)
-async def test_port_in_use_is_reported_and_tried_again(said):
+async def test_port_in_use_is_reported_and_tried_again(log_lines):
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
         async with over_zenoh(listen=endpoint) as radio:
-            await until(lambda: bool(said), lambda: radio.send(b"into the void"))
-    assert len(said) == 1
-    assert said[0].endswith("tried again")
-    assert re.search(r"/[^/\s]+/", said[0]) is None, "a path of a machine is told"
-    assert ".rs" not in said[0]
+            await until(lambda: bool(log_lines), lambda: radio.send(b"into the void"))
+    assert len(log_lines) == 1
+    assert log_lines[0].endswith("tried again")
+    assert re.search(r"/[^/\s]+/", log_lines[0]) is None, "a path of a machine is told"
+    assert ".rs" not in log_lines[0]
 
 
 def group(interface: str) -> MulticastRadio:
@@ -127,15 +127,15 @@ async def test_message_to_a_group_reaches_all_of_it():
 
 
 @by(in_real_time)
-async def test_missing_interface_is_reported_once_and_waited_for(said):
+async def test_missing_interface_is_reported_once_and_waited_for(log_lines):
     endpoint = parse_endpoint("--listen", "udp/224.0.0.224:7447#iface=none0")
     radio = MulticastRadio(endpoint)
     radio.open()
     radio.open()
     radio.send(b"into the void")
     radio.close()
-    assert len(said) == 1
-    assert "it is tried again" in said[0]
+    assert len(log_lines) == 1
+    assert "it is tried again" in log_lines[0]
 
 
 @by(in_real_time)

@@ -29,7 +29,7 @@ async def flight(landed: asyncio.Event, *, may_leave: bool) -> str:
     return "results"
 
 
-async def interrupted(*, may_leave: bool) -> str:
+async def interrupt(*, may_leave: bool) -> str:
     landed = asyncio.Event()
     task = asyncio.create_task(flight(landed, may_leave=may_leave))
     await landed.wait()
@@ -38,12 +38,12 @@ async def interrupted(*, may_leave: bool) -> str:
     return await task
 
 
-def test_operator_ends_the_wait_and_gets_the_results(said):
-    assert asyncio.run(interrupted(may_leave=True)) == "results"
-    assert "Ctrl-C ends the wait" in said[0]
-    assert "uavmap merge" in said[1]
+def test_operator_ends_the_wait_and_gets_the_results(log_lines):
+    assert asyncio.run(interrupt(may_leave=True)) == "results"
+    assert "Ctrl-C ends the wait" in log_lines[0]
+    assert "uavmap merge" in log_lines[1]
 
 
 def test_wait_without_an_operator_is_cancelled_like_any_task():
     with pytest.raises(asyncio.CancelledError):
-        asyncio.run(interrupted(may_leave=False))
+        asyncio.run(interrupt(may_leave=False))

@@ -13,7 +13,7 @@ from tests.failing_disk import HOWS, How, Killed, failing_disk
 from uavmap.journal.event_log import Journal, JournalReader
 
 
-def written(path: Path, confirmed: list[str]) -> None:
+def write(path: Path, confirmed: list[str]) -> None:
     """Write a journal as a flight and a resumed one do; add each event that it confirms."""
     with Journal.create(path, {"plan": {}}) as journal:
         for k in range(2):
@@ -41,7 +41,7 @@ def test_journal_each_call_fails_once_keeps_confirmed_events(how: How, tmp_path:
         confirmed: list[str] = []
         with failing_disk(path.parent, fails_at, how) as disk:
             with suppress(JournalError, Killed):
-                written(path, confirmed)
+                write(path, confirmed)
             failed = disk.failed
         if not path.exists():
             assert confirmed == []

@@ -50,10 +50,10 @@ def geotiff(path, *, epsg=32632, heights=None, nodata=None, pixel=3.0, south_m=-
     if heights is not None:
         heights(band)
     transform = rasterio.Affine(pixel * metre_x, 0.0, west, 0.0, -pixel * metre_y, north)
-    written(path, band, system, transform=transform, nodata=nodata)
+    write(path, band, system, transform=transform, nodata=nodata)
 
 
-def written(path, band, crs, count=1, **how):
+def write(path, band, crs, count=1, **how):
     """Write a model of this band, at any place unless a transform is given."""
     how = {"crs": crs, "transform": rasterio.Affine(3.0, 0.0, 0.0, 0.0, -3.0, 0.0), **how}
     height, width = band.shape
@@ -153,13 +153,13 @@ def test_heights_in_feet_become_metres(tmp_path, how):
 
 def test_invalid_or_distant_model_is_refused(tmp_path):
     level = np.full((9, 9), 500.0, np.float32)
-    written(tmp_path / "dem.tif", level, rasterio.crs.CRS.from_epsg(32632), count=3)
+    write(tmp_path / "dem.tif", level, rasterio.crs.CRS.from_epsg(32632), count=3)
     assert "it has 3 bands" in refused(tmp_path)
     site = rasterio.crs.CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]')
-    written(tmp_path / "dem.tif", level, site)
+    write(tmp_path / "dem.tif", level, site)
     assert "its coordinate system, 'site', has no place on Earth" in refused(tmp_path)
     other_side = rasterio.crs.CRS.from_proj4("+proj=ortho +lat_0=-48 +lon_0=-169")
-    written(tmp_path / "dem.tif", level, other_side)
+    write(tmp_path / "dem.tif", level, other_side)
     assert "no height at start.position" in refused(tmp_path)
 
 

@@ -132,7 +132,7 @@ def replayed(images: Path, made: Setting, journal: Journal, out: Path) -> dict[s
         return judge_pictures(gather(open_source(images)), made, spool).written(journal, out)
 
 
-def mapped(images: Path, made: Setting, out: Path) -> tuple[dict[str, Any], dict[Cell, str]]:
+def map_region(images: Path, made: Setting, out: Path) -> tuple[dict[str, Any], dict[Cell, str]]:
     """Return the summary, and the states of the cells in the map."""
     with Journal.create(out / JOURNAL, META) as journal:
         summary = replayed(images, made, journal, out)
@@ -156,7 +156,7 @@ def inside_m(cell: Cell) -> float:
 
 
 def test_painted_photographs_give_the_right_cells(tmp_path: Path) -> None:
-    summary, states = mapped(painted(tmp_path / "images"), setting(), tmp_path / "out")
+    summary, states = map_region(painted(tmp_path / "images"), setting(), tmp_path / "out")
     assert summary["photographs"] == 4
     assert summary["completed"]
     assert len(states) > 60
@@ -177,7 +177,7 @@ def test_photographs_of_the_same_second_all_count(tmp_path: Path) -> None:
     for number in range(2):
         place = (16.0, 12.0 + number)
         shot(images / f"{number}.jpg", number, place, taken="2024:05:01 10:00:00")
-    summary, _ = mapped(images, setting(), tmp_path / "out")
+    summary, _ = map_region(images, setting(), tmp_path / "out")
     assert summary["cells_roi"] > 10  # two votes are needed
     with Journal.open(tmp_path / "out" / JOURNAL) as journal:
         times = [e.t_s for e in journal.events() if isinstance(e, FrameSeen)]
@@ -194,14 +194,14 @@ def row(folder: Path, *images: Image.Image) -> Path:
 
 def test_replay_that_judged_nothing_is_not_complete(tmp_path: Path) -> None:
     cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
-    summary, states = mapped(row(tmp_path / "images", cap, cap), setting(), tmp_path / "out")
+    summary, states = map_region(row(tmp_path / "images", cap, cap), setting(), tmp_path / "out")
     assert (summary["photographs"], summary["photographs_judged"]) == (2, 0)
     assert summary["completed"] is False
     assert states == {}
 
 
 def test_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
-    tmp_path: Path, said: ShownLines
+    tmp_path: Path, log_lines: ShownLines
 ) -> None:
     good = paint(16.0, 12.0, 0.0, seed=1)
     cap = Image.new("RGB", (WIDTH, HEIGHT), (0, 0, 0))
@@ -209,7 +209,7 @@ def test_photograph_that_is_no_evidence_is_named_and_the_others_are_judged(
     with Journal.create(tmp_path / JOURNAL, META) as journal:
         summary = replayed(images, setting(), journal, tmp_path)
         lost = [e for e in journal.events() if isinstance(e, FrameLost)]
-    assert [line.split(":")[0] for line in said if "not judged" in line] == [
+    assert [line.split(":")[0] for line in log_lines if "not judged" in line] == [
         "1.jpg",
         "2.jpg",
     ]
@@ -227,7 +227,7 @@ def test_first_photographs_of_a_place_decide(tmp_path: Path) -> None:
     meadow = [paint(400.0, 12.0, 0.0, seed=n) for n in range(3)]
     wrong = [paint(16.0, 12.0, 0.0, seed=10 + n) for n in range(6)]
     images = row(tmp_path / "images", *meadow, *wrong)
-    summary, _ = mapped(images, setting("count"), tmp_path / "out")
+    summary, _ = map_region(images, setting("count"), tmp_path / "out")
     assert summary["completed"]
     assert (summary["decided_by"], summary["cells_roi"]) == ("count", 0)
     assert "belief" not in (tmp_path / "out" / "map.geojson").read_text()
@@ -249,7 +249,7 @@ NO_ROAD = [
 def test_real_photographs_map_the_road(tmp_path: Path) -> None:
     made = setting_of(load("road"))
     # poses of the tags: the places were picked by eye on that map
-    _, states = mapped(REAL, made, tmp_path / "out")
+    _, states = map_region(REAL, made, tmp_path / "out")
 
     def state(place: tuple[int, int]) -> str:
         return states[made.grid.cell_of(GridPoint(float(place[0]), float(place[1])))]

@@ -198,7 +198,7 @@ async def test_last_message_is_sent_to_the_next_process_as_well():
     mission.port.fly(0.0)
     home = asyncio.create_task(mission.port.bring_home("the mission is over"))
     await asyncio.sleep(0)
-    mission.port.lost()
+    mission.port.report_loss()
     mission.sent.clear()
     mission.port.receive(msg.Ready(None))
     assert mission.sent == [msg.Fly(0.0), msg.Finish("the mission is over")]
@@ -226,7 +226,7 @@ async def test_aircraft_know_the_events_in_the_journal():
     assert mission.accept_reports() == [FIRST, SECOND]
     await asyncio.sleep(0.01)
     assert mission.port.kept == 2
-    mission.port.lost()
+    mission.port.report_loss()
     mission.accept_reports()
     mission.port.receive(msg.EventReport(FIRST, 1))  # another process counts from the beginning
     assert mission.accept_reports() == [FIRST]
@@ -265,7 +265,7 @@ async def test_defect_gives_the_vehicles_to_the_guardians():
 @asynccontextmanager
 async def connected(child: AircraftChild, token: str) -> AsyncIterator[asyncio.StreamWriter]:
     """Connect a mission to a process of the aircraft."""
-    server = await asyncio.start_server(child._attached, "127.0.0.1", 0)
+    server = await asyncio.start_server(child._serve, "127.0.0.1", 0)
     reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
     writer.write(msg.encode(msg.Attach(msg.VERSION, token)))
     await reader.read(1)
@@ -294,7 +294,7 @@ async def test_events_that_a_mission_dying_late_did_not_keep_are_recorded(*, kep
     async with connected(child, child._token) as writer:
         child._send(msg.EventReport(FIRST, 1))
         child._send(msg.Ended({}))
-        closing = asyncio.create_task(child._closed())
+        closing = asyncio.create_task(child._close())
         await asyncio.sleep(0)
         assert not closing.done()
         if kept:
@@ -323,10 +323,10 @@ async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(tmp
         side.host.receive(BEGIN)
         side.host.receive(msg.Fly(0.0))
         await side.host.fly({1: Flying()}, msg.Ready(None))
-        child._stopped()
+        child._stop()
         assert mission.accept_reports() == [Recalled(0.0)]
         assert not side.host.end.done()
-        child._stopped()
+        child._stop()
     assert mission.accept_reports() == []
     assert side.host.end.result() == msg.Finish(END_REQUESTED)
 

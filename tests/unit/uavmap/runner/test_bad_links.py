@@ -12,7 +12,7 @@ from missions.errors import LinkError
 from missions.events import Airborne, Guarded, LinkLost, OrderFailed
 from missions.orders import FlyTo, Hold, TakeOff
 from missions.units import GridPoint
-from tests.benchmarks.watched import WatchedFlight, flown, mission_text
+from tests.benchmarks.watched import WatchedFlight, fly_watched, mission_text
 from tests.support.flights import Flight, fly, small_mission, under_way
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.guardian.last_watch import Guardians, run_with_keeper
@@ -24,7 +24,7 @@ FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb", "reserve", "breach"})
 def flown_with_loss(loss: float, seed: int) -> WatchedFlight:
     """Fly over a link that loses a share of all frames, in both directions."""
     fault = {"kind": "link", "at_s": 0.0, "loss": loss}
-    return flown(f"loss {loss} seed {seed}", mission_text("speck", [fault]), seed)
+    return fly_watched(f"loss {loss} seed {seed}", mission_text("speck", [fault]), seed)
 
 
 def test_mission_with_a_fifth_of_all_frames_lost_is_complete():

@@ -10,7 +10,7 @@ from missions.errors import StrategyError
 from missions.planning.stepwise.interface import Decision, Situation
 from missions.planning.stepwise.rdfs import Rdfs
 from missions.units import Cell
-from tests.benchmarks.watched import WatchedFlight, flown, mission_text
+from tests.benchmarks.watched import WatchedFlight, fly_watched, mission_text
 
 FAR = Cell(40, 40)
 
@@ -26,7 +26,7 @@ def flight_with(
         return decide(self, situation) if few else failing(situation)
 
     monkeypatch.setattr(Rdfs, "decide", decides)
-    flight = flown("strategy", mission_text("speck"), 1)
+    flight = fly_watched("strategy", mission_text("speck"), 1)
     assert flight.columns >= {"home"}, flight.line()
     assert flight.kinds["airborne"] == 1
     return flight

@@ -28,7 +28,7 @@ def plan(autopilot: str = "ardupilot") -> FlightPlan:
     return plan_of("field.toml", text, None, None, 1, (), None, 0.0)
 
 
-def test_ground_reported_by_the_autopilot_is_kept_in_the_plan(said):
+def test_ground_reported_by_the_autopilot_is_kept_in_the_plan(log_lines):
     surveyed = with_ground(plan())
     assert surveyed.mission.terrain is not None
     assert surveyed.mission.terrain.source is None
@@ -37,7 +37,7 @@ def test_ground_reported_by_the_autopilot_is_kept_in_the_plan(said):
     assert ground.step_m == pytest.approx(10.0)
     rise_m = ground.height_m(GridPoint(40.0, 0.0)) - ground.height_m(GridPoint(0.0, 0.0))
     assert rise_m == pytest.approx(4.0, abs=0.05)
-    assert any("asks the autopilot for the ground at" in line for line in said)
+    assert any("asks the autopilot for the ground at" in line for line in log_lines)
     assert with_ground(surveyed) is surveyed
 
 

@@ -151,7 +151,7 @@ def test_report_during_an_order_is_handled_afterwards(journal):
 
 
 @pytest.mark.filterwarnings("error")
-def test_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch, said):
+def test_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch, log_lines):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -181,8 +181,8 @@ def test_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch, s
         0.0,
         20.0,
     ]  # shown, although no journal holds the last
-    assert len(said) == 1
-    assert "are not in the journal" in said[0]
+    assert len(log_lines) == 1
+    assert "are not in the journal" in log_lines[0]
 
 
 def test_report_after_a_failure_is_recorded_and_not_acted_on(journal, monkeypatch):
@@ -246,7 +246,7 @@ async def test_aircraft_know_the_events_recorded_after_the_end(journal):
 
 
 @by(on_virtual_time)
-async def test_report_that_no_journal_can_hold_is_refused_with_a_line(journal, said):
+async def test_report_that_no_journal_can_hold_is_refused_with_a_line(journal, log_lines):
     nowhere = GridPoint(float("inf"), 0.0)
     vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
     service = service_of(journal, vehicle)
@@ -256,7 +256,7 @@ async def test_report_that_no_journal_can_hold_is_refused_with_a_line(journal, s
     assert [type(e) for e in journal.events()] == [Connected]
     assert service.refused == 1
     assert service.state.vehicles[1].position == HOME
-    assert "a report was refused" in said[0]
+    assert "a report was refused" in log_lines[0]
 
 
 def judge(model: Path, *, recall: bool) -> PictureJudge:
@@ -266,14 +266,14 @@ def judge(model: Path, *, recall: bool) -> PictureJudge:
 
 
 @pytest.mark.parametrize("there", [False, True])
-def test_flight_without_its_model_can_only_be_recalled(tmp_path, there, said):
+def test_flight_without_its_model_can_only_be_recalled(tmp_path, there, log_lines):
     model = tmp_path / "model.json"
     if there:
         model.write_text("another one")
     with pytest.raises(MissionFileError, match=r"put (it|the old one) back: its SHA-256 is 0000"):
         judge(model, recall=False)
     judge(model, recall=True)
-    (line,) = said
+    (line,) = log_lines
     assert str(model) in line
     assert line.endswith("the aircraft are brought home without it")
 

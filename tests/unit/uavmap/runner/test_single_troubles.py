@@ -17,7 +17,7 @@ from missions.flight.vehicle_state import Phase
 from missions.orders import AwaitBattery, FlyTo, Land, Order, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
-from tests.benchmarks.watched import flown, mission_text
+from tests.benchmarks.watched import fly_watched, mission_text
 from tests.support.flights import Flight, fly, no_task_left, small_mission
 from tests.support.running import by
 from uavmap.aircraft.vehicle import MavlinkVehicle
@@ -156,7 +156,7 @@ async def test_pilot_on_the_ground_keeps_the_vehicle(flight, service, /, mode, a
     ids=lambda value: value["kind"] if isinstance(value, dict) else "",
 )
 def test_flight_with_a_fault_ends_with_its_exit_code(fault, code, home, expected):
-    flight = flown(fault["kind"], mission_text("speck", [{**fault, "at_s": 18.0}]), 1)
+    flight = fly_watched(fault["kind"], mission_text("speck", [{**fault, "at_s": 18.0}]), 1)
     assert not flight.columns & FORBIDDEN, flight.line()
     assert flight.code == code, flight.line()
     assert ("home" in flight.columns) is home
@@ -169,7 +169,7 @@ def test_leaning_camera_searches_no_lane_that_it_does_not_show():
     An earlier version called the lane searched, missed the region there, and the mission complete.
     """
     gust = {"kind": "wind_gust", "m_s": 12.0, "at_s": 18.0}
-    flight = flown("wind_gust", mission_text("speck", [gust]) + EXACT_ATTITUDE, 1)
+    flight = fly_watched("wind_gust", mission_text("speck", [gust]) + EXACT_ATTITUDE, 1)
     assert not flight.columns & FORBIDDEN, flight.line()
     assert flight.code == 3, flight.line()
     assert "16 m of search lanes are not judged" in flight.summary["finding"]

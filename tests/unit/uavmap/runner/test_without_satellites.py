@@ -53,7 +53,7 @@ class SatelliteFlight:
 
 
 @pytest.fixture
-def flown(tmp_path, monkeypatch, said):
+def flown(tmp_path, monkeypatch, log_lines):
     """Fly the small box with more keys in its file."""
 
     def flying(navigation: str, faults: str, sim: str = "") -> SatelliteFlight:
@@ -79,7 +79,7 @@ def flown(tmp_path, monkeypatch, said):
             events = list(journal.events())
         return SatelliteFlight(
             summary,
-            "\n".join(said),
+            "\n".join(log_lines),
             [event for event in events if isinstance(event, Navigated)],
             [event for event in events if isinstance(event, Tracked)],
             true,

@@ -46,7 +46,7 @@ def relief_of(ground):
     return Relief.from_terrain(ground, 0.0, lambda e, n: GRID.fixed(PLANE.to_wgs84(e, n)))
 
 
-def flown(ground, seed):
+def views_of_flight(ground, seed):
     """Return shots above the ground by their heights above flat ground."""
     shots = passes(2, 4, 5.0, seed)
     level = ground.at(np.array([[s.east_m, s.north_m] for s in shots]))
@@ -74,7 +74,7 @@ def test_a_ray_meets_the_ground_where_it_is():
 def test_pictures_over_hills_agree_on_them():
     """Positions alone err by 0.6 m; on a plane the same pictures agree less or not at all."""
     ground = relief_of(terrain(0.1, 1.0))
-    shots = flown(ground, 1)
+    shots = views_of_flight(ground, 1)
     views = with_ground(made_up(shots, 2, relief=ground), ground)
     found, flat = register(views, relief=ground), register(views)
     assert all(pose is not None for pose in found.refined)
@@ -94,7 +94,7 @@ def test_pictures_over_hills_agree_on_them():
 def test_poses_over_a_slope_come_back_above_the_start():
     ground = terrain(0.25, 0.0)
     relief = relief_of(ground)
-    shots = flown(relief, 3)
+    shots = views_of_flight(relief, 3)
     views = made_up(shots, 4, relief=relief)
     taken = []
     for view, shot in zip(views, shots, strict=True):

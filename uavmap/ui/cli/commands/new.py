@@ -21,6 +21,7 @@ from missions.units import LatLon
 from uavmap.journal.results_folder import folder_name
 from uavmap.load.areas.drawing import Area, Drawing
 from uavmap.load.areas.drones import camera_named, drone_named, table_lines
+from uavmap.load.areas.formats import TITLES
 from uavmap.load.areas.layout import Layout, LayoutOptions, lay_out, rectangle
 from uavmap.load.areas.mission_text import (
     STRATEGY,
@@ -31,7 +32,7 @@ from uavmap.load.areas.mission_text import (
     largest_cell_m,
     with_zone_files,
 )
-from uavmap.load.areas.reading import KINDS, read_area_file
+from uavmap.load.areas.reading import read_area_file
 from uavmap.load.detector_source import SIMULATOR_DETECTOR, region_lines
 from uavmap.load.mission_source import mission_of_text
 from uavmap.output.documents import save
@@ -66,7 +67,7 @@ A polygon with "fence" in its name is the geofence. One with "no-fly" or "keep-o
 hole of the fence. A point named "home", "start" or "take-off" is the home. At a terminal the
 command asks for all that is missing.
 """
-DESCRIPTION: Final = f"Make a mission file from an area. Files: {KINDS}."
+DESCRIPTION: Final = f"Make a mission file from an area. Files: {TITLES}."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

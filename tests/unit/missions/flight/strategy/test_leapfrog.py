@@ -131,7 +131,7 @@ def test_estimated_errors_of_both_are_honest():
             for role in Role:
                 still = role is not mover
                 if still:
-                    both.stopped(role)
+                    both.start_hover(role)
                     stopped = off[role].copy()
                 # true less errors is the path flown; the filter receives reports alone
                 reported = np.zeros(2) if still else way

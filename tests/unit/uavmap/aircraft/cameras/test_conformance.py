@@ -70,7 +70,7 @@ async def test_count_of_pictures_is_kept(bench):
         await bench.shoot(6, 0.5, first=6 * burst)
         await asyncio.sleep(2.0)
         assert len(bench.announced) == 3 * (burst + 1)
-        bench.source.ended()
+        bench.source.note_end()
 
 
 @on_each_bench

@@ -80,7 +80,7 @@ class Verdicts:
         return self._last
 
 
-def judged(*messages, fetch=served, peers=lambda peer: None):
+def judge_frames(*messages, fetch=served, peers=lambda peer: None):
     """Return the driver's events for announcements that arrive at 5.1 s, ordered at 5 s."""
 
     async def main():
@@ -119,7 +119,7 @@ def place(t_s):
 
 
 def test_announced_picture_is_judged():
-    (event,) = judged(announced())
+    (event,) = judge_frames(announced())
     assert isinstance(event, FrameSeen)
     assert event.vantage == Cell(0, 0)
     assert len(event.votes) == 5
@@ -159,7 +159,7 @@ def test_unusable_pose_loses_the_frame(how, reason):
         asked.append(url)
         return PICTURE
 
-    (event,) = judged(announced(**how), fetch=fetch)
+    (event,) = judge_frames(announced(**how), fetch=fetch)
     assert isinstance(event, FrameLost)
     assert event.reason == f"the camera reports no usable pose: {reason}"
     assert asked == []
@@ -180,7 +180,7 @@ def test_arbitrary_pose_is_judged_or_lost():
         )
         for n in range(300)
     ]
-    events = judged(*many)
+    events = judge_frames(*many)
     assert len(events) == 300
     for event in events:
         assert 4.5 <= event.t_s <= 5.2
@@ -189,11 +189,11 @@ def test_arbitrary_pose_is_judged_or_lost():
 
 def test_frame_is_stamped_within_the_capture():
     """One camera started a minute before the autopilot, another has a broken clock."""
-    (event,) = judged(announced(time_boot_ms=65_000))
+    (event,) = judge_frames(announced(time_boot_ms=65_000))
     assert event.t_s == pytest.approx(5.1)
-    (event,) = judged(announced(time_boot_ms=0))
+    (event,) = judge_frames(announced(time_boot_ms=0))
     assert 4.5 <= event.t_s <= 5.1
-    first, second = judged(announced(), announced(time_boot_ms=2**32 - 1, image_index=1))
+    first, second = judge_frames(announced(), announced(time_boot_ms=2**32 - 1, image_index=1))
     assert first.t_s == 5.0
     assert second.t_s == 5.1
 
@@ -222,6 +222,6 @@ def forget(peer):
     ],
 )
 def test_frame_that_is_lost_has_its_reason(how, reason):
-    (event,) = judged(announced(), **how)
+    (event,) = judge_frames(announced(), **how)
     assert isinstance(event, FrameLost)
     assert re.search(reason, event.reason)

@@ -42,7 +42,7 @@ def take_pictures(anywhere):
 
         judging = asyncio.create_task(judge())
         for index in range(100):
-            frames.announced(cast("Any", SimpleNamespace(index=index)))
+            frames.receive_announcement(cast("Any", SimpleNamespace(index=index)))
             await asyncio.sleep(0.1)
         await asyncio.sleep(3.0)
         judging.cancel()

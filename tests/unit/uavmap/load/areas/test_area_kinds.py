@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,15 +11,16 @@ from shapely.geometry import Polygon
 
 from missions.mission.checks import parse_mission
 from missions.units import LatLon
+from tests.prose import ROOT
 from tests.support.areas.area_files import FIELD, HOME, HOME_INSIDE, KINDS, POND
 from uavmap.load.areas.drawing import Positions
 from uavmap.load.areas.drones import CAMERAS, DRONES
+from uavmap.load.areas.formats import FORMATS, SUFFIXES
 from uavmap.load.areas.layout import LayoutOptions, lay_out
 from uavmap.load.areas.mission_text import AircraftFigures, FlightChoices, compose
 from uavmap.load.areas.reading import read_area_file
-from uavmap.load.mission_source import DRAWINGS
 
-AREAS = Path(__file__).parents[4] / "data" / "areas"
+AREAS = ROOT / "tests/data/areas"
 BESIDE_A_SHAPEFILE = {".dbf", ".shx", ".prj", ".cpg", ".qmd", ".xml"}
 SIM = AircraftFigures("the simulator's", 80.0, 640, 480, 0.2, "fixed", 60.0, 300.0, 12.0, 6.0)
 HOMES = {
@@ -97,7 +97,11 @@ def test_every_drone_of_the_table_can_fly_a_field(drone, tmp_path):
     assert mission.altitude_m(1) <= 60.0
 
 
-def test_area_files_of_every_kind_are_known_by_their_suffix():
+def test_format_of_areas_has_its_suffixes_a_sample_and_a_row_of_its_page():
     """The app takes these files, and a command that wants a mission names the remedy."""
-    suffixes = {path.suffix.lower() for path in AREAS.rglob("*.*") if path.is_file()}
-    assert suffixes - BESIDE_A_SHAPEFILE <= set(DRAWINGS)
+    samples = {path.suffix.lower() for path in AREAS.rglob("*.*") if path.is_file()}
+    page = (ROOT / "docs/reference/areas.md").read_text("utf-8")
+    assert samples - BESIDE_A_SHAPEFILE <= set(SUFFIXES)
+    for name in (each.suffixes[0] for each in FORMATS if each.suffixes):
+        assert name in samples, f"a file {name} in tests/data/areas"
+        assert f"`{name}`" in page, f"a row for {name} in docs/reference/areas.md"

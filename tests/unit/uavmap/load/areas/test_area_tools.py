@@ -95,7 +95,7 @@ REFUSED: dict[str, tuple[Maker, str]] = {
     "a mission of UgCS": (text("a.xml", "<ugcs-Transfer/>"), "export its route as KML"),
     "a route of UgCS": (text("a.json", '{"version": {}, "route": {}}'), "save the polygon as"),
     "an SVG": (text("a.svg", "<svg xmlns='http://www.w3.org/2000/svg'/>"), "its root is 'svg'"),
-    "MapInfo": (gdal("a.mif", "MapInfo File"), "export the area as one of these: KML, KMZ"),
+    "MapInfo": (gdal("a.mif", "MapInfo File"), "export the area as one of these: GeoPackage"),
     "DXF": (text("a.dxf", "  0\nSECTION\n  2\nENTITIES\n"), "export the area as one of these"),
     "a log of a flight": (text("a.tlog", b"\0\5\xfd\t\0\0"), "export the area as one of these"),
     "DJI's waypoints": (

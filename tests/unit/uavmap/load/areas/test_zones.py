@@ -24,7 +24,7 @@ GRID = Grid.at(START, 4.0)
 FENCE = square(-40, -40, 160, 160)
 
 
-def written(folder, *features, keys="", start="", own="", **root):
+def write(folder, *features, keys="", start="", own="", **root):
     """Write a mission beside a file of zones; return it loaded."""
     if features:
         values = {"type": "FeatureCollection", "features": list(features), **root}
@@ -70,7 +70,7 @@ def allows(mission, east_m, north_m):
 
 def test_file_of_an_authority_becomes_holes_and_lines_with_names(tmp_path):
     shutil.copy(ED269, tmp_path / "zones.json")
-    mission = written(tmp_path)
+    mission = write(tmp_path)
     pump, birds, sector = zone_lines(mission)
     assert pump == (
         "zone 'Pump house': prohibited, from 0 m AGL to 120 m AGL; in zones.json: the fence leaves "
@@ -89,7 +89,7 @@ def test_circle_is_left_out_as_a_whole_and_hardly_more(tmp_path):
     centre = lon_lat([(60.0, 60.0)])[0]
     circle = {"type": "Point", "coordinates": centre, "extent": {"subType": "Circle", "radius": 20}}
     feature = {"type": "Feature", "properties": {"name": "Mast"}, "geometry": circle}
-    mission = written(tmp_path, feature)
+    mission = write(tmp_path, feature)
     outer = fence_of(mission, grid_of(mission)).outer
     assert not outer.intersects(Point(60.0, 60.0).buffer(19.99))
     assert len(holes(mission)) == 2
@@ -97,7 +97,7 @@ def test_circle_is_left_out_as_a_whole_and_hardly_more(tmp_path):
 
 
 def test_zone_over_the_rim_of_the_fence_is_a_hole_inside_of_it(tmp_path):
-    mission = written(tmp_path, plain(square(90, -100, 300, 150), name="Road"))
+    mission = write(tmp_path, plain(square(90, -100, 300, 150), name="Road"))
     fence = fence_of(mission, grid_of(mission))
     assert fence.outer.is_valid
     assert not fence.contains(GridPoint(100.0, 0.0))
@@ -108,7 +108,7 @@ def test_zone_over_the_rim_of_the_fence_is_a_hole_inside_of_it(tmp_path):
 def test_zones_that_overlap_each_other_and_a_hole_are_one_hole(tmp_path):
     one, two = plain(square(60, 60, 30, 10), name="A"), plain(square(70, 50, 10, 30), name="B")
     three = plain(square(-35, 95, 10, 10), name="C")
-    mission = written(tmp_path, one, two, three)
+    mission = write(tmp_path, one, two, three)
     assert fence_of(mission, grid_of(mission)).outer.is_valid
     assert len(holes(mission)) == 2
     assert mission.fence.zones[0].holes == mission.fence.zones[1].holes
@@ -132,7 +132,7 @@ def test_zones_that_overlap_each_other_and_a_hole_are_one_hole(tmp_path):
 )
 def test_zone_matters_unless_it_begins_above_the_ceiling(tmp_path, lower, reference, start, counts):
     feature = layered(square(60, 60, 20, 20), lower=lower, reference=reference)
-    mission = written(tmp_path, feature, start=start)
+    mission = write(tmp_path, feature, start=start)
     (zone,) = mission.fence.zones
     assert (zone.name, zone.effect) == ("Layer", "hole" if counts else "above")
     assert len(holes(mission)) == 1 + counts
@@ -140,17 +140,17 @@ def test_zone_matters_unless_it_begins_above_the_ceiling(tmp_path, lower, refere
 
 def test_limits_in_feet_are_converted_and_an_unknown_unit_is_a_hole(tmp_path):
     area = square(60, 60, 20, 20)
-    feet = written(tmp_path, layered(area, lower=390, reference="AGL", uom="ft"))
+    feet = write(tmp_path, layered(area, lower=390, reference="AGL", uom="ft"))
     assert feet.fence.zones[0].effect == "hole"  # 118.9 m
-    higher = written(tmp_path, layered(area, lower=394, reference="AGL", uom="ft"))
+    higher = write(tmp_path, layered(area, lower=394, reference="AGL", uom="ft"))
     assert higher.fence.zones[0].effect == "above"
-    levels = written(tmp_path, layered(area, lower=394, reference="AGL", uom="FL"))
+    levels = write(tmp_path, layered(area, lower=394, reference="AGL", uom="FL"))
     assert levels.fence.zones[0].effect == "hole"
 
 
 def test_zone_allowed_by_the_mission_is_no_hole_and_is_named(tmp_path):
     feature = plain(square(60, 60, 20, 20), name="Mine")
-    mission = written(tmp_path, feature, keys='allowed_zones = ["Mine"]\n')
+    mission = write(tmp_path, feature, keys='allowed_zones = ["Mine"]\n')
     assert len(holes(mission)) == 1
     assert zone_lines(mission)[0].endswith("it is flown in, by fence.allowed_zones")
 
@@ -167,12 +167,12 @@ def test_zone_allowed_by_the_mission_is_no_hole_and_is_named(tmp_path):
 )
 def test_zone_that_leaves_no_mission_refuses_it_by_name(tmp_path, area, refused):
     with pytest.raises(MissionFileError, match=r"field\.toml") as error:
-        written(tmp_path, plain(area, name="Farm"))
+        write(tmp_path, plain(area, name="Farm"))
     assert refused in str(error.value)
 
 
 def test_zone_that_cuts_off_a_part_of_the_box_is_named_in_the_warning(tmp_path):
-    mission = written(tmp_path, plain(square(40, 40, 20, 20), name="Farm"))
+    mission = write(tmp_path, plain(square(40, 40, 20, 20), name="Farm"))
     (warning,) = (w for w in flyable.warnings(mission, grid_of(mission)) if "search.box" in w)
     assert "with zone 'Farm' cut them off" in warning
 
@@ -215,7 +215,7 @@ def test_zone_that_cuts_off_a_part_of_the_box_is_named_in_the_warning(tmp_path):
 def test_file_that_is_not_understood_refuses_the_mission(tmp_path, content, refused):
     (tmp_path / "zones.json").write_text(content, "utf-8")
     with pytest.raises(MissionFileError) as error:
-        written(tmp_path)
+        write(tmp_path)
     text = str(error.value)
     assert text.startswith(f"{tmp_path / 'field.toml'}:")
     assert refused in text
@@ -224,25 +224,25 @@ def test_file_that_is_not_understood_refuses_the_mission(tmp_path, content, refu
 
 def test_file_that_is_missing_refuses_the_mission(tmp_path):
     with pytest.raises(MissionFileError, match="cannot be read"):
-        written(tmp_path)
+        write(tmp_path)
 
 
 @pytest.mark.parametrize("crs", [None, {"type": "name", "properties": {"name": "EPSG:4326"}}])
 def test_file_that_names_its_degrees_is_read(tmp_path, crs):
-    mission = written(tmp_path, plain(square(20, 20, 10, 10), name="Pond"), crs=crs)
+    mission = write(tmp_path, plain(square(20, 20, 10, 10), name="Pond"), crs=crs)
     assert not allows(mission, 25, 25)
 
 
 def test_limit_without_a_unit_counts_as_from_the_ground(tmp_path):
     high = layered(square(20, 20, 10, 10), lower=500, reference="AGL", uom=None)
-    assert not allows(written(tmp_path, high), 25, 25)
+    assert not allows(write(tmp_path, high), 25, 25)
 
 
 def test_own_hole_that_crosses_itself_is_left_to_the_check_of_places(tmp_path):
     bow = [[48.0001, 11.0001], [48.0002, 11.0002], [48.0001, 11.0002], [48.0002, 11.0001]]
     zone = plain(square(20, 20, 10, 10), name="Pond")
     with pytest.raises(MissionFileError, match=r"fence.holes\[0\]: crosses"):
-        written(tmp_path, zone, own=f"holes = [{bow}]")
+        write(tmp_path, zone, own=f"holes = [{bow}]")
 
 
 def test_circle_beyond_the_antimeridian_is_a_hole(tmp_path):

@@ -227,7 +227,7 @@ def test_full_serial_port_delays_no_link_and_is_written_later():
 
 # --- one port, several vehicles ----------------------------------------------------------------
 @pytest.mark.parametrize("routed", [True, False], ids=["a router", "each its own address"])
-def test_one_port_serves_several_vehicles(routed, said):
+def test_one_port_serves_several_vehicles(routed, log_lines):
     port = free_port(socket.SOCK_DGRAM)
     first, second = sockets(2)
     if routed:
@@ -243,14 +243,14 @@ def test_one_port_serves_several_vehicles(routed, said):
             async with asyncio.timeout(10.0):
                 await links[0].session.until(lambda: links[0].session.view.system_id != 0)
                 await links[1].session.until(lambda: links[1].session.view.system_id != 0)
-                while not said:  # noqa: ASYNC110
+                while not log_lines:  # noqa: ASYNC110
                     await asyncio.sleep(0.001)
             assert [link.session.view.system_id for link in links] == [2, 1]
             links[0].session.heartbeat()
             assert await received(second)
 
     asyncio.run(body())
-    assert said == [
+    assert log_lines == [
         f"udpin://{LOOPBACK}:{port}: system 9 sends here, and is no vehicle of this flight"
     ]
     for link in {first, second}:

@@ -118,7 +118,7 @@ def test_command_passes_while_it_is_asked_for_and_no_other():
 class _Permit:
     left = 2
 
-    async def granted(self):
+    async def wait_for_grant(self):
         raise AssertionError
 
     def grants(self):

@@ -51,7 +51,7 @@ def flown(folder):
     return flown_of(folder)
 
 
-def exported(folder, kind, out):
+def export_as(folder, kind, out):
     assert main(["export", str(folder), "--to", kind, "--out", str(out)]) == 0
     return out
 
@@ -65,7 +65,7 @@ def flown_at(data, tmp):
 
 # --- GeoPackage ----------------------------------------------------------------------------------
 def test_gdal_reads_the_geopackage_in_utm_with_its_areas(folder, tmp_path):
-    file = exported(folder, "gpkg", tmp_path / "map.gpkg")
+    file = export_as(folder, "gpkg", tmp_path / "map.gpkg")
     names = dict(pyogrio.list_layers(file).tolist())
     assert list(names) == [*LAYERS, "layer_styles"]
     assert (names["region"], names["tracks"]) == ("MultiPolygon", "LineString Z")
@@ -93,7 +93,7 @@ def read(file, layer):
 
 
 def test_geopackage_follows_the_standard(folder, tmp_path):
-    file = exported(folder, "gpkg", tmp_path / "map.gpkg")
+    file = export_as(folder, "gpkg", tmp_path / "map.gpkg")
     with contextlib.closing(sqlite3.connect(file)) as database:
         ask = database.execute
         assert ask("PRAGMA application_id").fetchone() == (APPLICATION_ID,)
@@ -112,7 +112,7 @@ def test_geopackage_follows_the_standard(folder, tmp_path):
 
 
 def test_styles_are_in_the_colours_of_the_picture(folder, tmp_path):
-    file = exported(folder, "gpkg", tmp_path / "map.gpkg")
+    file = export_as(folder, "gpkg", tmp_path / "map.gpkg")
     with contextlib.closing(sqlite3.connect(file)) as database:
         rows = database.execute(
             "SELECT f_table_name, f_geometry_column, styleQML, useAsDefault FROM layer_styles"
@@ -183,7 +183,7 @@ def schema():
 
 
 def test_kml_is_valid_against_the_schema_of_the_ogc(folder, tmp_path, schema):
-    file = exported(folder, "kml", tmp_path / "flight.kml")
+    file = export_as(folder, "kml", tmp_path / "flight.kml")
     schema.assertValid(lxml.etree.parse(str(file)))
     assert fastkml.KML.parse(file).features
 
@@ -193,7 +193,7 @@ def test_map_of_a_flight_is_valid_kml(schema):
 
 
 def test_tracks_run_in_time(folder, tmp_path):
-    root = ET.parse(exported(folder, "kml", tmp_path / "flight.kml")).getroot()
+    root = ET.parse(export_as(folder, "kml", tmp_path / "flight.kml")).getroot()
     ns = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
     tracks = root.findall(".//gx:Track", ns)
     assert len(tracks) == 2
@@ -248,7 +248,7 @@ def assert_rfc_7946(text):
 
 
 def test_geojson_has_a_file_a_layer_by_the_rfc(folder, tmp_path):
-    out = exported(folder, "geojson", tmp_path / "layers")
+    out = export_as(folder, "geojson", tmp_path / "layers")
     assert {path.name for path in out.iterdir()} == {f"{name}.geojson" for name in LAYERS}
     for path in out.iterdir():
         found = assert_rfc_7946(path.read_text("utf-8"))
@@ -301,7 +301,7 @@ def test_map_of_nothing_has_all_files(kind, tmp_path):
 
 # --- Shapefile, GPX, CSV -------------------------------------------------------------------------
 def test_shapefiles_are_read_with_their_system_their_letters_and_their_areas(folder, tmp_path):
-    out = exported(folder, "shp", tmp_path / "shp")
+    out = export_as(folder, "shp", tmp_path / "shp")
     assert {p.suffix for p in out.glob("region.*")} == {".shp", ".shx", ".dbf", ".prj", ".cpg"}
     assert (out / "region.cpg").read_text() == "UTF-8"
     info = pyogrio.read_info(out / "region.shp")
@@ -322,7 +322,7 @@ def test_shapefiles_are_read_with_their_system_their_letters_and_their_areas(fol
 
 
 def test_gpx_has_a_segment_a_sortie_with_times(folder, tmp_path):
-    file = gpxpy.parse(exported(folder, "gpx", tmp_path / "flight.gpx").read_text("utf-8"))
+    file = gpxpy.parse(export_as(folder, "gpx", tmp_path / "flight.gpx").read_text("utf-8"))
     track, outline = file.tracks
     assert [len(segment.points) > 20 for segment in track.segments] == [True, True]
     first = track.segments[0].points[0]
@@ -336,7 +336,7 @@ def test_gpx_has_a_segment_a_sortie_with_times(folder, tmp_path):
 
 
 def test_csv_has_a_row_a_cell_with_degrees(folder, tmp_path):
-    out = exported(folder, "csv", tmp_path / "csv")
+    out = export_as(folder, "csv", tmp_path / "csv")
     rows = list(csv.DictReader(io.StringIO((out / "cells.csv").read_text("utf-8"), newline="")))
     assert len(rows) == 21
     grid = flown_of(folder).data.grid

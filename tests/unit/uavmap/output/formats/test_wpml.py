@@ -33,7 +33,7 @@ from uavmap.output.results import flown_of
 from uavmap.ui.cli import main
 
 
-def exported(tmp, *arguments):
+def export_wpml(tmp, *arguments):
     file = tmp / "field.kmz"
     assert main(["export", *map(str, arguments), "--wpml", str(file)]) == 0
     return documented(file)
@@ -70,7 +70,7 @@ def assert_inside(path, fence):
 # --- of a mission -------------------------------------------------------------------------------
 def test_wpml_of_a_mission_flies_the_search_lanes_inside_the_fence(tmp_path):
     file, setting = mission_file(tmp_path)
-    files = exported(tmp_path, file)
+    files = export_wpml(tmp_path, file)
     for document in files.values():
         path = path_of(document, setting.grid)
         home = setting.grid.fixed(homes(setting.mission)[0])
@@ -107,7 +107,7 @@ def test_wpml_of_several_vehicles_has_a_file_and_a_height_each(tmp_path):
 @pytest.mark.parametrize("drone", AIRCRAFT)
 def test_wpml_names_the_aircraft_and_its_camera(tmp_path, drone):
     file, _ = mission_file(tmp_path)
-    for document in exported(tmp_path, file, "--drone", drone).values():
+    for document in export_wpml(tmp_path, file, "--drone", drone).values():
         info = [
             int(text(document, "missionConfig", *path))
             for path in (
@@ -209,7 +209,7 @@ BREAKS = {
 @pytest.mark.parametrize("fault", BREAKS)
 def test_checker_finds_each_undocumented_change(tmp_path, fault):
     file, _ = mission_file(tmp_path)
-    exported(tmp_path, file)
+    export_wpml(tmp_path, file)
     old, new = BREAKS[fault]
     buffer = io.BytesIO()
     with (

@@ -181,7 +181,7 @@ def address(easel: Easel) -> Iterator[str]:
         yield url
 
 
-def asked(
+def ask(
     method: str, url: str, body: bytes | None = None, headers: dict[str, str] | None = None
 ) -> tuple[int, bytes]:
     parts = urlsplit(url)
@@ -203,48 +203,48 @@ def png(size: tuple[int, int]) -> bytes:
 
 
 def test_painted_mask_is_an_example(easel: Easel, address: str, tmp_path: Path) -> None:
-    status, page = asked("GET", address)
+    status, page = ask("GET", address)
     assert status == 200
     assert b"http://" not in page
     assert b"https://" not in page
-    assert asked("GET", f"{address}mask/1")[0] == 204
-    status, jpeg = asked("GET", f"{address}picture/1")
+    assert ask("GET", f"{address}mask/1")[0] == 204
+    status, jpeg = ask("GET", f"{address}picture/1")
     assert Image.open(io.BytesIO(jpeg)).size == (64, 48)
-    assert asked("PUT", f"{address}mask/1", png((64, 48))) == (200, b"saved b.png")
-    assert asked("GET", f"{address}mask/1")[0] == 200
-    assert asked("GET", f"{address}pictures")[1] == (
+    assert ask("PUT", f"{address}mask/1", png((64, 48))) == (200, b"saved b.png")
+    assert ask("GET", f"{address}mask/1")[0] == 200
+    assert ask("GET", f"{address}pictures")[1] == (
         b'[{"name": "a", "painted": false}, {"name": "b", "painted": true}]'
     )
     (example,) = load_examples(tmp_path / "images", easel.masks, 64)
     assert example.known.all()
     assert example.region.mean() == pytest.approx(0.5)
     assert not easel.done.is_set()
-    assert asked("POST", f"{address}done")[0] == 200
+    assert ask("POST", f"{address}done")[0] == 200
     assert easel.done.wait(20)
 
 
 def test_request_of_another_host_or_path_is_refused(easel: Easel, address: str) -> None:
     root = address.rsplit("/", 2)[0]
     for path in ("/", "/x/", "/x/pictures", "/x/mask/0"):
-        assert asked("GET", root + path)[0] == 404
+        assert ask("GET", root + path)[0] == 404
     rebound = {"Host": "evil.example:80"}
-    assert asked("GET", f"{address}pictures", headers=rebound)[0] == 404
-    assert asked("PUT", f"{address}mask/0", png((64, 48)), rebound)[0] == 404
-    assert asked("POST", f"{address}done", headers=rebound)[0] == 404
+    assert ask("GET", f"{address}pictures", headers=rebound)[0] == 404
+    assert ask("PUT", f"{address}mask/0", png((64, 48)), rebound)[0] == 404
+    assert ask("POST", f"{address}done", headers=rebound)[0] == 404
     assert list(easel.masks.iterdir()) == []
     assert not easel.done.is_set()
 
 
 @pytest.mark.parametrize("path", ["mask/2", "mask/-1", "mask/..%2f..%2fx", "mask/x", "mask", "x/0"])
 def test_mask_of_an_unknown_picture_is_refused(easel: Easel, address: str, path: str) -> None:
-    assert asked("PUT", address + path, png((64, 48)))[0] == 404
+    assert ask("PUT", address + path, png((64, 48)))[0] == 404
     assert list(easel.masks.iterdir()) == []
 
 
 def test_mask_that_is_no_picture_is_refused(easel: Easel, address: str) -> None:
-    assert asked("PUT", f"{address}mask/0", b"no picture")[0] == 422
+    assert ask("PUT", f"{address}mask/0", b"no picture")[0] == 422
     huge = {"Content-Length": str(MAX_BYTES + 1)}
-    assert asked("PUT", f"{address}mask/0", b"", huge)[0] == 413
+    assert ask("PUT", f"{address}mask/0", b"", huge)[0] == 413
     assert list(easel.masks.iterdir()) == []
 
 
@@ -254,7 +254,7 @@ def test_missing_picture_is_reported(
     easel.pictures[0].unlink()
     (easel.masks / "b.png").mkdir()
     for path in ("picture/0", "mask/1"):
-        status, text = asked("GET", address + path)
+        status, text = ask("GET", address + path)
         assert (status, b"cannot be read" in text) == (422, True)
     assert capfd.readouterr().err == ""
 
@@ -268,7 +268,7 @@ def test_browser_that_goes_away_causes_no_traceback(
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         wire.sendall(f"PUT {parts.path}mask/0 HTTP/1.1\r\n".encode())
         wire.sendall(f"Host: {parts.netloc}\r\nContent-Length: 1000\r\n\r\n".encode())
-    assert asked("GET", f"{address}pictures")[0] == 200  # after it, in a thread of its own
+    assert ask("GET", f"{address}pictures")[0] == 200  # after it, in a thread of its own
     assert "Traceback" not in capfd.readouterr().err
 
 
@@ -368,18 +368,18 @@ def test_class_that_one_picture_shows_is_refused(
 
 
 def test_page_has_a_button_for_each_class(easel: Easel, address: str, tmp_path: Path) -> None:
-    kinds = json.loads(asked("GET", f"{address}kinds")[1])
+    kinds = json.loads(ask("GET", f"{address}kinds")[1])
     assert [(one["name"], one["level"]) for one in kinds] == [
         ("region", 255), ("surround", 0), ("undecided", 128),
     ]  # fmt: skip
     (easel.masks / "classes.toml").write_text(TWO)
     with served(Easel(tmp_path / "images", easel.masks, 64)) as several:
-        kinds = json.loads(asked("GET", f"{several}kinds")[1])
+        kinds = json.loads(ask("GET", f"{several}kinds")[1])
         assert [(one["name"], one["level"]) for one in kinds] == [
             ("oil", 2), ("weed", 7), ("surround", 0), ("undecided", 255),
         ]  # fmt: skip
         out = io.BytesIO()
         Image.fromarray(np.dstack([NUMBERS[:60, :80]] * 3)).save(out, "PNG")
-        assert asked("PUT", f"{several}mask/1", out.getvalue())[0] == 200
+        assert ask("PUT", f"{several}mask/1", out.getvalue())[0] == 200
     with Image.open(easel.masks / "b.png") as kept:
         assert np.array_equal(np.asarray(kept), NUMBERS[:60, :80])

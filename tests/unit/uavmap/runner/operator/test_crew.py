@@ -39,23 +39,23 @@ async def drop(*tasks: asyncio.Task[None]) -> None:
 
 
 @by(on_loop)
-async def test_simulated_crew_is_not_asked(said):
+async def test_simulated_crew_is_not_asked(log_lines):
     crew = Crew(automatic=True, stream=io.StringIO())
     await crew.swap(1)
     assert not crew.absent
     assert not crew.waiting
-    assert not said
+    assert not log_lines
 
 
 @by(on_loop)
-async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(terminal, said):
+async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(terminal, log_lines):
     """A real PX4 took off 39 m from its pad, with --auto-swap and without a terminal."""
     alone = Crew(automatic=True, stream=io.StringIO())
     alone.doubt({1: "was down"})
     task = asyncio.create_task(alone.swap(1))
     assert not await answered(task)
     assert alone.keeps_waiting
-    assert "vehicle 1 was down: it takes off only after Enter at a terminal" in said[0]
+    assert "vehicle 1 was down: it takes off only after Enter at a terminal" in log_lines[0]
     await drop(task)
     operator, stream = terminal
     crew = Crew(automatic=True, stream=stream)
@@ -66,13 +66,13 @@ async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(terminal, s
     assert not crew.keeps_waiting
     os.write(operator, b"\n")
     assert await answered(task, PATIENCE_S)
-    assert "vehicle 1 stands 39 m from its pad: inspect it, swap its battery" in said[1]
+    assert "vehicle 1 stands 39 m from its pad: inspect it, swap its battery" in log_lines[1]
     await crew.swap(1)
-    assert len(said) == 2
+    assert len(log_lines) == 2
 
 
 @by(on_loop)
-async def test_crew_answers_with_enter(terminal, said):
+async def test_crew_answers_with_enter(terminal, log_lines):
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)
     assert not crew.absent
@@ -84,8 +84,8 @@ async def test_crew_answers_with_enter(terminal, said):
     os.write(operator, b"\n")
     assert await answered(task, PATIENCE_S)
     assert crew.waiting == set()
-    assert len(said) == 1
-    assert "vehicle 3" in said[0]
+    assert len(log_lines) == 1
+    assert "vehicle 3" in log_lines[0]
 
 
 @by(on_loop)
@@ -116,24 +116,24 @@ async def test_terminal_that_is_gone_gives_no_answer(terminal, how):
 
 
 @by(on_loop)
-async def test_questions_are_asked_one_at_a_time(terminal, said):
+async def test_questions_are_asked_one_at_a_time(terminal, log_lines):
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)
     first = asyncio.create_task(crew.swap(1))
     second = asyncio.create_task(crew.swap(2))
     assert not await answered(first)
-    assert len(said) == 1
+    assert len(log_lines) == 1
     os.write(operator, b"\n")
     assert await answered(first, PATIENCE_S)
     assert not await answered(second)
-    assert len(said) == 2
+    assert len(log_lines) == 2
     os.write(operator, b"\n")
     assert await answered(second, PATIENCE_S)
 
 
 @pytest.mark.parametrize("stream", [io.StringIO("\n\n"), None], ids=["a pipe", "none"])
 @by(on_loop)
-async def test_crew_without_a_terminal_is_absent(stream, monkeypatch, said):
+async def test_crew_without_a_terminal_is_absent(stream, monkeypatch, log_lines):
     if stream is None:
         monkeypatch.setattr("sys.stdin", None)
     crew = Crew(automatic=False, stream=stream)
@@ -143,7 +143,7 @@ async def test_crew_without_a_terminal_is_absent(stream, monkeypatch, said):
     assert crew.waiting == {1}
     await drop(task)
     assert crew.waiting == set()
-    assert said == ["vehicle 1 waits on the ground for a fresh battery"]
+    assert log_lines == ["vehicle 1 waits on the ground for a fresh battery"]
 
 
 PAD, FIELD = GridPoint(0.0, 0.0), GridPoint(39.0, 0.0)

@@ -49,9 +49,9 @@ def pressed_in(keys: str, service: Mock) -> list[Any]:
         ("?x9", []),
     ],
 )
-def test_key_gives_its_order_and_a_line(pressed, asked, said):
+def test_key_gives_its_order_and_a_line(pressed, asked, log_lines):
     assert pressed_in(pressed, steered()) == asked
-    assert said
+    assert log_lines
 
 
 def test_key_for_a_single_vehicle_needs_no_number():
@@ -90,7 +90,7 @@ async def _until(condition: Any) -> None:
 
 
 @by(in_real_time)
-async def test_key_is_read_when_pressed_and_the_terminal_restored(terminal, said):
+async def test_key_is_read_when_pressed_and_the_terminal_restored(terminal, log_lines):
     operator, stream = terminal
     before = termios.tcgetattr(stream.fileno())
     service, enter = steered(), EnterKey()
@@ -102,7 +102,7 @@ async def test_key_is_read_when_pressed_and_the_terminal_restored(terminal, said
         await _until(lambda: service.mock_calls == [call.pause()])
         os.write(operator, b"\x1b[A")  # an arrow
         swapped = asyncio.create_task(crew.swap(2))
-        await _until(lambda: any("vehicle 2" in text for text in said))
+        await _until(lambda: any("vehicle 2" in text for text in log_lines))
         os.write(operator, b"c")
         await _until(lambda: service.mock_calls == [call.pause(), call.go_on()])
         assert not swapped.done()
@@ -136,12 +136,12 @@ async def test_terminal_that_is_gone_gives_no_order(terminal):
         await asyncio.wait([swapped])
 
 
-def test_pipe_is_not_read(said):
+def test_pipe_is_not_read(log_lines):
     read, write = os.pipe()
     os.write(write, b"q")
     with os.fdopen(read) as stream:
         with keyboard(Keys(steered()), EnterKey(), stream):
             pass
         assert stream.read(1) == "q"
-    assert not said
+    assert not log_lines
     os.close(write)

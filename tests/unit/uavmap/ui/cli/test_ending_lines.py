@@ -175,7 +175,7 @@ def test_line_that_waits_for_an_answer_keeps_its_place_among_those_that_arrive()
 
 
 # --- an aircraft that is down, and a map that is whole ----------------------------------------
-def mapped(phase, landed_away_m):
+def map_region(phase, landed_away_m):
     """Return the end of a whole exploration; the second vehicle landed 45 m from its pad."""
     made = service(2)
     root = Cell(0, 6)
@@ -195,7 +195,7 @@ def mapped(phase, landed_away_m):
 def test_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
     phase, away_m, completed, capsys
 ):
-    made = mapped(phase, away_m)
+    made = map_region(phase, away_m)
     assert made.state.exploration_finished
     assert made.state.completed is completed
     down = aircraft_down(made.state)

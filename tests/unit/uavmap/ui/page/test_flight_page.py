@@ -91,7 +91,7 @@ def ticking():
     return lambda: 0.07 * next(times)
 
 
-def test_flight_is_the_same_beside_a_page_that_works_or_breaks(tmp_path, said):
+def test_flight_is_the_same_beside_a_page_that_works_or_breaks(tmp_path, log_lines):
     source, broken = named_text(MISSION), Feed(20)
     plan = plan_of(source.source, source.text, "rdfs", 1, 3, (), None, SIM_EPOCH_UTC_S)
     feed = Feed()
@@ -102,7 +102,7 @@ def test_flight_is_the_same_beside_a_page_that_works_or_breaks(tmp_path, said):
     assert summary["completed"]
     page.close("the flight is over")
     breaking.close("the flight is over")
-    assert [line for line in said if "live page" in line] == [BROKEN]
+    assert [line for line in log_lines if "live page" in line] == [BROKEN]
     kinds, board = feed.kinds, feed.board
     assert (kinds[0], kinds[-1]) == ("scene", "ended")
     codes = [STATES[code] for code in board.cells.values()]
@@ -141,7 +141,7 @@ class Reporting(Feed):
         return lines
 
 
-def test_readers_beside_a_page_and_without_one_end_with_the_same_board(said):
+def test_readers_beside_a_page_and_without_one_end_with_the_same_board(log_lines):
     page, beside, alone = Feed(), Reporting(), Reporting()
     setting, clock = STOPS.setting(), ticking()
     boards = (
@@ -158,7 +158,7 @@ def test_readers_beside_a_page_and_without_one_end_with_the_same_board(said):
     for board in boards:
         board.end()
         board.close("the flight is over")
-    assert said == ["TAK: linked"] * 2  # and a message that is no report is no order either
+    assert log_lines == ["TAK: linked"] * 2  # and a message that is no report is no order either
     snapshots = [feed.board.since(0) for feed in (page, beside, alone)]
     for part in ("cells", "vehicles", "tracks", "log"):
         first, *others = (sorted(map(repr, _parts(s[part]))) for s in snapshots)
@@ -174,11 +174,11 @@ def _parts(part):
 
 
 @pytest.mark.parametrize("breaks_at", [0, 1, 2, 90])
-def test_page_that_fails_at_any_time_is_reported_once(breaks_at, said):
+def test_page_that_fails_at_any_time_is_reported_once(breaks_at, log_lines):
     page = show_flight(Feed(breaks_at))
     page.show("something else")
     page.close("the flight is over")
-    assert said == [BROKEN]
+    assert log_lines == [BROKEN]
 
 
 def test_page_that_never_reads_gets_no_more():
@@ -196,7 +196,7 @@ def test_simulated_flight_takes_no_orders():
     assert feed.deltas[0]["fields"]["hands_off"] == SIMULATED
 
 
-def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said):
+def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(log_lines):
     read, write = os.pipe()
     os.set_blocking(read, False)
     lines, service = Lines(), steered()
@@ -233,10 +233,10 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said):
 
     asyncio.run(flight())
     assert service.mock_calls == [call.pause(), call.go_on()]
-    assert said[0] == "page: paused: all vehicles hold"
+    assert log_lines[0] == "page: paused: all vehicles hold"
     assert {"kind": "answer", "id": "7", "text": "paused: all vehicles hold"} in [
         words for words, _ in feed.told
     ]
-    assert "a defect" in said[1]
+    assert "a defect" in log_lines[1]
     os.close(read)
     os.close(write)

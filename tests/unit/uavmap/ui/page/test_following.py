@@ -171,7 +171,7 @@ class Ready(Feed):
     idle = True
 
 
-def interrupted(folder):
+def interrupt(folder):
     seen = [i for i, event in enumerate(EVENTS) if isinstance(event, FrameSeen)]
     return journals.begun(folder, PLAN, EVENTS[: seen[20]])
 
@@ -179,7 +179,7 @@ def interrupted(folder):
 def test_page_of_a_resumed_flight_has_all_of_it(tmp_path, monkeypatch):
     feed = Ready()
     asked = opened_in(flight_options, feed, monkeypatch)
-    folder = interrupted(tmp_path / "cut")
+    folder = interrupt(tmp_path / "cut")
     assert main(["resume", str(folder), "--page", "0", "--from-home"]) == 0
     ((config, port, *_),) = asked
     assert (port, config["steers"]) == (0, False)

@@ -11,7 +11,7 @@ MARK = Mark("a", "u-d-f", 48.0, 11.0, "m-f", 60, b"<detail/>")
 def test_mark_that_changes_waits_for_its_turn_and_the_newest_is_sent():
     outbox = Outbox()
     outbox.put("shapes", [MARK], 5.0)
-    outbox.sent(MARK, 10.0)
+    outbox.note_sent(MARK, 10.0)
     for lat_deg in (1.0, 2.0, 3.0):
         outbox.put("shapes", [replace(MARK, lat_deg=lat_deg)], 5.0)
     assert outbox.next(14.9) is None
@@ -24,7 +24,7 @@ def test_mark_that_changes_while_it_is_written_is_sent_again():
     outbox.put("shapes", [MARK], 0.0)
     writing = outbox.next(0.0)
     outbox.put("shapes", [replace(MARK, lat_deg=1.0)], 0.0)
-    outbox.sent(writing, 1.0)
+    outbox.note_sent(writing, 1.0)
     assert not outbox.done
     assert outbox.next(1.0).lat_deg == 1.0
 
@@ -34,11 +34,11 @@ def test_unchanged_shape_is_repeated_seldom_and_an_aircraft_never():
     outbox.put("shapes", [MARK], 5.0)
     outbox.put("aircraft", [aircraft], 1.0)
     for mark in (MARK, aircraft):
-        outbox.sent(mark, 0.0)
+        outbox.note_sent(mark, 0.0)
     assert outbox.done
     assert outbox.next(REPEAT_S - 0.1) is None
     assert outbox.next(REPEAT_S) == MARK
-    outbox.sent(MARK, REPEAT_S)
+    outbox.note_sent(MARK, REPEAT_S)
     assert outbox.next(REPEAT_S) is None
 
 
@@ -46,15 +46,15 @@ def test_new_connection_gets_all_marks_and_deletions_at_once():
     outbox, gone = Outbox(), replace(MARK, uid="gone")
     outbox.put("shapes", [MARK, gone], 5.0)
     for mark in (MARK, gone):
-        outbox.sent(mark, 0.0)
+        outbox.note_sent(mark, 0.0)
     outbox.put("shapes", [MARK], 5.0)
-    outbox.sent(outbox.next(5.0), 5.0)
+    outbox.note_sent(outbox.next(5.0), 5.0)
     assert outbox.next(6.0) is None
     outbox.renew()
     sent = []
     while (mark := outbox.next(6.0)) is not None:
         sent.append(mark.uid)
-        outbox.sent(mark, 6.0)
+        outbox.note_sent(mark, 6.0)
     assert sent == ["a", "gone-delete"]
 
 
@@ -65,7 +65,7 @@ def test_marks_take_turns_on_a_slow_link():
         outbox.put("aircraft", marks, 0.0)
         mark = outbox.next(float(k))
         sent.append(mark.uid)
-        outbox.sent(mark, float(k))
+        outbox.note_sent(mark, float(k))
     assert sent == list("abc") * 4
 
 
@@ -73,5 +73,5 @@ def test_mark_that_returns_after_a_deletion_is_sent_as_new():
     outbox = Outbox()
     for marks in ([MARK], [], [MARK]):
         outbox.put("shapes", marks, 0.0)
-        outbox.sent(outbox.next(0.0), 0.0)
+        outbox.note_sent(outbox.next(0.0), 0.0)
     assert outbox.done
