@@ -46,11 +46,11 @@ class TelemetryReports:
         counts.append(session.losses.counts((view.system_id, view.autopilot_component)))
         heard, missing = (now - before for now, before in zip(counts[-1], counts[0], strict=True))
         return Telemetry(
-            vehicle,
-            view.mode_name,
-            view.satellites,
-            view.hdop,
-            view.volts,
-            round(max(missing, 0) / (heard + missing), 3) if heard > 0 else None,
-            round(view.age_s(asyncio.get_running_loop().time()), 1),
+            vehicle=vehicle,
+            mode=view.mode_name,
+            satellites=view.satellites,
+            hdop=view.hdop,
+            volts=view.volts,
+            loss_percent=round(100.0 * max(missing, 0) / (heard + missing)) if heard > 0 else None,
+            late_s=round(view.age_s(asyncio.get_running_loop().time()), 1),
         )

@@ -12,7 +12,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import struct
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Final, Literal
 
@@ -25,11 +26,6 @@ from missions.events import AnyEvent
 from missions.orders import Order
 from missions.units import Cell, LatLon, PadHeight, Pose
 
-VERSION: Final = 3
-"""Number of this set of messages; two processes with different numbers do not connect.
-
-Raise it with each change of a field; a test holds both.
-"""
 _LENGTHS: Final = struct.Struct(">II")
 MAX_TEXT_BYTES: Final = 32 << 20
 """Maximum length of the JSON of a message, bytes: a verdict on 400,000 cells."""
@@ -207,7 +203,10 @@ class EventReport:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """A vehicle's report beside events, for onlookers; None for unknown values."""
+    """A vehicle's report beside events, for onlookers; None for unknown values.
+
+    The live page gets each field by its name.
+    """
 
     vehicle: int
     mode: str
@@ -215,8 +214,8 @@ class Telemetry:
     satellites: int | None
     hdop: float | None
     volts: float | None
-    loss: float | None
-    """Share of the autopilot's frames that were lost, 0 to 1."""
+    loss_percent: int | None
+    """Share of the autopilot's frames that were lost, percent."""
     late_s: float
     """Age of its latest position, s."""
     kind: Literal["telemetry"] = "telemetry"
@@ -304,6 +303,19 @@ Message = (
     | Leave | Beat | Attached | Ready | EventReport | Picture | SwapRequested | SwapCancelled
     | Question | Line | Recall | Ended | Telemetry
 )  # fmt: skip
+
+
+def version_of(messages: Iterable[type]) -> int:
+    """Return a number for the fields of messages and their types: a change gives another one."""
+    fields = (
+        f"{cls.__name__}.{each.name}: {each.type}"
+        for cls in messages if dataclasses.is_dataclass(cls) for each in dataclasses.fields(cls)
+    )  # fmt: skip
+    return zlib.crc32("\n".join(fields).encode())
+
+
+VERSION: Final = version_of([each for each in vars().values() if isinstance(each, type)])
+"""Number of this set of messages; two processes with different numbers do not connect."""
 _ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 
 

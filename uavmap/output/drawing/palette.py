@@ -7,7 +7,7 @@ green are not used for tracks: the truth and the cells have them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 from uavmap.output.facts.map_model import State
 
@@ -118,22 +118,6 @@ CONTROLS: Final[Mapping[str, str]] = {
     "apart": "its own service",
 }
 """Names of the person or system that controls a vehicle, by its phase."""
-
-Alarm = Literal[
-    "battery", "link", "fence", "yielded", "guarded", "down", "lost", "unsure", "traffic"
-]
-ALARMS: Final[Mapping[Alarm, str]] = {
-    "battery": "vehicle {}: battery below the need of the return path",
-    "link": "vehicle {}: link lost",
-    "fence": "vehicle {}: outside of the fence",
-    "yielded": "vehicle {}: a pilot or a failsafe flies it",
-    "guarded": "vehicle {}: its guardian has commanded return or landing",
-    "down": "vehicle {}: down away from its pad",
-    "lost": "vehicle {}: silent for longer than its battery lasts",
-    "unsure": "the map has ground unlike what the detector knows",
-    "traffic": "traffic is near: vehicles hold or return",
-}
-"""Texts of the alarms; the number of the vehicle replaces the braces."""
 
 TRACK_PX: Final = 1.3
 LANE_PX: Final = 2.0

@@ -5,8 +5,9 @@ Return paths and fences need time: they are computed once in `HOME_S` for each v
 
 from __future__ import annotations
 
+import dataclasses
 from collections import defaultdict, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
@@ -18,7 +19,7 @@ from missions.geo.fence import route_length_m
 from missions.units import GridPoint
 from uavmap.aircraft.process.messages import Telemetry
 from uavmap.base.printable import printable
-from uavmap.output.drawing.palette import ALARMS, CONTROLS, Alarm
+from uavmap.output.drawing.palette import CONTROLS
 from uavmap.output.facts.flight_log import Count
 from uavmap.runner.operator.progress import doing
 
@@ -28,15 +29,6 @@ SPEED_S: Final = 2.0
 """Time over which a ground speed is measured, s."""
 RATE_S: Final = 10.0
 """Time over which the rate of judged frames is measured, s."""
-_ALARM_PHASES: Final[Mapping[Phase, Alarm]] = {
-    Phase.OFFLINE: "link",
-    Phase.YIELDED: "yielded",
-    Phase.GUARDED: "guarded",
-    Phase.DOWN: "down",
-    Phase.LOST: "lost",
-}
-_GROUND_TOO: Final = (Phase.DOWN, Phase.LOST)
-"""Phases that need the operator even if no vehicle is in the air."""
 
 
 class Home(NamedTuple):
@@ -61,6 +53,75 @@ class _Reports:
     lost: int = 0
     home: Home | None = None
     telemetry: Telemetry | None = None
+
+    def lacks_charge(self, vehicle: VehicleState) -> bool:
+        """Return whether the vehicle needs more for its return path than it has."""
+        return self.home is not None and vehicle.remaining_wh < self.home.needed_wh
+
+
+class Alarm(NamedTuple):
+    """A condition that needs the operator. It ends when `rings` is no longer true."""
+
+    text: str
+    """Text of the banner; the number of the vehicle replaces the braces."""
+    rings: Callable[[VehicleState, _Reports], bool]
+    """Return whether the vehicle needs the operator now."""
+
+
+class TeamAlarm(NamedTuple):
+    """A condition of the whole mission that needs the operator."""
+
+    text: str
+    """Text of the banner."""
+    rings: Callable[[State, bool], bool]
+    """Return whether it is so now, from the state and from whether the map has unsure ground."""
+
+
+def _flies(vehicle: VehicleState, *phases: Phase) -> bool:
+    """Return whether it is in the air, and in one of the phases if there are any."""
+    away = vehicle.landed or vehicle.phase in (Phase.DOWN, Phase.LOST)
+    return not away and (not phases or vehicle.phase in phases)
+
+
+ALARMS: Final[Mapping[str, Alarm]] = {
+    "link": Alarm("vehicle {}: link lost", lambda vehicle, _: _flies(vehicle, Phase.OFFLINE)),
+    "yielded": Alarm(
+        "vehicle {}: a pilot or a failsafe flies it",
+        lambda vehicle, _: _flies(vehicle, Phase.YIELDED),
+    ),
+    "guarded": Alarm(
+        "vehicle {}: its guardian has commanded return or landing",
+        lambda vehicle, _: _flies(vehicle, Phase.GUARDED),
+    ),
+    "down": Alarm(
+        "vehicle {}: down away from its pad", lambda vehicle, _: vehicle.phase is Phase.DOWN
+    ),
+    "lost": Alarm(
+        "vehicle {}: silent for longer than its battery lasts",
+        lambda vehicle, _: vehicle.phase is Phase.LOST,
+    ),
+    "battery": Alarm(
+        "vehicle {}: battery below the need of the return path",
+        lambda vehicle, reports: _flies(vehicle) and reports.lacks_charge(vehicle),
+    ),
+    "fence": Alarm(
+        "vehicle {}: outside of the fence",
+        lambda vehicle, reports: (
+            _flies(vehicle) and reports.home is not None and reports.home.outside
+        ),
+    ),
+}
+"""Alarms of a vehicle, by a key that stays: a browser acknowledges the key."""
+TEAM_ALARMS: Final[Mapping[str, TeamAlarm]] = {
+    "traffic": TeamAlarm(
+        "traffic is near: vehicles hold or return",
+        lambda state, unsure: bool(state.traffic.answer),
+    ),
+    "unsure": TeamAlarm(
+        "the map has ground unlike what the detector knows", lambda state, unsure: unsure
+    ),
+}
+"""Alarms of the whole mission, by a key that stays."""
 
 
 class VehicleFigures:
@@ -109,7 +170,7 @@ class VehicleFigures:
             "home_m": None if home is None else round(home.distance_m),
             "home_s": None if home is None else round(home.time_s),
             "battery": round(100.0 * vehicle.remaining_wh / energy.capacity_wh, 1),
-            "low": home is not None and vehicle.remaining_wh < home.needed_wh,
+            "low": home is not None and known.lacks_charge(vehicle),
             "left_s": 0 if landed else max(round(left_s), 0),
             "rate_hz": _rate_hz(known.frames_s, t_s),
             "lost": known.lost,
@@ -131,25 +192,14 @@ class VehicleFigures:
         if state.is_over:
             return []
         found = [
-            [f"{alarm} {number}", ALARMS[alarm].format(number)]
+            [f"{key} {number}", alarm.text.format(number)]
             for number, vehicle in state.vehicles.items()
-            for alarm in self._alarms_of(vehicle)
+            for key, alarm in ALARMS.items()
+            if alarm.rings(vehicle, self._known[number])
         ]
-        team: list[tuple[Alarm, bool]] = [("traffic", bool(state.traffic.answer))]
-        team.append(("unsure", unsure))
-        return [*found, *([alarm, ALARMS[alarm]] for alarm, rings in team if rings)]
-
-    def _alarms_of(self, vehicle: VehicleState) -> list[Alarm]:
-        phase, alarm = vehicle.phase, _ALARM_PHASES.get(vehicle.phase)
-        found = [] if alarm is None or (vehicle.landed and phase not in _GROUND_TOO) else [alarm]
-        if vehicle.landed or phase in _GROUND_TOO:
-            return found
-        home = self._known[vehicle.vehicle].home
-        if home is not None and vehicle.remaining_wh < home.needed_wh:
-            found.append("battery")
-        if home is not None and home.outside:
-            found.append("fence")
-        return found
+        return found + [
+            [key, alarm.text] for key, alarm in TEAM_ALARMS.items() if alarm.rings(state, unsure)
+        ]
 
     def _home(self, known: _Reports, vehicle: VehicleState, t_s: float) -> Home | None:
         """Return the return path, computed again after `HOME_S`; None without a position."""
@@ -182,15 +232,9 @@ def _reported(telemetry: Telemetry | None) -> dict[str, Any]:
     """Return the figures of a vehicle's report, for JSON; empty without one."""
     if telemetry is None:
         return {}
-    loss = telemetry.loss
-    return {
-        "mode": printable(telemetry.mode),
-        "satellites": telemetry.satellites,
-        "hdop": telemetry.hdop,
-        "volts": telemetry.volts,
-        "loss_percent": None if loss is None else round(100.0 * loss),
-        "late_s": telemetry.late_s,
-    }
+    reported = dataclasses.asdict(telemetry)
+    del reported["vehicle"], reported["kind"]
+    return {**reported, "mode": printable(telemetry.mode)}
 
 
 def _forget(times: deque[Any], before_s: float) -> None:

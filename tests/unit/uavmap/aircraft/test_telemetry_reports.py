@@ -41,8 +41,8 @@ def test_report_after_a_place_has_telemetry_and_the_loss_of_the_link():
 
     first, second = asyncio.run(scenario())
     assert (first.vehicle, first.mode, first.satellites) == (1, "GUIDED", 17)
-    assert (first.hdop, first.volts, first.loss) == (0.9, 15.6, None)
-    assert second.loss == 0.5
+    assert (first.hdop, first.volts, first.loss_percent) == (0.9, 15.6, None)
+    assert second.loss_percent == 50
 
 
 def test_report_of_a_receiver_that_states_nothing_has_no_figures():
