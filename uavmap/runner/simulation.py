@@ -198,8 +198,7 @@ def _schedule(faults: Faults, fault: SimFault, start_s: float) -> None:
     """Schedule the rest of a fault for vehicles whose time begins at mission time `start_s`."""
     begin_s = fault.at_s - start_s
     end_s = math.inf if fault.for_s is None else begin_s + fault.for_s
-    happens_once = fault.kind in ("battery_cell", "motor", "companion_reboot")
-    if end_s <= 0.0 or (begin_s < 0.0 and happens_once):
+    if end_s <= 0.0 or (begin_s < 0.0 and fault.happens_once):
         return
     values: dict[str, Any] = {**fault.values, "after_s": max(0.0, begin_s)}
     if fault.for_s is not None:

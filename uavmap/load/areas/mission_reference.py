@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
 import sys
 import textwrap
 from collections.abc import Iterator, Mapping
+from functools import cache
+from itertools import pairwise
 from typing import Any, Final
 
+from missions.mission import sim_section
 from missions.mission.schema import Mission
 from uavmap.load.areas.key_comments import COMMENTS, SECTIONS, UNITS
 
@@ -55,60 +60,12 @@ _NESTED: Final[Mapping[str, str]] = {
     "terrain.dem.columns": "number of heights towards east",
     "terrain.dem.rows": "number of heights towards north",
     "terrain.dem.heights": "heights above the start, packed",
-    "sim.roi": "A piece of the true region.",
-    "sim.roi.polygon": "outline of the piece",
-    "sim.roi.holes": "holes in the piece",
-    "sim.roi.rgb": "its colour, by default gray; later pieces cover earlier ones",
-    "sim.terrain": "Ground that is not level: a slope with hills on it.",
-    "sim.terrain.slope_percent": "steepness",
-    "sim.terrain.rises_toward_deg": "true bearing towards which it rises",
-    "sim.terrain.hills_m": "maximum height from the deepest valley to the highest top",
-    "sim.terrain.hills_length_m": "minimum distance from one hill to the next",
-    "sim.terrain.seed": "number that chooses the hills",
-    "sim.quirks": "Surprising habits of real aircraft.",
-    "sim.quirks.camera": "component that answers for the camera: its own, the autopilot, or none",
-    "sim.quirks.camera_clock_s": "error of the camera's clock",
-    "sim.quirks.camera_tells_pose": "true: the camera reports the pose of each picture",
-    "sim.quirks.clock_ppm": "error of the autopilot's clock rate, in millionths",
-    "sim.quirks.home_moves_m": "distance that home moves when motors are armed",
-    "sim.quirks.stick": "true: a pilot's radio control is on, its sticks centred",
-    "sim.quirks.landed_state": "true: it sends EXTENDED_SYS_STATE",
-    "sim.quirks.height_sigma_m": "error of a receiver's height above the sea; it wanders",
-    "sim.quirks.tilt_sigma_deg": "error of its roll and pitch, for some seconds",
-    "sim.quirks.heading_sigma_deg": "error of its heading, for about 20 s",
-    "sim.faults": "A fault of one vehicle.",
-    "sim.faults.vehicle": "number of the vehicle, from 1",
-    "sim.faults.at_s": "beginning, on the time of the mission",
-    "sim.faults.for_s": "duration; by default to the end",
-    "sim.faults.kind": "kind of fault",
-    "sim.faults.metres": "for `gps_glitch`: jump of the position",
-    "sim.faults.m_s": "for `gps_drift` and `wind_gust`: speed",
-    "sim.faults.volts": "for `battery_sag`: drop of the voltage",
-    "sim.faults.deg": "for `compass`: error of the heading",
-    "sim.faults.toward_deg": "for `gps_glitch` and `gps_drift`: true bearing",
-    "sim.faults.from_deg": "for `wind_gust`: true bearing from which it blows",
-    "sim.faults.share": "for `motor`: share of its thrust that is left",
-    "sim.faults.command": "for `reject`: number of the MAVLink command",
-    "sim.faults.result": "for `reject`: MAV_RESULT of the answer",
-    "sim.faults.loss": "for `link`: share of frames that are lost",
-    "sim.faults.duplicate": "for `link`: share of frames that arrive twice",
-    "sim.faults.reorder": "for `link`: share of frames that arrive out of order",
-    "sim.faults.corrupt": "for `link`: share of frames with a wrong byte",
-    "sim.faults.delay_s": "for `link`: delay of each frame",
-    "sim.faults.jitter_s": "for `link`: variation of the delay",
-    "sim.faults.silent": "for `link`: true: no frame arrives",
-    "sim.traffic": "An aircraft of others that flies straight; receivers on board report it.",
-    "sim.traffic.position": "its place at `at_s`",
-    "sim.traffic.height_m": "height above the start",
-    "sim.traffic.toward_deg": "true bearing of its flight",
-    "sim.traffic.speed_m_s": "speed over ground",
-    "sim.traffic.at_s": "start of its reports, on the time of the mission",
-    "sim.traffic.for_s": "duration; by default to the end",
-    "sim.traffic.name": "its call sign: capitals and digits",
-    "sim.traffic.kind": "kind of message: ADSB_VEHICLE or UTM_GLOBAL_POSITION",
     "vehicles": "One table for each vehicle: `[[vehicles]]`.",
 }
-"""Comments on keys of tables in tables, which a new mission file does not contain."""
+"""Comments on keys of tables in tables, which a new mission file does not contain.
+
+Those of the simulator are docstrings in `missions.mission.sim_section`.
+"""
 _HIDDEN: Final = frozenset({"detector.tables"})
 """Keys that are written as tables of their own, one for each detector."""
 _TYPES: Final = {
@@ -136,7 +93,7 @@ def reference() -> str:
     for name, schema in _tables("", root, root):
         if name:
             title = f"[[{name}]]" if name in _LISTED else f"[{name}]"
-            said = SECTIONS.get(name) or _NESTED[name]
+            said = SECTIONS.get(name) or _NESTED.get(name) or schema["description"]
             text = textwrap.fill(_linked(said.replace("\n# ", " ")), 100, break_on_hyphens=False)
             lines += [f"## `{title}`", "", text, ""]
         else:
@@ -180,9 +137,28 @@ def _row(name: str, key: str, value: Schema, schema: Schema, root: Schema) -> st
     default = "*needed*" if key in schema.get("required", ()) else _default(value)
     kinds = dict.fromkeys(_one_type(option, root) for option in _options(value))
     kind = _TYPES.get(full) or " or ".join(kinds)
-    said = _linked(COMMENTS.get(full) or _NESTED.get(full, ""))
-    cells = (f"`{key}`", kind, _unit(key), _limits(value), default, said)
+    meaning = COMMENTS.get(full) or _NESTED.get(full) or _docstring(f"{schema['title']}.{key}")
+    cells = (f"`{key}`", kind, _unit(key), _limits(value), default, _linked(meaning))
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _docstring(field: str) -> str:
+    """Return the docstring of a field such as "SimFault.at_s", as it stands in a table."""
+    text = _docstrings().get(field, "").rstrip(".")
+    return text[:1].lower() + text[1:]
+
+
+@cache
+def _docstrings() -> dict[str, str]:
+    tree = ast.parse(inspect.getsource(sim_section))
+    return {
+        f"{table.name}.{field.target.id}": text.value.value
+        for table in tree.body if isinstance(table, ast.ClassDef)
+        for field, text in pairwise(table.body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+        and isinstance(text.value.value, str)
+    }  # fmt: skip
 
 
 def _unit(key: str) -> str:

@@ -8,6 +8,7 @@ from missions.errors import MissionFileError
 from missions.mission.schema import MAX_VEHICLES, Mission, parse_fields, parse_toml
 from missions.mission.sim_section import SimFault
 from missions.units import LatLon
+from tests.support.fault_examples import FAULTS
 
 HEAD = """
 start.position = [48.0, 11.0]
@@ -143,23 +144,6 @@ def test_a_fleet_has_a_limit():
 
 
 # --- faults of a simulation ------------------------------------------------------------------
-GOOD = {
-    "gps": "",
-    "gps_glitch": "metres = 5.0",
-    "gps_drift": "m_s = 2.0",
-    "battery_sag": "volts = 4.0",
-    "battery_cell": "",
-    "compass": "deg = 20.0",
-    "wind_gust": "m_s = 5.0",
-    "motor": "share = 0.5",
-    "camera_stall": "",
-    "camera_black": "",
-    "camera_corrupt": "",
-    "reject": "command = 192",
-    "rc": "",
-    "link": "loss = 0.2",
-    "companion_reboot": "",
-}
 
 
 def sim_fault(kind: str, more: str = "") -> str:
@@ -167,25 +151,25 @@ def sim_fault(kind: str, more: str = "") -> str:
     return HEAD + f'[[sim.faults]]\nat_s = 1.0\nkind = "{kind}"\n{keys}\n'
 
 
-@pytest.mark.parametrize("kind", sorted(GOOD))
+@pytest.mark.parametrize("kind", sorted(FAULTS))
 def test_every_kind_of_fault_can_be_asked_for(kind):
-    (fault,) = parse_fields(sim_fault(kind, GOOD[kind]), "m.toml").sim.faults
+    (fault,) = parse_fields(sim_fault(kind, FAULTS[kind]), "m.toml").sim.faults
     assert fault.kind == kind
-    key, _, value = GOOD[kind].partition(" = ")
+    key, _, value = FAULTS[kind].partition(" = ")
     assert fault.values == ({key: float(value)} if key else {})
 
 
 def test_no_kind_of_fault_is_forgotten_here():
     kinds = SimFault.model_json_schema()["properties"]["kind"]["enum"]
-    assert sorted(kinds) == sorted(GOOD)
+    assert sorted(kinds) == sorted(FAULTS)
 
 
 @pytest.mark.parametrize(
     ("kind", "more", "begin", "part"),
     [
         *((kind, "", "sim.faults[0]: ", f"kind = '{kind}' needs")
-          for kind, more in GOOD.items() if more and kind != "motor"),
-        *((kind, f"{GOOD[kind]}, volts = 3.0", "", f"kind = '{kind}' has no volts")
+          for kind, more in FAULTS.items() if more and kind != "motor"),
+        *((kind, f"{FAULTS[kind]}, volts = 3.0", "", f"kind = '{kind}' has no volts")
           for kind in ("gps", "camera_black", "compass")),
         ("battery_cell", "for_s = 3.0", "", "stays dead"),
         ("meteor", "", "sim.faults[0].kind = 'meteor': ", "'camera_black'"),
