@@ -31,6 +31,25 @@ UNKIND_STRATEGIES = (
 )
 """Strategies of unkind worlds: half of them fly without stopping."""
 
+FAULTS = {
+    "gps": "",
+    "gps_glitch": "metres = 5.0",
+    "gps_drift": "m_s = 2.0",
+    "battery_sag": "volts = 4.0",
+    "battery_cell": "",
+    "compass": "deg = 20.0",
+    "wind_gust": "m_s = 5.0",
+    "motor": "share = 0.5",
+    "camera_stall": "",
+    "camera_black": "",
+    "camera_corrupt": "",
+    "reject": "command = 192",
+    "rc": "",
+    "link": "loss = 0.2",
+    "companion_reboot": "",
+}
+"""An example of each kind of `[[sim.faults]]`: its value, or empty for a kind without values."""
+
 Points = Collection[tuple[float, float]]
 
 

@@ -303,9 +303,7 @@ class Flight:
             )
         # aircraft that are found again are not asked
         asked = (
-            None
-            if company.preflight is None or begun
-            else company.preflight.as_message(self.setting)
+            None if company.preflight is None or begun else company.preflight.options(self.setting)
         )
         kept = self._journal.meta.get(KEEP_FENCE) is True
         return Begin(self.clock.start_s, before, asked, kept, waits_on_ground)

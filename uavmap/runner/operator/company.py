@@ -61,7 +61,7 @@ class Preflight:
     keep_fence: bool = False
     """True to keep the autopilot's fence, and to fly no mission that leaves it."""
 
-    def as_message(self, setting: Setting) -> PreflightOptions:
+    def options(self, setting: Setting) -> PreflightOptions:
         """Return it as it is sent to the aircraft."""
         return PreflightOptions(tuple(plan_lines(setting)), self.yes, self.dry_run)
 

@@ -8,7 +8,7 @@ from missions.errors import MissionFileError
 from missions.mission.schema import MAX_VEHICLES, Mission, parse_fields, parse_toml
 from missions.mission.sim_section import SimFault
 from missions.units import LatLon
-from tests.support.fault_examples import FAULTS
+from tests.support.small_missions import FAULTS
 
 HEAD = """
 start.position = [48.0, 11.0]

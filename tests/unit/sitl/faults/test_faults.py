@@ -14,7 +14,7 @@ from sitl.body.estimator import PositionError
 from sitl.body.physics import Body
 from sitl.faults.faults import Faults
 from sitl.faults.injection import CAMERA_UNIT
-from tests.support.fault_examples import FAULTS
+from tests.support.small_missions import FAULTS
 from tests.unit.sitl.conftest import decoded
 from uavmap.runner.simulation import make_vehicles
 

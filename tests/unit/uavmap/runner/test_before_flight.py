@@ -29,7 +29,7 @@ from uavmap.runner.preflight.autopilot_setup import FILE
 def before(
     field: Field, folder: Path, *, yes: bool = False, dry: bool = False, keep: bool = False
 ) -> BeforeFlight:
-    wanted = Preflight(yes, dry).as_message(field.setting)
+    wanted = Preflight(yes, dry).options(field.setting)
     ask = Operator().ask
     return BeforeFlight(wanted, field.setting, folder, field.links, ask, keep_fence=keep)
 

@@ -142,12 +142,11 @@ def run(options: argparse.Namespace) -> int:
     )  # fmt: skip
     layout = lay_out(drawing, _layout_options(options, drawing, largest_cell_m(figures, flying)))
     name = options.name or folder_name(out.stem)
-    origin = Path(drawing.source).name
     detector = choose_detector(options)
 
     def composed() -> tuple[str, Setting]:
         table = detector_table(detector, out.parent)
-        text = compose(name, origin, layout, figures, flying, table)
+        text = compose(name, Path(drawing.source).name, layout, figures, flying, table)
         mission = mission_of_text(text, str(out), zones=options.zones)
         named = [os.path.relpath(file, out.parent) for file in options.zones]
         return with_zone_files(text, named) if named else text, setting_of(mission)
