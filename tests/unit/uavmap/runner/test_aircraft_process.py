@@ -116,7 +116,7 @@ async def test_aircraft_that_cannot_restart_end_the_mission(*, reset, tmp_path, 
     assert len(starts) == aircraft_process.STARTS
     cause, fate = str(ended.value).splitlines()
     assert cause == "it does not start"
-    assert fate.startswith("vehicle 1: left to its autopilot in GUIDED at here; that was its last")
+    assert fate.startswith("vehicle 1: left to its autopilot in GUIDED at here; this was its last")
     assert "take it by radio control" in fate
 
 
@@ -149,7 +149,7 @@ async def test_third_control_c_still_reports_the_state_of_the_aircraft(tmp_path,
         loop.call_soon_threadsafe(waiting.set)
         over.wait()
 
-    monkeypatch.setattr(AircraftProcess, "_ended", ends_slowly)
+    monkeypatch.setattr(AircraftProcess, "_end", ends_slowly)
     with running_process(tmp_path) as (process, _, _):
 
         async def left_at_once() -> None:

@@ -14,7 +14,7 @@ class SlowCamera:
     def __init__(self):
         self.indices = []
 
-    async def judged(self, picture, vantage):
+    async def judge_picture(self, picture, vantage):
         await asyncio.sleep(1.0)
         self.indices.append(picture.index)
         return True
