@@ -88,7 +88,7 @@ def test_fence_is_forgiven_for_60_s_after_wrong_positions(ails, held_s):
 def test_fence_is_forgiven_for_an_rtl_after_commands_did_not_arrive(mode, found):
     """Its guardian commanded RTL meanwhile: an RTL is straight, also over a hole."""
     deaf = [at(float(t), 49.0, ails=frozenset({"deaf"})) for t in range(50)]
-    referee = judged([*deaf, at(50.0, 49.0, mode=mode), at(51.0, 60.0, mode=mode)])
+    referee = referee_of([*deaf, at(50.0, 49.0, mode=mode), at(51.0, 60.0, mode=mode)])
     assert kinds(referee) == found
     assert referee.forgiven["straight return"] == (not found)
 
@@ -98,7 +98,7 @@ def test_separation_is_forgiven_while_others_leave_the_air_of_a_failsafe(after_s
     """A fleet's member returned through the layer of another, 5 s after its failsafe."""
     there = [at(0.0, 30.0), at(0.5, 30.0, mode="RTL", holder="failsafe")]
     passes = [at(t, 2.0, mode="RTL", holder="failsafe") for t in (after_s, after_s + 1.0)]
-    referee = judged([*there, *passes], [at(float(t)) for t in range(25)])
+    referee = referee_of([*there, *passes], [at(float(t)) for t in range(25)])
     assert kinds(referee) == found
     assert referee.forgiven["leaves its air"] == (not found)
 

@@ -813,7 +813,7 @@ def test_vehicle_set_down_on_higher_ground_by_its_pilot_stands(service: Service)
 
 
 def until_it_leaves(pair: Service, route: tuple[GridPoint, ...]) -> tuple[float, Order | None]:
-    """Return charge and order with which a vehicle leaves, whose way home a silent one blocks.
+    """Return charge and order with which a vehicle leaves, whose return path a silent one blocks.
 
     The air of a silent vehicle's return stays reserved for as long as its battery may last.
     """
