@@ -1,7 +1,7 @@
 """Runs of changed inputs: each is accepted, or refused with an error of the product.
 
-An input fails with any other error, a wrong result (`AssertionError`), more than `MOST_S` of CPU
-time, or more than `MOST_BYTES` of memory.
+An input fails with any other error, a wrong result (`AssertionError`), more than `MAX_S` of CPU
+time, or more than `MAX_BYTES` of memory.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from missions.errors import UavmapError
 
 ROOT: Final = Path(__file__).parents[2]
 KEPT: Final = Path(__file__).with_name("kept")
-MOST_S: Final = 2.0
+MAX_S: Final = 2.0
 """Maximum CPU time of an input, s; coverage takes about a third of it."""
-MOST_BYTES: Final = 400 << 20
+MAX_BYTES: Final = 400 << 20
 """Maximum growth of the memory of the process by an input, bytes."""
 LONGEST: Final = 1 << 17
 """Maximum length of an input, bytes."""
@@ -64,7 +64,7 @@ class _TooLongError(BaseException):
     """An input took too long; not an `Exception`, which a reader of damaged files may catch."""
 
 
-def fault(target: Target, data: bytes, folder: Path, most_s: float = MOST_S) -> str | None:
+def fault(target: Target, data: bytes, folder: Path, most_s: float = MAX_S) -> str | None:
     """Return how and where an input fails; None if it is accepted or refused."""
     before = _memory()
     old = signal.signal(signal.SIGPROF, _stop)
@@ -79,7 +79,7 @@ def fault(target: Target, data: bytes, folder: Path, most_s: float = MOST_S) -> 
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, old)
-    return f"more than {MOST_BYTES >> 20} MB" if _memory() - before > MOST_BYTES else None
+    return f"more than {MAX_BYTES >> 20} MB" if _memory() - before > MAX_BYTES else None
 
 
 def _stop(number: int, frame: types.FrameType | None) -> None:
