@@ -35,7 +35,7 @@ class Sender(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """The range of a field, ends included; of each element if the field is an array."""
+    """The range of a field, ends included."""
 
     field: str
     low: float
@@ -43,9 +43,8 @@ class Limit:
 
     def holds(self, message: Message) -> bool:
         """Return whether the message is in the range."""
-        value = getattr(message, self.field)
-        values = value if isinstance(value, list | tuple) else (value,)
-        return all(self.low <= number <= self.high for number in values)
+        in_range: bool = self.low <= getattr(message, self.field) <= self.high
+        return in_range
 
 
 @dataclass(frozen=True, slots=True)

@@ -533,6 +533,15 @@ def test_vehicle_given_back_in_the_air_comes_to_rest_and_continues(service: Serv
     assert isinstance(service.order(), FlyTo)
 
 
+def test_vehicle_found_in_the_air_with_its_pilot_gets_no_order(service: Service) -> None:
+    at = GridPoint(3.0, 9.0)
+    found = Connected(1, 1.0, HOME, at, 12.0, True, False, 60.0, mode="LOITER")
+    assert service.post(found) == ((1, StandDown()),)
+    assert service.state.vehicles[1].phase is Phase.YIELDED
+    assert service.track(1, at) == ()
+    assert service.post(Released(1, 20.0, at, 12.0)) == ((1, Hold()),)
+
+
 def test_vehicle_given_back_just_above_the_ground_is_in_the_air(service: Service) -> None:
     service.take_off()
     service.post(Overridden(1, 9.0, "LOITER"))

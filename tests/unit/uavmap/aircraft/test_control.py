@@ -64,6 +64,12 @@ def test_control_late_request_is_accepted_for_a_while(after_s, holder):
     assert LATE_REQUEST_S == 3.0
 
 
+@pytest.mark.parametrize(("age_s", "known"), [(0.2, True), (0.4, False)])
+def test_control_mode_is_known_well_enough_for_a_fraction_of_a_second(age_s, known):
+    told = FLYING.with_beat(ARDUPILOT, Beat(GUIDED, True, False, 5.0))
+    assert told.is_mode_known(5.0 + age_s) is known
+
+
 def test_control_refused_request_leaves_the_mode_before_it():
     control = FLYING.with_request(RTL, 0.0).with_refusal()
     assert control.with_beat(ARDUPILOT, Beat(GUIDED, True, False, 9.0)).holder is Holder.OURS

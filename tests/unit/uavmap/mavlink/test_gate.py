@@ -21,7 +21,7 @@ from tests.support.mavlink_peer import position as position_at
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.continuity import JUMP_CONFIRMED_S, BootClock, distance_m
 from uavmap.mavlink.identity import same_aircraft
-from uavmap.mavlink.message_gate import LOG_INTERVAL_S
+from uavmap.mavlink.message_gate import LOG_INTERVAL_S, NO_FIX
 from uavmap.mavlink.session import Session
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.mavlink.view_updates import update
@@ -104,6 +104,7 @@ class Vehicle:
         mav.MAVLink_attitude_message(0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0),
         mav.MAVLink_attitude_quaternion_message(0, *([math.nan] * 4), 0.0, 0.0, 0.0),
         mav.MAVLink_attitude_quaternion_message(0, 0, 0, 0, 0, 0.0, 0.0, 0.0),
+        mav.MAVLink_attitude_quaternion_message(0, 1.1, 0, 0, 0, 0.0, 0.0, 0.0),
         mav.MAVLink_wind_message(math.nan, 1.0, 0.0),
         heartbeat(100_000),
         mav.MAVLink_heartbeat_message(77, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 4, 4, 3),
@@ -131,6 +132,23 @@ def seen(view):
         view.home_amsl_m, view.velocity_ned_m_s, view.home, view.battery_percent, view.battery_s,
         view.energy_consumed_j, view.landed_state, view.uid, view.camera_component,
     )  # fmt: skip
+
+
+def test_zeros_before_the_first_fix_are_no_place():
+    vehicle = Vehicle()
+    assert not vehicle.at(1.0, -LAT * M_PER_DEG, lon=0.0)
+    assert vehicle.view.position is None
+    assert vehicle.view.gate.refused == {("GLOBAL_POSITION_INT", NO_FIX): 1}
+    assert len(vehicle.lines) == 0
+
+
+@pytest.mark.parametrize("mode", [0, 3 << 24, 4 << 16 | 3 << 24 | 1])
+def test_mode_that_no_px4_has_is_refused(mode):
+    hold = 4 << 16 | 3 << 24
+    vehicle = Vehicle(heartbeat(hold, autopilot=mav.MAV_AUTOPILOT_PX4))
+    assert not vehicle.receive(heartbeat(mode, autopilot=mav.MAV_AUTOPILOT_PX4), 1.0)
+    assert vehicle.view.mode == hold
+    assert vehicle.view.gate.refused == {("HEARTBEAT", "no such mode"): 1}
 
 
 def test_second_component_does_not_report_for_the_autopilot():
