@@ -256,6 +256,8 @@ def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
     assert flight.faults == []
     assert flight.state.exhausted
     assert flight.state.completed
+    (vehicle,) = flight.state.vehicles.values()
+    assert not flight.state.with_vehicle(replace(vehicle, landed=False)).completed
     assert flight.state.belief.roi == frozenset()
     assert sum(isinstance(order, TakeOff) for _, _, order in flight.orders) > 1
 
