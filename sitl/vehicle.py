@@ -296,7 +296,7 @@ class SimVehicle:
         if ap.home_changed and ap.home_known:
             sent += wire.pack(self._telemetry.gps_global_origin())
             sent += wire.pack(self._telemetry.home_position())
-        if self._interpreter.heard:  # before that no client listens
+        if self._interpreter.has_client:  # before that no client listens
             for notice in ap.texts:
                 sent += self._interpreter.pack_notice(notice)
         ap.mode_changed = ap.home_changed = False

@@ -354,8 +354,10 @@ def judging_frames(belief: Belief) -> dict[Cell, FrameId]:
             found = _spoken(belief, ballot, is_open=vantage is None)
             if found is not None:
                 elected, frame = found
-                told = region if elected else others
-                told[cell] = min(frame, told.get(cell, frame), key=lambda each: each.exposed)
+                reported = region if elected else others
+                reported[cell] = min(
+                    frame, reported.get(cell, frame), key=lambda each: each.exposed
+                )
     found_frames = {**others, **region}
     verdicts = belief.verdicts
     late = {

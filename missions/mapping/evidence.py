@@ -182,8 +182,8 @@ class Evidence:
     def cells(self) -> dict[Cell, tuple[int, int]]:
         """Return every cell that was seen, sorted: pictures that vote for region, and all."""
         found = self.weighings()
-        told = zip(found.positive.tolist(), found.pictures.tolist(), strict=True)
-        return dict(zip(_named(found.cells), told, strict=True))
+        reported = zip(found.positive.tolist(), found.pictures.tolist(), strict=True)
+        return dict(zip(_named(found.cells), reported, strict=True))
 
 
 def _keys(cells: NDArray[np.integer]) -> NDArray[np.int64]:

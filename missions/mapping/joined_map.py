@@ -90,14 +90,14 @@ class Facts:
     def _with_open(self, belief: Belief, *, overview: bool) -> Belief:
         """Return a belief with one vehicle's votes on each undecided cell."""
         found: dict[FrameId, dict[Cell, bool]] = {}
-        told: set[Cell] = set()
+        reported: set[Cell] = set()
         for _, own in sorted(self._own.items()):
             known = own.high if overview else own.low
             for cell, ballot in known.open_ballots.items():
                 # (of one vehicle only, and only votes that decide nothing: those of several might)
-                new = cell not in told and known.verdict(cell) is None
+                new = cell not in reported and known.verdict(cell) is None
                 if new and not belief.tally(cell, None).total:
-                    told.add(cell)
+                    reported.add(cell)
                     for frame, vote in ballot:
                         found.setdefault(frame, {})[cell] = vote
         return belief.with_frames(None, _by_exposure(found))

@@ -129,16 +129,16 @@ class OwnCells:
         if not passed:
             return []
         unsure = self._sums.which_unsure(np.array(passed, np.int32)).tolist()
-        told: dict[bool, dict[Cell, bool]] = {}
+        reported: dict[bool, dict[Cell, bool]] = {}
         for cell, doubt in zip(passed, unsure, strict=True):
             del self._doubted[cell]
             if self._unsure[cell] is not doubt:
                 self._unsure[cell] = doubt
                 new = bool(self.explored) and self.low.verdict(cell) is None
-                told.setdefault(new, {})[cell] = doubt
+                reported.setdefault(new, {})[cell] = doubt
         return [
             Fact(at_s, tuple(cells.items()), classes=classes, doubt=True)
-            for new, cells in sorted(told.items())
+            for new, cells in sorted(reported.items())
             for classes in [self._classes(list(cells)) if new else ()]
         ]
 
@@ -162,12 +162,12 @@ def as_frames(vehicle: int, fact: Fact, frames: int, positive: int) -> list[Fram
     """
     needed = {True: positive, False: frames - positive + 1}
     high: Literal[True] | None = True if fact.overview else None
-    told = []
+    reported = []
     for k in range(max(needed.values())):
         votes = tuple(
             Vote(cell, says, float(says)) for cell, says in fact.votes if k < needed[says]
         )
         if votes:
             t_s = round(fact.t_s + k / 1000.0, 3)
-            told.append(FrameSeen(vehicle, t_s, None, votes, overview=high))
-    return told
+            reported.append(FrameSeen(vehicle, t_s, None, votes, overview=high))
+    return reported

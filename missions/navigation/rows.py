@@ -124,11 +124,11 @@ def links_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Link
     """Return the rows of links between keyframes."""
     begin, to = indices(keys, (tie.begin for tie in ties)), indices(keys, (tie.to for tie in ties))
     moved = np.array([tie.moved for tie in ties], np.complex128)
-    told = np.array([key.reported for key in keys.values()], np.complex128)
+    reported = np.array([key.reported for key in keys.values()], np.complex128)
     variance = np.array([tie.sigma_m**2 for tie in ties], np.float64)
     at, share = knots.between(begin, to, 0.5)
     turned = np.abs(moved) ** 2 * (knots.variance[begin] + knots.variance[to]) / 4.0
-    excess = moved - (told[to] - told[begin])
+    excess = moved - (reported[to] - reported[begin])
     return Links(begin, to, moved, excess, variance + turned, at, share)
 
 

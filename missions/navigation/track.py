@@ -108,8 +108,8 @@ class Track:
     _learnt_s: float = -math.inf
     _loose: Solution | None = None
 
-    # --- what is told -----------------------------------------------------------------------
-    def add(self, t_s: float, told_m: tuple[float, float], trusted: bool) -> int:
+    # --- evidence --------------------------------------------------------------------------
+    def add(self, t_s: float, reported_m: tuple[float, float], trusted: bool) -> int:
         """Add a keyframe at a reported position, metres east and north; return its number.
 
         `trusted`: it comes from satellites, and there is no reason to doubt them. Raises ValueError
@@ -118,10 +118,10 @@ class Track:
         if self._keys and t_s <= self._keys[self.newest].t_s:
             raise ValueError(f"a keyframe at {t_s:g} s after one at {self._newest.t_s:g} s")
         number, self._next = self._next, self._next + 1
-        told = complex(*told_m)
-        self._way_m += 0.0 if self._reported is None else abs(told - self._reported)
-        self._reported = told
-        self._keys[number] = Key(t_s, told, trusted and not self._lying, self._way_m)
+        reported = complex(*reported_m)
+        self._way_m += 0.0 if self._reported is None else abs(reported - self._reported)
+        self._reported = reported
+        self._keys[number] = Key(t_s, reported, trusted and not self._lying, self._way_m)
         self._loose = None
         return number
 
@@ -204,18 +204,20 @@ class Track:
         It is by links, and by reported positions where there are none.
         """
         loose, begin = self._settled(), indices(self._keys, numbers)
-        told, last = self._newest.reported, len(self._keys) - 1
-        told_m = told - np.array([self._keys[number].reported for number in numbers], np.complex128)
+        reported, last = self._newest.reported, len(self._keys) - 1
+        reported_m = reported - np.array(
+            [self._keys[number].reported for number in numbers], np.complex128
+        )
         nothing, variance = np.zeros(len(begin), np.complex128), np.full(len(begin), 1e-6)
         # the true movement is the reported one - (e_to - e_begin); the ground shows it turned and
         # scaled
         to = np.full(len(begin), last)
         at, share = self._knots().between(begin, to, 0.5)
-        links = Links(begin, to, told_m, nothing, variance, at, share)
+        links = Links(begin, to, reported_m, nothing, variance, at, share)
         off, variance = loose.misfits(links)
         return [
             (float(place.real), float(place.imag), math.sqrt(spread))
-            for place, spread in zip(told_m - off, variance, strict=True)
+            for place, spread in zip(reported_m - off, variance, strict=True)
         ]
 
     def expected_zoom(self, numbers: Iterable[int]) -> list[tuple[complex, float]]:
@@ -237,8 +239,8 @@ class Track:
 
         They are good for finding near ones; `estimate` gives the present position.
         """
-        told = np.array([key.reported for key in self._keys.values()])
-        places = told - self._settled().errors_m
+        reported = np.array([key.reported for key in self._keys.values()])
+        places = reported - self._settled().errors_m
         return np.column_stack([places.real, places.imag])
 
     def estimate(self) -> Estimate:
@@ -279,15 +281,15 @@ class Track:
             found = self._solve(trusted_until_s=begin_s)
             error = found.errors_m[last]
             sigma_m = math.sqrt(found.variance_of(last) + self.errors.pointing_m**2)
-            told = Disagreement((float(error.real), float(error.imag)), sigma_m, begin_s)
-            if worst is None or told.least_m > worst[0].least_m:
-                worst = told, found
+            reported = Disagreement((float(error.real), float(error.imag)), sigma_m, begin_s)
+            if worst is None or reported.least_m > worst[0].least_m:
+                worst = reported, found
         leap_m, leapt_s = self._greatest_leap()
         if worst is None:
             return Disagreement((0.0, 0.0), math.inf, min(now_s, leapt_s), leap_m)
-        told, found = worst
-        since_s = min(self._began_s(found, told.since_s), leapt_s)
-        return Disagreement(told.error_m, told.sigma_m, since_s, leap_m)
+        reported, found = worst
+        since_s = min(self._began_s(found, reported.since_s), leapt_s)
+        return Disagreement(reported.error_m, reported.sigma_m, since_s, leap_m)
 
     def _greatest_leap(self) -> tuple[float, float]:
         """Return the last minute's largest jump of the reported position, and its time; 0 and

@@ -112,10 +112,10 @@ class Offsets:
             self.spread[i + k, i + k] = noise.start_m**2
             self.spread[i + 2 + k, i + 2 + k] = noise.odometer**2
 
-    def add_move(self, role: Role, told_m: tuple[float, float], passed_s: float) -> None:
+    def add_move(self, role: Role, reported_m: tuple[float, float], passed_s: float) -> None:
         """Add its reported movement, east and north, in a time of at least 0 s."""
         i, noise = _INDEX[role], self._noise
-        east, north = told_m
+        east, north = reported_m
         step = np.eye(_STATES)
         step[i, i + 2], step[i + 1, i + 2] = east, north
         step[i, i + 3], step[i + 1, i + 3] = -north, east
@@ -129,7 +129,7 @@ class Offsets:
 
     def add_sighting(
         self,
-        told_m: tuple[float, float],
+        reported_m: tuple[float, float],
         seen_m: tuple[float, float],
         covariance_m2: Array,
         after_s: float,
@@ -138,7 +138,7 @@ class Offsets:
         """Add a sighting of the mapper by the tracker.
 
         Args:
-            told_m: From the tracker to the mapper by both reported places at the exposure.
+            reported_m: From the tracker to the mapper by both reported places at the exposure.
             seen_m: The same as the picture shows it, by the camera's reported heading.
             covariance_m2: (2, 2), of `seen_m`, without the heading's error.
             after_s: Time since the sighting before; errors of close sightings are alike.
@@ -156,7 +156,7 @@ class Offsets:
         if tilts_m is not None:
             rows[:, _MOUNT:] = -tilts_m
         alike = max(1.0, self._noise.alike_s / max(after_s, 1e-3))
-        measured = np.array(told_m) - np.array(seen_m)
+        measured = np.array(reported_m) - np.array(seen_m)
         return self._correct(rows, measured, np.asarray(covariance_m2) * alike)
 
     def start_hover(self, role: Role) -> None:
@@ -172,7 +172,7 @@ class Offsets:
     def held(
         self,
         role: Role,
-        told_m: tuple[float, float],
+        reported_m: tuple[float, float],
         seen_m: tuple[float, float],
         sigma_m: float,
     ) -> bool:
@@ -184,7 +184,7 @@ class Offsets:
         rows = np.zeros((2, _STATES))
         for k in (0, 1):
             rows[k, i + k], rows[k, i + 4 + k] = 1.0, -1.0
-        measured = np.array(told_m) - np.array(seen_m)
+        measured = np.array(reported_m) - np.array(seen_m)
         return self._correct(rows, measured, np.eye(2) * sigma_m**2)
 
     def _correct(self, rows: Array, measured: Array, noise: Array) -> bool:

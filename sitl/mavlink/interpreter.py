@@ -61,7 +61,7 @@ class Interpreter:
     telemetry: Telemetry
 
     def __post_init__(self) -> None:
-        self.heard = False
+        self.has_client = False
         self._reads = 0
         self._terrain_s: float | None = None
         """When its terrain database has been read; None before the first request."""
@@ -105,7 +105,7 @@ class Interpreter:
     def handle(self, messages: Iterable[Message]) -> bytes:
         """Handle received messages; return the immediate replies."""
         for message in messages:
-            self.heard = True
+            self.has_client = True
             kind = message.get_type()
             handler = self._handlers.get(kind)
             if handler is not None and (
@@ -120,7 +120,7 @@ class Interpreter:
         ap = self.ap
         self._send(*self._transfer.step(ap.t_s))
         if ap.route.reached or ap.parameters.unsent:
-            if self.heard:
+            if self.has_client:
                 self._send(*map(mav.MAVLink_mission_item_reached_message, ap.route.reached))
                 self._send(*(self._param_value(n, _UNASKED) for n in ap.parameters.unsent))
             ap.route.reached.clear()

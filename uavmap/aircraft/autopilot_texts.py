@@ -45,13 +45,13 @@ _NAMES: Final = tuple(
 def failsafe_of(words: Iterable[str]) -> str | None:
     """Return the failsafe that a vehicle's latest texts name, with the text; None if they name
     none."""
-    told = [text for text in words if text and not _OVER.search(text)]
-    if due := [text for text in told if text.startswith(DUE)]:
-        told = due  # the autopilot's own cause has priority over indications
-    elif any(text.startswith(CAUSELESS) for text in told):
-        told = [text for text in told if not text.startswith("Preflight Fail")]
+    causes = [text for text in words if text and not _OVER.search(text)]
+    if due := [text for text in causes if text.startswith(DUE)]:
+        causes = due  # the autopilot's own cause has priority over indications
+    elif any(text.startswith(CAUSELESS) for text in causes):
+        causes = [text for text in causes if not text.startswith("Preflight Fail")]
     for name, pattern in _NAMES:
-        found = [text for text in told if pattern.search(text)]
+        found = [text for text in causes if pattern.search(text)]
         if not found:
             continue
         most = max(found, key=len)

@@ -80,18 +80,18 @@ class Member:
         """Standard deviation of that, m."""
         return self.leapfrog.offsets.sigma_m(self.role)
 
-    def add_move(self, told: GridPoint, now_s: float, *, good: bool) -> None:
+    def add_move(self, reported: GridPoint, now_s: float, *, good: bool) -> None:
         """Note its reported place; `good`: by satellites."""
         before, before_s = self.reported, self.reported_s
-        self.reported, self.reported_s = told, now_s
+        self.reported, self.reported_s = reported, now_s
         if good or self.good or before is None:
             self.leapfrog.offsets.restart(self.role)
             self._leave()
         else:
-            way = (told.east_m - before.east_m, told.north_m - before.north_m)
+            way = (reported.east_m - before.east_m, reported.north_m - before.north_m)
             self.leapfrog.offsets.add_move(self.role, way, max(now_s - before_s, 0.0))
         self.good = good
-        strays = self.stopped_at is not None and told.distance_to(self.stopped_at) > STRAYS_M
+        strays = self.stopped_at is not None and reported.distance_to(self.stopped_at) > STRAYS_M
         if strays or self.reporter.view.ground_speed_m_s > 2.0 * HOVERS_M_S:
             self._leave()
 
@@ -116,15 +116,15 @@ class Member:
             self.ground, self.stopped_at = ground, here
             self.leapfrog.offsets.start_hover(self.role)
             return
-        told = (here.east_m - self.stopped_at.east_m, here.north_m - self.stopped_at.north_m)
+        reported = (here.east_m - self.stopped_at.east_m, here.north_m - self.stopped_at.north_m)
         if not math.isclose(ground.metres_per_pixel, self.ground.metres_per_pixel):
             return
-        found = match(self.ground, ground, told, SEARCH_M)
+        found = match(self.ground, ground, reported, SEARCH_M)
         if found is not None:
             sigma_m = math.hypot(
                 found.sigma_m, frame.pose.height_m * math.tan(HOVER_TILT_CHANGE_RAD)
             )
-            self.leapfrog.offsets.held(self.role, told, found.moved_m, sigma_m)
+            self.leapfrog.offsets.held(self.role, reported, found.moved_m, sigma_m)
 
 
 class Leapfrog:
@@ -165,17 +165,17 @@ class Leapfrog:
             return
         grid = tracker.reporter.grid
         there, here = grid.fixed(place.position), grid.fixed(frame.pose.position)
-        told = (there.east_m - here.east_m, there.north_m - here.north_m)
+        reported = (there.east_m - here.east_m, there.north_m - here.north_m)
         late_m = TIMING_S * (
             tracker.reporter.view.ground_speed_m_s + mapper.reporter.view.ground_speed_m_s
         )
         tilts = _tilts_m(frame, -seen.up_m, grid.convergence_rad)
-        self._compare(frame.t_s, told, seen, grid.convergence_rad, late_m, tilts)
+        self._compare(frame.t_s, reported, seen, grid.convergence_rad, late_m, tilts)
 
     def _compare(
         self,
         t_s: float,
-        told: tuple[float, float],
+        reported: tuple[float, float],
         seen: Sighting,
         up_rad: float,
         late_m: float,
@@ -188,10 +188,10 @@ class Leapfrog:
             # the grid is turned by a degree or two: a covariance is nearly the same along its axes
             covariance = seen.covariance_m2[:2, :2] + late_m**2 * np.eye(2)
             after_s = t_s - self._sighted_s
-            if self.offsets.add_sighting(told, apart, covariance, after_s, tilts_m):
+            if self.offsets.add_sighting(reported, apart, covariance, after_s, tilts_m):
                 self._sighted_s = t_s
             return
-        off_m = math.dist(told, apart)
+        off_m = math.dist(reported, apart)
         self._apart = (
             self._apart + 1 if off_m > self._wanted.tolerated_m + MAX_SATELLITE_DIFFERENCE_M else 0
         )

@@ -151,9 +151,9 @@ class Navigation:
         """Share this position with the partner, and use the measurements of both."""
         if self.partner is None or self._view.reported is None:
             return
-        told = self._reporter.grid.fixed(self._view.reported)
+        reported = self._reporter.grid.fixed(self._view.reported)
         good = self._view.by_satellites and not self._view.has_no_fix
-        self.partner.add_move(told, now_s, good=good)
+        self.partner.add_move(reported, now_s, good=good)
         if self.gnss == "lost" and self._by_partner:
             self._correct(self.partner.off)
             self.sigma_m = self.partner.sigma_m
@@ -241,7 +241,7 @@ class Navigation:
         if self._own is None and not self._by_partner:
             return frame
         now_s = self._reporter.now_s()
-        told = self._reporter.grid.fixed(frame.pose.position)
+        reported = self._reporter.grid.fixed(frame.pose.position)
         # a late one does not show the present state
         if self._own is not None and frame.t_s > self._taken_s:
             self._taken_s = frame.t_s
@@ -251,14 +251,16 @@ class Navigation:
             ground = patch(frame, metres_per_pixel=metres, up_rad=up_rad)
             trusted = self.gnss == "good" and self._view.by_satellites
             trusted = trusted and not self._view.has_no_fix
-            known = self._own.add_picture(frame.t_s, ground, (told.east_m, told.north_m), trusted)
+            known = self._own.add_picture(
+                frame.t_s, ground, (reported.east_m, reported.north_m), trusted
+            )
             self._pictured_s, self._flown_m = now_s, 0.0
             self._learn(known, now_s)
         if self.gnss == "good":
             return frame
         if self.sigma_m > self._most_m:
             raise ImageError(f"its place is known to ±{self.sigma_m:.1f} m only")
-        place = GridPoint(told.east_m - self._off.east_m, told.north_m - self._off.north_m)
+        place = GridPoint(reported.east_m - self._off.east_m, reported.north_m - self._off.north_m)
         position = self._reporter.grid.position(place)
         return replace(frame, pose=replace(frame.pose, position=position))
 
@@ -286,12 +288,12 @@ class Navigation:
     def _correct(self, off: GridPoint) -> None:
         """Correct the reported place by `off`, along the grid's axes, from now on."""
         self._off = off
-        grid, told = self._reporter.grid, self._view.reported
-        if told is None:
+        grid, reported = self._reporter.grid, self._view.reported
+        if reported is None:
             return
-        there = grid.fixed(told)
+        there = grid.fixed(reported)
         true = grid.position(GridPoint(there.east_m - off.east_m, there.north_m - off.north_m))
-        self._view.off_deg = (told.lat_deg - true.lat_deg, told.lon_deg - true.lon_deg)
+        self._view.off_deg = (reported.lat_deg - true.lat_deg, reported.lon_deg - true.lon_deg)
         self._view.position = true
         self._last = None
 

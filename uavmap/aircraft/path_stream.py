@@ -157,15 +157,15 @@ class PathStream:
 
     async def _send_places(self) -> None:
         """Send its place in a while, until cancelled: it stops there without the next."""
-        view, told = self._view, 0
+        view, reported = self._view, 0
         while self._commands.may_send:
-            if told % 10 == 0:  # either autopilot may have dropped its speed
+            if reported % 10 == 0:  # either autopilot may have dropped its speed
                 self._session.send_command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, PLACES_SPEED_M_S, -1)
             now_s = self._reporter.now_s()
             at = self.course.at(now_s + view.kind.places_lead_s)
             point = Setpoint(at.east_m, at.north_m, 0.0, 0.0)
             self._session.send(self._place_message(point, self._flown_now()))
-            told += 1
+            reported += 1
             await asyncio.sleep(PLACES_INTERVAL_S)
 
     def _place_message(self, point: Setpoint, order: FlyPath) -> Message:

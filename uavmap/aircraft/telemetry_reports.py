@@ -44,13 +44,17 @@ class TelemetryReports:
         view = session.view
         counts = self._counts[vehicle]
         counts.append(session.losses.counts((view.system_id, view.autopilot_component)))
-        heard, missing = (now - before for now, before in zip(counts[-1], counts[0], strict=True))
+        received, missing = (
+            now - before for now, before in zip(counts[-1], counts[0], strict=True)
+        )
         return Telemetry(
             vehicle=vehicle,
             mode=view.mode_name,
             satellites=view.satellites,
             hdop=view.hdop,
             volts=view.volts,
-            loss_percent=round(100.0 * max(missing, 0) / (heard + missing)) if heard > 0 else None,
+            loss_percent=round(100.0 * max(missing, 0) / (received + missing))
+            if received > 0
+            else None,
             late_s=round(view.age_s(asyncio.get_running_loop().time()), 1),
         )

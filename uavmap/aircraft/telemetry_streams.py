@@ -36,7 +36,7 @@ class Streams:
         self._refused: set[int] = set()
         """Streams that the autopilot does not have, or sends at its own rate."""
 
-    async def ask(self, hears: Callable[[], bool]) -> None:
+    async def ask(self, receives: Callable[[], bool]) -> None:
         """Request every stream until it is acknowledged, while the vehicle is received.
 
         A refused stream may come anyway. Raises `LinkError`.
@@ -53,7 +53,7 @@ class Streams:
                     break
                 except LinkError as error:
                     waited_s = asyncio.get_running_loop().time() - begin_s
-                    if not hears() or waited_s > MAX_REQUEST_S:
+                    if not receives() or waited_s > MAX_REQUEST_S:
                         raise LinkError(
                             f"{self._name}: {error} in {waited_s:.0f} s: the link loses too much, "
                             "or it carries nothing towards the vehicle"

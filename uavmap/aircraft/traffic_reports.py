@@ -66,34 +66,36 @@ class TrafficReports:
         `known_s`."""
         own = {session.view.uid for session in self._sessions.values()}
         for number, session in self._sessions.items():
-            for ident, heard in session.traffic.aircraft.items():
-                known_s[ident] = max(heard.received_s, known_s.get(ident, float("-inf")))
-                if ident in own or heard.received_s <= self._reported_s.get(ident, float("-inf")):
+            for ident, received in session.traffic.aircraft.items():
+                known_s[ident] = max(received.received_s, known_s.get(ident, float("-inf")))
+                if ident in own or received.received_s <= self._reported_s.get(
+                    ident, float("-inf")
+                ):
                     continue
                 with contextlib.suppress(GeodesyError):
-                    yield heard.received_s, self._track(number, session, heard)
+                    yield received.received_s, self._track(number, session, received)
 
-    def _track(self, number: int, session: Session, heard: TrafficReport) -> Track:
+    def _track(self, number: int, session: Session, received: TrafficReport) -> Track:
         grid = self._grid
-        place = grid.fixed(heard.position)
-        age_s = asyncio.get_running_loop().time() - heard.received_s
+        place = grid.fixed(received.position)
+        age_s = asyncio.get_running_loop().time() - received.received_s
         height_m, velocity_m_s = None, None
-        if heard.amsl_m is not None:
-            above_home_m = heard.amsl_m - session.view.home_amsl_m
+        if received.amsl_m is not None:
+            above_home_m = received.amsl_m - session.view.home_amsl_m
             height_m = round(above_home_m + self._home_level_m[number], 1)
-        if heard.velocity_m_s is not None:
-            east, north = heard.velocity_m_s
+        if received.velocity_m_s is not None:
+            east, north = received.velocity_m_s
             turn = grid.convergence_rad
             cos, sin = math.cos(turn), math.sin(turn)
             velocity_m_s = GridPoint(
                 round(east * cos - north * sin, 1), round(east * sin + north * cos, 1)
             )
         return Track(
-            heard.ident,
-            heard.name,
+            received.ident,
+            received.name,
             round(self._now_s() - age_s, 1),
             GridPoint(round(place.east_m, 1), round(place.north_m, 1)),
             height_m,
-            heard.error_m,
+            received.error_m,
             velocity_m_s,
         )

@@ -107,8 +107,8 @@ def encode(message: Message) -> bytes:
     """Return the bytes of a message. Raises ValueError for an impossible value: a negative count.
 
     >>> here = Presence("flies", GridPoint(3.0, -4.5), 12.0, 0.8, 12.0)
-    >>> said = Message(12.5, here, {1: Holding(7)})
-    >>> len(encode(said)), decode(encode(said)) == said
+    >>> message = Message(12.5, here, {1: Holding(7)})
+    >>> len(encode(message)), decode(encode(message)) == message
     (16, True)
     """
     out = Writer()
@@ -187,11 +187,11 @@ def facts_to_bytes(facts: Sequence[Fact]) -> bytes:
         out.count(rows)
         out.integer(west - anchor.east)
         out.integer(south - anchor.north)
-        says = dict(fact.votes)
+        verdicts = dict(fact.votes)
         inside = [Cell(west + i, south + j) for j in range(rows) for i in range(columns)]
-        out.flags([cell in says for cell in inside])
+        out.flags([cell in verdicts for cell in inside])
         if not fact.seen:
-            out.flags([says[cell] for cell in inside if cell in says])
+            out.flags([verdicts[cell] for cell in inside if cell in verdicts])
         if fact.classes:
             _put_classes(out, fact)
         t_ms, anchor = now_ms, Cell(west, south)
@@ -215,13 +215,15 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
         south += inp.integer()
         shown = inp.flags(columns * rows)
         cells = [
-            Cell(west + k % columns, south + k // columns) for k, told in enumerate(shown) if told
+            Cell(west + k % columns, south + k // columns)
+            for k, reported in enumerate(shown)
+            if reported
         ]
         if t_ms < 0 or not cells:
             raise BytesError("a fact of nothing")
         seen, overview = kind == 2, kind == 1
-        says = [False] * len(cells) if seen else inp.flags(len(cells))
-        votes = tuple(sorted(zip(cells, says, strict=True)))
+        verdicts = [False] * len(cells) if seen else inp.flags(len(cells))
+        votes = tuple(sorted(zip(cells, verdicts, strict=True)))
         classes = _classes(inp, sorted(cells)) if kind == _CLASSES else ()
         if doubt and (seen or overview):
             raise BytesError("such a fact has no doubts")

@@ -77,13 +77,13 @@ def presence_of(state: State, vehicle: VehicleState) -> Presence:
     )
 
 
-def member_report(setting: Setting, sender: int, now_s: float, said: Presence) -> MemberReport:
+def member_report(setting: Setting, sender: int, now_s: float, presence: Presence) -> MemberReport:
     """Return another's report on its vehicle, for our service."""
     capacity_wh = setting.mission.battery.capacity_wh
     return MemberReport(
-        sender, round(now_s, 3), said.position, said.height_m,
-        round(said.charge * capacity_wh, 2), said.does, setting.pad_of(sender),
-        said.lanes, said.path, said.layer_m,
+        sender, round(now_s, 3), presence.position, presence.height_m,
+        round(presence.charge * capacity_wh, 2), presence.does, setting.pad_of(sender),
+        presence.lanes, presence.path, presence.layer_m,
     )  # fmt: skip
 
 
@@ -145,10 +145,10 @@ class FleetClock:
         Return the change of our clock, s: to that of a member that took off, else of the lowest
         number.
         """
-        everybody = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
+        others = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
         waited_s = 0.0
         while waited_s < wait_s:
-            if everybody <= {n for n, p in self._peers.items() if p.pad is not None or p.begun}:
+            if others <= {n for n, p in self._peers.items() if p.pad is not None or p.begun}:
                 break
             await asyncio.sleep(_STEP_S)
             waited_s += _STEP_S

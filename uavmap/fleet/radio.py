@@ -94,7 +94,7 @@ class Radio(Protocol):
     def send(self, datagram: bytes) -> None:
         """Send to all. Never raises, never waits."""
 
-    def listen(self, heard: Callable[[bytes], None]) -> None:
+    def listen(self, received: Callable[[bytes], None]) -> None:
         """Pass received datagrams on, in the event loop's thread."""
 
 
@@ -122,10 +122,10 @@ class Radios:
         for radio in self.parts:
             radio.send(datagram)
 
-    def listen(self, heard: Callable[[bytes], None]) -> None:
+    def listen(self, received: Callable[[bytes], None]) -> None:
         """Pass datagrams received by any radio on."""
         for radio in self.parts:
-            radio.listen(heard)
+            radio.listen(received)
 
 
 _LOG: Final = logging.getLogger("uavmap.fleet")
@@ -151,9 +151,9 @@ class MulticastRadio:
         self._again: asyncio.TimerHandle | None = None
         self._logged = ""
 
-    def listen(self, heard: Callable[[bytes], None]) -> None:
+    def listen(self, received: Callable[[bytes], None]) -> None:
         """Pass received datagrams on."""
-        self._listeners.append(heard)
+        self._listeners.append(received)
 
     def open(self) -> None:
         """Join the group, or try again until that succeeds."""
@@ -211,8 +211,8 @@ class MulticastRadio:
                 self._note_loss(error)
                 return
             if len(datagram) <= LARGEST_BYTES:
-                for heard in self._listeners:
-                    heard(datagram)
+                for received in self._listeners:
+                    received(datagram)
 
 
 def _joined(endpoint: FleetEndpoint) -> socket.socket:

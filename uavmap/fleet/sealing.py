@@ -105,20 +105,20 @@ class Seal:
         if kind == ASKS:
             self._asked.append(body)
             return None
-        heard = self._windows.get(sender)
-        known = heard is not None and start <= heard.start
+        received = self._windows.get(sender)
+        known = received is not None and start <= received.start
         answers = (body[k : k + NONCE_BYTES] for k in range(0, len(body), NONCE_BYTES))
-        room = heard is not None or len(self._windows) < MAX_SENDERS
+        room = received is not None or len(self._windows) < MAX_SENDERS
         if kind == ANSWERS and self._nonce in answers and not known and room:
-            heard = self._windows[sender] = _SenderWindow(start)
-        if heard is None or start > heard.start:
+            received = self._windows[sender] = _SenderWindow(start)
+        if received is None or start > received.start:
             self._ask = True
             raise _RefusedError("not known to be alive yet")
-        if start < heard.start:
+        if start < received.start:
             raise _RefusedError("from an earlier start")
-        if not _is_new(heard, counter):
+        if not _is_new(received, counter):
             raise _RefusedError("received before")
-        self.overtaken = counter < heard.last
+        self.overtaken = counter < received.last
         return (sender, body) if kind == DATA else None
 
     def errands(self) -> list[bytes]:
@@ -136,19 +136,19 @@ class Seal:
         return blake2s(head, key=self.key, digest_size=CODE_BYTES, person=b"uavmap 1").digest()
 
 
-def _is_new(heard: _SenderWindow, counter: int) -> bool:
-    ahead = counter - heard.last
+def _is_new(received: _SenderWindow, counter: int) -> bool:
+    ahead = counter - received.last
     if ahead > 0:
-        heard.window = (
-            ((heard.window << 1 | (heard.last >= 0)) << (ahead - 1)) if ahead <= WINDOW else 0
+        received.window = (
+            ((received.window << 1 | (received.last >= 0)) << (ahead - 1)) if ahead <= WINDOW else 0
         )
-        heard.window &= (1 << WINDOW) - 1
-        heard.last = counter
+        received.window &= (1 << WINDOW) - 1
+        received.last = counter
         return True
     back = -ahead - 1
-    if ahead == 0 or back >= WINDOW or heard.window >> back & 1:
+    if ahead == 0 or back >= WINDOW or received.window >> back & 1:
         return False
-    heard.window |= 1 << back
+    received.window |= 1 << back
     return True
 
 
@@ -171,9 +171,9 @@ def fleet_key(key: bytes, mission: Mission) -> bytes:
 def meaning_of(mission: Mission) -> bytes:
     """Return 32 bytes of all that has to be the same in the missions of all members."""
     # a height may be "auto", which is no number to warn of
-    told = mission.model_dump(mode="json", include=set(_MEANING), warnings=False)
-    told["pads"] = [vehicle.home for vehicle in mission.vehicles]
-    told["pad heights"] = home_heights_m(mission)
+    meaning = mission.model_dump(mode="json", include=set(_MEANING), warnings=False)
+    meaning["pads"] = [vehicle.home for vehicle in mission.vehicles]
+    meaning["pad heights"] = home_heights_m(mission)
     if (classes := mission.detector.classes) is not None:  # facts have shares of them
-        told["classes"] = [classes.names, classes.explored]
-    return blake2s(json.dumps(told, sort_keys=True).encode()).digest()
+        meaning["classes"] = [classes.names, classes.explored]
+    return blake2s(json.dumps(meaning, sort_keys=True).encode()).digest()

@@ -113,13 +113,13 @@ class Air:
                 loop.call_at(end_s + model.delay_s + late_s[copy], self._deliver, other, datagram)
 
     def _deliver(self, member: int, datagram: bytes) -> None:
-        heard = self._receivers.get(member)
-        if heard is not None:
-            heard(datagram)
+        received = self._receivers.get(member)
+        if received is not None:
+            received(datagram)
 
-    def add_member(self, member: int, heard: Callable[[bytes], None]) -> None:
+    def add_member(self, member: int, received: Callable[[bytes], None]) -> None:
         """Note that a member listens from now on."""
-        self._receivers[member] = heard
+        self._receivers[member] = received
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,9 +134,9 @@ class AirRadio:
         """Send to all in range."""
         self.air.carry(self.member, datagram)
 
-    def listen(self, heard: Callable[[bytes], None]) -> None:
+    def listen(self, received: Callable[[bytes], None]) -> None:
         """Pass received datagrams on."""
-        self.air.add_member(self.member, heard)
+        self.air.add_member(self.member, received)
 
 
 # --- the words of `--comms`, in flight and on the grid ------------------------------------------

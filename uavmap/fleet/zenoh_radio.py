@@ -126,9 +126,9 @@ class ZenohRadio:
         tcp = any(endpoint.transport == "tcp" for endpoint in self._links.all)
         return TCP_BYTES if tcp else UDP_BYTES
 
-    def listen(self, heard: Callable[[bytes], None]) -> None:
+    def listen(self, received: Callable[[bytes], None]) -> None:
         """Pass received datagrams on."""
-        self._listeners.append(heard)
+        self._listeners.append(received)
 
     def open(self) -> None:
         """Begin."""
@@ -178,8 +178,8 @@ class ZenohRadio:
                 with contextlib.suppress(Exception):
                     session.close()
             self._stop.wait(RETRY_S[0])
-            heard = self._received_s > began_s
-            silent_s = SILENT_S[0] if heard else min(2.0 * silent_s, SILENT_S[1])
+            received = self._received_s > began_s
+            silent_s = SILENT_S[0] if received else min(2.0 * silent_s, SILENT_S[1])
 
     def _live(self, session: Any, silent_s: float) -> None:
         self._broken.clear()
@@ -239,8 +239,8 @@ class ZenohRadio:
     def _pass_on(self, datagram: bytes) -> None:
         self._waiting -= 1
         if not self._stop.is_set():
-            for heard in self._listeners:
-                heard(datagram)
+            for received in self._listeners:
+                received(datagram)
 
 
 def imported_zenoh() -> Any:

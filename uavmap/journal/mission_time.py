@@ -122,8 +122,8 @@ def _by_known(
     off_s = (wall_s - start_s) / speedup
     if abs(off_s) <= DOUBTFUL_S:
         jump_s = (start_s - last_event_s) / speedup
-        told = f"{duration(jump_s)} have passed since the last event"
-        return MissionTime(start_s, basis, told if jump_s > DOUBTFUL_S else "")
+        text = f"{duration(jump_s)} have passed since the last event"
+        return MissionTime(start_s, basis, text if jump_s > DOUBTFUL_S else "")
     way = "forward" if off_s > 0 else "back"
     note = (
         f"the wall clock was set {way} by {duration(off_s)} since the flight; mission time "

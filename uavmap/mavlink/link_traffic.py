@@ -72,12 +72,12 @@ class LinkTraffic:
         if fault is not None:
             self.gate.refuse(kind, fault, now_s)
             return
-        heard = _READERS[kind](message, now_s)
-        if heard is None or here is None or distance_m(heard.position, here) > FARTHEST_M:
+        received = _READERS[kind](message, now_s)
+        if received is None or here is None or distance_m(received.position, here) > FARTHEST_M:
             return
-        before = self.aircraft.get(heard.ident)
-        if before is None or heard.received_s >= before.received_s:
-            self.aircraft[heard.ident] = heard
+        before = self.aircraft.get(received.ident)
+        if before is None or received.received_s >= before.received_s:
+            self.aircraft[received.ident] = received
         if len(self.aircraft) > MAX_AIRCRAFT:
             self._forget(here, now_s)
 

@@ -356,8 +356,8 @@ class Session:
 
     async def receive_status_texts(self) -> None:
         """Wait a moment: an ArduPilot explains a refusal (STATUSTEXT) after the ACK."""
-        heard = self.view.text_count
-        await self.until(lambda: self.view.text_count != heard, timeout_s=0.5)
+        received = self.view.text_count
+        await self.until(lambda: self.view.text_count != received, timeout_s=0.5)
 
     def _receive_ack(self, ack: Message) -> None:
         ours = ack.target_system in (0, GROUND_SYSTEM_ID)

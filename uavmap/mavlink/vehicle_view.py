@@ -195,11 +195,11 @@ class VehicleView:
         self.text_count += 1
         self.on_text(text)
 
-    def corrected(self, told: LatLon) -> LatLon:
+    def corrected(self, reported: LatLon) -> LatLon:
         """Return the true place of a reported one."""
         if self.off_deg == (0.0, 0.0):
-            return told
-        return LatLon(told.lat_deg - self.off_deg[0], told.lon_deg - self.off_deg[1])
+            return reported
+        return LatLon(reported.lat_deg - self.off_deg[0], reported.lon_deg - self.off_deg[1])
 
     def as_reported(self, place: LatLon) -> LatLon:
         """Return a place as the vehicle would report it, with its error.
@@ -213,15 +213,15 @@ class VehicleView:
             return place
         return LatLon(place.lat_deg + self.off_deg[0], place.lon_deg + self.off_deg[1])
 
-    def follow_leap(self, told: LatLon, boot_s: float, now_s: float) -> None:
+    def follow_leap(self, reported: LatLon, boot_s: float, now_s: float) -> None:
         """Correct the error by the jump of the reported place after the vehicle was sent it."""
         before = self.whereabouts.at(boot_s)
         if now_s > self.aided_until_s or before is None or before.gap_s > LEAP_GAP_S:
             return
-        if distance_m(told, before.position) > LEAP_M:
+        if distance_m(reported, before.position) > LEAP_M:
             self.off_deg = (
-                self.off_deg[0] + told.lat_deg - before.position.lat_deg,
-                self.off_deg[1] + told.lon_deg - before.position.lon_deg,
+                self.off_deg[0] + reported.lat_deg - before.position.lat_deg,
+                self.off_deg[1] + reported.lon_deg - before.position.lon_deg,
             )
 
     @property

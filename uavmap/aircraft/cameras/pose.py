@@ -107,8 +107,8 @@ class Poses:
 
         Raises `ImageError` with the fault, which is counted.
         """
-        told = picture.reported
-        if told.position is None or told.attitude is None:
+        reported = picture.reported
+        if reported.position is None or reported.attitude is None:
             self._log_missing_pose(picture)
             self.need_telemetry()
             await self._session.until(
@@ -143,16 +143,16 @@ class Poses:
 
     def _pose(self, picture: Announcement) -> tuple[str | None, Pose | None]:
         """Return the fault, and the pose."""
-        told = picture.reported
-        if (told.position is None or told.attitude is None) and picture.fault is not None:
+        reported = picture.reported
+        if (reported.position is None or reported.attitude is None) and picture.fault is not None:
             return picture.fault, None
-        attitude = told.attitude
+        attitude = reported.attitude
         if attitude is None:
             body = self._view.attitude_at(picture.taken_s)
             if body is None:
                 return "it reports no attitude, and the vehicle's own at that time is unknown", None
             attitude = self._mount.attitude(body)
-        position, height_m = told.position, told.height_m
+        position, height_m = reported.position, reported.height_m
         if position is None:
             place = self._view.place_at(picture.taken_s)
             if self._view.position is None or place is None or place.gap_s > MAX_EXTRAPOLATION_S:

@@ -66,9 +66,9 @@ class FrameSource(ABC):
     def __init__(self) -> None:
         self._deliver: Callable[[Announcement], None] = lambda announcement: None
 
-    def listen(self, heard: Callable[[Announcement], None]) -> None:
-        """Call only `heard` with each picture, from the loop, in their order."""
-        self._deliver = heard
+    def listen(self, received: Callable[[Announcement], None]) -> None:
+        """Call only `received` with each picture, from the loop, in their order."""
+        self._deliver = received
 
     @abstractmethod
     async def start(

@@ -102,8 +102,8 @@ class TriggeredSource(CommandedSource):
             position = LatLon(message.lat / 1e7, message.lng / 1e7)
         angles = (math.radians(a) for a in (message.roll, message.pitch, message.yaw))
         attitude = self._mount.attitude(Quaternion.from_euler(*angles))
-        told = ReportedPose(position, message.alt_rel, attitude)
-        self._shots.append(_Shot(message.img_idx, taken_s, told))
+        reported = ReportedPose(position, message.alt_rel, attitude)
+        self._shots.append(_Shot(message.img_idx, taken_s, reported))
         self._bring_together()
 
     def _taken_s(self, time_usec: int) -> float:

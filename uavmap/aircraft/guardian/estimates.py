@@ -165,14 +165,14 @@ class WindEstimate:
         return north, east
 
 
-def _median(said: Collection[tuple[float, float]]) -> float:
+def _median(weighted: Collection[tuple[float, float]]) -> float:
     """Return the weighted median of (value, weight); 1 without any.
 
     >>> _median([(9.0, 1.0), (1.0, 1.0), (2.0, 3.0)])
     2.0
     """
-    half = sum(weight for _, weight in said) / 2.0
-    for value, weight in sorted(said):
+    half = sum(weight for _, weight in weighted) / 2.0
+    for value, weight in sorted(weighted):
         half -= weight
         if half <= 0.0:
             return value

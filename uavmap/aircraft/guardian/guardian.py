@@ -293,8 +293,8 @@ class Guardian:
     def _reconnect(self) -> None:
         """Reconnect a vehicle that was silent when the mission ended, and is received again."""
         monitor, view = self._monitor, self._view
-        heard = view.silent_s(self._reporter.loop_s()) <= MAX_TELEMETRY_AGE_S
-        if monitor.met and not monitor.connected and heard:
+        received = view.silent_s(self._reporter.loop_s()) <= MAX_TELEMETRY_AGE_S
+        if monitor.met and not monitor.connected and received:
             monitor.report_connected()
             self.repeat_command()
 
@@ -341,10 +341,10 @@ class Guardian:
 
     def _flies_for_us(self) -> bool:
         late_s = self._reporter.loop_s() - self._view.position_s
-        heard = (
+        received = (
             self._monitor.met and late_s <= MAX_TELEMETRY_AGE_S and not self._view.gate.clock.late
         )
-        return self.responsible and heard and self._monitor.mode == "follow"
+        return self.responsible and received and self._monitor.mode == "follow"
 
     def _endurance_left_s(self) -> float:
         endurance_s = (

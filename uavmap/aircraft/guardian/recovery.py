@@ -165,18 +165,18 @@ class RecoveryFlight:
                 await session.until(lambda: not view.armed, MOTORS_OFF_WAIT_S)
             finally:
                 asking.cancel()
-        told = False
+        reported = False
         while is_armed():
             forced = struck and view.height_m < DOWN_M and self._monitor.control.is_under_control
-            if not told:
-                told = True
+            if not reported:
+                reported = True
                 how = "they are stopped by force" if forced else "keep away"
                 line(f"{vehicle}: its motors still run; {how}")
             if forced:
                 with contextlib.suppress(LinkError):
                     await self._commands.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
             await session.until(lambda: not view.armed, RETRY_S)
-        if told:
+        if reported:
             line(f"{vehicle}: its motors have stopped")
 
     async def reach(

@@ -80,7 +80,7 @@ class Frames:
         """True once it was logged that pictures are left out."""
         self._whole = True
         """True while all pictures of the present burst were announced."""
-        self.heard = 0
+        self.announced_count = 0
         """Number of announced pictures."""
         self.capturing = False
 
@@ -89,7 +89,7 @@ class Frames:
         if picture.index is not None and not self._new(picture.index):
             return
         self._pending += 1
-        self.heard += 1
+        self.announced_count += 1
         self._announced.put_nowait(picture)
 
     def _new(self, index: int) -> bool:
@@ -107,7 +107,7 @@ class Frames:
 
         A slow link takes its time, a dead one ends the wait.
         """
-        if self.heard == 0:
+        if self.announced_count == 0:
             await self._moved_on()
         self._source.stop()
         self.capturing = False
@@ -134,8 +134,8 @@ class Frames:
 
         Raises `LinkError` if neither answer nor picture comes, or the camera refuses.
         """
-        self.capturing, before = True, self.heard
-        await self._source.start(self.interval_s, count, lambda: self.heard > before)
+        self.capturing, before = True, self.announced_count
+        await self._source.start(self.interval_s, count, lambda: self.announced_count > before)
 
     async def _moved_on(self) -> bool:
         """Return whether another picture is judged, or lost, within the time for one."""

@@ -93,8 +93,8 @@ def reference() -> str:
     for name, schema in _tables("", root, root):
         if name:
             title = f"[[{name}]]" if name in _LISTED else f"[{name}]"
-            said = SECTIONS.get(name) or _NESTED.get(name) or schema["description"]
-            text = textwrap.fill(_linked(said.replace("\n# ", " ")), 100, break_on_hyphens=False)
+            meaning = SECTIONS.get(name) or _NESTED.get(name) or schema["description"]
+            text = textwrap.fill(_linked(meaning.replace("\n# ", " ")), 100, break_on_hyphens=False)
             lines += [f"## `{title}`", "", text, ""]
         else:
             lines += ["## The mission", ""]

@@ -43,13 +43,13 @@ class Forwarding:
         self._links.append(way)
         splitter = Splitter()
 
-        def heard(data: bytes) -> None:
+        def receive(data: bytes) -> None:
             if frames := splitter.feed(data):
                 whole = b"".join(frames)
                 for station in self._stations:
                     station.send(whole)
 
-        return heard
+        return receive
 
     @contextlib.asynccontextmanager
     async def open(self, urls: Sequence[str], say: Callable[[str], None]) -> AsyncIterator[None]:
@@ -63,14 +63,14 @@ class Forwarding:
     def _from_station(self) -> Callable[[bytes], bool]:
         splitter = Splitter()
 
-        def heard(data: bytes) -> bool:
+        def receive(data: bytes) -> bool:
             frames = splitter.feed(data)
             for frame in frames:
                 self._record(frame)
                 self._to_vehicles(frame)
             return bool(frames)
 
-        return heard
+        return receive
 
     def _to_vehicles(self, frame: bytes) -> None:
         target = target_of(frame)

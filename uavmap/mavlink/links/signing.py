@@ -101,14 +101,14 @@ class Signing:
             return WRONG_KEY
         tick = int.from_bytes(frame[-12:-6], "little")
         stream = (frame[5], frame[6], frame[-13])
-        last = self._stamps.heard.get(stream)
+        last = self._stamps.received.get(stream)
         if last is None:
             new = tick + NEW_STREAM_BEHIND >= self._stamps.sent
-            if not new or len(self._stamps.heard) >= MAX_STREAMS:
+            if not new or len(self._stamps.received) >= MAX_STREAMS:
                 return REPLAYED
         elif tick <= last:
             return REPLAYED
-        self._stamps.heard[stream] = tick
+        self._stamps.received[stream] = tick
         self._stamps.note()
         return None
 
@@ -196,7 +196,7 @@ class KeptTimestamps:
         self._path = key.with_name(key.name + BESIDE)
         self.sent = 0
         """Highest used timestamp, or more."""
-        self.heard: dict[Stream, int] = {}
+        self.received: dict[Stream, int] = {}
         """Highest timestamp of each stream."""
         self._saved_s = float("-inf")
         self._reserved = 0
@@ -218,8 +218,10 @@ class KeptTimestamps:
     def save(self, ahead: int = _AHEAD) -> None:
         """Write the timestamps."""
         self._saved_s, self._reserved = time.monotonic(), self.sent + ahead
-        heard = {":".join(map(str, stream)): tick for stream, tick in sorted(self.heard.items())}
-        text = json.dumps({"sent": self._reserved, "heard": heard})
+        received = {
+            ":".join(map(str, stream)): tick for stream, tick in sorted(self.received.items())
+        }
+        text = json.dumps({"sent": self._reserved, "heard": received})
         temporary = self._path.with_name(self._path.name + ".new")
         try:
             temporary.write_text(text, "ascii")
@@ -236,7 +238,7 @@ class KeptTimestamps:
             self.sent = int(kept["sent"])
             for name, tick in kept["heard"].items():
                 system, component, link = map(int, name.split(":"))
-                self.heard[system, component, link] = int(tick)
+                self.received[system, component, link] = int(tick)
         except FileNotFoundError:
             return
         except (OSError, ValueError, KeyError, TypeError, AttributeError):

@@ -318,7 +318,9 @@ async def open_shared(
         shared = UdpSocket(await bound_socket(endpoint.host, endpoint.port))
     except OSError as error:
         raise _not_opened(endpoint, error) from None
-    each = {system: UdpLink(shared, heard, strangers, None) for system, heard in on_bytes.items()}
+    each = {
+        system: UdpLink(shared, received, strangers, None) for system, received in on_bytes.items()
+    }
 
     def hear(data: bytes, address: Address) -> None:
         for system, group in _by_system(Splitter().feed(data), each, strangers):

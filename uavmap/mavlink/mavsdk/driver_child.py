@@ -110,8 +110,8 @@ class _Child:
         try:
             if self._vehicle is None:
                 answer["result"] = "NO_SYSTEM"
-            elif (told := how(asked)) is not None:
-                answer["answer"] = told
+            elif (content := how(asked)) is not None:
+                answer["answer"] = content
         except MavsdkError as error:
             answer["result"] = getattr(getattr(error, "result", None), "name", str(error))
         except Exception as error:  # the service has to receive any error

@@ -180,18 +180,18 @@ class MavsdkProcess:
             await process.stdin.wait_closed()
 
     # --- words ------------------------------------------------------------------------------
-    def _receive(self, told: JsonObject) -> None:
-        if "name" in told:
+    def _receive(self, content: JsonObject) -> None:
+        if "name" in content:
             self._fed_s = None
-            self._take_message(told)
-        elif "id" in told:
-            answer = self._answers.pop(told["id"], None)
+            self._take_message(content)
+        elif "id" in content:
+            answer = self._answers.pop(content["id"], None)
             if answer is not None and not answer.done():
-                answer.set_result(told)
-        elif "system" in told:
+                answer.set_result(content)
+        elif "system" in content:
             self._knows = True
-        elif "ready" in told and self._ready is not None and not self._ready.done():
-            self.version = str(told["ready"])
+        elif "ready" in content and self._ready is not None and not self._ready.done():
+            self.version = str(content["ready"])
             self._ready.set_result(None)
 
     def feed(self, data: bytes, *, ours: bool) -> None:
@@ -203,11 +203,11 @@ class MavsdkProcess:
     def request(self, answered: Callable[[str], None], **what: Any) -> None:
         """Request an action; `answered` gets MAVSDK's result."""
 
-        def heard(answer: asyncio.Future[JsonObject]) -> None:
+        def finish(answer: asyncio.Future[JsonObject]) -> None:
             if not answer.cancelled():
                 answered("" if answer.exception() else str(answer.result()["result"]))
 
-        self._begin(what).add_done_callback(heard)
+        self._begin(what).add_done_callback(finish)
 
     async def ask(self, **what: Any) -> JsonObject:
         """Request an action, and return MAVSDK's answer. Raises `LinkError` if it ends first."""

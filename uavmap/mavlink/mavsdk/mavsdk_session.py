@@ -222,8 +222,10 @@ class MavsdkSession(Session):
         wanted = self.view.wanted_system in (None, message.get_srcSystem())
         return wanted and message.get_type() == "HEARTBEAT" and is_autopilot(message)
 
-    def _receive_object(self, told: JsonObject) -> None:
-        message = message_of(told["name"], told["system"], told["component"], told["fields"])
+    def _receive_object(self, content: JsonObject) -> None:
+        message = message_of(
+            content["name"], content["system"], content["component"], content["fields"]
+        )
         if message is not None:
             super()._receive(message, asyncio.get_running_loop().time())
             self._wake()
@@ -278,8 +280,8 @@ class MavsdkSession(Session):
         else:
             await super().command(command, *params, component=component, done=done, permit=permit)
             return
-        told = await self.ask(command, action, permit, **more)
-        result = told["result"]
+        content = await self.ask(command, action, permit, **more)
+        result = content["result"]
         if result == "SUCCESS" or done():
             return
         if result in _REFUSED:
@@ -332,11 +334,11 @@ class MavsdkSession(Session):
     async def _result(self, command: int, message: Message, permit: Permit | None) -> int | None:
         """Return the MAV_RESULT of a command; None without an answer."""
         self._packed(message)  # whose numbers fit
-        told = await self.ask(
+        content = await self.ask(
             command, "command", permit, name=message.get_type(), fields=fields_of(message)
         )
-        answer = told.get("answer")
-        return int(answer["result"]) if told["result"] == "SUCCESS" and answer else None
+        answer = content.get("answer")
+        return int(answer["result"]) if content["result"] == "SUCCESS" and answer else None
 
 
 @contextlib.asynccontextmanager

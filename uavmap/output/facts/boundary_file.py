@@ -188,8 +188,8 @@ def _class_figures(found: Boundary) -> dict[str, float | None]:
 
 def _classes(data: BoundaryMap) -> Iterator[Feature]:
     for name, found in data.classes.items():
-        told = {"class": name, **_class_figures(found)}
-        yield _shape(data, "class", found.region, told, f"class {name}")
+        properties = {"class": name, **_class_figures(found)}
+        yield _shape(data, "class", found.region, properties, f"class {name}")
 
 
 def _region(data: BoundaryMap) -> Feature:

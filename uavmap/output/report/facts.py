@@ -252,8 +252,10 @@ def trouble_rows(flown: FlownMission) -> tuple[list[Row], int]:
         found.append((times[0], vehicle, f"{frames} lost: {reason}"))
     found.sort()
     rows: list[Row] = [
-        ("", "", what) if flown.recorded else (minutes(t_s), f"vehicle {who}" if who else "", what)
-        for t_s, who, what in found[:_MAX_TROUBLES]
+        ("", "", what)
+        if flown.recorded
+        else (minutes(t_s), f"vehicle {vehicle}" if vehicle else "", what)
+        for t_s, vehicle, what in found[:_MAX_TROUBLES]
     ]
     return rows, max(0, len(found) - _MAX_TROUBLES)
 

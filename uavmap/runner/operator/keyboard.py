@@ -89,8 +89,8 @@ class Keys:
             self._act(key, tuple(self._numbers))
             return
         self._key = key
-        everybody = "" if key == "k" else ", or a for all"
-        _LOG.info(f"{_QUESTIONS[key]}: which vehicle? its number{everybody}")
+        all_of_them = "" if key == "k" else ", or a for all"
+        _LOG.info(f"{_QUESTIONS[key]}: which vehicle? its number{all_of_them}")
 
     def _number(self, key: str) -> bool:
         """Handle a key after one that waits for a number; return False if it is neither digit nor
@@ -122,15 +122,15 @@ class Keys:
         self._sure = ()
 
     def _act(self, key: str, numbers: tuple[int, ...]) -> None:
-        who = _numbers_text(numbers)
+        named = _numbers_text(numbers)
         if key == "r":
             self._home(numbers)
         elif key == "k":
             skipped = self._service.skip_cell(numbers[0])
-            _LOG.info(f"{who} skips its cell" if skipped else f"{who} is at no cell to skip")
+            _LOG.info(f"{named} skips its cell" if skipped else f"{named} is at no cell to skip")
         else:
             self._sure = numbers
-            _LOG.info(f"press q again to land {who} where it is; any other key: no vehicle lands")
+            _LOG.info(f"press q again to land {named} where it is; any other key: no vehicle lands")
 
     def _home(self, numbers: tuple[int, ...]) -> None:
         if numbers == tuple(self._numbers):

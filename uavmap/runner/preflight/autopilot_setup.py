@@ -376,12 +376,12 @@ def _unused(path: Path) -> Path:
 def _left_out(plan: FencePlan) -> list[Finding]:
     found, narrow = [], f"narrower than {2 * plan.outside_m:.0f} m: the autopilot does not know"
     if plan.holes_left_out:
-        said = f"{plan.holes_left_out} are {narrow} them"
+        found_text = f"{plan.holes_left_out} are {narrow} them"
         remedy = "the mission keeps out of them all the same"
-        found.append(warn("fence.holes", said, "wider holes", remedy))
+        found.append(warn("fence.holes", found_text, "wider holes", remedy))
     if plan.columns_left_out:
         s = "s" if len(plan.columns_left_out) > 1 else ""
-        whose = f"vehicle{s} {', '.join(map(str, plan.columns_left_out))}"
-        said = f"the air over the pad{s} of {whose} is {narrow} it"
-        found.append(warn("fence", said, "", "the mission keeps out of it all the same"))
+        owners = f"vehicle{s} {', '.join(map(str, plan.columns_left_out))}"
+        found_text = f"the air over the pad{s} of {owners} is {narrow} it"
+        found.append(warn("fence", found_text, "", "the mission keeps out of it all the same"))
     return found

@@ -89,8 +89,8 @@ class Examination:
         view = self._session.view
         parameters = await self._parameters.read_many(names_of(view.kind, setting))
         found = state_findings(view, measured, setting, self._number)
-        told = parameter_findings(view.kind, parameters, setting, measured.volts)
-        return for_vehicle(self._number, [*found, *told])
+        parameters_found = parameter_findings(view.kind, parameters, setting, measured.volts)
+        return for_vehicle(self._number, [*found, *parameters_found])
 
     async def camera(self, setting: Layout, detector: Detector, folder: Path) -> list[Finding]:
         """Take a picture, judge it, and save it with the detector's marks as a PNG in a folder."""

@@ -64,9 +64,9 @@ class Finding:
         level, vehicle, what, found = parts.groups()
         wanted = remedy = ""
         if level != Level.OK.value and (
-            says := _WANTED.fullmatch(found) or _PLAIN.fullmatch(found)
+            parts := _WANTED.fullmatch(found) or _PLAIN.fullmatch(found)
         ):
-            found, wanted, remedy = (part or "" for part in says.groups())
+            found, wanted, remedy = (part or "" for part in parts.groups())
         of = None if vehicle is None else int(vehicle)
         return cls(what, Level(level), found, wanted, remedy, of)
 

@@ -65,7 +65,7 @@ class Measurement:
         session, view = self._session, self._session.view
         loop = asyncio.get_running_loop()
         sender = view.system_id, view.autopilot_component
-        heard, missing = session.losses.counts(sender)
+        received, missing = session.losses.counts(sender)
         begin_s = loop.time()
         for _ in range(PINGS):
             # its own time in the answer identifies the question; zero would be no question
@@ -80,9 +80,9 @@ class Measurement:
             self._ask()
             await session.until(self._is_complete, seconds / PINGS)
         heard_after, missing_after = session.losses.counts(sender)
-        heard, missing = heard_after - heard, missing_after - missing
-        self.frames_hz = heard / max(loop.time() - begin_s, 1e-6)
-        self.lost_share = missing / max(heard + missing, 1)
+        received, missing = heard_after - received, missing_after - missing
+        self.frames_hz = received / max(loop.time() - begin_s, 1e-6)
+        self.lost_share = missing / max(received + missing, 1)
 
     def _ask(self) -> None:
         """Request messages that do not come, or came before they were valid."""
@@ -254,13 +254,13 @@ def _charge(view: VehicleView, setting: Layout | None, number: int) -> Finding:
             "battery", "its charge is not reported", "a charge in percent",
             "set up the battery monitor (ArduPilot: BATT_MONITOR, PX4: BAT1_SOURCE)", binding=True,
         )  # fmt: skip
-    told = "" if percent is None else f"{percent} %"
+    charge = "" if percent is None else f"{percent} %"
     if setting is None:
-        return ok("battery", told or "reported as energy")
+        return ok("battery", charge or "reported as energy")
     capacity_wh = setting.mission.battery.capacity_wh
     left_wh = view.remaining_wh(capacity_wh) or 0.0
     needed_wh = nearest_sortie_wh(setting, number)
-    found = f"{told or 'energy'}: {left_wh:.1f} of {capacity_wh:g} Wh"
+    found = f"{charge or 'energy'}: {left_wh:.1f} of {capacity_wh:g} Wh"
     if not view.on_ground and view.armed:
         return ok("battery", found)
     if left_wh < needed_wh:

@@ -242,9 +242,9 @@ class Marks:
         detail = ET.Element("detail")
         mark = "SIM " if self._simulated else ""
         ET.SubElement(detail, "contact", callsign=printable(f"{mark}{callsign}"))
-        said = ["simulated"] if self._simulated else []
+        flags = ["simulated"] if self._simulated else []
         remarks = ET.SubElement(detail, "remarks")
-        remarks.text = printable("; ".join(filter(None, [*said, *words])))
+        remarks.text = printable("; ".join(filter(None, [*flags, *words])))
         return detail
 
 

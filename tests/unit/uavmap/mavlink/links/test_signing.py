@@ -37,7 +37,7 @@ NOW = 40_000_000_000_000
 class Memory:
     def __init__(self):
         self.sent = 0
-        self.heard = {}
+        self.received = {}
 
     def note(self):
         pass
