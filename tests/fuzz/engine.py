@@ -209,7 +209,7 @@ def guided(
         f"-seed={seed}",
         f"-max_len={LONGEST}",
         "-rss_limit_mb=0",
-        "-timeout=0",
+        "-timeout=86400",
         "-len_control=0",
     ]
     atheris.Setup(["fuzz", *options, str(corpus)], one, custom_mutator=mutate)

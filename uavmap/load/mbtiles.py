@@ -50,13 +50,20 @@ class Tiles:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Return latitude and longitude of the middle of its finest tiles, degrees."""
+        """Return latitude and longitude of the middle of its finest tiles, degrees.
+
+        Raises `OutputError` for a file that is damaged there.
+        """
         zoom = self.zooms[-1]
-        column, row = self._database.execute(
-            "SELECT avg(tile_column), avg(tile_row) FROM tiles WHERE zoom_level = ?", (zoom,)
-        ).fetchone()
-        down = 1.0 - (row + 0.5) / 2**zoom  # the file counts from the south
-        lat, lon = lat_lon_of((column + 0.5) / 2**zoom, down)
+        asked = "SELECT avg(tile_column), avg(tile_row) FROM tiles WHERE zoom_level = ?"
+        try:
+            column, row = self._database.execute(asked, (zoom,)).fetchone()
+            right, up = (column + 0.5) / 2**zoom, (row + 0.5) / 2**zoom
+        except (sqlite3.Error, UnicodeError, TypeError) as error:
+            raise OutputError(f"{self.path}: cannot be read as MBTiles: {error}") from None
+        if not (0.0 <= right <= 1.0 and 0.0 <= up <= 1.0):
+            raise OutputError(f"{self.path}: its tiles of level {zoom} lie beyond the map")
+        lat, lon = lat_lon_of(right, 1.0 - up)  # the file counts from the south
         return float(lat), float(lon)
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
