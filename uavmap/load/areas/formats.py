@@ -151,18 +151,18 @@ FORMATS: Final = (
         lambda file: [read_gpx(file.root, file.name)],
     ),
     AreaFormat(
-        "waypoints of Mission Planner", (".waypoints",),
+        "Mission Planner waypoints", (".waypoints",),
         lambda file: file.head.startswith((b"QGC WPL", b"Q\x00G\x00C\x00")),
         lambda file: [read_waypoints(file.text, file.name)],
     ),
     AreaFormat(
-        "plan of QGroundControl", (".plan",),
+        "QGroundControl plan", (".plan",),
         lambda file: file.suffix == ".plan"
         or ('"fileType"' in file.text[:100_000] and file.suffix != ".geojson"),
         lambda file: [read_plan(file.text, file.name)],
     ),
     AreaFormat(
-        "polygon or fence of Mission Planner", (".poly", ".fen"),
+        "Mission Planner polygon or fence", (".poly", ".fen"),
         lambda file: file.suffix in (".poly", ".fen") or file.text.startswith("RALLY"),
         _polygon,
     ),
@@ -178,7 +178,7 @@ FORMATS: Final = (
         lambda file: [read_table(file.text, file.name)],
     ),
     AreaFormat(
-        "polygon or fence of MAVProxy", (),
+        "MAVProxy fence", (),
         lambda file: is_pairs(file.text),
         _polygon,
     ),
@@ -186,10 +186,7 @@ FORMATS: Final = (
 """All formats, in the order in which they are tried: binary ones, XML, other texts."""
 SUFFIXES: Final = tuple(suffix for each in FORMATS for suffix in each.suffixes)
 """Suffixes of the files from which `uavmap new` makes missions."""
-TITLES: Final = ", ".join(
-    f"{each.title} ({', '.join(each.suffixes)})" if each.suffixes else each.title
-    for each in FORMATS
-)
+TITLES: Final = ", ".join(each.title for each in FORMATS)
 """All formats, for help and messages."""
 
 
