@@ -65,16 +65,13 @@ def turn_back(state: State, vehicle: VehicleState) -> State:
 
 def _no_longer_flees(state: State, vehicle: VehicleState, *, called: bool) -> VehicleState:
     """Return a vehicle after the traffic: it works again, or flies on home for another reason."""
-    reason = None
     if called:
-        reason = ReturnReason.RECALLED
-    elif state.exploration_finished:
-        reason = ReturnReason.DONE
-    elif not _can_still_turn(state, vehicle):
-        reason = ReturnReason.BATTERY
-    if reason is None:
-        vehicle = replace(vehicle.interrupted(state.t_s), spare_pad=None)
-    return replace(vehicle, return_reason=reason)
+        return replace(vehicle, return_reason=ReturnReason.RECALLED)
+    if state.exploration_finished:
+        return replace(vehicle, return_reason=ReturnReason.DONE)
+    if not _can_still_turn(state, vehicle):
+        return replace(vehicle, return_reason=ReturnReason.BATTERY)
+    return replace(vehicle.interrupted(state.t_s), spare_pad=None, return_reason=None)
 
 
 def flies_home(vehicle: VehicleState) -> bool:

@@ -63,9 +63,9 @@ def _seen_from_above(state: State, event: FrameSeen) -> State:
     votes = before.in_time(None, frame, said)
     fresh = before.undecided(votes)  # decided cells stay decided
     overview = before.with_frame(None, frame, votes)
-    vehicle = replace(
-        state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s, fruitless_sorties=0
-    )
+    vehicle = replace(state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s)
+    if not state.setting.in_box.isdisjoint(fresh):
+        vehicle = replace(vehicle, fruitless_sorties=0)
     belief = with_plain(state.belief, overview, state.setting.in_box, fresh)
     state = replace(state, belief=belief, overview=overview).with_vehicle(vehicle)
     return on_a_lane(state, event)

@@ -99,8 +99,7 @@ class Airspace:
             if not flying or not isinstance(vehicle.order, FlyTo | Sweep | Look | FlyPath):
                 continue
             if Airspace(state)._leads_into_uncontrolled(vehicle, vehicle.order):
-                stopped = replace(vehicle.interrupted(state.t_s), at_target=False)
-                state = state.with_vehicle(stopped)
+                state = state.with_vehicle(replace(vehicle.interrupted(state.t_s), at_target=False))
         return state
 
     def make_way(self, vehicle: VehicleState) -> State | None:
@@ -116,8 +115,7 @@ class Airspace:
             order = vehicle.leg(route)
             if self.is_clear(vehicle, order):
                 off_lane = lane_left(vehicle, self.state.setting.grid.cell_m)
-                moved = replace(off_lane, order=order, at_target=False)
-                return self.state.with_vehicle(moved)
+                return self.state.with_vehicle(replace(off_lane, order=order, at_target=False))
         return None
 
     def _leads_into_uncontrolled(self, vehicle: VehicleState, order: Order) -> bool:
@@ -139,9 +137,13 @@ class Airspace:
 
     # --- places ---------------------------------------------------------------------------------
     def places_beside_pad(self, vehicle: VehicleState) -> list[GridPoint]:
-        """Return places inside the fence for a landing beside the pad, nearest first."""
-        allowed = filter(self.state.setting.fence.allows, self._ring(vehicle.home, (1.5, 2.5)))
-        return sorted(allowed, key=lambda place: (vehicle.position.distance_to(place), place))
+        """Return places inside the fence for a landing beside the pad, nearest first; those in the
+        columns of other pads come last."""
+        around = list(filter(self.state.setting.fence.allows, self._ring(vehicle.home, (1.5, 2.5))))
+        around.sort(key=lambda place: (vehicle.position.distance_to(place), place))
+        pads = [v.home for v in self.state.vehicles.values() if v.vehicle != vehicle.vehicle]
+        near = {at for at in around if any(at.distance_to(pad) < self._distance_m for pad in pads)}
+        return sorted(around, key=near.__contains__)
 
     def places_around(self, vehicle: VehicleState) -> list[GridPoint]:
         """Return places inside the fence just outside the vehicle's air, and farther away."""
@@ -227,10 +229,10 @@ class Airspace:
         if self._leads_out(asking, order, airs[0]):
             # two that are too close would otherwise wait, for each other or for a whole climb
             airs = []
-        if other.over_home and other.idle:
+        if other.spare_pad is not None or (other.over_home and other.idle):
             # it waits to land; a vehicle that is already in its column must be able to leave
             column = self._needed(other, Land())
-            if not asking.landed and not self._meet(here, column):
+            if asking.landed or not self._meet(here, column):
                 airs.append(column)
         return airs
 

@@ -208,6 +208,23 @@ def test_vehicle_whose_return_is_blocked_at_the_pad_lands_beside_before_its_rese
     assert poor.spare_pad == poor.order.route[-1]
 
 
+def test_place_beside_a_pad_is_outside_the_columns_of_other_pads_and_kept_for_the_landing() -> None:
+    """Another took off beside it meanwhile; or it blocked the pad of another by its landing."""
+    setting = setting_of(load("bay"))
+    state, pad = setting.initial_state(), setting.pad_of(4)
+    lands = replace(out(state, setting, 4, pad), over_home=True)
+    nearest = Airspace(state.with_vehicle(lands)).places_beside_pad(lands)[0]
+    beside = replace(state.vehicles[5], phase=Phase.GROUNDED, home=nearest, position=nearest)
+    state = state.with_vehicle(beside)
+    places = Airspace(state.with_vehicle(lands)).places_beside_pad(lands)
+    assert places[0].distance_to(nearest) > setting.mission.team.separation_m + 2.0
+    assert nearest in places
+    lands = replace(lands, spare_pad=nearest, order=lands.leg((nearest,)))
+    assert not Airspace(state.with_vehicle(lands)).is_clear(beside, TakeOff(40.0))
+    lands = replace(lands, spare_pad=places[0], order=lands.leg((places[0],)))
+    assert Airspace(state.with_vehicle(lands)).is_clear(beside, TakeOff(30.0))
+
+
 def test_vehicle_with_an_uncontrolled_one_in_its_way_turns_back_with_the_energy_of_an_rtl() -> None:
     """It turned back with that of its path alone, and landed half-way, over the other."""
     setting = setting_of(load("bay"))

@@ -8,12 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from missions.events import FrameSeen, Vote
 from missions.flight.path_orders import descent
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.step import assign
 from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.every_patch import ALL, READY_S
+from missions.flight.transitions import apply
 from missions.flight.vehicle_state import Phase, VehicleState
 from missions.geo.trajectory import rounded_path
 from missions.mapping.belief import Belief, FrameId
@@ -197,3 +199,13 @@ def test_vehicle_that_waits_above_its_layer_descends_on_the_spot() -> None:
     assert path.end_s - path.begin_s == pytest.approx(30.0 / setting.energy.descent_m_s)
     assert path.place_at(path.begin_s) == path.place_at(path.end_s) == waits.position
     assert descent(setting, replace(waits, height_m=13.0), 50.0) is None
+
+
+def test_sortie_that_sees_nothing_new_of_the_box_counts_as_fruitless() -> None:
+    """Frames over the pad counted as progress: a lane out of reach was flown to without an end."""
+    state = searching()
+    vehicle = replace(some(state, lanes=True), fruitless_sorties=2)
+    state, inside = state.with_vehicle(vehicle), min(state.setting.in_box)
+    for cell, left in ((Cell(inside.east - 100, inside.north), 2), (inside, 0)):
+        seen = FrameSeen(vehicle.vehicle, 41.0, None, (Vote(cell, False, 0.0),), overview=True)
+        assert apply(state, seen).vehicles[vehicle.vehicle].fruitless_sorties == left
