@@ -109,6 +109,8 @@ def test_torn_end_of_a_power_cut_is_cut_off(whole, tmp_path, tail):
         journal.put_meta("truth", {})
         assert not journal.torn
     assert path.read_bytes().startswith(good + b'{"seq":73,"meta":{"truth":{}}')
+    with Journal.open(path) as journal:
+        assert not journal.torn  # nothing of the tail is behind the new line
     assert recover(path) is None
 
 
