@@ -73,7 +73,8 @@ AIRSPEED_M_S = 13.0  # what the airframe can fly
 CLIMB_M_S = 1.5
 DESCENT_M_S = 1.5
 DESCENT_M_S2 = 1.0  # acceleration of a faster descent, and of braking it
-SINK_M_S = 0.75  # on landing
+SINK_M_S = 0.75  # on the last metres of a landing
+FINAL_M = 10.0  # height of these metres above ground; above it lands as fast as it descends
 SPIN_UP_S = 2.0
 DISARM_S = 1.0
 STOP_M = 0.7
@@ -306,7 +307,8 @@ class Aircraft:
         landing = self.mode == "land" or (self.mode == "rtl" and self.returning == "land")
         goal_m = ground_m - 1.0 if landing else self.target_height_m
         if landing:
-            self.sink_m_s = SINK_M_S
+            low = self.height_m - ground_m < FINAL_M
+            self.sink_m_s = SINK_M_S if low else DESCENT_M_S
         else:
             brakes_m_s = math.sqrt(2.0 * DESCENT_M_S2 * max(self.height_m - goal_m, 0.0))
             faster_m_s = max(self.sink_m_s, DESCENT_M_S) + DESCENT_M_S2 * dt_s

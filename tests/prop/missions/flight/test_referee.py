@@ -12,8 +12,10 @@ from missions.events import Event, FrameSeen, OrderFailed
 from missions.flight.state import State
 from missions.flight.step import Orders
 from missions.flight.vehicle_state import Phase
-from missions.units import Cell
+from missions.mission.energy import EnergyModel
+from missions.units import Cell, GridPoint
 from tests.fake_fleet import Fleet, fleet
+from tests.fake_fleet.aircraft import Air, Aircraft
 from tests.fake_fleet.driver import Link
 from tests.fake_fleet.troubles import Trouble
 from tests.support.small_missions import mission, square
@@ -54,6 +56,19 @@ def test_a_landing_that_telemetry_shows_needs_no_acknowledgement(link: Link) -> 
     flight.run()
     assert not any(isinstance(event, OrderFailed) for event in flight.events)
     assert flight.vehicles[1].mode == "land"
+
+
+def test_a_landing_of_the_world_lasts_no_longer_than_the_energy_model_has_it() -> None:
+    """It sank at 0.75 m/s from any height, where the mission states 1.5 m/s down to 10 m."""
+    craft = Aircraft(1, GridPoint(0.0, 0.0), GridPoint(0.0, 0.0), 60.0, 5.0, 300.0)
+    craft.armed = craft.flying = True
+    craft.height_m, ticks = 52.0, 0
+    craft.switch("land")
+    while craft.flying:
+        craft.step(0.25, Air(), 0.0)
+        ticks += 1
+    model = EnergyModel(300.0, 60.0, 0.1, speed_m_s=5.0, wind_m_s=0.0, descent_m_s=1.5)
+    assert 0.8 * model.descent_s(52.0) < 0.25 * ticks < model.descent_s(52.0)
 
 
 def completed(roi: frozenset[Cell] = ROI) -> Fleet:
