@@ -18,6 +18,7 @@ OUTSIDE: Final = 127  # marks samples past the picture's edge; a mask holds only
 _PACKED: Final = 64  # more than the samples along a cell's side
 _MARKS: Final = np.zeros(256, np.uint8)
 _MARKS[255], _MARKS[OUTSIDE] = 1, _PACKED
+_IN_FRAME: Final = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.intp]
@@ -32,7 +33,7 @@ def seen_shares(
     Args:
         marks: Shape (rows, columns): uint8, 255 for ROI, else 0; or float32, a probability from 0
             to 1, whose mean is the share.
-        matrix: 3 x 3, from `Camera.homography`.
+        matrix: 3 x 3, from the ground to the places of the marks.
         most_samples: Samples along a cell's side. More than its pixels add nothing.
     """
     west, south = (int(n) for n in cells.min(axis=0))
@@ -47,18 +48,49 @@ def seen_shares(
             [0.0, 0.0, 1.0],
         ]
     )
+    at = (north - cells[:, 1], cells[:, 0] - west)
+    place_of_sample = matrix @ ground_of_sample
+    if marks.dtype != np.uint8:
+        shares, seen = _means(
+            np.asarray(marks, np.float32), place_of_sample, (across, along), samples
+        )
+        return shares[at], seen[at]
     block = cv2.warpPerspective(
         marks,
-        matrix @ ground_of_sample,
+        place_of_sample,
         (across * samples, along * samples),
         flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_CONSTANT,
-        borderValue=(OUTSIDE,),  # no mask and no probability has this value
+        borderValue=(OUTSIDE,),  # no mask has this value
     )
-    roi, outside = _counted(block, samples) if marks.dtype == np.uint8 else _summed(block, samples)
-    seen = samples * samples - outside
-    at = (north - cells[:, 1], cells[:, 0] - west)
-    return roi[at] / np.maximum(seen[at], 1), seen[at] / (samples * samples)
+    roi, outside = _counted(block, samples)
+    inside = samples * samples - outside
+    return roi[at] / np.maximum(inside[at], 1), inside[at] / (samples * samples)
+
+
+def _means(
+    marks: NDArray[np.float32], place_of_sample: Floats, cells: tuple[int, int], samples: int
+) -> tuple[Floats, Floats]:
+    """Return the mean probability in each cell, and the part of it that is in the picture.
+
+    Args:
+        cells: Columns and rows of cells.
+    """
+    size = (cells[0] * samples, cells[1] * samples)
+    inside = cv2.warpPerspective(
+        np.ones(marks.shape, np.uint8), place_of_sample, size,
+        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+    )  # fmt: skip
+    # up to its edge a picture has the probability of its outermost places
+    framed = cv2.copyMakeBorder(marks, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+    values = cv2.warpPerspective(
+        framed, _IN_FRAME @ place_of_sample, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    )
+    total, seen = (
+        cv2.resize(block, cells, interpolation=cv2.INTER_AREA).astype(np.float64)
+        for block in (cv2.multiply(values, inside, dtype=cv2.CV_32F), inside.astype(np.float32))
+    )
+    return total / np.maximum(seen, 0.5 / samples**2), seen
 
 
 def _counted(block: MatLike, samples: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -73,12 +105,3 @@ def _counted(block: MatLike, samples: int) -> tuple[NDArray[np.intp], NDArray[np
     roi: NDArray[np.intp] = (tall % _PACKED).sum(axis=2, dtype=np.intp)
     outside: NDArray[np.intp] = (tall // _PACKED).sum(axis=2, dtype=np.intp)
     return roi, outside
-
-
-def _summed(block: MatLike, samples: int) -> tuple[Floats, NDArray[np.intp]]:
-    """Sum the probabilities in each cell, and count its samples past the edge."""
-    rows, columns = block.shape[0] // samples, block.shape[1] // samples
-    by_cell = np.asarray(block, dtype=np.float32).reshape(rows, samples, columns, samples)
-    inside = by_cell != OUTSIDE
-    roi: Floats = by_cell.sum(axis=(1, 3), where=inside, dtype=np.float64)
-    return roi, np.count_nonzero(~inside, axis=(1, 3))

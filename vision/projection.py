@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import starmap
 from typing import Final, Literal, NamedTuple
 
@@ -40,6 +41,7 @@ HALF_SEEN: Final = 0.5
 """Minimum share of a cell in a picture for a vote."""
 
 _SAMPLES_A_PIXEL: Final = 0.8  # of 25 px some 400 samples: a share is good to a hundredth
+_SAMPLES_A_PLACE: Final = 1.2  # the same of marks that are coarser than the picture
 _TERRAIN_SAMPLES: Final = 32  # the same over a terrain: a share is good to some hundredths
 _CORNERS: Final = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
@@ -48,7 +50,7 @@ Cells = NDArray[np.intp]
 """Columns and rows of cells, shape (n, 2)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Projection:
     """A picture on flat ground, or over a terrain; `pose.height_m` is above the ground below.
 
@@ -62,6 +64,11 @@ class Projection:
     t_s: float
     grid: Grid
     terrain: Terrain | None
+
+    @cached_property
+    def matrix(self) -> Floats:
+        """The homography from the plane at the height of the ground below to pixels, 3 x 3."""
+        return self.camera.homography(self.pose, self.grid, self.t_s)
 
     def cells(
         self,
@@ -96,7 +103,7 @@ class Projection:
 
     def unsure(self, unfamiliar: NDArray[np.uint8] | None, cells: Cells) -> NDArray[np.bool_]:
         """Return for each cell whether most of it is unlike all that the detector knows."""
-        if unfamiliar is None or not len(cells):
+        if unfamiliar is None or not len(cells) or not unfamiliar.any():
             return np.zeros(len(cells), np.bool_)
         return self._seen(unfamiliar, cells)[0] >= UNSURE
 
@@ -132,11 +139,10 @@ class Projection:
 
     def project(self, points: Floats) -> tuple[Floats, Floats]:
         """Return pixels (..., 2), NaN behind the camera, and depths (...) of ground points."""
-        matrix = self.camera.homography(self.pose, self.grid, self.t_s)
         if self.terrain is None:
-            return project(matrix, points)
+            return project(self.matrix, points)
         # the rise of the ground over that below the camera has a column of its own
-        rows = np.column_stack([matrix, -self.camera.pixels_of_ned(self.pose)[:, 2]])
+        rows = np.column_stack([self.matrix, -self.camera.pixels_of_ned(self.pose)[:, 2]])
         below_m = self.terrain.height_m(self.grid.fixed(self.pose.position))
         east, north = points[..., 0], points[..., 1]
         drift_east_m = self.grid.drift_east_m_s * self.t_s
@@ -155,17 +161,27 @@ class Projection:
         """Return for each cell the ROI's share of its visible part, and the visible share."""
         if self.terrain is not None:
             return self._seen_cell_by_cell(marks, cells)
-        matrix = self.camera.homography(self.pose, self.grid, self.t_s)
         cell_px = self.camera.pixels_per_cell(self.pose.height_m, self.grid.cell_m)
-        samples = MAX_SAMPLES if finely else math.ceil(_SAMPLES_A_PIXEL * cell_px)
-        return seen_shares(marks, matrix, self.grid, cells, samples)
+        right, down = self._places_a_pixel(marks)
+        rate = min(_SAMPLES_A_PIXEL, _SAMPLES_A_PLACE * right)
+        samples = MAX_SAMPLES if finely and right == 1.0 else math.ceil(rate * cell_px)
+        places = np.array(
+            [[right, 0.0, (right - 1.0) / 2.0], [0.0, down, (down - 1.0) / 2.0], [0.0, 0.0, 1.0]]
+        )
+        return seen_shares(marks, places @ self.matrix, self.grid, cells, samples)
+
+    def _places_a_pixel(self, marks: Marks) -> Floats:
+        """Return how many places the marks have to a pixel, across and down: 1, or less."""
+        return np.divide(marks.shape[::-1], (self.camera.width_px, self.camera.height_px))
 
     def _seen_cell_by_cell(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
         """Return these shares over a terrain, for cells in front of the camera."""
         corners = np.array([self.grid.corners_of(Cell(*cell)) for cell in cells.tolist()])
         square = ((_CORNERS + 0.5) * _TERRAIN_SAMPLES - 0.5).astype(np.float32)
         shares, parts = np.zeros(len(cells)), np.zeros(len(cells))
-        for number, quad in enumerate(self.project(corners)[0].astype(np.float32)):
+        times = self._places_a_pixel(marks)
+        quads = self.project(corners)[0] * times + (times - 1.0) / 2.0
+        for number, quad in enumerate(quads.astype(np.float32)):
             part = cv2.warpPerspective(
                 marks,
                 cv2.getPerspectiveTransform(square, quad),
@@ -186,9 +202,8 @@ class Projection:
 
     def _on_plane(self, margin_m: float) -> Cells:
         """Return the cells, sorted, at least `margin_m` inside the rim."""
-        matrix = self.camera.homography(self.pose, self.grid, self.t_s)
-        low, high = self._window(matrix)
-        normals, offsets = edges(self.camera, matrix)
+        low, high = self._window()
+        normals, offsets = edges(self.camera, self.matrix)
         least_m = (_lattice(low, high) * self.grid.cell_m @ normals.T + offsets).min(axis=-1)
         return _whole(least_m >= margin_m - TOUCH_M) + low
 
@@ -208,14 +223,14 @@ class Projection:
         reach = math.ceil(OBLIQUE_LIMIT * self.pose.height_m / self.grid.cell_m)
         return below - reach, below + reach
 
-    def _window(self, matrix: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def _window(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return those columns and rows that a picture of a plane may show."""
         first, last = self._around()
         right, lower = self.camera.width_px - 0.5, self.camera.height_px - 0.5
         corners = np.array(
             [[-0.5, -0.5, 1], [right, -0.5, 1], [right, lower, 1], [-0.5, lower, 1.0]]
         )
-        ground = corners @ np.linalg.inv(matrix).T
+        ground = corners @ np.linalg.inv(self.matrix).T
         scale = ground[:, 2:]
         if not bool((scale > 0.0).all() or (scale < 0.0).all()):
             return first, last  # a corner shows the sky

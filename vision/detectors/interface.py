@@ -20,15 +20,17 @@ UNSURE: Final = 0.5
 
 
 class Judgement(NamedTuple):
-    """The judgement of a picture, pixel by pixel, each (rows, columns).
+    """The judgement of a picture, place by place, each (rows, columns).
+
+    A place is a pixel, or a part of the whole picture that is larger.
 
     Attributes:
-        marks: Basis of cells' shares: a calibrated probability, else the mask. An unfamiliar pixel
+        marks: Basis of cells' shares: a calibrated probability, else the mask. An unfamiliar place
             is not region.
-        familiarity: Likeness of each pixel to what the detector knows, 0 to 1, float32; None for a
+        familiarity: Likeness of each place to what the detector knows, 0 to 1, float32; None for a
             detector without examples, to which all ground is familiar.
         unlike: Standardised features of some unfamiliar places, (places, features).
-        classes: Number of each pixel's class, uint8; 0 for none. An unfamiliar pixel has the class
+        classes: Number of each place's class, uint8; 0 for none. An unfamiliar place has the class
             that it resembles. None for a detector of one class.
     """
 
@@ -39,7 +41,7 @@ class Judgement(NamedTuple):
 
     @property
     def unfamiliar(self) -> NDArray[np.uint8] | None:
-        """Pixels that are unlike all that the detector knows: 255, else 0."""
+        """Places that are unlike all that the detector knows: 255, else 0."""
         return None if self.familiarity is None else ~marked(self.familiarity, UNFAMILIAR)
 
 

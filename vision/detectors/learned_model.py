@@ -14,7 +14,8 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Final, Literal
+from functools import partial
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -25,7 +26,7 @@ from missions.classes import Classes, ClassNumber
 from missions.errors import MissionFileError
 from vision.detectors.familiarity import NAMES, Familiar, Familiarity
 from vision.detectors.interface import UNFAMILIAR, Judgement, check_number, marked, sigmoid
-from vision.detectors.pixel_features import FEATURES, features, working_picture
+from vision.detectors.pixel_features import FEATURES, STRIDE, features, working_picture
 
 Array = NDArray[np.float32]
 
@@ -173,34 +174,66 @@ def read_model(data: bytes, source: str) -> Model:
         raise MissionFileError(f"{source}: damaged, or no model of `uavmap tune`") from None
 
 
+class _Ready(NamedTuple):
+    """A tree for many places at once.
+
+    A condition is a feature, its largest value, and the leaves that a larger one rules out.
+    `worth` is that of each set of leaves that are ruled out.
+    """
+
+    conditions: tuple[tuple[int, np.float32, np.uint8], ...]
+    worth: NDArray[np.float32]
+
+    @classmethod
+    def from_tree(cls, tree: Tree) -> _Ready:
+        """Make it: what is left over has the worth of its first leaf."""
+        worth = np.zeros(256, np.float32)
+        for ruled_out in range(255):
+            first = int(math.log2(~ruled_out & (ruled_out + 1)))
+            if first < len(tree.leaves):
+                worth[ruled_out] = tree.leaves[first]
+        at_most, left = np.array(tree.at_most, np.float32), np.array(tree.left, np.uint8)
+        return cls(tuple(zip(tree.feature, at_most, left, strict=True)), worth)
+
+    def ruled_out(self, values: Array) -> NDArray[np.uint8]:
+        """Return the leaves that the conditions rule out, (1, n), as bits."""
+        found = np.zeros((1, values.shape[1]), np.uint8)
+        larger = np.empty(values.shape[1], np.bool_)
+        bits = larger.view(np.uint8)
+        for feature, at_most, left in self.conditions:
+            np.greater(values[feature], at_most, out=larger)
+            np.bitwise_or(found, np.multiply(bits, left, out=bits), out=found)
+        return found
+
+
 @dataclass(frozen=True, slots=True)
 class Scorer:
-    """The parts of a model with the tables of its trees, and its calibration."""
+    """The parts of a model with its trees made ready, and its calibration."""
 
     parts: tuple[Logistic | Trees, ...]
     slope: float = 1.0
     offset: float = 0.0
-    _tables: tuple[tuple[NDArray[np.float32], ...], ...] = field(init=False, repr=False)
+    _ready: tuple[tuple[_Ready, ...], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         made = tuple(
-            tuple(_table(tree) for tree in part.trees) if isinstance(part, Trees) else ()
+            tuple(map(_Ready.from_tree, part.trees)) if isinstance(part, Trees) else ()
             for part in self.parts
         )
-        object.__setattr__(self, "_tables", made)
+        object.__setattr__(self, "_ready", made)
 
     def logit(self, values: Array) -> Array:
         """Return the mean of the parts before calibration, (n,), of features (count, n)."""
         total = np.zeros(values.shape[1], np.float32)
-        for part, tables in zip(self.parts, self._tables, strict=True):
+        for part, trees in zip(self.parts, self._ready, strict=True):
             if isinstance(part, Logistic):
                 weights = np.array(part.weights) / np.array(part.scale)
                 bias = part.bias - float(weights @ np.array(part.mean))
                 logit = weights.astype(np.float32) @ values + np.float32(bias)
             else:
                 logit = np.full(values.shape[1], part.base, np.float32)
-                for tree, table in zip(part.trees, tables, strict=True):
-                    logit += cv2.LUT(_left_over(tree, values), table)[0]
+                for tree in trees:
+                    logit += cv2.LUT(tree.ruled_out(values), tree.worth)[0]
             total += sigmoid(logit)
         share = np.clip(total / len(self.parts), 1e-6, 1.0 - 1e-6)
         return np.asarray(np.log(share / (1.0 - share)), np.float32)
@@ -210,32 +243,10 @@ class Scorer:
         return sigmoid(self.logit(values) * np.float32(self.slope) + np.float32(self.offset))
 
 
-def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:
-    """Return the leaves that a tree's conditions do not rule out, (1, n), as bits."""
-    left_over = np.full((1, values.shape[1]), 255, np.uint8)
-    for feature, at_most, left in zip(tree.feature, tree.at_most, tree.left, strict=True):
-        limit = np.array([np.float32(at_most)], np.float64)
-        stay = np.asarray(cv2.compare(values[None, feature], limit, cv2.CMP_LE), np.uint8)
-        # yes: all stay; no: the leaves on the left are ruled out
-        left_over &= np.bitwise_or(stay, np.uint8(255 - left), out=stay)
-    return left_over
-
-
-def _table(tree: Tree) -> NDArray[np.float32]:
-    """Return the worth of each set of leaves: that of its first leaf."""
-    table = np.zeros(256, np.float32)
-    for bits in range(1, 256):
-        first = int(math.log2(bits & -bits))
-        if first < len(tree.leaves):
-            table[bits] = tree.leaves[first]
-    return table
-
-
 _UNLIKE: Final = 64
 """Approximate number of unfamiliar places of a picture that are kept."""
 _EVERY: Final = 2
-"""Step between compared places: familiarity changes slowly."""
-_NEAREST: Final = cv2.INTER_NEAREST
+"""Step between judged places: all but some features are means over more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,53 +288,50 @@ class LearnedDetector:
 
     def judged(self, image: NDArray[Any]) -> Judgement:
         """See `Judgement`. Raises `ImageError` for a picture without three channels."""
-        size = (image.shape[1], image.shape[0])
-        share, values, sums = self._described(image)
-        some = values[: len(NAMES), ::_EVERY, ::_EVERY]
-        region = share[::_EVERY, ::_EVERY] >= self._least
-        some = np.ascontiguousarray(some).reshape(len(NAMES), -1)
-        familiarity = self._familiar.familiarity(some, region.ravel())
-        unlike = self._familiar.standardised(some[:, familiarity < UNFAMILIAR])
-        familiarity = familiarity.reshape(region.shape)
-        share, familiarity = (
-            np.asarray(cv2.resize(one, size, interpolation=cv2.INTER_LINEAR), np.float32)
-            for one in (share, familiarity)
-        )
-        marks = np.where(familiarity >= UNFAMILIAR, share, np.float32(0.0))
+        share, values, sums, picture_px = self._described(image)
+        region = share >= self._least
+        flat = values.reshape(len(values), -1)[: len(NAMES)]
+        familiarity = self._familiar.familiarity(flat, region.ravel())
+        unlike = self._familiar.standardised(flat[:, familiarity < UNFAMILIAR])
         unlike = unlike[:: max(1, len(unlike) // _UNLIKE)]
+        columns, rows = (round(side / STRIDE) for side in picture_px)
+        spread = partial(_interpolated, picture_px=picture_px, size=(columns, rows))
+        share, familiarity = spread(share), spread(familiarity.reshape(region.shape))
+        marks = np.where(familiarity >= UNFAMILIAR, share, np.float32(0.0))
         if sums is None:
             return Judgement(marks, familiarity, unlike)
-        of_class = cv2.resize(self._numbers[sums.argmax(axis=0)], size, interpolation=_NEAREST)
+        of_class = self._numbers[np.stack([spread(one) for one in sums]).argmax(axis=0)]
         classes = np.where(share >= np.float32(self._least), of_class, np.uint8(0))
-        explored = cv2.resize(self._explored(sums), size, interpolation=cv2.INTER_LINEAR)
-        marks = np.asarray(marks * explored, np.float32)
+        marks *= spread(self._explored(sums))
         return Judgement(marks, familiarity, unlike, classes)
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """See `Detector.probability`. Raises `ImageError` for a picture without three channels."""
-        share, _, sums = self._described(image)
-        size = (image.shape[1], image.shape[0])
+        share, _, sums, picture_px = self._described(image)
         if sums is not None:
             share = share * self._explored(sums)
-        return np.asarray(cv2.resize(share, size, interpolation=cv2.INTER_LINEAR), np.float32)
+        return _interpolated(share, picture_px, (image.shape[1], image.shape[0]))
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
         return marked(self.probability(image), self._least)
 
-    def _described(self, image: NDArray[Any]) -> tuple[Array, Array, Array | None]:
-        """Return probabilities of the described places, features `NAMES` first, sums of classes."""
+    def _described(self, image: NDArray[Any]) -> tuple[Array, Array, Array | None, tuple[int, int]]:
+        """Return probabilities of the judged places, features `NAMES` first, sums of classes.
+
+        The last are the columns and rows of the working picture.
+        """
         model = self._model
         picture = working_picture(image, model.working_width_px)
         names = (*NAMES, *(name for name in model.features if name not in NAMES))
-        values = features(picture, names)
+        values = features(picture, names, _EVERY)
         of_model = values[[names.index(name) for name in model.features]]
-        share = self._scorer.probability(of_model.reshape(len(of_model), -1))
+        of_model = of_model.reshape(len(of_model), -1)
+        share = self._scorer.probability(of_model).reshape(values.shape[1:])
         sums = None
         if self.classes is not None and model.classes is not None:
-            sums = model.classes.sums(of_model.reshape(len(of_model), -1))
-            sums = sums.reshape(-1, *values.shape[1:])
-        return share.reshape(values.shape[1:]), values, sums
+            sums = model.classes.sums(of_model).reshape(-1, *values.shape[1:])
+        return share, values, sums, (picture.shape[1], picture.shape[0])
 
     @property
     def _numbers(self) -> NDArray[np.uint8]:
@@ -342,3 +350,21 @@ class LearnedDetector:
     @property
     def _least(self) -> float:
         return self.threshold or self._model.threshold
+
+
+def _interpolated(values: Array, picture_px: tuple[int, int], size: tuple[int, int]) -> Array:
+    """Interpolate values of the judged places over a picture.
+
+    Args:
+        picture_px: Columns and rows of the working picture.
+        size: Columns and rows of the result.
+    """
+    matrix = np.zeros((2, 3))
+    for axis, (pixels, wanted) in enumerate(zip(picture_px, size, strict=True)):
+        a_pixel = pixels / wanted
+        matrix[axis, axis] = a_pixel / (STRIDE * _EVERY)
+        # from the middle of the first pixel of the result to that of the first place
+        matrix[axis, 2] = (a_pixel - STRIDE) / 2.0 / (STRIDE * _EVERY)
+    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    found = cv2.warpAffine(values, matrix, size, flags=how, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found, np.float32)

@@ -8,7 +8,7 @@ is relative to the picture's mean. Box filters and area means cost the same at e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import cv2
@@ -25,6 +25,8 @@ NEAR, AROUND, FAR = 5, 15, 45
 """Sides of the boxes over which features are averaged, in described places."""
 
 _LOG: Final = np.log(np.arange(256, dtype=np.float32) + 6.0).astype(np.float32)
+_LEVELS_A_UNIT: Final = 10_000
+_LEVELS: Final = np.round(_LOG * _LEVELS_A_UNIT).astype(np.uint16)
 _LEAST: Final = 1e-4
 
 GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -64,84 +66,104 @@ def working_picture(image: NDArray[Any], width_px: int) -> NDArray[np.uint8]:
 
 
 def described_shape(rows: int, columns: int) -> tuple[int, int]:
-    """Return rows and columns of the described places of a working picture."""
+    """Return rows and columns of the described places; the last three pixels may be in none."""
     return max(1, rows // STRIDE), max(1, columns // STRIDE)
 
 
-def features(picture: NDArray[np.uint8], names: Sequence[str] = FEATURES) -> Array:
-    """Return the features of a working picture: (len(names), rows // STRIDE, columns // STRIDE).
+def features(picture: NDArray[np.uint8], names: Sequence[str] = FEATURES, every: int = 1) -> Array:
+    """Return the features of every so many described places: (len(names), rows, columns).
 
     Args:
         picture: (rows, columns, 3), uint8, blue-green-red, at the working width.
         names: Some of `FEATURES`.
+        every: Step between the places, in both directions.
     """
-    rows, columns = described_shape(*picture.shape[:2])
-    size = (columns, rows)
+
+    def box(values: Array, side: int) -> Array:
+        mean = cv2.blur(values, (side, side), borderType=cv2.BORDER_REFLECT)
+        return np.asarray(mean, np.float32)[::every, ::every]
+
     wanted = set(names)
-    found = _colors(picture, size, in_context=not wanted.isdisjoint(GROUPS["context"]))
+    base = _base(picture)
+    found = {key: value[::every, ::every] for key, value in base.items()}
+    del base["saturation"]
+    found |= {f"{key}_near": box(value, NEAR) for key, value in base.items()}
     if not wanted.isdisjoint(GROUPS["texture"]):
-        found |= _texture(picture, size, found["light"])
+        detail = _detail(picture)
+        found |= {"detail": _log(detail[::every, ::every])} | _texture(detail, base["light"], box)
+    if not wanted.isdisjoint(GROUPS["context"]):
+        found |= _context(base, found, box)
     return np.stack([found[name] for name in names])
 
 
-def _colors(
-    picture: NDArray[np.uint8], size: tuple[int, int], *, in_context: bool
-) -> dict[str, Array]:
-    logs = _shrunk(cv2.LUT(picture, _LOG), size)
+_Box = Callable[[Array, int], Array]
+
+
+def _base(picture: NDArray[np.uint8]) -> dict[str, Array]:
+    """Return the colours of the described places."""
+    half = _halved(_whole_places(picture))
+    logs = _halved(cv2.LUT(half, _LEVELS)) * np.float32(1.0 / _LEVELS_A_UNIT)
     blue, green, red = cv2.split(logs)
-    plain = cv2.split(cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32))
+    plain = cv2.split(_halved(half).astype(np.float32))
     total = plain[0] + plain[1] + plain[2] + 3.0
     light = np.asarray(0.1 * blue + 0.6 * green + 0.3 * red, np.float32)
     # the median leaps where bright ground comes to cover more than half of a picture
     light -= np.float32(np.log(np.exp(light).mean()))
-    base: dict[str, Array] = {
+    least = cv2.min(cv2.min(*plain[:2]), plain[2])
+    return {
         "light": light,
         "red_green": red - green,
         "blue_green": blue - green,
         "green_excess": np.asarray(3.0 * plain[1] / total - 1.0, np.float32),
+        "saturation": np.asarray(1.0 - 3.0 * least / total, np.float32),
     }
-    found = dict(base)
-    found["saturation"] = np.asarray(
-        1.0 - 3.0 * cv2.min(cv2.min(*plain[:2]), plain[2]) / total, np.float32
-    )
+
+
+def _context(base: Mapping[str, Array], found: Mapping[str, Array], box: _Box) -> dict[str, Array]:
+    more = {f"{key}_around": box(value, AROUND) for key, value in base.items()}
     for key, value in base.items():
-        found[f"{key}_near"] = _box(value, NEAR)
-        if not in_context:
-            continue
-        found[f"{key}_around"] = _box(value, AROUND)
+        near = found[f"{key}_near"]
+        beside = near - box(value, FAR)
         if key == "light":
-            found["light_beside"] = found["light_near"] - found["light_around"]
-            found["light_far_beside"] = found["light_near"] - _box(value, FAR)
+            more |= {"light_beside": near - more["light_around"], "light_far_beside": beside}
         else:
-            found[f"{key}_beside"] = found[f"{key}_near"] - _box(value, FAR)
-            found[f"{key}_rest"] = found[f"{key}_near"] - np.float32(np.median(value))
-    return found
+            rest = near - np.float32(np.median(value))
+            more |= {f"{key}_beside": beside, f"{key}_rest": rest}
+    return more
 
 
-def _texture(picture: NDArray[np.uint8], size: tuple[int, int], light: Array) -> dict[str, Array]:
+def _detail(picture: NDArray[np.uint8]) -> Array:
+    """Return the mean strength of the finest edges in the described places."""
     gray = cv2.LUT(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), _LOG)
-    detail = _shrunk(np.abs(cv2.Laplacian(gray, cv2.CV_32F)), size)
-    found = {"detail": _log(detail)}
-    for key, side in (("near", NEAR), ("around", AROUND)):
-        found[f"detail_{key}"] = _log(_box(detail, side))
-        spread = _box(light * light, side) - _box(light, side) ** 2
-        found[f"rough_{key}"] = _log(np.asarray(np.maximum(spread, 0.0), np.float32))
+    edges = np.asarray(cv2.Laplacian(gray, cv2.CV_32F), np.float32)
+    return _halved(_halved(_whole_places(np.abs(edges, out=edges))))
+
+
+def _texture(detail: Array, light: Array, box: _Box) -> dict[str, Array]:
     across = np.asarray(cv2.Sobel(light, cv2.CV_32F, 1, 0), np.float32)
     along = np.asarray(cv2.Sobel(light, cv2.CV_32F, 0, 1), np.float32)
+    squares = light * light, across * across, along * along, across * along
+    found = {}
     for key, side in (("near", NEAR), ("around", AROUND)):
-        xx, yy, xy = (_box(v, side) for v in (across * across, along * along, across * along))
+        found[f"detail_{key}"] = _log(box(detail, side))
+        square, xx, yy, xy = (box(values, side) for values in squares)
+        spread = np.maximum(square - box(light, side) ** 2, 0.0)
+        found[f"rough_{key}"] = _log(np.asarray(spread, np.float32))
         # 0: edges in all directions, as of leaves; 1: all in one, as of a road
         ratio = np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy) / (xx + yy + np.float32(_LEAST))
         found[f"line_{key}"] = np.asarray(ratio, np.float32)
     return found
 
 
-def _shrunk(values: NDArray[Any], size: tuple[int, int]) -> Array:
-    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), np.float32)
+def _whole_places(values: NDArray[Any]) -> NDArray[Any]:
+    """Return the part of a picture that is in described places."""
+    rows, columns = described_shape(*values.shape[:2])
+    return values[: rows * STRIDE, : columns * STRIDE]
 
 
-def _box(values: Array, side: int) -> Array:
-    return np.asarray(cv2.blur(values, (side, side), borderType=cv2.BORDER_REFLECT), np.float32)
+def _halved(values: NDArray[Any]) -> NDArray[Any]:
+    rows, columns = (max(1, side // 2) for side in values.shape[:2])
+    return np.asarray(cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA))
 
 
 def _log(values: Array) -> Array:

@@ -46,13 +46,10 @@ def run(*arguments: str) -> None:
         raise SystemExit(f"{arguments} has failed\n{said.getvalue()}")
 
 
-CELL_PX = sites.PHOTO_PX[0] / sites.PHOTO_M
-"""Side of a cell of the map, 1 m, in a photograph, px."""
-
-
 def cell_means(pictures: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """Return the means of the cells of all pictures."""
-    return np.concatenate([by_cell(values, CELL_PX).ravel() for values in pictures])
+    """Return the means of the cells, of 1 m, of all pictures, whose values may be coarser."""
+    cells = [by_cell(values, values.shape[1] / sites.PHOTO_M) for values in pictures]
+    return np.concatenate([means.ravel() for means in cells])
 
 
 def calibration_error(eyes: Path, photos: Path, shots: Sequence[sites.Shot]) -> float:

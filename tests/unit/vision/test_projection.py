@@ -231,7 +231,8 @@ def test_a_calibrated_cell_has_the_mean_probability(level: Terrain | None) -> No
     assert [v.cell for v in found] == [v.cell for v in plain]
     assert [v.positive for v in found] == [v.positive for v in plain]
     for verdict, sure in zip(found, plain, strict=True):
-        assert verdict.share == pytest.approx(0.5 + 0.5 * sure.share, abs=1e-6)
+        # a probability is sampled between pixels, a mask at the nearest one
+        assert verdict.share == pytest.approx(0.5 + 0.5 * sure.share, abs=2e-3)
 
 
 HILLS = LatLon(48.0, 11.3)

@@ -8,8 +8,10 @@ a single picture, with its place on the grid.
 from __future__ import annotations
 
 import hashlib
+import math
 import zlib
 from dataclasses import dataclass, replace
+from struct import Struct
 from typing import Any, Final, NamedTuple
 
 import cv2
@@ -41,6 +43,8 @@ WHITE_SHARE: Final = 0.6
 DARK_SHARE: Final = 0.95
 _WHITE, _DARK = 250, 12
 _EVERY = 12  # measures of a whole picture use one row out of this number
+
+_SHAPE: Final = Struct("<II")  # rows and columns of packed marks
 
 MINIATURE_PX: Final = 250
 """Columns of the picture that is kept for the background of the map."""
@@ -104,11 +108,12 @@ class Judge:
 
     def _judged(self, placed: Placed, t_s: float) -> JudgedPicture:
         frame = self.frame(placed, t_s)
-        vantage, cells = self._visible_cells(frame.camera, placed, t_s)
+        projection = self.projection(frame.camera, placed, t_s)
+        vantage, cells = self._visible_cells(projection)
         some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row
         self._refuse_implausible(some)
         found = judged(self.detector, frame.image)
-        projection, unfamiliar = self.projection(frame.camera, placed, t_s), found.unfamiliar
+        unfamiliar = found.unfamiliar
         if self.mission.by_evidence:
             shares, weights = projection.weighed(found.marks, cells)
         else:
@@ -131,20 +136,19 @@ class Judge:
         self, placed: Placed, t_s: float, camera: Camera, stored: StoredJudgement
     ) -> StoredJudgement:
         """Return the judgement of a picture that is stored upside down; its weights stay."""
-        size = (camera.height_px, camera.width_px)
-        upright = unpacked(stored.marks, *size, upside_down=True)
+        upright = unpacked(stored.marks, upside_down=True)
         projection = self.projection(camera, placed, t_s)
         if self.mission.by_evidence:
             shares = projection.shares_of(upright, stored.cells, stored.weights)
         else:
             shares = projection.shares(upright, stored.cells)
         if stored.class_marks:
-            classes = unpacked_levels(stored.class_marks, *size, upside_down=True)
+            classes = unpacked_levels(stored.class_marks, upside_down=True)
             numbers, parts = projection.by_class(classes, stored.cells)
             stored = stored._replace(numbers=numbers, classes=parts)
         if not stored.unfamiliar:
             return stored._replace(shares=shares)
-        unfamiliar = unpacked(stored.unfamiliar, *size, upside_down=True)
+        unfamiliar = unpacked(stored.unfamiliar, upside_down=True)
         unsure = projection.unsure(np.asarray(unfamiliar, np.uint8), stored.cells)
         return stored._replace(shares=shares, unsure=unsure)
 
@@ -163,21 +167,20 @@ class Judge:
         image, camera = self.lenses.straightened(image, self.lenses.lens(picture))
         return Frame(image, placed.pose, t_s, camera)
 
-    def _visible_cells(self, camera: Camera, placed: Placed, t_s: float) -> tuple[Cell, Cells]:
+    def _visible_cells(self, projection: Projection) -> tuple[Cell, Cells]:
         """Return the vantage, and the cells in the picture."""
-        cell_px = camera.pixels_per_cell(placed.pose.height_m, self.grid.cell_m)
+        pose = projection.pose
+        cell_px = projection.camera.pixels_per_cell(pose.height_m, self.grid.cell_m)
         if cell_px < MIN_PIXELS_A_CELL:
             raise ImageError(
                 f"a cell of {self.grid.cell_m:g} m has {cell_px:.1f} px from "
-                f"{placed.pose.height_m:.0f} m; {MIN_PIXELS_A_CELL:g} are needed"
+                f"{pose.height_m:.0f} m; {MIN_PIXELS_A_CELL:g} are needed"
             )
         view, margin_m = self.mission.detector.view, self.mission.camera.pose_error_m
-        cells = self.projection(camera, placed, t_s).cells(
-            view, margin_m, partly=self.mission.by_evidence
-        )
+        cells = projection.cells(view, margin_m, partly=self.mission.by_evidence)
         vantage = WHOLE_AREA
         if view == "cross":
-            vantage = self.grid.cell_at(placed.pose.position, t_s)
+            vantage = self.grid.cell_at(pose.position, projection.t_s)
         if not len(cells):
             raise ImageError("shows no cell whole within three heights")
         return vantage, cells
@@ -215,51 +218,56 @@ def miniature(image: NDArray[np.uint8]) -> bytes:
 
 
 def packed(marks: Marks) -> bytes:
-    """Compress marks to a few kilobytes: a mask as a bit a pixel, a probability in 255 steps."""
+    """Compress marks to a few kilobytes: a mask as a bit a place, a probability in 255 steps."""
     if marks.dtype == np.uint8:
-        return b"m" + zlib.compress(np.packbits(marks > 0).tobytes(), 1)
-    return b"p" + packed_levels(np.round(marks * 255.0).astype(np.uint8))
+        return b"m" + _compressed(marks.shape, np.packbits(marks > 0))
+    return b"p" + packed_levels(np.round(marks * np.float32(255.0)).astype(np.uint8))
 
 
 def packed_levels(levels: NDArray[np.uint8]) -> bytes:
-    """Compress a byte a pixel."""
-    return zlib.compress(levels.tobytes(), 1)
+    """Compress a byte a place."""
+    return _compressed(levels.shape, levels)
 
 
 def class_mask(stored: StoredJudgement, number: int) -> bytes:
-    """Return the mask of a class in a picture, packed, without unfamiliar pixels."""
-    numbers = np.frombuffer(zlib.decompress(stored.class_marks), np.uint8)
-    there = numbers == number
+    """Return the mask of a class in a picture, packed, without unfamiliar places."""
+    there = unpacked_levels(stored.class_marks) == number
     if stored.unfamiliar:
-        unfamiliar = unpacked(stored.unfamiliar, 1, len(numbers))[0]
-        there &= unfamiliar == 0
+        there &= unpacked(stored.unfamiliar) == 0
     return packed(there.view(np.uint8) * np.uint8(255))
 
 
-def unpacked_levels(
-    data: bytes, rows: int, columns: int, *, upside_down: bool = False
-) -> NDArray[np.uint8]:
+def unpacked_levels(data: bytes, *, upside_down: bool = False) -> NDArray[np.uint8]:
     """Invert `packed_levels`; turn them by 180 degrees if they are `upside_down`."""
-    levels = np.frombuffer(zlib.decompress(data), np.uint8)
-    return (levels[::-1] if upside_down else levels).reshape(rows, columns)
+    shape, levels = _decompressed(data)
+    return (levels[::-1] if upside_down else levels).reshape(shape)
 
 
-def unpacked(data: bytes, rows: int, columns: int, *, upside_down: bool = False) -> Marks:
+def unpacked(data: bytes, *, upside_down: bool = False) -> Marks:
     """Invert `packed`; turn the marks by 180 degrees if they are `upside_down`.
 
     >>> mask = np.array([[255, 0, 255]], np.uint8)
-    >>> unpacked(packed(mask), 1, 3).tolist()
+    >>> unpacked(packed(mask)).tolist()
     [[255, 0, 255]]
-    >>> unpacked(packed(np.array([[0.0, 0.2, 1.0]], np.float32)), 1, 3).round(3).tolist()
+    >>> unpacked(packed(np.array([[0.0, 0.2, 1.0]], np.float32))).round(3).tolist()
     [[0.0, 0.20000000298023224, 1.0]]
     """
-    kind, levels = data[:1], np.frombuffer(zlib.decompress(data[1:]), np.uint8)
-    if kind == b"m":
-        levels = np.unpackbits(levels, count=rows * columns) * np.uint8(255)
-    levels = (levels[::-1] if upside_down else levels).reshape(rows, columns)
-    if kind == b"m":
-        return np.ascontiguousarray(levels)
-    return levels.astype(np.float32) / np.float32(255.0)
+    if data[:1] == b"p":
+        levels = unpacked_levels(data[1:], upside_down=upside_down)
+        return levels.astype(np.float32) / np.float32(255.0)
+    shape, bits = _decompressed(data[1:])
+    mask = np.unpackbits(bits, count=math.prod(shape)) * np.uint8(255)
+    return np.ascontiguousarray(mask[::-1] if upside_down else mask).reshape(shape)
+
+
+def _compressed(shape: tuple[int, ...], values: NDArray[np.uint8]) -> bytes:
+    return _SHAPE.pack(*shape) + zlib.compress(values.tobytes(), 1)
+
+
+def _decompressed(data: bytes) -> tuple[tuple[int, ...], NDArray[np.uint8]]:
+    """Return the shape, and values in one row."""
+    values = np.frombuffer(zlib.decompress(data[_SHAPE.size :]), np.uint8)
+    return _SHAPE.unpack(data[: _SHAPE.size]), values
 
 
 # --- a single picture ----------------------------------------------------------------------------
@@ -375,10 +383,7 @@ def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, projection: Projectio
 
 def _footprint(projection: Projection) -> tuple[LatLon, ...]:
     """Return the points where the corners' rays meet the level of the ground below the camera."""
-    grid, matrix = (
-        projection.grid,
-        projection.camera.homography(projection.pose, projection.grid, projection.t_s),
-    )
+    grid, matrix = projection.grid, projection.matrix
     right, low = projection.camera.width_px - 0.5, projection.camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5, 1.0], [right, -0.5, 1.0], [right, low, 1.0], [-0.5, low, 1.0]])
     ground = corners @ np.linalg.inv(matrix).T

@@ -216,8 +216,6 @@ def fused(
 
 
 def _levels(footing: Footing, marks: bytes, shrinks_px: int, pitch_m: float) -> NDArray[np.uint8]:
-    camera = footing.camera
-    found = as_levels(
-        unpacked(marks, camera.height_px, camera.width_px, upside_down=footing.turned), shrinks_px
-    )
-    return shrunk(found, pitch_m / footing.gsd_m)
+    found = as_levels(unpacked(marks, upside_down=footing.turned), shrinks_px)
+    place_m = footing.gsd_m * footing.camera.width_px / found.shape[1]
+    return shrunk(found, pitch_m / place_m)

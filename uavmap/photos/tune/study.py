@@ -20,6 +20,7 @@ from uavmap.photos.tune.selection import KINDS, SETS
 from uavmap.photos.tune.tune_job import MODEL, TuneSettings, tune
 from vision.detectors.learned_model import LearnedDetector
 
+_NEAREST: Final = cv2.INTER_NEAREST
 _DOUBTFUL: Final = (0, 200, 255, 255)  # blue, green, red, opaque
 
 
@@ -119,5 +120,6 @@ class Study:
         unfamiliar = detector.judged(image).unfamiliar
         drawn = np.zeros((*image.shape[:2], 4), np.uint8)
         if unfamiliar is not None:
-            outline(drawn, unfamiliar, _DOUBTFUL)
+            size = (image.shape[1], image.shape[0])
+            outline(drawn, cv2.resize(unfamiliar, size, interpolation=_NEAREST), _DOUBTFUL)
         return cv2.imencode(".png", drawn)[1].tobytes()
