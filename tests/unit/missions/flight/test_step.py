@@ -792,6 +792,13 @@ def test_vehicle_blown_out_of_the_fence_returns(service: Service) -> None:
     assert service.state.vehicles[1].return_reason is ReturnReason.FAULT
 
 
+def test_vehicle_whose_landing_drifts_away_from_its_pad_is_down(service: Service) -> None:
+    service.exploring()
+    service.post(Recalled(20.0), Landed(1, 60.0, 30.0, position=GridPoint(30.0, 0.0)))
+    assert service.state.vehicles[1].phase is Phase.DOWN
+    assert service.state.vehicles[1].note.endswith("it landed 30 m from its pad")
+
+
 @pytest.mark.parametrize(("east_m", "away"), [(1.0, False), (40.0, True)])
 def test_vehicle_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: bool) -> None:
     """No order landed it, so it does not count as down, but the crew has to fetch it."""
