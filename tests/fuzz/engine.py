@@ -216,9 +216,9 @@ def guided(
     atheris.Fuzz()
 
 
-def kept(target: Target) -> Iterator[Path]:
-    """Yield the files of inputs that failed once."""
-    folder = KEPT / target.name
+def kept(name: str) -> Iterator[Path]:
+    """Yield the files of a target's inputs that failed once."""
+    folder = KEPT / name
     if folder.is_dir():
         yield from sorted(folder.iterdir())
 

@@ -23,7 +23,7 @@ def test_command_names_every_target():
 @pytest.mark.parametrize("name", NAMES)
 def test_target_examples_kept_and_changed_inputs_do_not_fail(name, tmp_path):
     target = TARGETS[name]
-    known = [(path.name, path.read_bytes()) for path in engine.kept(target)]
+    known = [(path.name, path.read_bytes()) for path in engine.kept(name)]
     examples = target.examples(tmp_path)
     known += [(f"example {k}", data) for k, data in enumerate(examples)]
     found = {title: engine.fault(target, data, tmp_path) for title, data in known}
