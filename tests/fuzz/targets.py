@@ -95,7 +95,6 @@ def mavlink(data: bytes, folder: Path) -> None:
     assert all(length_of(frame) == len(frame) for frame in Splitter().feed(data))
 
 
-# --- pictures and their records -------------------------------------------------------------------
 def photographs(folder: Path) -> list[bytes]:
     found = [write_photo(folder / "a.jpg").read_bytes()]
     for kind, mode in (("PNG", "RGBA"), ("TIFF", "I;16"), ("TIFF", "RGB"), ("PNG", "P")):
@@ -133,10 +132,7 @@ def records(folder: Path) -> list[bytes]:
         "   rows: 3\n   cols: 3\n   dt: d\n   data: [ 900, 0., 640., 0., 900., 360., 0., 0., 1. ]\n"
     )
     texts = srt, geo, json.dumps(lens), yaml
-    return [
-        b"\1" + log,
-        *(bytes([k]) + t.encode() for k, t in zip((0, 2, 3, 3), texts, strict=True)),
-    ]
+    return [b"\1" + log, *(b"\0\2\3\3"[k : k + 1] + t.encode() for k, t in enumerate(texts))]
 
 
 def record(data: bytes, folder: Path) -> None:
@@ -284,7 +280,6 @@ def process_message(data: bytes, folder: Path) -> None:
             _ = message.content
 
 
-# --- the page -------------------------------------------------------------------------------------
 COOKIE: Final = "uavmap-8470"
 
 
@@ -328,7 +323,6 @@ def request(data: bytes, folder: Path) -> None:
     assert served or sent
 
 
-# --- models and maps ------------------------------------------------------------------------------
 MODELS: Final = ("net.onnx", "net.toml", "detector.toml", "model.json")
 
 
