@@ -147,6 +147,14 @@ def test_height_of_a_return_over_the_highest_ground_counts_from_the_lowest():
     assert min(way.high_m, column.high_m) >= 50.0 + setting.relief_m
 
 
+def test_air_of_a_return_by_the_autopilot_reaches_up_to_its_return_height():
+    state = setting_of(checked(text(vehicles=2))).initial_state()
+    returning = VehicleState(
+        1, 14.0, phase=Phase.GUARDED, height_m=14.0, landed=False, order=ReturnToLaunch()
+    )
+    assert [air.high_m for air in uncontrolled_air(state, returning)] == [30.0, 30.0, 30.0]
+
+
 def test_camera_that_is_too_narrow_uphill_is_refused_with_one_that_is_not():
     sloped = text_over(text().replace("altitude_m = 14.0", "altitude_m = 11.5"), slope(45.0, 0.0))
     messages = faults(sloped)
