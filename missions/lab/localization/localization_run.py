@@ -59,7 +59,7 @@ class Extent:
     >>> been = Extent(width=2, height=1)
     >>> been.place is None
     True
-    >>> been.moved(1)
+    >>> been.add_move(1)
     >>> been.place
     (0, 0)
     """

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.e2e.rig import wait_until
 from tests.support.page.browser import browser, need_browser
 from tests.unit.uavmap.output.flown_folders import (
     CLASS_EVENTS,
@@ -84,11 +86,26 @@ def test_report_fits_the_width_and_breaks_no_word(
     assert not [line for line in driver.get_log("browser") if line["level"] == "SEVERE"]
 
 
+def printed(driver: Any) -> bytes:
+    """Return the page as PDF. Chromium's printer gives up at times on a busy computer."""
+    from selenium.common.exceptions import WebDriverException  # noqa: PLC0415 - it may be missing
+
+    data: list[str] = []
+
+    def prints() -> bool:
+        with contextlib.suppress(WebDriverException):
+            done = driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
+            data.append(done["data"])
+        return bool(data)
+
+    wait_until(prints, "the page on paper")
+    return base64.b64decode(data[0])
+
+
 def test_report_is_printed_without_its_settings(pages: dict[str, Path], driver: Any) -> None:
     pdfium = pytest.importorskip("pypdfium2", reason="pypdfium2 is not installed")
     driver.get(pages["half"].as_uri())
-    printed = driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
-    with pdfium.PdfDocument(base64.b64decode(printed["data"])) as document:
+    with pdfium.PdfDocument(printed(driver)) as document:
         text = " ".join(page.get_textpage().get_text_bounded() for page in document)
         assert len(document) <= 3
     assert "signature" in text

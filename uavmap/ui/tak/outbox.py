@@ -36,7 +36,7 @@ class Outbox:
     >>> outbox.put("shapes", [mark], every_s=5.0)
     >>> outbox.next(0.0) == mark
     True
-    >>> outbox.sent(mark, 0.0)
+    >>> outbox.note_sent(mark, 0.0)
     >>> outbox.put("shapes", [], every_s=5.0)
     >>> outbox.next(1.0), outbox.next_s(1.0), outbox.next(5.0).cot_type
     (None, 4.0, 't-x-d-d')

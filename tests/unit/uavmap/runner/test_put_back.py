@@ -82,7 +82,7 @@ def test_dry_run_that_cannot_restore_fails_and_resume_restores(field, tmp_path, 
     field.lose = lambda: any("set and read back" in text for text in field.lines)
     assert dry_run(field, folder) == 3
     assert "what was set is not put back" in capsys.readouterr().err
-    assert f"`uavmap resume {folder}` puts it back" in field.lines[-1]
+    assert f"`uavmap resume {folder}` restores them" in field.lines[-1]
     assert (folder / JOURNAL).exists()
     assert field.parameter(0, "FENCE_ALT_MAX") == 25.0
 
