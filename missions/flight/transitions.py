@@ -95,7 +95,7 @@ MAX_EMPTY_LANES = 2
 
 def _lifted_off(event: ev.LiftedOff, vehicle: VehicleState, setting: Setting) -> VehicleState:
     up = replace(vehicle, landed=False, landed_away_m=0.0, was_down=False)
-    waits = vehicle.phase is Phase.GROUNDED and vehicle.order is None
+    waits = vehicle.phase is Phase.GROUNDED and not isinstance(vehicle.order, TakeOff)
     if waits or vehicle.phase in (Phase.FAILED, Phase.FINISHED, Phase.DOWN):
         # by a process that was killed, or given up without an acknowledgement: it lands again
         up = replace(up, phase=Phase.AIRBORNE, order=None, return_reason=ReturnReason.FAULT)

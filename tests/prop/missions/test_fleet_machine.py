@@ -20,3 +20,12 @@ def test_vehicle_taking_off_as_its_process_is_killed_lands_again_while_the_team_
     machine.traffic(away_m=691, bearing=245, speed_m_s=1)
     machine.kill_and_resume()
     machine.teardown()
+
+
+def test_vehicle_taking_off_as_its_process_is_killed_lands_again_if_it_waits_for_a_battery():
+    machine = FleetMachine()
+    machine.begin(number=0, pads_m=0.0)
+    machine.trouble(kind="battery cell", number=0, vehicle=1)
+    machine.trouble(kind="battery cell", number=0, vehicle=1)
+    machine.kill_and_resume()
+    machine.teardown()
