@@ -16,6 +16,7 @@ ONCE_WRONG = {
     81: "homes (search)",
     113: "battery cell (look)",
     653: "motor (search)",
+    993: "process ends (look)",
     300136: "pilot (explore) + storm (search)",
     300307: "homes (ground) + storm (look)",
     400336: "homes (search) + order refused (search)",

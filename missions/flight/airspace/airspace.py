@@ -226,7 +226,7 @@ class Airspace:
         if other.vehicle not in self.state.our_numbers:
             return ()  # each member stays in air that no other may enter (`missions.geo.columns`)
         airs = [self._needed(other, other.order)]
-        if self._leads_out(asking, order, airs[0]):
+        if (other.idle or climbing) and self._leads_out(asking, order, airs[0]):
             # two that are too close would otherwise wait, for each other or for a whole climb
             airs = []
         if other.spare_pad is not None or (other.over_home and other.idle):
