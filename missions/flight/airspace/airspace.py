@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Final
 
-from missions.flight.airspace import needs as volumes
+from missions.flight.airspace import needs
 from missions.flight.lane_progress import lane_left
 from missions.flight.state import State
 from missions.flight.vehicle_state import OFF_LAYER_M, OVER_PAD_M, Column, Phase, VehicleState
@@ -49,7 +49,7 @@ class Airspace:
     """The air that each vehicle may use at an instant of a mission."""
 
     state: State
-    ahead_s: float = volumes.RESERVED_AHEAD_S
+    ahead_s: float = needs.RESERVED_AHEAD_S
     """Reserved part of a path, s."""
 
     # --- reservations ---------------------------------------------------------------------------
@@ -106,11 +106,11 @@ class Airspace:
         """Return the state in which a vehicle leaves uncontrolled or closed air. None if it is in
         no such air, or if no place beside it is clear."""
         others = self._uncontrolled(vehicle) + self._closed()
-        if not self._is_in(volumes.hover_air(vehicle), others):
+        if not self._is_in(needs.hover_air(vehicle), others):
             return None
         for place in self._ring(vehicle.position, RING_TIMES):
             route = self.state.setting.fence.route(vehicle.position, place)
-            if route is None or self._is_in(volumes.hover_air(vehicle, place), others):
+            if route is None or self._is_in(needs.hover_air(vehicle, place), others):
                 continue
             order = vehicle.leg(route)
             if self.is_clear(vehicle, order):
@@ -123,15 +123,15 @@ class Airspace:
         others, closed = self.uncontrolled_but(vehicle), self._closed()
         if not others and not closed:
             return False
-        here, needs = volumes.hover_air(vehicle), self._needed(vehicle, order)
+        here, needed = needs.hover_air(vehicle), self._needed(vehicle, order)
         # a vehicle in closed air leaves it: that air was not agreed yet
-        if any(not self._meet(here, air) and self._meet(needs, air) for air in closed):
+        if any(not self._meet(here, air) and self._meet(needed, air) for air in closed):
             return True
         returns = vehicle.return_reason is not None  # it leaves whatever air it is in
-        end = replace(needs, path=needs.path[-1:])
+        end = replace(needed, path=needed.path[-1:])
         for air in self._uncontrolled(vehicle):
             leaves = self._meet(here, air) and (returns or not self._meet(end, air))
-            if not leaves and self._meet(needs, air):
+            if not leaves and self._meet(needed, air):
                 return True
         return False
 
@@ -181,20 +181,20 @@ class Airspace:
         return any(self._meet(one, other) for other in others)
 
     def _needed(self, vehicle: VehicleState, order: Order | None) -> Volume:
-        return volumes.needed_air(self.state, vehicle, order, self.ahead_s)
+        return needs.needed_air(self.state, vehicle, order, self.ahead_s)
 
     def _uncontrolled(self, vehicle: VehicleState) -> list[Volume]:
         """Return the air in which the other uncontrolled vehicles may be."""
         return [
             air
             for other in self.uncontrolled_but(vehicle)
-            for air in volumes.uncontrolled_air(self.state, other)
+            for air in needs.uncontrolled_air(self.state, other)
         ]
 
     def _closed(self) -> list[Volume]:
         """Return the columns that are closed now because other members have requested them."""
         return [
-            volumes.column_air(column)
+            needs.column_air(column)
             for _, column in sorted(self.state.closed.items())
             if column.until_s + CLOCK_MARGIN_S > self.state.t_s
         ]
@@ -207,7 +207,7 @@ class Airspace:
             for air in self._reserved_by(other, asking, order)
         ]
         closed = [] if asking.landed or isinstance(order, Land) else self._closed()
-        return found + [air for air in closed if not self._meet(volumes.hover_air(asking), air)]
+        return found + [air for air in closed if not self._meet(needs.hover_air(asking), air)]
 
     def _reserved_by(
         self, other: VehicleState, asking: VehicleState, order: Order
@@ -216,9 +216,9 @@ class Airspace:
         climbing = isinstance(other.order, TakeOff)
         if other.phase is Phase.LOST or (other.landed and not climbing):
             return ()
-        here = volumes.hover_air(asking)
+        here = needs.hover_air(asking)
         if other.uncontrolled:
-            airs = volumes.uncontrolled_air(self.state, other)
+            airs = needs.uncontrolled_air(self.state, other)
             if asking.landed or isinstance(order, Land):
                 return airs
             # it cannot make way; a vehicle near it must be able to leave
@@ -241,10 +241,10 @@ class Airspace:
         level_m = asking.level_m
         if asking.landed or not self._meet(Volume((asking.position,), level_m, level_m), air):
             return False
-        needs = self._needed(asking, order)
-        end = replace(needs, path=needs.path[-1:])
-        past = needs.low_m < min(needs.high_m, air.high_m) and needs.high_m > air.low_m
-        return not past and not self._meet(end, air) and needs.parts_from(air)
+        needed = self._needed(asking, order)
+        end = replace(needed, path=needed.path[-1:])
+        past = needed.low_m < min(needed.high_m, air.high_m) and needed.high_m > air.low_m
+        return not past and not self._meet(end, air) and needed.parts_from(air)
 
     # --- columns that members of a fleet ask each other for -------------------------------------
     def has_column(self, vehicle: VehicleState, layer_m: float) -> bool:
@@ -292,16 +292,16 @@ class Airspace:
         """Return whether our vehicles can stay out of a column until it is open again. Each either
         stays on the ground, or is under our control and outside the column, with an order that does
         not lead into it."""
-        air = volumes.column_air(column)
+        air = needs.column_air(column)
         for ours in self.state.own_vehicles:
             if ours.landed and not isinstance(ours.order, TakeOff):
                 continue
-            here = replace(volumes.hover_air(ours), stray_m=volumes.stopping_m(self.state.setting))
-            needs = self._needed(ours, ours.order)
-            if ours.uncontrolled or self._meet(here, air) or self._meet(needs, air):
+            here = replace(needs.hover_air(ours), stray_m=needs.stopping_m(self.state.setting))
+            needed = self._needed(ours, ours.order)
+            if ours.uncontrolled or self._meet(here, air) or self._meet(needed, air):
                 return False
         return True
 
     def columns_meet(self, one: Column, other: Column) -> bool:
         """Return whether two columns are closer than the separation."""
-        return self._meet(volumes.column_air(one), volumes.column_air(other))
+        return self._meet(needs.column_air(one), needs.column_air(other))

@@ -107,7 +107,8 @@ class Feed:
         while (left_s := due_s - time.monotonic()) > 0.0:
             select.select([self.orders_file], [], [], min(left_s, 0.5))
             ended = self._child.process.poll()
-            lines = self.orders(most_bytes=1)  # what follows the first line stays for others
+            # what follows the first line stays for others; of a process that has ended, all is read
+            lines = self.orders(max_bytes=1) if ended is None else self.orders()
             if any(message.get("ready") for message in lines):
                 return
             failed = [str(message["failed"]) for message in lines if "failed" in message]
@@ -158,10 +159,10 @@ class Feed:
         """File descriptor that is readable when there are orders."""
         return self._child.stdout.fileno()
 
-    def orders(self, most_bytes: int = 1 << 16) -> list[Message]:
+    def orders(self, max_bytes: int = 1 << 16) -> list[Message]:
         """Return the orders since the last call; none from a process that has ended."""
         try:
-            piece = os.read(self.orders_file, most_bytes)
+            piece = os.read(self.orders_file, max_bytes)
         except BlockingIOError:
             return []
         except (OSError, ValueError):
